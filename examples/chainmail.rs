@@ -1,0 +1,2 @@
+//! Chainmail.
+fn main() {}

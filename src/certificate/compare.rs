@@ -1,0 +1,225 @@
+//! What differs between two certificates: links lost, gained and changed.
+
+use super::{Certificate, Link};
+use crate::error::{Error, Result};
+use crate::verdict::{Defect, DefectKind, Place};
+
+/// How a linking number differs from the expected one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ChangeKind {
+    /// The curves were linked and are not any more.
+    Lost,
+    /// The curves were not linked and now are.
+    Gained,
+    /// The curves are linked as they were, by another number.
+    Changed,
+}
+
+impl ChangeKind {
+    /// One word.
+    pub fn word(self) -> &'static str {
+        match self {
+            ChangeKind::Lost => "lost",
+            ChangeKind::Gained => "gained",
+            ChangeKind::Changed => "changed",
+        }
+    }
+}
+
+/// A linking number that is not the expected one.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Change {
+    /// First curve, from 0; less than `j`.
+    pub i: u32,
+    /// Second curve.
+    pub j: u32,
+    /// Linking number in the baseline.
+    pub expected: i64,
+    /// Linking number found.
+    pub found: i64,
+    /// Where the curves are closest now: right after a pull-through, its place.
+    pub place: Option<Place>,
+}
+
+impl Change {
+    /// Lost, gained or changed.
+    pub fn kind(&self) -> ChangeKind {
+        match (self.expected, self.found) {
+            (_, 0) => ChangeKind::Lost,
+            (0, _) => ChangeKind::Gained,
+            _ => ChangeKind::Changed,
+        }
+    }
+}
+
+/// The outcome of comparing a frame with its baseline.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Comparison {
+    /// Pairs whose numbers differ, sorted.
+    pub changes: Vec<Change>,
+    /// Pairs that could not be compared, sorted: what the frame leaves undefined, and what has a number now
+    /// but had none in the baseline.
+    pub defects: Vec<Defect>,
+}
+
+impl Certificate {
+    /// Compares this frame with its baseline.
+    ///
+    /// A pair without a linking number on either side is not compared, and reported.
+    pub fn compare(&self, baseline: &Certificate) -> Result<Comparison> {
+        if self.curves != baseline.curves {
+            return Err(Error::CertificateMismatch {
+                certificate: baseline.curves,
+                model: self.curves,
+            });
+        }
+        let mut out = Comparison {
+            changes: Vec::new(),
+            defects: self.undefined.clone(),
+        };
+        for d in &baseline.undefined {
+            if !out.defects.iter().any(|e| (e.i, e.j) == (d.i, d.j)) {
+                out.defects.push(Defect {
+                    kind: DefectKind::NoBaseline,
+                    ..*d
+                });
+            }
+        }
+        out.defects.sort_by_key(|d| (d.i, d.j));
+        let mut unknown_curves: Vec<u32> = Vec::new();
+        let mut unknown_pairs: Vec<(u32, u32)> = Vec::new();
+        for d in &out.defects {
+            match d.j {
+                Some(j) => unknown_pairs.push((d.i, j)),
+                None => unknown_curves.push(d.i),
+            }
+        }
+        let known = |l: &Link| {
+            unknown_pairs.binary_search(&(l.i, l.j)).is_err()
+                && unknown_curves.binary_search(&l.i).is_err()
+                && unknown_curves.binary_search(&l.j).is_err()
+        };
+        let mut change = |l: &Link, expected: i64, found: i64| {
+            if expected != found && known(l) {
+                out.changes.push(Change {
+                    i: l.i,
+                    j: l.j,
+                    expected,
+                    found,
+                    place: None::<Place>,
+                });
+            }
+        };
+        // Both lists are sorted: one merge.
+        let (mut a, mut b) = (
+            baseline.links.iter().peekable(),
+            self.links.iter().peekable(),
+        );
+        loop {
+            match (a.peek(), b.peek()) {
+                (Some(p), Some(q)) if (p.i, p.j) == (q.i, q.j) => {
+                    change(p, p.lambda, q.lambda);
+                    (a.next(), b.next());
+                }
+                (Some(p), q) if q.is_none_or(|q| (p.i, p.j) < (q.i, q.j)) => {
+                    change(p, p.lambda, 0);
+                    a.next();
+                }
+                (_, Some(q)) => {
+                    change(q, 0, q.lambda);
+                    b.next();
+                }
+                (_, None) => break,
+            }
+        }
+        Ok(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn certificate(links: &[(u32, u32, i64)], undefined: &[(u32, Option<u32>)]) -> Certificate {
+        Certificate {
+            curves: 9,
+            links: links
+                .iter()
+                .map(|&(i, j, lambda)| Link { i, j, lambda })
+                .collect(),
+            undefined: undefined
+                .iter()
+                .map(|&(i, j)| Defect {
+                    i,
+                    j,
+                    kind: DefectKind::Contact,
+                    place: Place {
+                        segments: [0, 0],
+                        point: [0.0; 3],
+                        distance: 0.0,
+                    },
+                })
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn lost_gained_and_changed_are_told_apart() {
+        let before = certificate(&[(0, 1, 1), (0, 3, 2), (5, 6, -1)], &[]);
+        let after = certificate(&[(0, 3, 3), (2, 4, 1), (5, 6, -1)], &[]);
+        let c = after.compare(&before).unwrap();
+        let seen: Vec<_> = c
+            .changes
+            .iter()
+            .map(|c| (c.i, c.j, c.expected, c.found, c.kind()))
+            .collect();
+        assert_eq!(
+            seen,
+            [
+                (0, 1, 1, 0, ChangeKind::Lost),
+                (0, 3, 2, 3, ChangeKind::Changed),
+                (2, 4, 0, 1, ChangeKind::Gained),
+            ]
+        );
+        assert!(c.defects.is_empty());
+        assert!(before.compare(&before).unwrap().changes.is_empty());
+    }
+
+    #[test]
+    fn a_pair_without_a_number_is_reported_and_hides_no_other() {
+        let before = certificate(&[(0, 1, 1), (2, 3, 1)], &[(4, Some(5))]);
+        let after = certificate(&[(4, 5, 1)], &[(0, Some(1))]);
+        let c = after.compare(&before).unwrap();
+        assert_eq!(c.changes.len(), 1);
+        assert_eq!((c.changes[0].i, c.changes[0].j), (2, 3));
+        let kinds: Vec<_> = c.defects.iter().map(|d| (d.i, d.kind)).collect();
+        assert_eq!(
+            kinds,
+            [(0, DefectKind::Contact), (4, DefectKind::NoBaseline)]
+        );
+    }
+
+    #[test]
+    fn a_degenerate_curve_takes_its_pairs_out_only() {
+        let before = certificate(&[(0, 1, 1), (1, 2, 1), (3, 4, 1)], &[]);
+        let after = certificate(&[], &[(1, None)]);
+        let c = after.compare(&before).unwrap();
+        assert_eq!(c.changes.len(), 1);
+        assert_eq!((c.changes[0].i, c.changes[0].j), (3, 4));
+    }
+
+    #[test]
+    fn certificates_of_other_models_do_not_compare() {
+        let a = certificate(&[], &[]);
+        let mut b = a.clone();
+        b.curves = 8;
+        assert!(matches!(
+            a.compare(&b),
+            Err(Error::CertificateMismatch {
+                certificate: 8,
+                model: 9
+            })
+        ));
+    }
+}

@@ -1,0 +1,154 @@
+//! Spline bases, and cubic segments in Bezier form.
+
+use super::Point;
+
+/// How control points become a curve. One basis holds for a whole [`crate::CurveSet`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Basis {
+    /// Straight segments between the points (`PL`).
+    Polyline,
+    /// Uniform Catmull-Rom: passes through its control points (`C0`).
+    CatmullRom,
+    /// Uniform cubic B-spline: approximates its control points (`BS`).
+    BSpline,
+    /// Cubic Bezier pieces that share their ends: three points a segment (`BZ`).
+    Bezier,
+}
+
+impl Basis {
+    /// Every basis, in the order of its wire code.
+    pub const ALL: [Basis; 4] = [
+        Basis::Polyline,
+        Basis::CatmullRom,
+        Basis::BSpline,
+        Basis::Bezier,
+    ];
+
+    /// Segments of a curve of `points` control points, or `None` where the count does not fit the basis.
+    ///
+    /// A closed curve of a uniform basis has a segment for every control point. An open one has a segment
+    /// for every window of its basis: two points for polylines, four for the cubic ones.
+    pub fn segments(self, points: usize, closed: bool) -> Option<usize> {
+        match (self, closed) {
+            (Basis::Polyline, true) => (points >= 1).then_some(points),
+            (Basis::Polyline, false) => points.checked_sub(1).filter(|&n| n > 0),
+            (Basis::CatmullRom | Basis::BSpline, true) => (points >= 3).then_some(points),
+            (Basis::CatmullRom | Basis::BSpline, false) => points.checked_sub(3).filter(|&n| n > 0),
+            (Basis::Bezier, true) => (points > 0 && points.is_multiple_of(3)).then_some(points / 3),
+            (Basis::Bezier, false) => (points >= 4 && points % 3 == 1).then_some(points / 3),
+        }
+    }
+
+    /// Control points between the starts of neighbouring segments.
+    pub(crate) fn stride(self) -> usize {
+        if self == Basis::Bezier { 3 } else { 1 }
+    }
+
+    /// Control points of one segment.
+    pub(crate) fn window(self) -> usize {
+        if self == Basis::Polyline { 2 } else { 4 }
+    }
+
+    /// Wrapped control points stored before the first one of a closed curve, so that segment `s` starts
+    /// at (Catmull-Rom) or beside (B-spline) control point `s`.
+    pub(crate) fn lead(self, closed: bool) -> usize {
+        usize::from(closed && matches!(self, Basis::CatmullRom | Basis::BSpline))
+    }
+
+    /// Whether segments are straight, so that a curve is its own polyline.
+    pub fn is_polyline(self) -> bool {
+        self == Basis::Polyline
+    }
+
+    /// Two words for messages.
+    pub(crate) fn describe(self, closed: bool) -> &'static str {
+        match (self, closed) {
+            (Basis::Polyline, true) => "closed polyline",
+            (Basis::Polyline, false) => "open polyline",
+            (Basis::CatmullRom, true) => "closed Catmull-Rom",
+            (Basis::CatmullRom, false) => "open Catmull-Rom",
+            (Basis::BSpline, true) => "closed B-spline",
+            (Basis::BSpline, false) => "open B-spline",
+            (Basis::Bezier, true) => "closed Bezier",
+            (Basis::Bezier, false) => "open Bezier",
+        }
+    }
+
+    /// What [`Basis::segments`] asks of the number of points, in words.
+    pub(crate) fn needs(self, closed: bool) -> &'static str {
+        match (self, closed) {
+            (Basis::Polyline, true) => "at least one",
+            (Basis::Polyline, false) => "at least two",
+            (Basis::CatmullRom | Basis::BSpline, true) => "at least three",
+            (Basis::CatmullRom | Basis::BSpline, false) => "at least four",
+            (Basis::Bezier, true) => "a positive multiple of three",
+            (Basis::Bezier, false) => "one more than a positive multiple of three",
+        }
+    }
+
+    /// Bezier form of the segment with control points `q` (for polylines `q[0]` and `q[1]`).
+    ///
+    /// Rounding: with `M` the largest coordinate of `q` and `u = 2^-53`, every coordinate of the result is
+    /// within `4 M u` of the exact one (B-spline: at most three additions, a doubling or quadrupling that is
+    /// exact, and a division; Catmull-Rom: one difference of at most `2M`, a division by six, one sum).
+    pub(crate) fn bezier(self, q: &[Point; 4]) -> Bezier {
+        let each = |f: &dyn Fn(usize) -> f64| [f(0), f(1), f(2)];
+        match self {
+            Basis::Polyline => {
+                let third = |a: Point, b: Point| each(&|x| a[x] + (b[x] - a[x]) / 3.0);
+                [q[0], third(q[0], q[1]), third(q[1], q[0]), q[1]]
+            }
+            Basis::CatmullRom => [
+                q[1],
+                each(&|x| q[1][x] + (q[2][x] - q[0][x]) / 6.0),
+                each(&|x| q[2][x] - (q[3][x] - q[1][x]) / 6.0),
+                q[2],
+            ],
+            Basis::BSpline => [
+                each(&|x| (q[0][x] + 4.0 * q[1][x] + q[2][x]) / 6.0),
+                each(&|x| (2.0 * q[1][x] + q[2][x]) / 3.0),
+                each(&|x| (q[1][x] + 2.0 * q[2][x]) / 3.0),
+                each(&|x| (q[1][x] + 4.0 * q[2][x] + q[3][x]) / 6.0),
+            ],
+            Basis::Bezier => *q,
+        }
+    }
+}
+
+/// A cubic segment by its four Bezier control points.
+pub(crate) type Bezier = [Point; 4];
+
+/// The polar form of a cubic: control points of any sub-segment are its values at the ends.
+///
+/// Rounding: three rounds of `p + (q - p) t`, each within `5 M u` (difference of at most `2M`, product,
+/// sum), where `M` bounds the coordinates of `b` and `u = 2^-53`; rounds do not amplify one another, since
+/// each is a convex combination. Within `15 M u` in all.
+fn blossom(b: &Bezier, r: f64, s: f64, t: f64) -> Point {
+    let mut out = [0.0; 3];
+    for (x, out) in out.iter_mut().enumerate() {
+        let mix = |p: f64, q: f64, t: f64| p + (q - p) * t;
+        let (p, q, w) = (
+            mix(b[0][x], b[1][x], r),
+            mix(b[1][x], b[2][x], r),
+            mix(b[2][x], b[3][x], r),
+        );
+        *out = mix(mix(p, q, s), mix(q, w, s), t);
+    }
+    out
+}
+
+/// The point of a cubic segment at parameter `t` in `[0, 1]`.
+pub(crate) fn point_at(b: &Bezier, t: f64) -> Point {
+    blossom(b, t, t, t)
+}
+
+/// Bezier form of the part of `b` between the parameters `t0` and `t1`.
+pub(crate) fn sub_segment(b: &Bezier, t0: f64, t1: f64) -> Bezier {
+    [
+        blossom(b, t0, t0, t0),
+        blossom(b, t0, t0, t1),
+        blossom(b, t0, t1, t1),
+        blossom(b, t1, t1, t1),
+    ]
+}

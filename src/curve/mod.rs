@@ -1,0 +1,14 @@
+//! The vocabulary of curves: points, spline bases, and all curves of one frame.
+
+mod basis;
+mod boxes;
+mod set;
+
+pub use basis::Basis;
+pub(crate) use basis::{Bezier, point_at, sub_segment};
+pub use boxes::Box3;
+pub(crate) use boxes::{BoxGroup, LANES};
+pub use set::{Curve, CurveSet, CurveSetBuilder, Positions, Precision};
+
+/// A point in space, in the units of the simulation.
+pub type Point = [f64; 3];

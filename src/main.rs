@@ -1,0 +1,2 @@
+//! The command `linkwatch`.
+fn main() {}

@@ -1,0 +1,107 @@
+//! Verdicts in words: the sentences that the command, the log and the viewer print.
+
+use super::{Defect, DefectKind, Place, Report, Verdict};
+use crate::certificate::{Change, ChangeKind};
+use std::fmt;
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.word())
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.point;
+        let [s, t] = self.segments;
+        write!(
+            f,
+            "near ({x:.4}, {y:.4}, {z:.4}), segments {s} and {t}, {:.3e} apart",
+            self.distance
+        )
+    }
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = match self.kind() {
+            ChangeKind::Lost => "came apart",
+            ChangeKind::Gained => "became linked",
+            ChangeKind::Changed => "changed their link",
+        };
+        write!(
+            f,
+            "curves {} and {} {what}: linking number {} expected, {} found",
+            self.i, self.j, self.expected, self.found
+        )?;
+        match &self.place {
+            Some(place) => write!(f, ", {place}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for Defect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.j {
+            Some(j) => write!(
+                f,
+                "curves {} and {j} {}, {}",
+                self.i,
+                self.kind.words(),
+                self.place
+            ),
+            None => {
+                let [x, y, z] = self.place.point;
+                write!(
+                    f,
+                    "curve {} {}, at ({x:.4}, {y:.4}, {z:.4})",
+                    self.i,
+                    self.kind.words()
+                )
+            }
+        }
+    }
+}
+
+impl Report {
+    /// Changes of one kind.
+    pub fn count(&self, kind: ChangeKind) -> usize {
+        self.changes.iter().filter(|c| c.kind() == kind).count()
+    }
+
+    /// Whether any curves touch.
+    pub fn has_contact(&self) -> bool {
+        self.defects.iter().any(|d| d.kind == DefectKind::Contact)
+    }
+
+    /// One line: frame, verdict, and how many of what.
+    pub fn headline(&self) -> String {
+        let mut parts = Vec::new();
+        for kind in [ChangeKind::Lost, ChangeKind::Gained, ChangeKind::Changed] {
+            match self.count(kind) {
+                0 => {}
+                1 => parts.push(format!("1 link {}", kind.word())),
+                n => parts.push(format!("{n} links {}", kind.word())),
+            }
+        }
+        match self.defects.len() {
+            0 => {}
+            1 => parts.push("1 pair or curve without a number".into()),
+            n => parts.push(format!("{n} pairs or curves without a number")),
+        }
+        parts.extend(self.rejected.clone());
+        let detail = if parts.is_empty() {
+            String::new()
+        } else {
+            format!(" ({})", parts.join(", "))
+        };
+        format!("frame {}: {}{detail}", self.seq, self.verdict)
+    }
+
+    /// Every finding of the frame, a sentence each.
+    pub fn findings(&self) -> impl Iterator<Item = String> + '_ {
+        let changes = self.changes.iter().map(Change::to_string);
+        changes.chain(self.defects.iter().map(Defect::to_string))
+    }
+}

@@ -1,0 +1,182 @@
+//! What is said about a frame: certificate change and policy in, verdict out.
+
+mod message;
+mod policy;
+
+pub use policy::AbortOn;
+
+use crate::certificate::Change;
+use crate::curve::Point;
+
+/// The answer to "is the topology of this frame the one that it started with?".
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[repr(u32)]
+pub enum Verdict {
+    /// Every linking number was proven to be the expected one.
+    Intact = 0,
+    /// At least one linking number is another than expected.
+    Changed = 1,
+    /// Curves touch: their linking number is not defined. No pair is known to have changed.
+    Contact = 2,
+    /// Some pair could not be decided or compared. No pair is known to have changed or to touch.
+    Undecided = 3,
+    /// The frame was not verified in time.
+    Stale = 4,
+    /// The frame breaks its contract (NaN, counts that lie, other curves than before).
+    Rejected = 5,
+}
+
+impl Verdict {
+    /// Every verdict, in the order of its code on the wire.
+    pub const ALL: [Verdict; 6] = [
+        Verdict::Intact,
+        Verdict::Changed,
+        Verdict::Contact,
+        Verdict::Undecided,
+        Verdict::Stale,
+        Verdict::Rejected,
+    ];
+
+    /// The verdict with this code on the wire.
+    pub fn from_code(code: u32) -> Option<Verdict> {
+        Self::ALL.get(code as usize).copied()
+    }
+
+    /// One word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Verdict::Intact => "intact",
+            Verdict::Changed => "changed",
+            Verdict::Contact => "contact",
+            Verdict::Undecided => "undecided",
+            Verdict::Stale => "stale",
+            Verdict::Rejected => "rejected",
+        }
+    }
+}
+
+/// Where two curves come closest to one another (the point of closest approach, POCA).
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Place {
+    /// Segment of the first curve and segment of the second, from 0.
+    pub segments: [u32; 2],
+    /// Middle of the shortest connection, in the units of the simulation.
+    pub point: Point,
+    /// Its length: the distance of the two curves.
+    pub distance: f64,
+}
+
+/// Why a pair, or every pair of a curve, has no linking number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[repr(u32)]
+pub enum DefectKind {
+    /// The curves share a point, exactly.
+    Contact = 0,
+    /// The splines come closer than their points can be computed, or stay close for too long to refine.
+    TooClose = 1,
+    /// The loop has fewer than three distinct vertices; it bounds nothing.
+    Degenerate = 2,
+    /// The pair has a linking number now, but had none in the baseline to compare with.
+    NoBaseline = 3,
+}
+
+impl DefectKind {
+    /// Every kind, in the order of its code in recordings.
+    pub const ALL: [DefectKind; 4] = [
+        DefectKind::Contact,
+        DefectKind::TooClose,
+        DefectKind::Degenerate,
+        DefectKind::NoBaseline,
+    ];
+
+    /// In words, for "curves 3 and 4 ..".
+    pub fn words(self) -> &'static str {
+        match self {
+            DefectKind::Contact => "touch",
+            DefectKind::TooClose => "are too close to decide",
+            DefectKind::Degenerate => "has fewer than three distinct vertices",
+            DefectKind::NoBaseline => "had no linking number to compare with",
+        }
+    }
+}
+
+/// A pair (or a curve) without a verdict of its own. It never hides the verdict on the others.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Defect {
+    /// First curve, from 0.
+    pub i: u32,
+    /// Second curve, greater than `i`; none where the curve alone is the matter.
+    pub j: Option<u32>,
+    /// What is wrong.
+    pub kind: DefectKind,
+    /// Where.
+    pub place: Place,
+}
+
+/// Counts of the work that a verdict took. The same for any number of threads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Stats {
+    /// Curves of the frame.
+    pub curves: u64,
+    /// Segments of the frame.
+    pub segments: u64,
+    /// Open curves, left out: linking numbers are defined for closed curves only.
+    pub open_curves: u64,
+    /// Vertices of polylines that repeat the one before them (merged: they change nothing).
+    pub repeated_vertices: u64,
+    /// Pairs of curves whose boxes overlap (potential links); all others are unlinked.
+    pub potential_links: u64,
+    /// Potential links that a direction without any overlap proved to be 0.
+    pub separated: u64,
+    /// Segment pairs tested for a crossing.
+    pub tests: u64,
+    /// Crossings counted.
+    pub crossings: u64,
+    /// Segment pairs whose boxes overlap in space.
+    pub overlaps: u64,
+    /// Points that the discretization added.
+    pub refined: u64,
+    /// Tests that floating point could not decide and exact arithmetic did.
+    pub exact: u64,
+}
+
+impl Stats {
+    /// Adds the counts of another part of the same frame.
+    pub fn add(&mut self, o: &Stats) {
+        self.curves += o.curves;
+        self.segments += o.segments;
+        self.open_curves += o.open_curves;
+        self.repeated_vertices += o.repeated_vertices;
+        self.potential_links += o.potential_links;
+        self.separated += o.separated;
+        self.tests += o.tests;
+        self.crossings += o.crossings;
+        self.overlaps += o.overlaps;
+        self.refined += o.refined;
+        self.exact += o.exact;
+    }
+}
+
+/// Everything that is said about one frame. It does not depend on the machine, the clock or the number of
+/// threads: a recording replayed gives equal reports.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Report {
+    /// Sequence number of the frame, as the simulator counts.
+    pub seq: u64,
+    /// Simulation time of the frame, in seconds.
+    pub time: f64,
+    /// The answer.
+    pub verdict: Verdict,
+    /// Whether the policy asks the simulator to stop.
+    pub abort: bool,
+    /// Linking numbers that are not the expected ones, sorted by pair.
+    pub changes: Vec<Change>,
+    /// What could not be decided or compared, sorted by pair.
+    pub defects: Vec<Defect>,
+    /// Why the frame was rejected, in words.
+    pub rejected: Option<String>,
+    /// The work done.
+    pub stats: Stats,
+}
