@@ -9,10 +9,17 @@
 
 mod certificate;
 mod curve;
+mod discretize;
 mod error;
+mod exact;
+pub mod kernels;
+mod pairs;
 mod verdict;
+mod verifier;
 
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Box3, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
+pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
 pub use verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};
+pub use verifier::{Progress, Timings, Verifier};

@@ -1,0 +1,49 @@
+//! Orientation by big integers: right for all finite doubles, whatever their exponents. Slow, and rare.
+
+use crate::curve::Point;
+use num_bigint::{BigInt, Sign};
+
+/// Coordinates as integers over one common power of two.
+fn integers<const N: usize>(values: [f64; N]) -> [BigInt; N] {
+    let split = |x: f64| {
+        let bits = x.to_bits();
+        let exponent = ((bits >> 52) & 0x7ff) as i32;
+        let fraction = (bits & ((1 << 52) - 1)) as i64;
+        let mantissa = if exponent == 0 {
+            fraction
+        } else {
+            fraction | 1 << 52
+        };
+        let signed = if x < 0.0 { -mantissa } else { mantissa };
+        (signed, exponent.max(1))
+    };
+    let lowest = values.iter().map(|&x| split(x).1).min().unwrap_or(0);
+    values.map(|x| {
+        let (mantissa, exponent) = split(x);
+        BigInt::from(mantissa) << (exponent - lowest)
+    })
+}
+
+fn sign(x: &BigInt) -> i32 {
+    match x.sign() {
+        Sign::Minus => -1,
+        Sign::NoSign => 0,
+        Sign::Plus => 1,
+    }
+}
+
+/// See [`super::Predicates::orient2d`].
+pub(super) fn orient2d(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> i32 {
+    let [ax, ay, bx, by, cx, cy] = integers([a[0], a[1], b[0], b[1], c[0], c[1]]);
+    sign(&((ax - &cx) * (by - &cy) - (ay - cy) * (bx - cx)))
+}
+
+/// See [`super::Predicates::orient3d`].
+pub(super) fn orient3d(a: Point, b: Point, c: Point, d: Point) -> i32 {
+    let v = integers([
+        a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2],
+    ]);
+    let diff = |p: usize, x: usize| &v[3 * p + x] - &v[9 + x];
+    let minor = |p: usize, q: usize| diff(p, 0) * diff(q, 1) - diff(q, 0) * diff(p, 1);
+    sign(&(diff(0, 2) * minor(1, 2) + diff(1, 2) * minor(2, 0) + diff(2, 2) * minor(0, 1)))
+}

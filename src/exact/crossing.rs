@@ -1,0 +1,295 @@
+//! Does one segment pass over another, seen along a coordinate axis, and with what sign?
+//!
+//! Projection along a coordinate axis keeps the input floats, so the predicates decide on the input itself.
+//! Ties are broken by one rule, stated here once.
+//!
+//! **The translation rule.** The loop on top is thought translated by `(e, e^2)` in the projection plane
+//! `(u, v)`, with `e` positive and as small as need be. The two loops are compact and disjoint, so a small
+//! translation changes no linking number. The translations that put a vertex of one loop on a projected edge
+//! of the other, or two projected edges on one line, lie on finitely many lines of the plane, and the
+//! parabola meets each in at most two points; so every small `e` is in general position. A determinant
+//! `orient2d(edge, vertex)` that is 0 then gets the sign of its derivative along the translation: for an
+//! edge of the upper loop with direction `d`, `sign(d_v)`, or `-sign(d_u)` where `d_v` is 0; the opposite
+//! where the vertex belongs to the upper loop. An edge that projects to a point gives 0 at both ends and so
+//! no crossing. Two edges that share a vertex get the same answer for it: no half-open bookkeeping.
+
+use super::predicates::{Predicates, sign};
+use crate::curve::Point;
+
+/// What an upper and a lower segment do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Crossing {
+    /// No crossing, or the upper segment passes below.
+    None,
+    /// The upper segment passes over the lower one, with this sign (1 or -1).
+    Over(i32),
+    /// They share a point.
+    Contact,
+}
+
+/// Which end of a tie the translated loop is on.
+#[derive(Clone, Copy)]
+enum Translated {
+    Edge,
+    Vertex,
+}
+
+/// On which side of the edge `e0 e1` the vertex `p` lies, seen along an axis, ties broken by translation.
+#[inline]
+fn side(
+    e0: Point,
+    e1: Point,
+    p: Point,
+    (u, v): (usize, usize),
+    translated: Translated,
+    predicates: &mut Predicates,
+) -> i32 {
+    let s = predicates.orient2d([e0[u], e0[v]], [e1[u], e1[v]], [p[u], p[v]]);
+    if s != 0 {
+        return s;
+    }
+    // Not a difference: that could underflow.
+    let along = |x: usize| i32::from(e1[x] > e0[x]) - i32::from(e1[x] < e0[x]);
+    let tie = match along(v) {
+        0 => -along(u),
+        s => s,
+    };
+    match translated {
+        Translated::Edge => tie,
+        Translated::Vertex => -tie,
+    }
+}
+
+/// Whether segment `t0 t1` (of the loop that counts when on top) passes over `u0 u1`, seen against the
+/// axis `w`.
+///
+/// The sum of the signs over all segment pairs of two disjoint loops is their linking number, with the sign
+/// of Arai's sum (Arai 2013): each loop's crossings under the other are the same number again, so only one
+/// side is counted.
+#[inline]
+pub(crate) fn crossing(
+    t0: Point,
+    t1: Point,
+    u0: Point,
+    u1: Point,
+    w: usize,
+    predicates: &mut Predicates,
+) -> Crossing {
+    let plane = ((w + 1) % 3, (w + 2) % 3);
+    let before = side(t0, t1, u0, plane, Translated::Edge, predicates);
+    let after = side(t0, t1, u1, plane, Translated::Edge, predicates);
+    if before == after {
+        return Crossing::None;
+    }
+    if side(u0, u1, t0, plane, Translated::Vertex, predicates)
+        == side(u0, u1, t1, plane, Translated::Vertex, predicates)
+    {
+        return Crossing::None;
+    }
+    // `after` is the sign of the cross product of the directions. The upper segment is above where the
+    // lower one's ends lie on the other side of the plane that it spans with the line of sight.
+    if t0[w].min(t1[w]) > u0[w].max(u1[w]) {
+        return Crossing::Over(after);
+    }
+    if t0[w].max(t1[w]) < u0[w].min(u1[w]) {
+        return Crossing::None;
+    }
+    match predicates.orient3d(t0, t1, u0, u1) {
+        0 => Crossing::Contact,
+        s if s == -after => Crossing::Over(after),
+        _ => Crossing::None,
+    }
+}
+
+/// A batch of segment pairs, structure of arrays, in the frame `(u, v, w)` of a direction.
+pub(crate) struct Batch {
+    /// Coordinates of the ends: upper start, upper end, lower start, lower end; axis; lane.
+    pub ends: [[[f64; 8]; 3]; 4],
+}
+
+/// The outcome of a batch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct BatchOutcome {
+    /// Sum of the signs of the decided lanes.
+    pub sum: i32,
+    /// Crossings among the decided lanes.
+    pub crossings: u32,
+    /// Lanes that floating point could not decide, a bit each.
+    pub undecided: u32,
+}
+
+impl Batch {
+    pub const EMPTY: Batch = Batch {
+        ends: [[[0.0; 8]; 3]; 4],
+    };
+
+    /// [`crossing`] for the first `count` lanes at once, by floating point alone: a lane counts only where
+    /// the bounds of all determinants that it needs are met.
+    #[inline]
+    pub fn evaluate(&self, count: usize) -> BatchOutcome {
+        use super::predicates::{ORIENT2D_BOUND, ORIENT3D_BOUND};
+        let [a, b, c, d] = &self.ends;
+        // 0: no crossing; 1, -1: crossing; 2: not decided.
+        let mut lanes = [0i64; 8];
+        let det = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
+            let l = (p[0] - r[0]) * (q[1] - r[1]);
+            let s = (p[1] - r[1]) * (q[0] - r[0]);
+            (l - s, ORIENT2D_BOUND * (l.abs() + s.abs()))
+        };
+        for k in 0..8 {
+            let (pa, pb) = ([a[0][k], a[1][k]], [b[0][k], b[1][k]]);
+            let (pc, pd) = ([c[0][k], c[1][k]], [d[0][k], d[1][k]]);
+            let (c_side, c_err) = det(pa, pb, pc);
+            let (d_side, d_err) = det(pa, pb, pd);
+            let (a_side, a_err) = det(pc, pd, pa);
+            let (b_side, b_err) = det(pc, pd, pb);
+            // Both ends surely on one side of either edge: no crossing, whatever the rest says.
+            let one_side =
+                |p: f64, pe: f64, q: f64, qe: f64| ((p > pe) & (q > qe)) | ((-p > pe) & (-q > qe));
+            let none =
+                one_side(c_side, c_err, d_side, d_err) | one_side(a_side, a_err, b_side, b_err);
+            let sure = (c_side.abs() > c_err)
+                & (d_side.abs() > d_err)
+                & (a_side.abs() > a_err)
+                & (b_side.abs() > b_err);
+            let ad = [a[0][k] - d[0][k], a[1][k] - d[1][k], a[2][k] - d[2][k]];
+            let bd = [b[0][k] - d[0][k], b[1][k] - d[1][k], b[2][k] - d[2][k]];
+            let cd = [c[0][k] - d[0][k], c[1][k] - d[1][k], c[2][k] - d[2][k]];
+            let m = [
+                bd[0] * cd[1],
+                cd[0] * bd[1],
+                cd[0] * ad[1],
+                ad[0] * cd[1],
+                ad[0] * bd[1],
+                bd[0] * ad[1],
+            ];
+            let height = ad[2] * (m[0] - m[1]) + bd[2] * (m[2] - m[3]) + cd[2] * (m[4] - m[5]);
+            let permanent = (m[0].abs() + m[1].abs()) * ad[2].abs()
+                + (m[2].abs() + m[3].abs()) * bd[2].abs()
+                + (m[4].abs() + m[5].abs()) * cd[2].abs();
+            let sure_height = height.abs() > ORIENT3D_BOUND * permanent;
+            let left = d_side > 0.0;
+            let over = (height < 0.0) == left;
+            let value = if over { if left { 1 } else { -1 } } else { 0 };
+            lanes[k] = if none {
+                0
+            } else if sure & sure_height {
+                value
+            } else {
+                2
+            };
+        }
+        let mut out = BatchOutcome::default();
+        for (k, &lane) in lanes.iter().enumerate().take(count) {
+            if lane == 2 {
+                out.undecided |= 1 << k;
+            } else {
+                out.sum += lane as i32;
+                out.crossings += u32::from(lane != 0);
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cross_counts_once_from_either_side() {
+        let (t0, t1) = ([-1.0, 0.0, 1.0], [1.0, 0.0, 1.0]);
+        let (u0, u1) = ([0.0, -1.0, 0.0], [0.0, 1.0, 0.0]);
+        let mut p = Predicates::default();
+        assert_eq!(crossing(t0, t1, u0, u1, 2, &mut p), Crossing::Over(1));
+        assert_eq!(crossing(u0, u1, t0, t1, 2, &mut p), Crossing::None);
+        assert_eq!(crossing(t1, t0, u0, u1, 2, &mut p), Crossing::Over(-1));
+        assert_eq!(p.exact, 0);
+    }
+
+    #[test]
+    fn touching_in_the_middle_is_contact() {
+        let (t0, t1) = ([-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
+        let (u0, u1) = ([0.0, -1.0, 0.0], [0.0, 1.0, 0.0]);
+        let mut p = Predicates::default();
+        for w in 0..3 {
+            // Along x and y one segment is seen from its end: no crossing there, contact only along z.
+            let want = if w == 2 {
+                Crossing::Contact
+            } else {
+                Crossing::None
+            };
+            assert_eq!(crossing(t0, t1, u0, u1, w, &mut p), want);
+        }
+    }
+
+    #[test]
+    fn a_chain_through_a_vertex_counts_once() {
+        // The upper polyline bends right above the lower segment: one of its two edges owns the crossing.
+        let bend = [[-1.0, -1.0, 1.0], [0.0, 0.0, 1.0], [1.0, -1.0, 1.0]];
+        let through = [[-1.0, -1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]];
+        let (u0, u1) = ([-2.0, 0.0, 0.0], [2.0, 0.0, 0.0]);
+        let mut p = Predicates::default();
+        let mut count = |v: &[[f64; 3]; 3]| {
+            v.windows(2)
+                .map(|e| match crossing(e[0], e[1], u0, u1, 2, &mut p) {
+                    Crossing::Over(s) => s,
+                    _ => 0,
+                })
+                .sum::<i32>()
+        };
+        assert_eq!(count(&bend), 0);
+        assert_eq!(count(&through).abs(), 1);
+    }
+
+    #[test]
+    fn batch_and_single_agree_where_the_batch_decides() {
+        let mut state = 7u64;
+        let mut next = || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            ((state >> 40) % 9) as f64 - 4.0
+        };
+        let (mut decided, mut open) = (0, 0);
+        for _ in 0..4000 {
+            let mut batch = Batch::EMPTY;
+            for end in &mut batch.ends {
+                for axis in end {
+                    axis.fill_with(&mut next);
+                }
+            }
+            for w in 0..3 {
+                // Lane 0 in the frame of direction w.
+                let point = |e: usize| {
+                    let mut p = [0.0; 3];
+                    for x in 0..3 {
+                        p[(w + 1 + x) % 3] = batch.ends[e][x][0];
+                    }
+                    p
+                };
+                let out = batch.evaluate(1);
+                let single = crossing(
+                    point(0),
+                    point(1),
+                    point(2),
+                    point(3),
+                    w,
+                    &mut Predicates::default(),
+                );
+                if out.undecided != 0 {
+                    open += 1;
+                    continue;
+                }
+                decided += 1;
+                let want = match single {
+                    Crossing::Over(s) => s,
+                    Crossing::None => 0,
+                    Crossing::Contact => panic!("the batch decided a contact"),
+                };
+                assert_eq!(out.sum, want);
+            }
+        }
+        assert!(decided > 4000 && open > 400, "{decided} {open}");
+    }
+}

@@ -1,0 +1,154 @@
+//! Orientation of points: the floating-point rung, and the way down to the exact ones.
+
+use super::big;
+use crate::curve::Point;
+use robust::{Coord, Coord3D};
+
+/// Bound of the rounding error of [`Predicates::orient2d`]'s determinant relative to the sum of the
+/// magnitudes of its two products: `(3 + 16 u) u` with `u = 2^-53` (Shewchuk 1997, stage A of ORIENT2D).
+pub(crate) const ORIENT2D_BOUND: f64 = (3.0 + 16.0 * U) * U;
+
+/// The same for the three-dimensional determinant, relative to its permanent: `(7 + 56 u) u` (Shewchuk 1997,
+/// stage A of ORIENT3D).
+pub(crate) const ORIENT3D_BOUND: f64 = (7.0 + 56.0 * U) * U;
+
+/// Half a unit in the last place of 1: largest relative error of one operation.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// Exact orientation predicates, with a count of how often floating point could not decide.
+///
+/// Signs are three-valued: -1, 0, 1. (`f64::signum` is not: it calls 0.0 positive.)
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Predicates {
+    /// Exponents that only big integers hold: see [`crate::CurveSet::is_extreme`].
+    extreme: bool,
+    /// Calls that an exact rung decided.
+    pub exact: u64,
+}
+
+impl Predicates {
+    pub fn new(extreme: bool) -> Self {
+        Predicates { extreme, exact: 0 }
+    }
+
+    /// Sign of the area of the triangle `a b c`: 1 where it turns counterclockwise, 0 on one line.
+    #[inline]
+    pub fn orient2d(&mut self, a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> i32 {
+        let l = (a[0] - c[0]) * (b[1] - c[1]);
+        let r = (a[1] - c[1]) * (b[0] - c[0]);
+        let det = l - r;
+        if !self.extreme && det.abs() > ORIENT2D_BOUND * (l.abs() + r.abs()) {
+            return if det > 0.0 { 1 } else { -1 };
+        }
+        self.orient2d_exact(a, b, c)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn orient2d_exact(&mut self, a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> i32 {
+        self.exact += 1;
+        if self.extreme {
+            return big::orient2d(a, b, c);
+        }
+        let coord = |p: [f64; 2]| Coord { x: p[0], y: p[1] };
+        sign(robust::orient2d(coord(a), coord(b), coord(c)))
+    }
+
+    /// Sign of `(a - d) . ((b - d) x (c - d))`; 0 where the four points lie in one plane.
+    #[inline]
+    pub fn orient3d(&mut self, a: Point, b: Point, c: Point, d: Point) -> i32 {
+        let [ad, bd, cd] = [a, b, c].map(|p| [p[0] - d[0], p[1] - d[1], p[2] - d[2]]);
+        let bc = [bd[0] * cd[1], cd[0] * bd[1]];
+        let ca = [cd[0] * ad[1], ad[0] * cd[1]];
+        let ab = [ad[0] * bd[1], bd[0] * ad[1]];
+        let det = ad[2] * (bc[0] - bc[1]) + bd[2] * (ca[0] - ca[1]) + cd[2] * (ab[0] - ab[1]);
+        let permanent = (bc[0].abs() + bc[1].abs()) * ad[2].abs()
+            + (ca[0].abs() + ca[1].abs()) * bd[2].abs()
+            + (ab[0].abs() + ab[1].abs()) * cd[2].abs();
+        if !self.extreme && det.abs() > ORIENT3D_BOUND * permanent {
+            return if det > 0.0 { 1 } else { -1 };
+        }
+        self.orient3d_exact(a, b, c, d)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn orient3d_exact(&mut self, a: Point, b: Point, c: Point, d: Point) -> i32 {
+        self.exact += 1;
+        if self.extreme {
+            return big::orient3d(a, b, c, d);
+        }
+        let coord = |p: Point| Coord3D {
+            x: p[0],
+            y: p[1],
+            z: p[2],
+        };
+        sign(robust::orient3d(coord(a), coord(b), coord(c), coord(d)))
+    }
+}
+
+/// Three-valued sign.
+pub(crate) fn sign(x: f64) -> i32 {
+    i32::from(x > 0.0) - i32::from(x < 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Coordinates that provoke ties and near-ties: small integers and their neighbours, and any float.
+    fn coordinate() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            (-3i32..=3).prop_map(f64::from),
+            (1i32..=7, -2i32..=2).prop_map(|(k, ulps)| {
+                (0..ulps.abs()).fold(f64::from(k) * 0.1, |x, _| {
+                    if ulps > 0 { x.next_up() } else { x.next_down() }
+                })
+            }),
+            (-1e3f64..1e3),
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        /// The three rungs agree, and none of them guesses.
+        #[test]
+        fn rungs_agree(p in prop::array::uniform12(coordinate())) {
+            let q = |k: usize| [p[3 * k], p[3 * k + 1], p[3 * k + 2]];
+            let r = |k: usize| [p[2 * k], p[2 * k + 1]];
+            let (mut fast, mut slow) = (Predicates::new(false), Predicates::new(true));
+            let (a, b, c, d) = (q(0), q(1), q(2), q(3));
+            prop_assert_eq!(fast.orient3d(a, b, c, d), slow.orient3d(a, b, c, d));
+            prop_assert_eq!(fast.orient2d(r(0), r(1), r(2)), slow.orient2d(r(0), r(1), r(2)));
+            prop_assert_eq!(fast.orient3d(a, b, c, d), -fast.orient3d(b, a, c, d));
+            prop_assert_eq!(fast.orient2d(r(0), r(1), r(2)), fast.orient2d(r(1), r(2), r(0)));
+        }
+    }
+
+    #[test]
+    fn extreme_exponents_are_decided() {
+        let tiny = f64::from_bits(1);
+        let mut p = Predicates::new(true);
+        assert_eq!(p.orient2d([0.0, 0.0], [tiny, 0.0], [0.0, tiny]), 1);
+        assert_eq!(p.orient2d([0.0, 0.0], [tiny, 0.0], [f64::MAX, tiny]), 1);
+        assert_eq!(
+            p.orient2d([0.0, 0.0], [f64::MAX, f64::MAX], [tiny, tiny]),
+            0
+        );
+        let (o, x) = ([0.0; 3], [f64::MAX, 0.0, 0.0]);
+        let (y, z) = ([0.0, tiny, 0.0], [0.0, 0.0, tiny]);
+        assert_eq!(p.orient3d(x, y, z, o), 1);
+        assert_eq!(p.exact, 4);
+    }
+
+    #[test]
+    fn the_filter_leaves_clear_cases_to_no_one() {
+        let mut p = Predicates::new(false);
+        assert_eq!(p.orient2d([0.0, 0.0], [1.0, 0.0], [0.0, 1.0]), 1);
+        assert_eq!(p.exact, 0);
+        assert_eq!(p.orient2d([0.0, 0.0], [1.0, 1.0], [2.0, 2.0]), 0);
+        assert_eq!(p.exact, 1);
+    }
+}

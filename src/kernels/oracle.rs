@@ -1,0 +1,251 @@
+//! The slow exact oracle that every kernel is measured against.
+//!
+//! Counts crossings of integer polygons in 128-bit integers, along a random oblique direction, and starts
+//! again with another direction whenever a determinant is zero. It shares neither code nor idea with the
+//! crossing kernel: no trees, no floating point, no axis directions, no rule for ties.
+//!
+//! Cost: quadratic.
+
+/// Largest coordinate magnitude: `2^40`. Determinants then stay below `2^126`.
+pub const LIMIT: i64 = 1 << 40;
+
+/// Linking number of two closed integer polygons, or `None` where they touch.
+///
+/// The sign is that of Arai's sum.
+///
+/// # Panics
+/// If a coordinate exceeds [`LIMIT`], or if 1000 random directions are all degenerate (which means a bug: the
+/// degenerate directions lie on finitely many curves).
+pub fn linking_number(a: &[[i64; 3]], b: &[[i64; 3]]) -> Option<i64> {
+    let big = a.iter().chain(b).flatten().find(|x| x.abs() > LIMIT);
+    assert!(big.is_none(), "coordinate {big:?} exceeds 2^40");
+    if touch(a, b) {
+        return None;
+    }
+    let mut seed = 0x9e37_79b9_7f4a_7c15u64;
+    (0..1000)
+        .find_map(|_| {
+            // A linear congruential generator is random enough to leave finitely many lines.
+            seed = seed
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            let slope = |shift: u32| i128::from((seed >> shift) as u16 & 0x1ff) - 256;
+            count(a, b, slope(20), slope(40))
+        })
+        .map(Some)
+        .expect("some direction is in general position")
+}
+
+/// Sum of the signs where `a` passes over `b`, seen along `(p, q, 1)`; `None` where that view is degenerate.
+fn count(a: &[[i64; 3]], b: &[[i64; 3]], p: i128, q: i128) -> Option<i64> {
+    // Points on one line of sight get the same shadow.
+    let shadow = |[x, y, z]: [i64; 3]| {
+        let (x, y, z) = (i128::from(x), i128::from(y), i128::from(z));
+        [x - p * z, y - q * z]
+    };
+    let edges_of = |v: &[[i64; 3]]| -> Vec<_> {
+        edges(v)
+            .filter(|(p, q)| p != q)
+            .map(|(p, q)| (p, q, shadow(p), shadow(q)))
+            .collect()
+    };
+    let (a, b) = (edges_of(a), edges_of(b));
+    let mut sum = 0;
+    for &(t0, t1, t0_shadow, t1_shadow) in &a {
+        for &(u0, u1, u0_shadow, u1_shadow) in &b {
+            // Apart in projection: no determinant needed.
+            if (0..2).any(|x| {
+                let range = |p: [i128; 2], q: [i128; 2]| (p[x].min(q[x]), p[x].max(q[x]));
+                let (t, u) = (range(t0_shadow, t1_shadow), range(u0_shadow, u1_shadow));
+                t.1 < u.0 || u.1 < t.0
+            }) {
+                continue;
+            }
+            let sides = [
+                turn(t0_shadow, t1_shadow, u0_shadow),
+                turn(t0_shadow, t1_shadow, u1_shadow),
+                turn(u0_shadow, u1_shadow, t0_shadow),
+                turn(u0_shadow, u1_shadow, t1_shadow),
+            ];
+            let [s0, s1, r0, r1] = sides.map(i128::signum);
+            // One segment wholly on one side of the other. First, since a vertex may lie on the line of an
+            // edge in every view.
+            if s0 * s1 > 0 || r0 * r1 > 0 {
+                continue;
+            }
+            if [s0, s1, r0, r1].contains(&0) {
+                return None;
+            }
+            match volume(t0, t1, u0, u1).signum() {
+                0 => unreachable!("touching polygons were told before"),
+                // The upper end of the line of sight is on t.
+                s if s == s1 => {}
+                _ => sum += s1 as i64,
+            }
+        }
+    }
+    Some(sum)
+}
+
+fn edges<T: Copy>(v: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
+    (0..v.len()).map(|k| (v[k], v[(k + 1) % v.len()]))
+}
+
+/// Twice the signed area of a projected triangle.
+fn turn(a: [i128; 2], b: [i128; 2], c: [i128; 2]) -> i128 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+/// Six times the signed volume of a tetrahedron, `(a - d) . ((b - d) x (c - d))`.
+fn volume(a: [i64; 3], b: [i64; 3], c: [i64; 3], d: [i64; 3]) -> i128 {
+    let sub = |p: [i64; 3]| [0, 1, 2].map(|x| i128::from(p[x]) - i128::from(d[x]));
+    let (a, b, c) = (sub(a), sub(b), sub(c));
+    a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+}
+
+/// Whether two closed polygons share a point.
+pub fn touch(a: &[[i64; 3]], b: &[[i64; 3]]) -> bool {
+    edges(a).any(|(p0, p1)| edges(b).any(|(q0, q1)| segments_touch(p0, p1, q0, q1)))
+}
+
+/// Whether two segments share a point, by solving `p0 + s d = q0 + t e` in rationals.
+fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> bool {
+    let sub = |a: [i64; 3], b: [i64; 3]| [0, 1, 2].map(|x| i128::from(a[x]) - i128::from(b[x]));
+    let cross = |a: [i128; 3], b: [i128; 3]| {
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    };
+    let (d, e, r) = (sub(p1, p0), sub(q1, q0), sub(q0, p0));
+    let n = cross(d, e);
+    if n != [0; 3] {
+        // Not parallel: r = s d - t e has a solution only in their plane; r x e = s n, r x d = t n.
+        let (s, t) = (cross(r, e), cross(r, d));
+        let x = if n[0] != 0 {
+            0
+        } else if n[1] != 0 {
+            1
+        } else {
+            2
+        };
+        // In one plane exactly where r is orthogonal to n: 3 * 2^41 * 2^83 fits.
+        let coplanar = r[0] * n[0] + r[1] * n[1] + r[2] * n[2] == 0;
+        let within = |v: i128| {
+            if n[x] > 0 {
+                (0..=n[x]).contains(&v)
+            } else {
+                (n[x]..=0).contains(&v)
+            }
+        };
+        return coplanar && within(s[x]) && within(t[x]);
+    }
+    // Parallel, or one of them a point: on one line, and their ranges meet on every axis.
+    let on_line = |v: [i128; 3], d: [i128; 3]| cross(v, d) == [0; 3];
+    let direction = if d == [0; 3] { e } else { d };
+    let line = if direction == [0; 3] {
+        r == [0; 3]
+    } else {
+        on_line(r, direction)
+    };
+    line && (0..3)
+        .all(|x| p0[x].min(p1[x]) <= q0[x].max(q1[x]) && q0[x].min(q1[x]) <= p0[x].max(p1[x]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A: [[i64; 3]; 4] = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
+    const B: [[i64; 3]; 4] = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];
+
+    /// Arai's sum (Arai 2013, Theorem 1): two arctangents for every pair of edges.
+    fn arai(a: &[[i64; 3]], b: &[[i64; 3]]) -> f64 {
+        let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+        let mut sum = 0.0;
+        for (l0, l1) in edges(a) {
+            for (k0, k1) in edges(b) {
+                let sub = |p: [i64; 3], q: [i64; 3]| [0, 1, 2].map(|x| (p[x] - q[x]) as f64);
+                let v = [sub(l0, k0), sub(l0, k1), sub(l1, k1), sub(l1, k0)];
+                let n = v.map(|p| dot(p, p).sqrt());
+                let cross = |p: [f64; 3], q: [f64; 3]| {
+                    [
+                        p[1] * q[2] - p[2] * q[1],
+                        p[2] * q[0] - p[0] * q[2],
+                        p[0] * q[1] - p[1] * q[0],
+                    ]
+                };
+                let p = dot(v[0], cross(v[1], v[2]));
+                let angle = |k: usize| {
+                    let d = n[0] * n[k] * n[2]
+                        + dot(v[0], v[k]) * n[2]
+                        + dot(v[k], v[2]) * n[0]
+                        + dot(v[2], v[0]) * n[k];
+                    p.atan2(d)
+                };
+                sum += angle(1) + angle(3);
+            }
+        }
+        sum / std::f64::consts::TAU
+    }
+
+    #[test]
+    fn the_oracle_has_the_sign_of_arais_sum() {
+        let want = arai(&A, &B);
+        assert!((want.abs() - 1.0).abs() < 1e-9);
+        assert_eq!(linking_number(&A, &B), Some(want.round() as i64));
+        assert_eq!(linking_number(&B, &A), Some(want.round() as i64));
+        let mut reversed = B;
+        reversed.reverse();
+        assert_eq!(linking_number(&A, &reversed), Some(-want.round() as i64));
+    }
+
+    #[test]
+    fn the_oracle_agrees_with_arais_sum_on_random_polygons() {
+        let mut seed = 1u64;
+        let mut next = |n: i64| {
+            seed = seed
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            ((seed >> 33) as i64) % n
+        };
+        let mut linked = 0;
+        for _ in 0..500 {
+            let mut polygon = |n: usize| {
+                (0..n)
+                    .map(|_| [0; 3].map(|_: i64| next(1000)))
+                    .collect::<Vec<_>>()
+            };
+            let (a, b) = (polygon(12), polygon(9));
+            if let Some(n) = linking_number(&a, &b) {
+                assert!((arai(&a, &b) - n as f64).abs() < 1e-6);
+                linked += usize::from(n != 0);
+            }
+        }
+        assert!(linked > 100);
+    }
+
+    #[test]
+    fn touching_polygons_have_no_number() {
+        let touching = [[2, 0, 0], [5, 0, 1], [5, 0, -1]];
+        assert!(touch(&A, &touching));
+        assert_eq!(linking_number(&A, &touching), None);
+        assert!(
+            touch(&A, &[[-1, -2, 0], [1, -2, 0], [0, -5, 0]]),
+            "overlapping edges"
+        );
+        assert!(
+            touch(&A, &[[2, 2, 0], [3, 3, 0], [3, 3, 9]]),
+            "vertex on vertex"
+        );
+        assert!(!touch(&A, &[[3, 3, 0], [4, 4, 0], [4, 4, 9]]));
+        assert!(
+            !touch(&A, &[[3, -2, 0], [4, -2, 0], [4, -2, 9]]),
+            "on one line, apart"
+        );
+        assert!(!touch(&A, &B));
+    }
+}

@@ -1,0 +1,204 @@
+//! Point of closest approach (POCA) of two curves: where a pull-through happened or is about to.
+//!
+//! Branch and bound over both trees. For display and messages: the distance is that of the polylines
+//! (splines: eight chords a segment), in floating point, without an error bound.
+
+use super::trees::{Node, Trees};
+use crate::curve::{BoxGroup, CurveSet, Point, point_at};
+use crate::verdict::Place;
+
+/// Chords that stand for a spline segment.
+const CHORDS: usize = 8;
+
+/// Where curves `i` and `j` come closest. Both must have a tree (be closed).
+pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize) -> Place {
+    let mut best = Place {
+        segments: [0, 0],
+        point: set.knot(i, 0),
+        distance: f64::INFINITY,
+    };
+    let mut stack = vec![(0.0, trees.root(i), trees.root(j))];
+    let (mut room_a, mut room_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
+    let mut next: Vec<(f64, Node, Node)> = Vec::new();
+    while let Some((bound_sq, a, b)) = stack.pop() {
+        if bound_sq > best.distance * best.distance {
+            continue;
+        }
+        next.clear();
+        if a.level > b.level {
+            let other = trees.node_box(j, b);
+            let group = trees.children(set, i, a, &mut room_a);
+            next.extend((0..8).map(|k| {
+                let gap = group.lane(k).dist_sq_below(&other);
+                (gap, a.child(k as u32), b)
+            }));
+        } else if b.level > a.level {
+            let other = trees.node_box(i, a);
+            let group = trees.children(set, j, b, &mut room_b);
+            next.extend((0..8).map(|k| {
+                let gap = group.lane(k).dist_sq_below(&other);
+                (gap, a, b.child(k as u32))
+            }));
+        } else {
+            let group_a = trees.children(set, i, a, &mut room_a);
+            let group_b = trees.children(set, j, b, &mut room_b);
+            for k in 0..8 {
+                for l in 0..8 {
+                    let gap = group_a.lane(k).dist_sq_below(&group_b.lane(l));
+                    if gap.is_infinite() || gap > best.distance * best.distance {
+                        continue;
+                    }
+                    if a.level > 0 {
+                        next.push((gap, a.child(k as u32), b.child(l as u32)));
+                        continue;
+                    }
+                    let (s, t) = (a.segment(k as u32), b.segment(l as u32));
+                    let (point, distance) = closest_of_segments(set, (i, s), (j, t));
+                    if distance < best.distance {
+                        best = Place {
+                            segments: [s, t],
+                            point,
+                            distance,
+                        };
+                    }
+                }
+            }
+        }
+        // Nearest on top of the stack; empty lanes are infinitely far.
+        next.retain(|n| n.0.is_finite());
+        next.sort_by(|p, q| q.0.total_cmp(&p.0));
+        stack.append(&mut next);
+    }
+    best
+}
+
+/// Middle and length of the shortest connection of segment `s` of curve `i` and `t` of curve `j`.
+pub(crate) fn closest_of_segments(
+    set: &CurveSet,
+    (i, s): (usize, u32),
+    (j, t): (usize, u32),
+) -> (Point, f64) {
+    let chords = |i: usize, s: u32| {
+        if set.basis().is_polyline() {
+            return vec![set.knot(i, s as usize), set.knot(i, s as usize + 1)];
+        }
+        let b = set.segment(i, s as usize);
+        (0..=CHORDS)
+            .map(|k| point_at(&b, k as f64 / CHORDS as f64))
+            .collect()
+    };
+    let (p, q) = (chords(i, s), chords(j, t));
+    let mut best = ([0.0; 3], f64::INFINITY);
+    for a in p.windows(2) {
+        for b in q.windows(2) {
+            let found = closest_points(a[0], a[1], b[0], b[1]);
+            if found.1 < best.1 {
+                best = found;
+            }
+        }
+    }
+    best
+}
+
+/// Middle and length of the shortest connection of two straight segments.
+fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
+    let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let along = |a: Point, d: Point, t: f64| [0, 1, 2].map(|x| a[x] + t * d[x]);
+    let (d, e, r) = (sub(p1, p0), sub(q1, q0), sub(p0, q0));
+    let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
+    let mut best = ([0.0; 3], f64::INFINITY);
+    let mut consider = |s: f64, t: f64| {
+        let (a, b) = (along(p0, d, s), along(q0, e, t));
+        let c = sub(a, b);
+        let distance = dot(c, c).sqrt();
+        if distance < best.1 {
+            best = ([0, 1, 2].map(|x| 0.5 * (a[x] + b[x])), distance);
+        }
+    };
+    let clamped = |numerator: f64, denominator: f64| {
+        if denominator > 0.0 {
+            (numerator / denominator).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    };
+    // The four ends against the other segment, and the interior: whichever is nearest. Nearly parallel
+    // segments need no threshold, since their nearest points are found from an end as well.
+    for s in [0.0, 1.0] {
+        consider(s, clamped(er + s * de, ee));
+    }
+    for t in [0.0, 1.0] {
+        consider(clamped(t * de - dr, dd), t);
+    }
+    let denominator = dd * ee - de * de;
+    if denominator > 0.0 {
+        let s = ((de * er - ee * dr) / denominator).clamp(0.0, 1.0);
+        consider(s, clamped(er + s * de, ee));
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Basis, Positions};
+
+    #[test]
+    fn branch_and_bound_equals_all_pairs() {
+        for basis in [Basis::Polyline, Basis::BSpline, Basis::CatmullRom] {
+            let n = 150;
+            let ring = |phase: f64, z: f64| {
+                (0..n).flat_map(move |k| {
+                    let t = f64::from(k) / f64::from(n) * std::f64::consts::TAU;
+                    [t.cos() + phase, t.sin(), z + 0.2 * (7.0 * t + phase).sin()]
+                })
+            };
+            let xyz: Vec<f64> = ring(0.0, 0.0).chain(ring(0.7, 0.31)).collect();
+            let set = CurveSet::from_counts(basis, &[-n, -n], Positions::F64(&xyz)).unwrap();
+            let mut trees = Trees::default();
+            trees.refit(&set);
+            let found = closest_approach(&set, &trees, 0, 1);
+            let mut want = f64::INFINITY;
+            for s in 0..n as u32 {
+                for t in 0..n as u32 {
+                    want = want.min(closest_of_segments(&set, (0, s), (1, t)).1);
+                }
+            }
+            assert_eq!(found.distance, want, "{basis:?}");
+            let [s, t] = found.segments;
+            assert_eq!(
+                closest_of_segments(&set, (0, s), (1, t)),
+                (found.point, want)
+            );
+        }
+    }
+
+    #[test]
+    fn parallel_crossing_and_degenerate_segments_have_their_distance() {
+        let d = |p0, p1, q0, q1| closest_points(p0, p1, q0, q1).1;
+        let o = [0.0; 3];
+        for k in [1.0, 1e-3, 1e-12, 1e9] {
+            let v = |p: [f64; 3]| p.map(|x| x * k);
+            let far = |a: f64, b: f64| (a - b * k).abs() <= 1e-12 * k;
+            assert!(far(
+                d(
+                    v([-1., 0., 0.]),
+                    v([1., 0., 0.]),
+                    v([0., -1., 0.25]),
+                    v([0., 1., 0.25])
+                ),
+                0.25
+            ));
+            assert!(far(
+                d(o, v([1., 0., 0.]), v([0.5, 0.125, 0.]), v([7., 0.125, 0.])),
+                0.125
+            ));
+            assert!(far(d(o, o, v([3., 4., 0.]), v([3., 4., 0.])), 5.0));
+            assert!(far(
+                d(o, v([1., 0., 0.]), v([2., 0., 0.]), v([3., 0., 0.])),
+                1.0
+            ));
+        }
+    }
+}

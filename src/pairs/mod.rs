@@ -1,0 +1,19 @@
+//! Potential links: which pairs of curves come near enough to be linked at all.
+//!
+//! Two curves in disjoint convex volumes are not linked, so only pairs whose boxes overlap go on (Qu & James
+//! 2021, section 3.2, Algorithm 2).
+
+mod brute;
+mod closest;
+mod overlaps;
+mod sweep;
+mod trees;
+
+pub use brute::potential_links_brute;
+pub(crate) use closest::{closest_approach, closest_of_segments};
+pub(crate) use overlaps::overlapping_segments;
+pub(crate) use sweep::potential_links;
+pub(crate) use trees::{Node, Trees};
+
+/// A pair of curves, `i < j`.
+pub type Pair = (u32, u32);

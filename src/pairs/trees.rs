@@ -1,0 +1,278 @@
+//! A tree of boxes over every curve.
+//!
+//! A curve is spatially coherent already, so its tree is implicit: node `g` of level `k` covers the segments
+//! `g 8^(k+1) .. (g+1) 8^(k+1)`, and its children are the nodes (at level 0: the segments)
+//! `8 g .. 8 g + 8` below. There is nothing to build or sort, only boxes to refit. The boxes of single
+//! segments are not stored: eight of them are computed from the coordinates wherever a leaf is visited, which
+//! costs a polyline no more than loading them.
+
+use crate::curve::{Box3, BoxGroup, CurveSet, LANES};
+
+/// Levels of the deepest tree: `8^11 > 2^32` segments.
+const LEVELS: usize = 11;
+
+/// Segments below which a range of curves is refitted by one task.
+const GRAIN: usize = 1 << 15;
+
+/// A node: a level (0: its children are segments) and its place in that level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Node {
+    pub level: u8,
+    pub index: u32,
+}
+
+impl Node {
+    /// The child in lane `k`; of a level 0 node there are none.
+    #[inline]
+    pub fn child(self, k: u32) -> Node {
+        Node {
+            level: self.level - 1,
+            index: self.index * LANES as u32 + k,
+        }
+    }
+
+    /// The segment in lane `k` of a leaf.
+    #[inline]
+    pub fn segment(self, k: u32) -> u32 {
+        self.index * LANES as u32 + k
+    }
+}
+
+/// Where the groups of one curve lie.
+#[derive(Clone, Copy, Debug)]
+struct Layout {
+    /// First group of each level from 1 on; `first[0]` is unused.
+    first: [u32; LEVELS],
+    levels: u8,
+    /// Groups of all levels from 1 on.
+    groups: u32,
+    segments: u32,
+}
+
+/// The trees of all curves of a frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Trees {
+    layouts: Vec<Layout>,
+    groups: Vec<BoxGroup>,
+    roots: Vec<Box3>,
+}
+
+impl Trees {
+    /// Refits all boxes to a frame. Allocates only where the curves are others than before.
+    pub fn refit(&mut self, set: &CurveSet) {
+        let same = self.layouts.len() == set.len()
+            && self
+                .layouts
+                .iter()
+                .zip(set.curves())
+                .all(|(l, c)| l.segments == c.segments);
+        if !same {
+            self.layouts.clear();
+            let mut at = 0;
+            for c in set.curves() {
+                let layout = Layout::new(c.segments, at);
+                at += layout.groups;
+                self.layouts.push(layout);
+            }
+            self.groups.clear();
+            self.groups.resize(at as usize, BoxGroup::EMPTY);
+            self.roots.clear();
+            self.roots.resize(set.len(), Box3::EMPTY);
+        }
+        refit_range(set, 0, &self.layouts, &mut self.groups, &mut self.roots);
+    }
+
+    /// Boxes of the closed curves; open curves have empty ones and so no potential links.
+    pub fn roots(&self) -> &[Box3] {
+        &self.roots
+    }
+
+    /// The root of curve `i`.
+    pub fn root(&self, i: usize) -> Node {
+        Node {
+            level: self.layouts[i].levels - 1,
+            index: 0,
+        }
+    }
+
+    /// Boxes of the children of a node of curve `i`; `leaf` is room for those that are not stored.
+    #[inline]
+    pub fn children<'a>(
+        &'a self,
+        set: &CurveSet,
+        i: usize,
+        node: Node,
+        leaf: &'a mut BoxGroup,
+    ) -> &'a BoxGroup {
+        if node.level == 0 {
+            *leaf = set.leaf_boxes(i, node.index as usize);
+            leaf
+        } else {
+            &self.groups[(self.layouts[i].first[node.level as usize] + node.index) as usize]
+        }
+    }
+
+    /// The box of a node of curve `i`.
+    #[inline]
+    pub fn node_box(&self, i: usize, node: Node) -> Box3 {
+        let layout = &self.layouts[i];
+        if node.level + 1 == layout.levels {
+            return self.roots[i];
+        }
+        let lanes = LANES as u32;
+        let parent = layout.first[node.level as usize + 1] + node.index / lanes;
+        self.groups[parent as usize].lane((node.index % lanes) as usize)
+    }
+
+    /// Bytes of the stored boxes.
+    #[cfg(test)]
+    fn bytes(&self) -> usize {
+        size_of_val(&self.groups[..]) + size_of_val(&self.roots[..])
+    }
+}
+
+impl Layout {
+    fn new(segments: u32, mut at: u32) -> Layout {
+        let start = at;
+        let mut first = [0; LEVELS];
+        let mut levels = 1;
+        let mut nodes = segments.div_ceil(LANES as u32);
+        while nodes > 1 {
+            nodes = nodes.div_ceil(LANES as u32);
+            first[levels] = at;
+            at += nodes;
+            levels += 1;
+        }
+        Layout {
+            first,
+            levels: levels as u8,
+            groups: at - start,
+            segments,
+        }
+    }
+}
+
+/// Refits the trees of the curves from `first` on; halves the range while it is worth a task of its own.
+fn refit_range(
+    set: &CurveSet,
+    first: usize,
+    layouts: &[Layout],
+    groups: &mut [BoxGroup],
+    roots: &mut [Box3],
+) {
+    let work: usize = layouts.iter().map(|l| l.segments as usize).sum();
+    if layouts.len() > 1 && work > GRAIN {
+        let mid = layouts.len() / 2;
+        let (left, right) = layouts.split_at(mid);
+        let split = left.iter().map(|l| l.groups as usize).sum();
+        let (left_groups, right_groups) = groups.split_at_mut(split);
+        let (left_roots, right_roots) = roots.split_at_mut(mid);
+        rayon::join(
+            || refit_range(set, first, left, left_groups, left_roots),
+            || refit_range(set, first + mid, right, right_groups, right_roots),
+        );
+        return;
+    }
+    let mut at = 0;
+    for (k, layout) in layouts.iter().enumerate() {
+        let own = &mut groups[at..at + layout.groups as usize];
+        at += own.len();
+        roots[k] = if set.curve(first + k).closed {
+            refit_curve(set, first + k, layout, own)
+        } else {
+            Box3::EMPTY
+        };
+    }
+}
+
+/// Refits the tree of one curve; returns its root box.
+fn refit_curve(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
+    let leaves = (layout.segments as usize).div_ceil(LANES);
+    if leaves == 1 {
+        return set.leaf_boxes(i, 0).bounds();
+    }
+    let (mut below, mut level) = groups.split_at_mut(leaves.div_ceil(LANES));
+    fill(below, leaves, |g| set.leaf_boxes(i, g).bounds());
+    let mut root = below[0].bounds();
+    while !level.is_empty() {
+        let (next, rest) = level.split_at_mut(below.len().div_ceil(LANES));
+        fill(next, below.len(), |g| below[g].bounds());
+        root = next[0].bounds();
+        (below, level) = (next, rest);
+    }
+    root
+}
+
+/// Puts `count` boxes into the lanes of consecutive groups.
+fn fill(groups: &mut [BoxGroup], count: usize, bounds: impl Fn(usize) -> Box3) {
+    for (g, group) in groups.iter_mut().enumerate() {
+        let lanes = (count - g * LANES).min(LANES);
+        for k in 0..lanes {
+            group.set_lane(k, &bounds(g * LANES + k));
+        }
+        group.clear_from(lanes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Basis, Positions};
+
+    /// Every node's box is the box of the segments that it covers, for all sizes around powers of eight.
+    #[test]
+    fn nodes_bound_their_segments_exactly() {
+        for n in [1, 2, 7, 8, 9, 63, 64, 65, 511, 512, 513, 4097] {
+            let xyz: Vec<f32> = (0..3 * n).map(|k| ((k * 7919) % 1013) as f32).collect();
+            let set = CurveSet::from_counts(
+                Basis::Polyline,
+                &[-n, -n],
+                Positions::F32(&[&xyz[..], &xyz].concat()),
+            )
+            .unwrap();
+            let mut trees = Trees::default();
+            trees.refit(&set);
+            for i in 0..2 {
+                check(&trees, &set, i, trees.root(i));
+            }
+            assert!(trees.bytes() <= 1000 + n as usize * 2 * 24 / 6);
+        }
+    }
+
+    fn check(trees: &Trees, set: &CurveSet, i: usize, node: Node) {
+        let mut room = BoxGroup::EMPTY;
+        let group = *trees.children(set, i, node, &mut room);
+        assert_eq!(group.bounds(), trees.node_box(i, node));
+        let n = set.curve(i).segments;
+        for k in 0..LANES as u32 {
+            let span = (LANES as u32).pow(u32::from(node.level));
+            let empty = (node.index * LANES as u32 + k) * span >= n;
+            assert_eq!(empty, group.lane(k as usize) == Box3::EMPTY);
+            if node.level > 0 && !empty {
+                assert_eq!(group.lane(k as usize), trees.node_box(i, node.child(k)));
+                check(trees, set, i, node.child(k));
+            }
+        }
+    }
+
+    #[test]
+    fn a_refit_equals_a_fresh_build() {
+        let a: Vec<f64> = (0..300).map(|k| f64::from(k).sin()).collect();
+        let b: Vec<f64> = (0..300).map(|k| f64::from(k).cos()).collect();
+        let counts = [-40, 20, -40];
+        let mut set =
+            CurveSet::from_counts(Basis::CatmullRom, &counts, Positions::F64(&a)).unwrap();
+        let mut trees = Trees::default();
+        trees.refit(&set);
+        set.update(Positions::F64(&b)).unwrap();
+        trees.refit(&set);
+        let mut fresh = Trees::default();
+        fresh.refit(&set);
+        assert_eq!(trees.roots(), fresh.roots());
+        assert_eq!(
+            trees.roots()[1],
+            Box3::EMPTY,
+            "open curves have no potential links"
+        );
+    }
+}
