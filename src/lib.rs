@@ -10,6 +10,7 @@
 mod certificate;
 mod curve;
 mod error;
+pub mod model;
 mod verdict;
 
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
