@@ -36,6 +36,22 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// A valid file of a kind that linkwatch does not read or cannot write.
+    #[error("unsupported {format}: {what}")]
+    Unsupported {
+        /// The format, "BCC" for example.
+        format: &'static str,
+        /// What was found or asked for, and what is possible.
+        what: String,
+    },
+    /// The content of a model file cannot be used.
+    #[error("{path}: {source}")]
+    Model {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        source: Box<Error>,
+    },
     /// A count promises more than the data holds.
     #[error("{what}: {promised} promised, {available} available")]
     Count {
@@ -139,6 +155,26 @@ impl Error {
             format,
             place: place.to_string(),
             what: what.to_string(),
+        }
+    }
+
+    /// A format that is understood, but not supported.
+    pub(crate) fn unsupported(format: &'static str, what: impl std::fmt::Display) -> Self {
+        Self::Unsupported {
+            format,
+            what: what.to_string(),
+        }
+    }
+
+    /// Names the model file in which this error was found.
+    pub(crate) fn in_model(self, path: impl Into<PathBuf>) -> Self {
+        let path = path.into();
+        match self {
+            Self::Io(source) => Self::File { path, source },
+            other => Self::Model {
+                path,
+                source: Box::new(other),
+            },
         }
     }
 

@@ -13,6 +13,7 @@ mod discretize;
 mod error;
 mod exact;
 pub mod kernels;
+pub mod model;
 mod pairs;
 mod verdict;
 mod verifier;

@@ -1,0 +1,307 @@
+//! Model files: BCC, OBJ lines and Geomview VECT.
+//!
+//! | extension | holds | precision kept |
+//! |---|---|---|
+//! | `.bcc` | uniform Catmull-Rom, cubic B-spline, cubic Bezier, polylines | single |
+//! | `.obj` | polylines, as `l` statements | double |
+//! | `.vect` | polylines | double |
+//!
+//! A file is not trusted: every count is compared with the length of the file before anything is allocated,
+//! so that memory is linear in that length whatever the counts say. A BCC file is streamed into its
+//! [`CurveSet`]; beside the set it takes less than 200 kB. The text formats also hold their vertices or
+//! counts while they are read.
+
+mod bcc;
+mod chains;
+mod obj;
+mod vect;
+
+pub use bcc::write_bcc;
+
+use crate::curve::CurveSet;
+use crate::error::{Error, Result};
+use std::fs::File;
+use std::io::{BufReader, ErrorKind, Read};
+use std::path::Path;
+
+/// Reads the curves of a model file, whose extension (in upper or lower case) says its format.
+///
+/// It must be a regular file, since a pipe does not tell its length. Every error names `path`.
+pub fn read(path: &Path) -> Result<CurveSet> {
+    let format = Format::of(path)?;
+    // Asked before opening, which would wait for the writer of a pipe.
+    let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
+    if !metadata.is_file() {
+        let why = "not a regular file, so its length is unknown";
+        let source = std::io::Error::new(ErrorKind::InvalidInput, why);
+        return Err(Error::file(path)(source));
+    }
+    let len = metadata.len();
+    // A file that grows meanwhile stays as long as it was: checks against its length remain true.
+    let file = File::open(path).map_err(Error::file(path))?.take(len);
+    let input = BufReader::with_capacity(1 << 16, file);
+    match format {
+        Format::Bcc => bcc::read(input, len),
+        Format::Obj => obj::read(input),
+        Format::Vect => vect::read(input, len),
+    }
+    .map_err(|e| e.in_model(path))
+}
+
+/// The formats that [`read`] knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Bcc,
+    Obj,
+    Vect,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Format> {
+        let extension = path.extension().unwrap_or_default();
+        [
+            ("bcc", Format::Bcc),
+            ("obj", Format::Obj),
+            ("vect", Format::Vect),
+        ]
+        .into_iter()
+        .find(|(name, _)| extension.eq_ignore_ascii_case(name))
+        .map(|(_, format)| format)
+        .ok_or_else(|| Error::UnknownModel { path: path.into() })
+    }
+}
+
+/// A finite decimal number, or what is wrong with it.
+fn number(token: &[u8]) -> Result<f64, String> {
+    let parsed = std::str::from_utf8(token).ok().and_then(|t| t.parse().ok());
+    match parsed {
+        Some(x) if f64::is_finite(x) => Ok(x),
+        Some(_) => Err(format!("{} is not a finite number", quote(token))),
+        None => Err(format!("{}, expected a number", quote(token))),
+    }
+}
+
+/// A piece of somebody's file for a message: short, and harmless to a terminal.
+fn quote(token: &[u8]) -> String {
+    const SHOWN: usize = 40;
+    let head = &token[..token.len().min(4 * SHOWN)];
+    let text: String = String::from_utf8_lossy(head)
+        .chars()
+        .take(SHOWN)
+        .flat_map(char::escape_debug)
+        .collect();
+    format!("'{text}'")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Basis, Point, Precision};
+    use proptest::prelude::*;
+    use std::path::PathBuf;
+
+    /// All curves of a set: closed or not, and their points.
+    pub(super) fn curves(set: &CurveSet) -> Vec<(bool, Vec<Point>)> {
+        let points = |i| (0..set.curve(i).points as usize).map(move |k| set.point(i, k));
+        (0..set.len())
+            .map(|i| (set.curve(i).closed, points(i).collect()))
+            .collect()
+    }
+
+    /// Asserts an error whose message has `expected` in it.
+    pub(super) fn says(result: Result<CurveSet>, expected: &str) {
+        let message = result.unwrap_err().to_string();
+        assert!(message.contains(expected), "{message:?} lacks {expected:?}");
+    }
+
+    fn parse(format: Format, bytes: &[u8]) -> Result<CurveSet> {
+        let len = bytes.len() as u64;
+        match format {
+            Format::Bcc => bcc::read(bytes, len),
+            Format::Obj => obj::read(bytes),
+            Format::Vect => vect::read(bytes, len),
+        }
+    }
+
+    /// A small valid file of each format.
+    fn samples() -> Vec<(Format, Vec<u8>)> {
+        let mut bcc = b"BCC\x44C0\x03\x01".to_vec();
+        bcc.extend(2u64.to_le_bytes());
+        bcc.extend(7u64.to_le_bytes());
+        bcc.extend([0; 40]);
+        for (count, n) in [(-3i32, 3), (4, 4)] {
+            bcc.extend(count.to_le_bytes());
+            (0..3 * n).for_each(|k| bcc.extend((k as f32 * 0.37).to_le_bytes()));
+        }
+        let obj = "# comment\nv 0 0 0\nv 1 0.5 0\nv 1e1 1 0\nv 0 1 -2 1\n\
+                   l 1 2 \\\n 3 1\nl 3 4\nl -1/2 1\n";
+        let vect = "VECT # comment\n2 5 1\n-3 2\n1 0\n0 0 0\n1 0.5 0\n1e1 1 0\n0 1 -2\n3 3 3\n\
+                    1 0 0 1\n";
+        vec![
+            (Format::Bcc, bcc),
+            (Format::Obj, obj.into()),
+            (Format::Vect, vect.into()),
+        ]
+    }
+
+    #[test]
+    fn truncation_anywhere_is_survived() {
+        for (format, bytes) in samples() {
+            parse(format, &bytes).unwrap();
+            for n in 0..bytes.len() {
+                let result = parse(format, &bytes[..n]);
+                // Text may still be whole: a last digit or newline less.
+                assert!(format != Format::Bcc || result.is_err(), "{n} bytes");
+                if let Ok(set) = result {
+                    assert!(set.points() <= 8);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_wrong_byte_anywhere_is_survived() {
+        for (format, bytes) in samples() {
+            for at in 0..bytes.len() {
+                for value in 0..=255 {
+                    let mut bytes = bytes.clone();
+                    bytes[at] = value;
+                    if let Ok(set) = parse(format, &bytes) {
+                        assert!(set.points() <= 8, "byte {at} = {value}");
+                        assert!(set.max_abs().is_finite());
+                    }
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn garbage_is_survived(
+            k in 0..3usize,
+            keep in 0..200usize,
+            tail in prop::collection::vec(any::<u8>(), 0..200),
+        ) {
+            let (format, mut bytes) = samples().swap_remove(k);
+            bytes.truncate(keep);
+            bytes.extend(tail);
+            if let Ok(set) = parse(format, &bytes) {
+                prop_assert!(set.points() <= bytes.len());
+            }
+        }
+
+        #[test]
+        fn garbage_of_likely_characters_is_survived(
+            k in 1..3usize,
+            keep in 0..200usize,
+            tail in "[-0-9lv./# \n\\\\eE+]{0,200}",
+        ) {
+            let (format, mut bytes) = samples().swap_remove(k);
+            bytes.truncate(keep);
+            bytes.extend(tail.into_bytes());
+            if let Ok(set) = parse(format, &bytes) {
+                prop_assert!(set.points() <= bytes.len());
+            }
+        }
+    }
+
+    #[test]
+    fn the_extension_chooses_and_errors_name_the_file() {
+        let dir = tempfile::tempdir().unwrap();
+        for ((_, bytes), name) in samples().into_iter().zip(["a.BCC", "b.Obj", "c.vect"]) {
+            let path = dir.path().join(name);
+            std::fs::write(&path, &bytes).unwrap();
+            assert_eq!(read(&path).unwrap().len(), 2);
+            std::fs::write(&path, &bytes[..7]).unwrap();
+            let e = read(&path).unwrap_err();
+            assert!(matches!(e, Error::Model { .. }));
+            let start = format!("{}: not a valid ", path.display());
+            assert!(e.to_string().starts_with(&start), "{e}");
+        }
+        for name in ["a", "a.txt", ".bcc", "bcc", "a.bcc.gz"] {
+            let e = read(&dir.path().join(name)).unwrap_err();
+            assert!(matches!(e, Error::UnknownModel { .. }), "{e}");
+        }
+        let missing = dir.path().join("missing.obj");
+        let e = read(&missing).unwrap_err();
+        assert!(matches!(&e, Error::File { path, .. } if *path == missing));
+        let folder = dir.path().join("folder.vect");
+        std::fs::create_dir(&folder).unwrap();
+        says(read(&folder), "folder.vect: not a regular file");
+    }
+
+    #[test]
+    fn words_of_a_file_are_shown_short_and_harmless() {
+        assert_eq!(quote(b"a\x1b[2Jb\n"), "'a\\u{1b}[2Jb\\n'");
+        assert_eq!(quote(&[b'1'; 1000]).len(), 42);
+        assert_eq!(quote(b"\xff"), "'\u{fffd}'");
+    }
+
+    /// A model that is not part of the project: present on some machines only.
+    fn published(name: &str) -> Option<CurveSet> {
+        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+            .join("../shared/models")
+            .join(name);
+        if !path.exists() {
+            eprintln!("skipped: no {name} here");
+            return None;
+        }
+        Some(read(&path).unwrap())
+    }
+
+    #[test]
+    fn published_models_have_their_sizes() {
+        use Basis::{BSpline, CatmullRom, Polyline};
+        for (name, basis, loops, points) in [
+            ("glove.bcc", CatmullRom, 70, 58_537),
+            ("knittubeinit.bcc", BSpline, 39, 18_228),
+            ("knittubebroken.bcc", BSpline, 39, 18_228),
+            ("houdiniobj.obj", Polyline, 2, 9_600),
+            ("2.2.1.vect", Polyline, 2, 72),
+            ("3.1.vect", Polyline, 1, 47),
+            ("4.1.vect", Polyline, 1, 69),
+            ("4.2.1.vect", Polyline, 2, 81),
+            ("5.2.1.vect", Polyline, 2, 77),
+            ("6.3.2.vect", Polyline, 3, 105),
+            ("9.2.40.vect", Polyline, 2, 114),
+        ] {
+            let Some(set) = published(name) else { continue };
+            assert_eq!(
+                (set.basis(), set.len(), set.points()),
+                (basis, loops, points)
+            );
+            assert_eq!(set.segments(), points, "{name}");
+            assert!(set.curves().iter().all(|c| c.closed), "{name}");
+            assert_eq!(
+                (0..loops).map(|i| set.repeated_vertices(i)).sum::<usize>(),
+                0
+            );
+        }
+    }
+
+    #[test]
+    fn published_models_keep_their_points() {
+        if let Some(set) = published("houdiniobj.obj") {
+            let counts: Vec<i32> = set.counts().collect();
+            assert_eq!(counts, [-4800, -4800]);
+            assert_eq!(set.precision(), Precision::F64);
+            // The first line goes 1, 4800, 4799, ..
+            assert_eq!(set.point(0, 0), [0.5, 0.0, 0.0]);
+            assert_eq!(
+                set.point(0, 4799),
+                [0.499890327, 0.0104712006, -1.37067773e-05]
+            );
+        }
+        if let Some(set) = published("2.2.1.vect") {
+            assert_eq!(set.counts().collect::<Vec<_>>(), [-36, -36]);
+            assert_eq!(set.point(0, 0), [-6.29882, 6.86615, -1.59307]);
+            assert_eq!(set.point(1, 35), [0.979481, 3.05294, -2.69246]);
+        }
+        if let Some(set) = published("glove.bcc") {
+            let dir = tempfile::tempdir().unwrap();
+            let path = dir.path().join("again.bcc");
+            write_bcc(&path, &set).unwrap();
+            assert_eq!(curves(&read(&path).unwrap()), curves(&set));
+        }
+    }
+}

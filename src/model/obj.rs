@@ -1,0 +1,410 @@
+//! Lines of a Wavefront OBJ file, as polylines in double precision.
+//!
+//! Only `v` and `l` count; other statements are ignored, and so are the weight or colours of a vertex and
+//! the texture index in `a/b`. Exporters write curves in two ways:
+//!
+//! - One `l` of many vertices a curve (Houdini, often continued over lines by `\`): each is a curve of its
+//!   own, closed where it ends at the vertex with which it began.
+//! - Many `l` of two vertices (Blender): edges, which are joined wherever they share a vertex, in whatever
+//!   order they come. The curve starts with its first edge in the file and keeps that edge's direction, so
+//!   that edges written in order give the curve in order. A vertex with more than two edges is an error:
+//!   there is more than one way on.
+//!
+//! Vertices are the same where their index is, not where their coordinates are. Curves come in the order of
+//! their first lines. An index may be ahead of its vertex; a negative one counts back from the line.
+
+use super::chains::{Chains, Edge, ThirdEdge};
+use super::{number, quote};
+use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
+use crate::error::{Error, Result};
+use std::io::BufRead;
+
+const FORMAT: &str = "OBJ";
+/// Points that are handed on at once.
+const CHUNK: usize = 1024;
+
+/// A line of more than two vertices: a range of the indices.
+struct Long {
+    start: usize,
+    end: usize,
+    closed: bool,
+    line: u64,
+}
+
+/// The statements of a file.
+#[derive(Default)]
+struct Statements {
+    vertices: Vec<Point>,
+    indices: Vec<u32>,
+    long: Vec<Long>,
+    edges: Vec<Edge>,
+    /// The largest index and its line.
+    furthest: (u32, u64),
+}
+
+/// Reads a file to its end.
+pub(super) fn read(input: impl BufRead) -> Result<CurveSet> {
+    let mut lines = Lines {
+        input,
+        statement: Vec::new(),
+        read: 0,
+    };
+    let mut found = Statements::default();
+    while let Some(line) = lines.advance()? {
+        let mut tokens = lines
+            .statement
+            .split(u8::is_ascii_whitespace)
+            .filter(|t| !t.is_empty());
+        match tokens.next() {
+            Some(b"v") => found.vertex(tokens),
+            Some(b"l") => found.line(tokens, line),
+            _ => continue,
+        }
+        .map_err(|what| bad(line, what))?;
+    }
+    if found.edges.is_empty() && found.long.is_empty() {
+        let what = "no curves: there is no l statement in it";
+        return Err(Error::format(FORMAT, "whole file", what));
+    }
+    let (index, line) = found.furthest;
+    if index as usize >= found.vertices.len() {
+        let what = format!(
+            "vertex {}, but the file has {}",
+            u64::from(index) + 1,
+            found.vertices.len()
+        );
+        return Err(bad(line, what));
+    }
+    found.build()
+}
+
+fn bad(line: u64, what: impl std::fmt::Display) -> Error {
+    Error::format(FORMAT, format_args!("line {line}"), what)
+}
+
+/// Statements one by one: comments removed, continued lines joined.
+struct Lines<R> {
+    input: R,
+    statement: Vec<u8>,
+    /// Lines read.
+    read: u64,
+}
+
+impl<R: BufRead> Lines<R> {
+    /// Fills `statement`; returns its first line, from 1, or `None` at the end.
+    fn advance(&mut self) -> Result<Option<u64>> {
+        self.statement.clear();
+        let first = self.read + 1;
+        loop {
+            let start = self.statement.len();
+            if self.input.read_until(b'\n', &mut self.statement)? == 0 {
+                return Ok((self.read >= first).then_some(first));
+            }
+            self.read += 1;
+            let new = &self.statement[start..];
+            // A comment ends with its line even after a backslash: it may well end with a Windows path.
+            if let Some(comment) = new.iter().position(|&b| b == b'#') {
+                self.statement.truncate(start + comment);
+                return Ok(Some(first));
+            }
+            let end = start + new.trim_ascii_end().len();
+            if end == start || self.statement[end - 1] != b'\\' {
+                return Ok(Some(first));
+            }
+            self.statement.truncate(end - 1);
+            self.statement.push(b' ');
+        }
+    }
+}
+
+impl Statements {
+    fn vertex<'a>(&mut self, tokens: impl Iterator<Item = &'a [u8]>) -> Result<(), String> {
+        let mut xyz = [0.0; 3];
+        let mut n = 0;
+        for token in tokens {
+            let x = number(token)?;
+            if let Some(slot) = xyz.get_mut(n) {
+                *slot = x;
+            }
+            n += 1;
+        }
+        if n < 3 {
+            return Err(format!("a vertex with {n} coordinates, expected x y z"));
+        }
+        self.vertices.push(xyz);
+        Ok(())
+    }
+
+    fn line<'a>(
+        &mut self,
+        tokens: impl Iterator<Item = &'a [u8]>,
+        line: u64,
+    ) -> Result<(), String> {
+        let start = self.indices.len();
+        for token in tokens {
+            let index = self.index(token)?;
+            if index >= self.furthest.0 {
+                self.furthest = (index, line);
+            }
+            self.indices.push(index);
+        }
+        match self.indices[start..] {
+            [] | [_] => return Err("a line with fewer than two vertices".into()),
+            [a, b] if a == b => {
+                return Err(format!("a line from vertex {} to itself", u64::from(a) + 1));
+            }
+            [a, b] => {
+                self.indices.truncate(start);
+                self.edges.push(Edge { ends: [a, b], line });
+            }
+            [a, .., b] => {
+                if a == b {
+                    self.indices.pop();
+                }
+                self.long.push(Long {
+                    start,
+                    end: self.indices.len(),
+                    closed: a == b,
+                    line,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The index, from 0, of `7`, `-1` or `7/3`.
+    fn index(&self, token: &[u8]) -> Result<u32, String> {
+        let digits = token.split(|&b| b == b'/').next().unwrap_or_default();
+        let given: i64 = std::str::from_utf8(digits)
+            .ok()
+            .and_then(|t| t.parse().ok())
+            .ok_or_else(|| format!("{}, expected the number of a vertex", quote(token)))?;
+        let from_zero = match given {
+            0 => return Err("vertex 0; vertices are numbered from 1".into()),
+            1.. => given - 1,
+            _ => given.saturating_add(self.vertices.len() as i64),
+        };
+        u32::try_from(from_zero).map_err(|_| {
+            let n = self.vertices.len();
+            format!("vertex {given}, but there are {n} vertices before this line")
+        })
+    }
+
+    fn build(self) -> Result<CurveSet> {
+        let chains = Chains::new(&self.edges, self.vertices.len()).map_err(|third| {
+            let ThirdEdge { vertex, lines } = third;
+            let what = format!(
+                "a third line at vertex {}, where the lines {} and {} meet already: \
+                 a curve has one way on",
+                u64::from(vertex) + 1,
+                lines[0],
+                lines[1]
+            );
+            bad(lines[2], what)
+        })?;
+        let points = self.indices.len() + self.edges.len();
+        let mut out = Output {
+            builder: CurveSet::builder(Basis::Polyline, Precision::F64, points),
+            vertices: &self.vertices,
+            xyz: Vec::with_capacity(3 * CHUNK),
+        };
+        let mut long = self.long.iter().peekable();
+        let mut chain = Vec::new();
+        let mut used = vec![false; self.edges.len()];
+        for (e, edge) in self.edges.iter().enumerate() {
+            if used[e] {
+                continue;
+            }
+            while let Some(l) = long.next_if(|l| l.line < edge.line) {
+                out.curve(&self.indices[l.start..l.end], l.closed)?;
+            }
+            let closed = chains.follow(e, &mut chain, &mut used);
+            out.curve(&chain, closed)?;
+        }
+        for l in long {
+            out.curve(&self.indices[l.start..l.end], l.closed)?;
+        }
+        out.builder.finish()
+    }
+}
+
+/// Curves by their vertex indices, on their way into a set.
+struct Output<'a> {
+    builder: CurveSetBuilder,
+    vertices: &'a [Point],
+    xyz: Vec<f64>,
+}
+
+impl Output<'_> {
+    fn curve(&mut self, indices: &[u32], closed: bool) -> Result<()> {
+        self.builder.start_curve(indices.len(), closed)?;
+        for chunk in indices.chunks(CHUNK) {
+            self.xyz.clear();
+            for &v in chunk {
+                self.xyz.extend(self.vertices[v as usize]);
+            }
+            self.builder.push(Positions::F64(&self.xyz))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::{curves, says};
+
+    fn parse(text: &str) -> Result<CurveSet> {
+        read(text.as_bytes())
+    }
+
+    /// Vertex `n` of [`with_vertices`], from 1.
+    fn p(n: usize) -> Point {
+        [n as f64, 0.1 * n as f64, -1e-3]
+    }
+
+    /// `lines` after ten vertices.
+    fn with_vertices(lines: &str) -> String {
+        let v = |n| format!("v {} {} {}\n", p(n)[0], p(n)[1], p(n)[2]);
+        (1..=10).map(v).collect::<String>() + lines
+    }
+
+    /// The curves of `lines`: closed or not, and which vertices.
+    fn expect(lines: &str, expected: &[(bool, &[usize])]) {
+        let set = parse(&with_vertices(lines)).unwrap();
+        let expected: Vec<_> = expected
+            .iter()
+            .map(|&(closed, ns)| (closed, ns.iter().map(|&n| p(n)).collect()))
+            .collect();
+        assert_eq!(curves(&set), expected, "{lines}");
+        assert_eq!(set.basis(), Basis::Polyline);
+        assert_eq!(set.precision(), Precision::F64);
+    }
+
+    #[test]
+    fn one_long_line_a_curve() {
+        expect(
+            "l 1 2 3 4 1\nl 5 6 7\n",
+            &[(true, &[1, 2, 3, 4]), (false, &[5, 6, 7])],
+        );
+        // A shared vertex joins no long lines.
+        expect(
+            "l 1 2 3\nl 3 4 5\n",
+            &[(false, &[1, 2, 3]), (false, &[3, 4, 5])],
+        );
+    }
+
+    #[test]
+    fn long_lines_go_on_after_a_backslash() {
+        expect("l 1 2 \\\n  3 4\\\r\n 1", &[(true, &[1, 2, 3, 4])]);
+        expect("l 1 2 3 \\", &[(false, &[1, 2, 3])]);
+        // A comment does not: the next line counts.
+        expect(
+            "# C:\\models\\\nl 1 2 3 # \\\nl 4 5 6",
+            &[(false, &[1, 2, 3]), (false, &[4, 5, 6])],
+        );
+    }
+
+    #[test]
+    fn short_lines_in_order_become_curves() {
+        expect(
+            "l 1 2\nl 2 3\nl 3 1\nl 4 5\nl 5 6\nl 7 8\n",
+            &[(true, &[1, 2, 3]), (false, &[4, 5, 6]), (false, &[7, 8])],
+        );
+    }
+
+    #[test]
+    fn short_lines_out_of_order_become_curves() {
+        // The second curve is continued, and at its start, after the first one is closed.
+        expect(
+            "l 1 2\nl 5 6\nl 3 1\nl 2 3\nl 4 5\nl 7 6\n",
+            &[(true, &[1, 2, 3]), (false, &[4, 5, 6, 7])],
+        );
+        expect("l 2 1\nl 1 2\n", &[(true, &[2, 1])]);
+    }
+
+    #[test]
+    fn curves_come_in_the_order_of_their_first_lines() {
+        expect(
+            "l 1 2 3\nl 4 5\nl 6 7 8 6\nl 6 5\nl 9 10\nl 1 3 2\n",
+            &[
+                (false, &[1, 2, 3]),
+                (false, &[4, 5, 6]),
+                (true, &[6, 7, 8]),
+                (false, &[9, 10]),
+                (false, &[1, 3, 2]),
+            ],
+        );
+    }
+
+    #[test]
+    fn indices_may_count_back_carry_textures_and_run_ahead() {
+        expect("l -1 -2 -10\n", &[(false, &[10, 9, 1])]);
+        expect(
+            "l 1/4 2/ 3/1/1\nl -3 5\n",
+            &[(false, &[1, 2, 3]), (false, &[8, 5])],
+        );
+        let set = parse("l 1 3 2\nv 0 0 0\nl -1 2\nv 1 1 1\nv 2 2 2").unwrap();
+        assert_eq!(set.point(0, 1), [2.0; 3]);
+        assert_eq!(set.point(1, 0), [0.0; 3]);
+    }
+
+    #[test]
+    fn everything_else_is_ignored() {
+        let text = "mtllib \u{e4}.mtl\n\no name\nvt 0 0\nvn x y z\nf 1 2 99\n g\n\
+                    v 1 2 3 0.5\n\tv 4 5 6 0.1 0.2 0.3 # red\nusemtl #\nl 1 2#3\ncurv 0 1 7 8\n";
+        // A Latin-1 byte, as old exporters write it.
+        let bytes: Vec<u8> = text.chars().map(|c| c as u8).collect();
+        let set = read(&bytes[..]).unwrap();
+        assert_eq!(curves(&set), [(false, vec![[1., 2., 3.], [4., 5., 6.]])]);
+    }
+
+    #[test]
+    fn bad_files_are_named_by_line() {
+        for (lines, expected) in [
+            ("", "whole file): no curves"),
+            ("f 1 2 3\n", "no l statement"),
+            ("l\n", "line 11): a line with fewer than two"),
+            ("l 1\n", "fewer than two"),
+            ("l 4 4\n", "vertex 4 to itself"),
+            ("\nl 1 0\n", "line 12): vertex 0"),
+            ("l 1 x\n", "'x', expected the number of a vertex"),
+            ("l 1 /2\n", "'/2', expected"),
+            ("l 1 2.0\n", "'2.0', expected"),
+            ("l 1 -11\n", "vertex -11, but there are 10"),
+            (
+                "l 1 11\nl 12 2 3\nl 1 2 3\n",
+                "line 12): vertex 12, but the file has 10",
+            ),
+            ("l 4294967296 2\n", "vertex 4294967296, but the file has 10"),
+            ("l 4294967297 2\n", "vertex 4294967297, but"),
+            ("l 99999999999999999999 2\n", "expected the number"),
+            ("l -9223372036854775808 2\n", "but there are 10"),
+            (
+                "l 1 2\nl 3 2\nl 5 6\nl 2 4\n",
+                "line 14): a third line at vertex 2, where the lines 11 and 12",
+            ),
+            ("v 1 2\n", "line 11): a vertex with 2 coordinates"),
+            ("v 1 2 z\n", "'z', expected a number"),
+            ("v 1 2 3 w\n", "'w', expected a number"),
+            ("v 1 2 1e999\n", "'1e999' is not a finite number"),
+            ("v NaN 2 1\n", "'NaN' is not a finite number"),
+            ("v 1 inf 1\n", "'inf' is not a finite number"),
+            ("l 1 \\\n2 \\\n\u{1b}[2J\n", "line 11): '\\u{1b}[2J'"),
+        ] {
+            says(parse(&with_vertices(lines)), expected);
+        }
+    }
+
+    #[test]
+    fn long_curves_come_in_chunks() {
+        let n = 2 * CHUNK + 1;
+        let mut text: String = (0..n).map(|k| format!("v {k} 0 0\n")).collect();
+        text += "l";
+        (1..=n).for_each(|k| text += &format!(" {k}"));
+        let set = parse(&format!("{text} 1\n")).unwrap();
+        assert_eq!((set.len(), set.points()), (1, n));
+        assert!(set.curve(0).closed);
+        assert_eq!(set.point(0, n - 1), [2048.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,88 @@
+//! Certificates of real models against the expected ones. The models are large and not part of the project:
+//! where they are not found beside it, these tests say so and pass.
+
+use linkwatch::{AbortOn, Basis, Certificate, Verifier, homotopic_polylines, model};
+use std::path::PathBuf;
+
+/// The file `name` of the models beside the project, if it is there.
+fn model_file(name: &str) -> Option<PathBuf> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../shared/models")
+        .join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("skipped: {} is not here", path.display());
+    None
+}
+
+fn certify(name: &str) -> Option<Certificate> {
+    let set = model::read(&model_file(name)?).unwrap();
+    let (certificate, stats) = Verifier::new(AbortOn::Any).certify(&set);
+    println!("{name}: {stats:?}");
+    assert_eq!(certificate.undefined, []);
+    Some(certificate)
+}
+
+#[test]
+fn certificates_equal_the_expected_ones() {
+    for (file, expected) in [
+        ("glove.bcc", "glove.certificate.txt"),
+        ("knittubeinit.bcc", "knittubeinit.certificate.txt"),
+        ("knittubebroken.bcc", "knittubebroken.certificate.txt"),
+        ("houdiniobj.obj", "houdiniobj.certificate.txt"),
+    ] {
+        if let (Some(found), Some(expected)) = (certify(file), model_file(expected)) {
+            assert_eq!(found, Certificate::read(&expected).unwrap(), "{file}");
+        }
+    }
+}
+
+#[test]
+fn rolfsen_links_have_their_linking_numbers() {
+    for (file, expected) in [
+        ("2.2.1.vect", "2\n0,1,1\n"),
+        ("4.2.1.vect", "2\n0,1,-2\n"),
+        ("5.2.1.vect", "2\n"),
+        ("6.3.2.vect", "3\n"),
+        ("3.1.vect", "1\n"),
+        ("4.1.vect", "1\n"),
+    ] {
+        if let Some(found) = certify(file) {
+            assert_eq!(found.to_string(), expected, "{file}");
+        }
+    }
+}
+
+/// Algorithm 3 as published: its counts are those of verifycurves, and its polylines have the same
+/// certificate as the lazy discretization of each pair.
+#[test]
+fn algorithm_3_gives_the_published_counts_and_the_same_certificates() {
+    for (file, overlaps, segments) in [
+        ("glove.bcc", Some(3867), Some(65_933)),
+        ("knittubebroken.bcc", None, Some(27_530)),
+        ("knittubeinit.bcc", None, None),
+    ] {
+        let Some(path) = model_file(file) else {
+            continue;
+        };
+        let set = model::read(&path).unwrap();
+        let polylines = homotopic_polylines(&set).unwrap();
+        println!(
+            "{file}: {} overlaps, {} segments, {} passes",
+            polylines.overlaps,
+            polylines.curves.segments(),
+            polylines.passes
+        );
+        assert_eq!(polylines.curves.basis(), Basis::Polyline);
+        assert!(polylines.too_close.is_empty());
+        assert!(overlaps.is_none_or(|n| n == polylines.overlaps));
+        assert!(segments.is_none_or(|n| n == polylines.curves.segments()));
+        let mut verifier = Verifier::new(AbortOn::Any);
+        assert_eq!(
+            verifier.certify(&polylines.curves).0,
+            verifier.certify(&set).0,
+            "{file}"
+        );
+    }
+}
