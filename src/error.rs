@@ -128,6 +128,9 @@ pub enum Error {
         /// Why the first has none.
         why: String,
     },
+    /// Arguments that do not go together.
+    #[error("{0}")]
+    Usage(String),
     /// The bus failed.
     #[error("bus: {0}")]
     Bus(String),

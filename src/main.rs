@@ -1,2 +1,7 @@
-//! The command `linkwatch`.
-fn main() {}
+//! The command `linkwatch`: parse, run, exit code.
+
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::main()
+}

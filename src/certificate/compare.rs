@@ -120,7 +120,8 @@ impl Certificate {
             match (a.peek(), b.peek()) {
                 (Some(p), Some(q)) if (p.i, p.j) == (q.i, q.j) => {
                     change(p, p.lambda, q.lambda);
-                    (a.next(), b.next());
+                    a.next();
+                    b.next();
                 }
                 (Some(p), q) if q.is_none_or(|q| (p.i, p.j) < (q.i, q.j)) => {
                     change(p, p.lambda, 0);

@@ -22,7 +22,7 @@ pub struct Link {
 ///
 /// Pairs that are listed neither in [`Certificate::links`] nor in [`Certificate::undefined`] have the linking
 /// number 0, proven.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Certificate {
     /// Number of curves.
     pub curves: usize,
@@ -30,4 +30,15 @@ pub struct Certificate {
     pub links: Vec<Link>,
     /// What has no linking number (touching, too close, degenerate), sorted; see [`Defect`].
     pub undefined: Vec<Defect>,
+}
+
+impl Certificate {
+    /// Takes the numbers of these pairs back: they turned out not to be proven.
+    pub fn withdraw(&mut self, defects: impl IntoIterator<Item = Defect>) {
+        for d in defects {
+            self.links.retain(|l| (l.i, Some(l.j)) != (d.i, d.j));
+            self.undefined.push(d);
+        }
+        self.undefined.sort_by_key(|d| (d.i, d.j));
+    }
 }

@@ -119,6 +119,16 @@ impl Basis {
 /// A cubic segment by its four Bezier control points.
 pub(crate) type Bezier = [Point; 4];
 
+/// Smallest and largest coordinates, in double precision.
+pub(crate) type Bounds = (Point, Point);
+
+/// The box of the control points, which contains the curve.
+pub(crate) fn hull_bounds(p: &Bezier) -> Bounds {
+    let fold =
+        |f: fn(f64, f64) -> f64| [0, 1, 2].map(|x| f(f(p[0][x], p[1][x]), f(p[2][x], p[3][x])));
+    (fold(f64::min), fold(f64::max))
+}
+
 /// The polar form of a cubic: control points of any sub-segment are its values at the ends.
 ///
 /// Rounding: three rounds of `p + (q - p) t`, each within `5 M u` (difference of at most `2M`, product,

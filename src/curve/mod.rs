@@ -5,7 +5,7 @@ mod boxes;
 mod set;
 
 pub use basis::Basis;
-pub(crate) use basis::{Bezier, point_at, sub_segment};
+pub(crate) use basis::{Bezier, Bounds, hull_bounds, point_at, sub_segment};
 pub use boxes::Box3;
 pub(crate) use boxes::{BoxGroup, LANES};
 pub use set::{Curve, CurveSet, CurveSetBuilder, Positions, Precision};

@@ -1,7 +1,7 @@
 //! All curves of one frame, as a structure of arrays.
 
 use super::boxes::{BoxGroup, LANES, larger, round_down, round_up, smaller};
-use super::{Basis, Bezier, Point, point_at};
+use super::{Basis, Bezier, Point, hull_bounds, point_at};
 use crate::error::{Error, Result};
 
 /// Type of the coordinates as they came in. They are kept in that type: nothing is rounded.
@@ -419,8 +419,8 @@ impl CurveSet {
         let first = self.slot(i, g * LANES);
         match (&self.coordinates, self.basis) {
             (Coordinates::F32(v), Basis::Polyline) => {
-                for x in 0..3 {
-                    let p = &v[x][first..first + LANES + 1];
+                for (x, v) in v.iter().enumerate() {
+                    let p = &v[first..first + LANES + 1];
                     for k in 0..LANES {
                         group.lo[x][k] = smaller(p[k], p[k + 1]);
                         group.hi[x][k] = larger(p[k], p[k + 1]);
@@ -428,8 +428,8 @@ impl CurveSet {
                 }
             }
             (Coordinates::F64(v), Basis::Polyline) => {
-                for x in 0..3 {
-                    let p = &v[x][first..first + LANES + 1];
+                for (x, v) in v.iter().enumerate() {
+                    let p = &v[first..first + LANES + 1];
                     for k in 0..LANES {
                         group.lo[x][k] = round_down(p[k].min(p[k + 1]));
                         group.hi[x][k] = round_up(p[k].max(p[k + 1]));
@@ -441,11 +441,10 @@ impl CurveSet {
                 let count = (self.curves[i].segments as usize - g * LANES).min(LANES);
                 for k in 0..count {
                     let b = self.segment(i, g * LANES + k);
+                    let (lo, hi) = hull_bounds(&b);
                     for x in 0..3 {
-                        let lo = b[0][x].min(b[1][x]).min(b[2][x].min(b[3][x]));
-                        let hi = b[0][x].max(b[1][x]).max(b[2][x].max(b[3][x]));
-                        group.lo[x][k] = round_down(lo - pad);
-                        group.hi[x][k] = round_up(hi + pad);
+                        group.lo[x][k] = round_down(lo[x] - pad);
+                        group.hi[x][k] = round_up(hi[x] + pad);
                     }
                 }
             }
@@ -677,9 +676,9 @@ mod tests {
                     let b = set.leaf_boxes(0, s / 8).lane(s % 8);
                     for k in 0..=10 {
                         let p = set.eval(0, s, f64::from(k) / 10.0);
-                        for x in 0..3 {
-                            assert!(f64::from(b.lo[x]) <= p[x] && p[x] <= f64::from(b.hi[x]));
-                        }
+                        let inside =
+                            |x: usize| f64::from(b.lo[x]) <= p[x] && p[x] <= f64::from(b.hi[x]);
+                        assert!((0..3).all(inside));
                     }
                 }
                 if closed {

@@ -8,9 +8,9 @@
 //! Cost: one box test for every pair of segments whose boxes overlap, and again for their halves. The pair-wise
 //! way ([`super::refine_pair`]) adds about a hundredth of the points on garments.
 
-use super::hulls::{Bounds, boxes_apart, separation_margin, tight_bounds};
+use super::hulls::{boxes_apart, separation_margin, tight_bounds};
 use super::{MAX_FRONT, MAX_LEVEL};
-use crate::curve::{Basis, Bezier, CurveSet, Positions, Precision, point_at, sub_segment};
+use crate::curve::{Basis, Bezier, Bounds, CurveSet, Positions, Precision, sub_segment};
 use crate::error::Result;
 use crate::pairs::{Pair, Trees, overlapping_segments, potential_links};
 use crate::verdict::{Defect, DefectKind};

@@ -1,13 +1,13 @@
 //! Are the convex hulls of two cubic segments apart, by more than rounding can hide?
 
-use crate::curve::{Bezier, Point};
+use crate::curve::{Bezier, Bounds, Point, hull_bounds};
 
 /// Whether some tested axis separates the hulls, each of them dilated by `margin` in the maximum norm.
 ///
 /// "No" means not known. `margin` bounds how far computed control points and computed curve points lie from
 /// the true ones; see [`separation_margin`] for what it must cover beyond that.
 pub(super) fn separated(a: &Bezier, b: &Bezier, margin: f64) -> bool {
-    if boxes_apart(&bounds(a), &bounds(b), margin) {
+    if boxes_apart(&hull_bounds(a), &hull_bounds(b), margin) {
         return true;
     }
     let (da, db) = (sub(a[3], a[0]), sub(b[3], b[0]));
@@ -54,16 +54,6 @@ fn apart_along(a: &Bezier, b: &Bezier, n: Point, margin: f64) -> bool {
     let ((a_lo, a_hi), (b_lo, b_hi)) = (extent(a), extent(b));
     // Strict: a normal of zero separates nothing.
     a_hi + slack < b_lo || b_hi + slack < a_lo
-}
-
-/// Smallest and largest coordinates.
-pub(super) type Bounds = (Point, Point);
-
-/// The box of the control points.
-pub(super) fn bounds(p: &Bezier) -> Bounds {
-    let fold =
-        |f: fn(f64, f64) -> f64| [0, 1, 2].map(|x| f(f(p[0][x], p[1][x]), f(p[2][x], p[3][x])));
-    (fold(f64::min), fold(f64::max))
 }
 
 /// The box of the curve itself, within rounding: its ends and its extremes.

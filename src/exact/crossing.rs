@@ -13,7 +13,7 @@
 //! where the vertex belongs to the upper loop. An edge that projects to a point gives 0 at both ends and so
 //! no crossing. Two edges that share a vertex get the same answer for it: no half-open bookkeeping.
 
-use super::predicates::{Predicates, sign};
+use super::predicates::{ORIENT2D_BOUND, ORIENT3D_BOUND, Predicates};
 use crate::curve::Point;
 
 /// What an upper and a lower segment do.
@@ -127,7 +127,6 @@ impl Batch {
     /// the bounds of all determinants that it needs are met.
     #[inline]
     pub fn evaluate(&self, count: usize) -> BatchOutcome {
-        use super::predicates::{ORIENT2D_BOUND, ORIENT3D_BOUND};
         let [a, b, c, d] = &self.ends;
         // 0: no crossing; 1, -1: crossing; 2: not decided.
         let mut lanes = [0i64; 8];

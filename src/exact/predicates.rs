@@ -88,7 +88,7 @@ impl Predicates {
 }
 
 /// Three-valued sign.
-pub(crate) fn sign(x: f64) -> i32 {
+fn sign(x: f64) -> i32 {
     i32::from(x > 0.0) - i32::from(x < 0.0)
 }
 

@@ -4,7 +4,7 @@ use super::Pair;
 use crate::curve::Box3;
 
 /// All pairs of overlapping boxes, sorted. Quadratic.
-pub fn potential_links_brute(boxes: &[Box3]) -> Vec<Pair> {
+pub(crate) fn potential_links_brute(boxes: &[Box3]) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for (i, a) in boxes.iter().enumerate() {
         for (j, b) in boxes.iter().enumerate().skip(i + 1) {

@@ -3,17 +3,19 @@
 //! Two curves in disjoint convex volumes are not linked, so only pairs whose boxes overlap go on (Qu & James
 //! 2021, section 3.2, Algorithm 2).
 
+#[cfg(test)]
 mod brute;
 mod closest;
 mod overlaps;
 mod sweep;
 mod trees;
 
-pub use brute::potential_links_brute;
+#[cfg(test)]
+pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{closest_approach, closest_of_segments};
 pub(crate) use overlaps::overlapping_segments;
 pub(crate) use sweep::potential_links;
 pub(crate) use trees::{Node, Trees};
 
 /// A pair of curves, `i < j`.
-pub type Pair = (u32, u32);
+pub(crate) type Pair = (u32, u32);

@@ -111,12 +111,11 @@ impl<'a> Count<'a> {
         if splits.iter().all(Splits::is_empty) {
             return self.add(tests);
         }
-        let (split, whole): (Vec<(u32, u32)>, Vec<(u32, u32)>) = tests
-            .iter()
-            .partition(|&&(s, t)| splits[0].splits(s) || splits[1].splits(t));
+        let is_split = |&(s, t): &(u32, u32)| splits[0].splits(s) || splits[1].splits(t);
+        let whole: Vec<_> = tests.iter().copied().filter(|p| !is_split(p)).collect();
         self.add(&whole);
         let (mut upper, mut lower) = (Vec::new(), Vec::new());
-        for (s, t) in split {
+        for &(s, t) in tests.iter().filter(|p| is_split(p)) {
             splits[0].polyline(self.set, self.curves[0], s, &mut upper);
             splits[1].polyline(self.set, self.curves[1], t, &mut lower);
             for p in upper.windows(2) {

@@ -15,6 +15,8 @@
 mod direction;
 mod evaluate;
 #[cfg(test)]
+mod spline_tests;
+#[cfg(test)]
 mod tests;
 mod traverse;
 

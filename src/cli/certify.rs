@@ -1,0 +1,142 @@
+//! `linkwatch certify`: models in, certificates out.
+
+use super::output::{self, count, millis, plural};
+use super::{Outcome, output::with_progress};
+use clap::ValueEnum;
+use linkwatch::{
+    AbortOn, Certificate, CurveSet, Result, Stats, Verifier, homotopic_polylines, model,
+};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Compute the linking numbers of all pairs of curves: the certificate of a model's topology
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Models: .bcc, .obj (lines) or .vect
+    #[arg(required = true, value_name = "MODEL")]
+    models: Vec<PathBuf>,
+    /// Write the certificate to a file (one model only) instead of stdout
+    #[arg(short, long, value_name = "CERT")]
+    output: Option<PathBuf>,
+    /// How splines become polylines
+    #[arg(long, value_enum, default_value_t)]
+    discretize: Discretize,
+}
+
+/// How splines become polylines.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum Discretize {
+    /// Each pair by itself, only where its curves come close
+    #[default]
+    Pair,
+    /// All curves at once, as in Algorithm 3 of Qu & James 2021
+    Algorithm3,
+}
+
+/// A model with its certificate.
+struct Certified {
+    set: CurveSet,
+    certificate: Certificate,
+    stats: Stats,
+    took: Duration,
+}
+
+/// Reads a model and computes its certificate.
+fn certify(path: &Path, how: Discretize) -> Result<Certified> {
+    let set = model::read(path)?;
+    let mut verifier = Verifier::new(AbortOn::Never);
+    let name = path.display().to_string();
+    let start = std::time::Instant::now();
+    let (certificate, stats) = with_progress(&name, verifier.progress(), || match how {
+        Discretize::Pair => Ok(verifier.certify(&set)),
+        Discretize::Algorithm3 => {
+            let polylines = homotopic_polylines(&set)?;
+            tracing::info!(
+                "{name}: Algorithm 3 made {} segments of {} ({} overlaps, {} passes)",
+                count(polylines.curves.segments() as u64),
+                count(set.segments() as u64),
+                count(polylines.overlaps as u64),
+                polylines.passes,
+            );
+            let (mut certificate, stats) = verifier.certify(&polylines.curves);
+            certificate.withdraw(polylines.too_close);
+            Ok::<_, linkwatch::Error>((certificate, stats))
+        }
+    })?;
+    let took = start.elapsed();
+    if stats.open_curves > 0 {
+        tracing::warn!(
+            "{name}: {} left out: linking numbers are defined for closed curves only",
+            plural(stats.open_curves, "open curve")
+        );
+    }
+    if stats.repeated_vertices > 0 {
+        let vertices =
+            plural(stats.repeated_vertices, "repeated vertex").replace("vertexs", "vertices");
+        tracing::warn!("{name}: {vertices} merged");
+    }
+    for defect in &certificate.undefined {
+        tracing::warn!("{name}: {defect}");
+    }
+    Ok(Certified {
+        set,
+        certificate,
+        stats,
+        took,
+    })
+}
+
+/// Runs the command.
+pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    if args.output.is_some() && args.models.len() > 1 {
+        return Err(linkwatch::Error::Usage(format!(
+            "-o takes the certificate of one model; {} were given",
+            args.models.len()
+        )));
+    }
+    let mut outcome = Outcome::Fine;
+    for path in &args.models {
+        let c = certify(path, args.discretize)?;
+        if !c.certificate.undefined.is_empty() {
+            outcome = Outcome::Undecided;
+        }
+        tracing::info!("{}: {}", path.display(), summary(&c));
+        if json {
+            output::json(&serde_json::json!({
+                "model": path,
+                "basis": c.set.basis(),
+                "certificate": c.certificate,
+                "stats": c.stats,
+                "ms": c.took.as_secs_f64() * 1e3,
+            }))?;
+        }
+        match &args.output {
+            Some(file) => {
+                c.certificate.write(file)?;
+                tracing::info!("{}: written", file.display());
+            }
+            None if json => {}
+            None if args.models.len() == 1 => output::line(c.certificate.to_string().trim_end())?,
+            None => output::line(format_args!("{}: {}", path.display(), summary(&c)))?,
+        }
+    }
+    Ok(outcome)
+}
+
+fn summary(c: &Certified) -> String {
+    let undefined = match c.certificate.undefined.len() {
+        0 => String::new(),
+        n => format!(
+            ", {} without a linking number",
+            plural(n as u64, "pair or curve")
+        ),
+    };
+    format!(
+        "{} of {}, {}, {}{undefined} ({})",
+        plural(c.stats.curves, "curve"),
+        plural(c.stats.segments, "segment"),
+        plural(c.stats.potential_links, "potential link"),
+        plural(c.certificate.links.len() as u64, "link"),
+        millis(c.took),
+    )
+}

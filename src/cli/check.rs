@@ -1,0 +1,69 @@
+//! `linkwatch check`: models against a certificate.
+
+use super::Outcome;
+use super::output::{self, with_progress};
+use linkwatch::{AbortOn, Certificate, Error, Result, Verifier, model};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Compare the topology of models with a certificate
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Models: .bcc, .obj (lines) or .vect; several are frames of one motion
+    #[arg(required = true, value_name = "MODEL")]
+    models: Vec<PathBuf>,
+    /// The certificate to compare with, as `linkwatch certify -o` writes it
+    #[arg(long, value_name = "CERT")]
+    against: PathBuf,
+    /// Write the pairs that differ, a line `i,j,expected,found` each
+    #[arg(long, value_name = "FILE")]
+    diff_pairs: Option<PathBuf>,
+    /// Write the curves that take part in a difference, a line each
+    #[arg(long, value_name = "FILE")]
+    diff_curves: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let expected = Certificate::read(&args.against)?;
+    let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
+    let mut outcome = Outcome::Fine;
+    let mut pairs = BTreeSet::new();
+    for (frame, path) in args.models.iter().enumerate() {
+        let set = model::read(path)?;
+        let name = path.display().to_string();
+        let report = with_progress(&name, verifier.progress(), || {
+            verifier.step(frame as u64, 0.0, &set)
+        })?;
+        let changes = report.changes.iter();
+        pairs.extend(changes.map(|c| (c.i, c.j, c.expected, c.found)));
+        outcome = outcome.max(Outcome::of(report.verdict));
+        if json {
+            output::json(&serde_json::json!({ "model": path, "report": report }))?;
+            continue;
+        }
+        output::line(format_args!("{name}: {}", report.verdict))?;
+        for finding in report.findings() {
+            output::line(format_args!("  {finding}"))?;
+        }
+    }
+    if let Some(file) = &args.diff_pairs {
+        let lines = pairs
+            .iter()
+            .map(|(i, j, expected, found)| format!("{i},{j},{expected},{found}"));
+        write_lines(file, lines)?;
+    }
+    if let Some(file) = &args.diff_curves {
+        let curves: BTreeSet<u32> = pairs.iter().flat_map(|p| [p.0, p.1]).collect();
+        write_lines(file, curves.iter().map(u32::to_string))?;
+    }
+    Ok(outcome)
+}
+
+fn write_lines(file: &Path, lines: impl Iterator<Item = String>) -> Result<()> {
+    let text: String = lines.map(|line| line + "\n").collect();
+    std::fs::write(file, text).map_err(|source| Error::File {
+        path: file.to_owned(),
+        source,
+    })
+}

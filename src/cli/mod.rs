@@ -1,0 +1,98 @@
+//! The command line, one file a subcommand. Uses the library as anybody could.
+
+mod certify;
+mod check;
+mod output;
+
+use clap::{Parser, Subcommand};
+use linkwatch::Verdict;
+use std::process::ExitCode;
+
+/// Watches a simulation of yarn, chainmail or any loopy structure: verifies the linking numbers of every frame.
+#[derive(Debug, Parser)]
+#[command(version, about, after_help = EXIT_CODES)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Results as JSON, a line each, on stdout
+    #[arg(long, global = true)]
+    json: bool,
+    /// Threads to compute with [default: one a core]
+    #[arg(long, global = true, value_name = "N")]
+    threads: Option<usize>,
+    /// Say less on stderr (warnings and errors only)
+    #[arg(short, long, global = true)]
+    quiet: bool,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 intact or done, 1 topology changed, 2 bad arguments or bad input, \
+3 undecided (curves touch or are too close) or data lost";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Certify(certify::Args),
+    Check(check::Args),
+}
+
+/// How a command ended, worst last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Outcome {
+    /// Intact, or done.
+    Fine,
+    /// Undecided, or data lost.
+    Undecided,
+    /// The topology changed.
+    Changed,
+}
+
+impl Outcome {
+    /// What a verdict makes of the run.
+    fn of(verdict: Verdict) -> Outcome {
+        match verdict {
+            Verdict::Intact => Outcome::Fine,
+            Verdict::Changed => Outcome::Changed,
+            Verdict::Contact | Verdict::Undecided | Verdict::Stale | Verdict::Rejected => {
+                Outcome::Undecided
+            }
+        }
+    }
+
+    fn code(self) -> u8 {
+        match self {
+            Outcome::Fine => 0,
+            Outcome::Changed => 1,
+            Outcome::Undecided => 3,
+        }
+    }
+}
+
+/// Parses the arguments and runs the command.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    output::init(cli.quiet);
+    if let Some(n) = cli.threads {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(n)
+            .build_global();
+        if let Err(e) = pool {
+            eprintln!("error: --threads {n}: {e}");
+            return ExitCode::from(2);
+        }
+    }
+    let result = match &cli.command {
+        Command::Certify(args) => certify::run(args, cli.json),
+        Command::Check(args) => check::run(args, cli.json),
+    };
+    match result {
+        Ok(outcome) => ExitCode::from(outcome.code()),
+        // The reader of our output went away (`linkwatch .. | head`): nobody is left to tell.
+        Err(linkwatch::Error::Io(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => {
+            ExitCode::SUCCESS
+        }
+        Err(e) => {
+            eprintln!("error: {e}");
+            ExitCode::from(2)
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! What a person or a program sees: results on stdout, everything else on stderr.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use linkwatch::Progress;
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::mpsc;
+use std::time::Duration;
+use tracing_subscriber::EnvFilter;
+
+/// Sends log messages to stderr. `RUST_LOG` overrides the level.
+pub fn init(quiet: bool) {
+    let level = if quiet { "warn" } else { "info" };
+    let filter = EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| EnvFilter::new(format!("warn,linkwatch={level}")));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(console_on_stderr())
+        .without_time()
+        .with_target(false)
+        .init();
+}
+
+/// Writes a line to stdout.
+pub fn line(text: impl std::fmt::Display) -> linkwatch::Result<()> {
+    writeln!(std::io::stdout().lock(), "{text}")?;
+    Ok(())
+}
+
+/// Writes a value as one line of JSON to stdout.
+pub fn json(value: &serde_json::Value) -> linkwatch::Result<()> {
+    line(value)
+}
+
+/// Runs `work` with a progress bar on the terminal once it lasts longer than a moment.
+pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce() -> T) -> T {
+    if !console_on_stderr() {
+        return work();
+    }
+    let (done, ended) = mpsc::channel::<()>();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            // Most runs end before a bar could be read.
+            if ended.recv_timeout(Duration::from_millis(700))
+                != Err(mpsc::RecvTimeoutError::Timeout)
+            {
+                return;
+            }
+            let bar = ProgressBar::new(0).with_style(
+                ProgressStyle::with_template(
+                    "{msg} [{bar:40}] {human_pos}/{human_len} pairs, {eta} left",
+                )
+                .expect("the template is constant and valid"),
+            );
+            bar.set_message(what.to_owned());
+            while ended.recv_timeout(Duration::from_millis(100))
+                == Err(mpsc::RecvTimeoutError::Timeout)
+            {
+                let (done, total) = progress.pairs();
+                bar.set_length(total);
+                bar.set_position(done);
+            }
+            bar.finish_and_clear();
+        });
+        let result = work();
+        // The other end may be gone already; then there is no bar to end.
+        drop(done);
+        result
+    })
+}
+
+/// Whether stderr is a terminal.
+pub fn console_on_stderr() -> bool {
+    std::io::IsTerminal::is_terminal(&std::io::stderr())
+}
+
+/// A count with separators, `211,680`.
+pub fn count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (k, c) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(c);
+    }
+    out
+}
+
+/// A count with its noun, `1 link`, `2 links`.
+pub fn plural(n: u64, noun: &str) -> String {
+    if n == 1 {
+        format!("1 {noun}")
+    } else {
+        format!("{} {noun}s", count(n))
+    }
+}
+
+/// Milliseconds with as many digits as they deserve.
+pub fn millis(d: Duration) -> String {
+    let ms = d.as_secs_f64() * 1e3;
+    if ms < 10.0 {
+        format!("{ms:.2} ms")
+    } else {
+        format!("{ms:.0} ms")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_read_well() {
+        assert_eq!(count(0), "0");
+        assert_eq!(count(999), "999");
+        assert_eq!(count(1000), "1,000");
+        assert_eq!(count(1_234_567), "1,234,567");
+        assert_eq!(plural(1, "link"), "1 link");
+        assert_eq!(plural(2000, "link"), "2,000 links");
+        assert_eq!(millis(Duration::from_micros(1234)), "1.23 ms");
+        assert_eq!(millis(Duration::from_millis(1234)), "1234 ms");
+    }
+}

@@ -1,0 +1,126 @@
+//! Random spline links against the oracle on densely sampled polygons.
+
+use super::*;
+use crate::curve::{Basis, Positions};
+use crate::discretize::homotopic_polylines;
+use crate::kernels::oracle;
+use crate::{AbortOn, Verifier};
+
+/// Points a segment of the reference polygons; the finer one is asked where the coarser one disagrees.
+const SAMPLES: [usize; 2] = [12, 150];
+
+/// The curve as an integer polygon, `samples` points a segment.
+fn sampled(set: &CurveSet, i: usize, samples: usize) -> Vec<[i64; 3]> {
+    let n = set.curve(i).segments as usize;
+    (0..n * samples)
+        .map(|k| {
+            let p = set.eval(i, k / samples, (k % samples) as f64 / samples as f64);
+            p.map(|x| (x * (1u64 << 36) as f64).round() as i64)
+        })
+        .collect()
+}
+
+#[test]
+fn random_splines_equal_finely_sampled_polygons_in_all_six_directions() {
+    let mut state = 4242u64;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 40) as f32 / (1u32 << 24) as f32
+    };
+    for basis in [Basis::CatmullRom, Basis::BSpline, Basis::Bezier] {
+        let (mut linked, mut refined, mut control_polygon_lies) = (0, 0, 0);
+        for _ in 0..400 {
+            let sizes = [next(), next()].map(|r| 4 + (r * 8.0) as i32);
+            let counts = sizes.map(|n| if basis == Basis::Bezier { -3 * n } else { -n });
+            let total = -(counts[0] + counts[1]) as usize;
+            let xyz: Vec<f32> = (0..3 * total).map(|_| next()).collect();
+            let set = CurveSet::from_counts(basis, &counts, Positions::F32(&xyz)).unwrap();
+            let mut trees = Trees::default();
+            trees.refit(&set);
+            let scene = Scene {
+                set: &set,
+                trees: &trees,
+            };
+            let want = |samples| {
+                oracle::linking_number(&sampled(&set, 0, samples), &sampled(&set, 1, samples))
+                    .expect("random curves do not touch")
+            };
+            let mut scratch = Scratch::default();
+            let mut expected = want(SAMPLES[0]);
+            for fixed in Direction::ALL.map(Some).into_iter().chain([None]) {
+                let found = linking_number(scene, (0, 1), fixed, &mut scratch);
+                if found != Linking::Number(expected) {
+                    expected = want(SAMPLES[1]);
+                }
+                assert_eq!(
+                    found,
+                    Linking::Number(expected),
+                    "{basis:?} {fixed:?} {xyz:?}"
+                );
+            }
+            refined += scratch.take_stats().refined;
+            linked += usize::from(expected != 0);
+            let control =
+                CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
+            let mut verifier = Verifier::new(AbortOn::Never);
+            let lambda = |links: &[crate::Link]| links.first().map_or(0, |l| l.lambda);
+            control_polygon_lies +=
+                usize::from(lambda(&verifier.certify(&control).0.links) != expected);
+            let polylines = homotopic_polylines(&set).unwrap();
+            assert!(polylines.too_close.is_empty());
+            let certificate = verifier.certify(&polylines.curves).0;
+            assert_eq!(lambda(&certificate.links), expected, "Algorithm 3");
+        }
+        println!(
+            "{basis:?}: {linked} linked, {refined} points added, {control_polygon_lies} unlike their control polygons"
+        );
+        assert!(linked > 40 && refined > 1000 && control_polygon_lies > 10);
+    }
+}
+
+#[test]
+fn touching_splines_are_too_close_and_say_where() {
+    // Two closed curves through one common point.
+    let a = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]];
+    let b = [[0., 0., 0.], [-1., 0., 0.], [-1., 0., 1.], [0., 0., 1.]];
+    let xyz: Vec<f32> = a.iter().chain(&b).flatten().copied().collect();
+    let set = CurveSet::from_counts(Basis::CatmullRom, &[-4, -4], Positions::F32(&xyz)).unwrap();
+    let (certificate, _) = Verifier::new(AbortOn::Any).certify(&set);
+    let [defect] = certificate.undefined[..] else {
+        panic!("{certificate:?}")
+    };
+    assert_eq!(
+        (defect.i, defect.j, defect.kind),
+        (0, Some(1), DefectKind::TooClose)
+    );
+    assert!(defect.place.distance < 1e-9);
+    assert!(defect.place.point.iter().all(|x| x.abs() < 1e-9));
+}
+
+#[test]
+fn identical_and_parallel_splines_end_in_bounded_time() {
+    let ring = |z: f64| {
+        (0..64).flat_map(move |k| {
+            let t = f64::from(k) / 64.0 * std::f64::consts::TAU;
+            [t.cos(), t.sin(), z]
+        })
+    };
+    let cases = [
+        (0.0, Some(DefectKind::TooClose)),
+        (1e-12, None),
+        (1e-6, None),
+    ];
+    for (gap, kind) in cases {
+        let xyz: Vec<f64> = ring(0.0).chain(ring(gap)).collect();
+        let set = CurveSet::from_counts(Basis::BSpline, &[-64, -64], Positions::F64(&xyz)).unwrap();
+        let (certificate, _) = Verifier::new(AbortOn::Any).certify(&set);
+        assert_eq!(
+            certificate.undefined.first().map(|d| d.kind),
+            kind,
+            "gap {gap}"
+        );
+        assert!(certificate.links.is_empty());
+    }
+}
