@@ -1,2 +1,0 @@
-//! Chainmail.
-fn main() {}

@@ -1,0 +1,161 @@
+//! A simulator that publishes its frames: a sheet of chainmail is dropped into a box and crumples there.
+//!
+//! It simulates rigid rings with `rapier3d` and knows nothing of topology. A sidecar, `linkwatch watch`, runs
+//! as a process of its own (started from here unless `--no-sidecar`), verifies every frame, and asks this
+//! simulator to stop when a ring was pulled through another. The default time step is too large on purpose;
+//! `--substeps 16` keeps the sheet whole.
+//!
+//! What a simulator needs of linkwatch is in `simulate`: open, describe, loan, publish, poll.
+
+mod scene;
+mod sidecar;
+
+use clap::Parser;
+use linkwatch::{Basis, Client, ClientOptions, Outcome, Precision, Result};
+use scene::{FRAME_DT, FRAMES, Options, Sheet};
+use sidecar::Sidecar;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Time for the verdict on a frame in lockstep.
+const DEADLINE: Duration = Duration::from_secs(10);
+
+/// Drops a sheet of chainmail into a box, with time steps that are too large.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Time steps a frame: 1 breaks the sheet, 16 keeps it whole
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    substeps: u16,
+    /// Frames to simulate
+    #[arg(long, default_value_t = FRAMES)]
+    frames: usize,
+    /// Do not start `linkwatch watch`; one that runs already, or comes later, is used
+    #[arg(long)]
+    no_sidecar: bool,
+    /// Seconds to wait for a watcher before the first frame
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    wait: f64,
+    /// Wait for the verdict on every frame before the next step
+    #[arg(long)]
+    lockstep: bool,
+    /// Name of the service
+    #[arg(long, default_value = "linkwatch")]
+    service: String,
+    /// Folder for the recording and the viewer's file
+    #[arg(long, default_value = ".", value_name = "FOLDER")]
+    out: PathBuf,
+    /// Open the viewer (needs `rerun`, see the README)
+    #[arg(long)]
+    view: bool,
+    /// Flat rings a side of the sheet (19 makes 1,045 rings in all)
+    #[arg(long, default_value_t = 19, value_parser = clap::value_parser!(u16).range(2..200))]
+    side: u16,
+}
+
+/// How the simulation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    /// All frames were simulated.
+    Done,
+    /// The watcher asked to stop.
+    Aborted,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(code) => code,
+        Err(e) => {
+            eprintln!("simulator: {e}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<ExitCode> {
+    let sidecar = match args.no_sidecar {
+        true => None,
+        false => Some(Sidecar::start(&args.service, &args.out, args.view)?),
+    };
+    let options = match args.lockstep {
+        true => ClientOptions::lockstep(),
+        false => ClientOptions::default(),
+    };
+    let mut client = Client::open(&args.service, &options)?;
+    let end = simulate(args, &mut client)?;
+    // The watcher says what became of every frame, and takes its leave.
+    let last = client.finish_within(DEADLINE)?;
+    match &last {
+        Some(m) => println!(
+            "simulator: of the frames published, {} were verified, {} skipped, {} rejected",
+            m.counters.verified, m.counters.skipped, m.counters.rejected
+        ),
+        None => println!("simulator: no watcher is left; how many frames were verified is not known"),
+    }
+    // An abort for one of the last frames comes with the watcher's leave.
+    let aborted = end == End::Aborted || last.as_ref().is_some_and(|m| m.abort);
+    let watched = last.is_some_and(|m| m.counters.verified > 0);
+    let verdict = sidecar.map(Sidecar::join).transpose()?.flatten();
+    Ok(match verdict {
+        _ if aborted => ExitCode::from(1),
+        Some(code) if code != 0 => ExitCode::from(code),
+        _ if !watched => {
+            println!("simulator: nobody verified this run");
+            ExitCode::from(3)
+        }
+        _ => {
+            println!("simulator: every frame that was verified is intact");
+            ExitCode::SUCCESS
+        }
+    })
+}
+
+/// The simulation, and all that it has to do with linkwatch.
+fn simulate(args: &Args, client: &mut Client) -> Result<End> {
+    let side = usize::from(args.side);
+    let mut sheet = Sheet::new(&Options {
+        rows: side,
+        columns: side,
+        ..Options::default()
+    });
+    // Every ring is a closed polygon, hence the minus.
+    let counts = vec![-(Sheet::vertices_per_ring() as i32); sheet.rings()];
+    client.describe(Basis::Polyline, Precision::F32, &counts)?;
+    println!(
+        "simulator: {} rings, {} frames, {} time steps a frame",
+        sheet.rings(),
+        args.frames,
+        args.substeps
+    );
+    if !client.wait_for_watcher(Duration::from_millis(200))? {
+        println!("simulator: waiting for a watcher (linkwatch watch --service {})", args.service);
+        let patience = Duration::from_secs_f64(args.wait.max(0.0));
+        if !client.wait_for_watcher(patience)? {
+            println!("simulator: nobody came; running unwatched");
+        }
+    }
+    let start = Instant::now();
+    for frame in 0..args.frames {
+        if frame > 0 {
+            sheet.step(FRAME_DT, usize::from(args.substeps));
+        }
+        let mut loan = client.loan(frame as f64 * f64::from(FRAME_DT))?;
+        sheet.write_positions(loan.positions_f32()?);
+        let seq = loan.publish()?;
+        if args.lockstep && client.wait(seq, DEADLINE)? == Outcome::Stale {
+            println!("simulator: no verdict on frame {seq} within {DEADLINE:?}");
+        }
+        while client.poll()?.is_some() {}
+        if let Some(abort) = client.aborted() {
+            println!("simulator: stopped after frame {seq}. {abort}");
+            return Ok(End::Aborted);
+        }
+    }
+    println!(
+        "simulator: {} frames done in {:.1} s",
+        args.frames,
+        start.elapsed().as_secs_f64()
+    );
+    // Verdicts on the last frames may still be on their way: the watcher answers before it takes its leave.
+    Ok(End::Done)
+}

@@ -1,0 +1,276 @@
+//! A sheet of chainmail that is dropped into an open box and crumples there.
+//!
+//! This module is a plain rigid-body simulator built on `rapier3d`. It builds the scene, advances
+//! it and hands out the centre lines of the rings; whether two rings still hang together is none
+//! of its business.
+//!
+//! # The scene
+//!
+//! The sheet is Japanese 4-in-1 mail: flat rings lie on a square grid, and an upright, somewhat
+//! smaller connector ring passes through each two neighbours of the grid. A sheet of `rows` times
+//! `columns` flat rings has `rows * (columns - 1) + (rows - 1) * columns` connectors, each of
+//! which is linked with exactly two flat rings.
+//!
+//! Every ring is one rigid body whose collider is a compound of [`VERTICES_PER_RING`] capsules
+//! laid along a regular polygon. [`Sheet::write_positions`] writes the corners of the very same
+//! polygon, so a viewer sees exactly what collides.
+//!
+//! The box stands open at the top and has a small floor and four walls that lean outwards. Its rim
+//! is just wide enough for the flat sheet. The edges of the sheet touch the walls first, the middle
+//! keeps falling, and the sheet is drawn together, folds over itself and ends as a heap. The sheet
+//! is turned a little about the vertical so that it does not fall symmetrically.
+//!
+//! # Time steps
+//!
+//! All settings of the solver are rapier's defaults, except that its continuous collision
+//! detection is off. A frame is advanced by as many equal time steps as the caller asks for. With
+//! a whole frame in one step, a wire moves by more than its own thickness in a step, which is too
+//! much for a solver that looks at contacts only once a step: rings slip through one another.
+//! Nothing else in the scene breaks them.
+
+use std::f32::consts::{FRAC_PI_2, TAU};
+
+use rapier3d::prelude::*;
+
+/// Corners of a ring's centre line, and capsules of its collider.
+pub const VERTICES_PER_RING: usize = 12;
+
+/// Radius of the wire that the rings are bent from.
+pub const WIRE_RADIUS: f32 = 0.14;
+
+/// The length of a frame that the scene is made for, in seconds.
+pub const FRAME_DT: f32 = 1.0 / 30.0;
+
+/// The number of frames after which the default sheet has come to lie in the box.
+pub const FRAMES: usize = 72;
+
+/// Radius of the centre line of a flat ring (to the corners of the polygon).
+const FLAT_RADIUS: f32 = 1.0;
+
+/// Radius of the centre line of a connector ring.
+const CONNECTOR_RADIUS: f32 = 0.75;
+
+/// Distance between the centres of neighbouring flat rings.
+const PITCH: f32 = 2.4;
+
+/// Half the width of the box's floor, as a part of half the width of the sheet.
+const FLOOR_RATIO: f32 = 0.31;
+
+/// Half the width of the box at its rim, as a part of half the width of the sheet.
+const RIM_RATIO: f32 = 1.08;
+
+/// How far the walls lean outwards, as an angle from the vertical.
+const WALL_LEAN: f32 = 34.0 * TAU / 360.0;
+
+/// Half the thickness of the floor and the walls: far more than anything moves in a step.
+const HALF_THICKNESS: f32 = 10.0;
+
+/// How far the sheet is turned about the vertical.
+const YAW: f32 = 0.08;
+
+/// Coulomb friction, of the rings as of the box.
+const FRICTION: f32 = 0.2;
+
+/// Damping of the rings' spin, in 1/s.
+const ANGULAR_DAMPING: f32 = 0.5;
+
+/// What can be chosen about a [`Sheet`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Rows of flat rings.
+    pub rows: usize,
+    /// Columns of flat rings.
+    pub columns: usize,
+    /// Downward acceleration, in units of length per second squared. The outer radius of a flat
+    /// ring is about 1.
+    pub gravity: f32,
+    /// Height of the flat sheet above the rim of the box at the start.
+    pub drop_height: f32,
+}
+
+impl Default for Options {
+    /// 1,045 rings: 361 flat ones and 684 connectors.
+    fn default() -> Self {
+        Options {
+            rows: 19,
+            columns: 19,
+            gravity: 16.0,
+            drop_height: 1.0,
+        }
+    }
+}
+
+/// One ring: its body, and the polygon of its centre line in the body's own frame.
+struct Ring {
+    body: RigidBodyHandle,
+    polygon: [Vector; VERTICES_PER_RING],
+}
+
+/// The chainmail sheet, the box, and the physics world in which they meet.
+pub struct Sheet {
+    world: PhysicsWorld,
+    rings: Vec<Ring>,
+}
+
+impl Sheet {
+    /// Builds the sheet, flat and at rest, above the open box.
+    pub fn new(options: &Options) -> Sheet {
+        let mut world = PhysicsWorld::new();
+        world.gravity = Vector::new(0.0, -options.gravity, 0.0);
+        // The walls are thick enough to need no continuous collision detection.
+        world.integration_parameters.max_ccd_substeps = 0;
+
+        let longer = options.rows.max(options.columns) as f32;
+        let half_sheet = 0.5 * (longer - 1.0) * PITCH + FLAT_RADIUS + WIRE_RADIUS;
+        let rim_height = insert_box(&mut world, FLOOR_RATIO * half_sheet, RIM_RATIO * half_sheet);
+
+        let mut sheet = Sheet {
+            world,
+            rings: Vec::new(),
+        };
+        sheet.insert_rings(options, rim_height + options.drop_height);
+        sheet
+    }
+
+    /// The number of rings.
+    pub fn rings(&self) -> usize {
+        self.rings.len()
+    }
+
+    /// The number of corners of each ring's centre line, a closed polygon.
+    pub fn vertices_per_ring() -> usize {
+        VERTICES_PER_RING
+    }
+
+    /// Advances the scene by one frame of `frame_dt` seconds, in `substeps` equal time steps.
+    pub fn step(&mut self, frame_dt: f32, substeps: usize) {
+        self.world.integration_parameters.dt = frame_dt / substeps as f32;
+        for _ in 0..substeps {
+            self.world.step();
+        }
+    }
+
+    /// Writes the corners of all centre lines in world space: x, y, z of each corner in turn, ring
+    /// after ring. The y axis points up.
+    ///
+    /// # Panics
+    ///
+    /// Panics unless `out` holds exactly `3 * rings() * vertices_per_ring()` numbers.
+    pub fn write_positions(&self, out: &mut [f32]) {
+        assert_eq!(out.len(), 3 * VERTICES_PER_RING * self.rings.len());
+        for (ring, out) in self
+            .rings
+            .iter()
+            .zip(out.chunks_exact_mut(3 * VERTICES_PER_RING))
+        {
+            let pose = self.world.bodies[ring.body].position();
+            for (corner, out) in ring.polygon.iter().zip(out.chunks_exact_mut(3)) {
+                out.copy_from_slice(&pose.transform_point(*corner).to_array());
+            }
+        }
+    }
+
+    /// Inserts all rings of a sheet that lies flat at height `y`.
+    fn insert_rings(&mut self, options: &Options, y: f32) {
+        let (rows, columns) = (options.rows, options.columns);
+        let sheet = Pose::from_parts(Vector::new(0.0, y, 0.0), Rotation::from_rotation_y(YAW));
+        // The middle of the sheet is the origin of its frame; half places are those of connectors.
+        let place = |row: f32, column: f32| {
+            Vector::new(
+                (column - 0.5 * (columns as f32 - 1.0)) * PITCH,
+                0.0,
+                (row - 0.5 * (rows as f32 - 1.0)) * PITCH,
+            )
+        };
+        // The polygon of a ring lies in the x-z plane of its body.
+        let upright_along_x = Rotation::from_rotation_x(FRAC_PI_2);
+        let upright_along_z = Rotation::from_rotation_z(FRAC_PI_2);
+
+        let flat = RingShape::new(FLAT_RADIUS);
+        let connector = RingShape::new(CONNECTOR_RADIUS);
+        for row in 0..rows {
+            for column in 0..columns {
+                let (r, c) = (row as f32, column as f32);
+                self.insert_ring(&flat, sheet * Pose::from_translation(place(r, c)));
+                if column + 1 < columns {
+                    let pose = Pose::from_parts(place(r, c + 0.5), upright_along_x);
+                    self.insert_ring(&connector, sheet * pose);
+                }
+                if row + 1 < rows {
+                    let pose = Pose::from_parts(place(r + 0.5, c), upright_along_z);
+                    self.insert_ring(&connector, sheet * pose);
+                }
+            }
+        }
+    }
+
+    fn insert_ring(&mut self, shape: &RingShape, pose: Pose) {
+        let body = RigidBodyBuilder::dynamic()
+            .pose(pose)
+            .angular_damping(ANGULAR_DAMPING)
+            .can_sleep(false);
+        let collider = ColliderBuilder::new(shape.collider.clone()).friction(FRICTION);
+        let (body, _) = self.world.insert(body, collider);
+        self.rings.push(Ring {
+            body,
+            polygon: shape.polygon,
+        });
+    }
+}
+
+/// What all rings of one size have in common.
+struct RingShape {
+    polygon: [Vector; VERTICES_PER_RING],
+    collider: SharedShape,
+}
+
+impl RingShape {
+    fn new(radius: f32) -> RingShape {
+        let polygon: [Vector; VERTICES_PER_RING] = std::array::from_fn(|k| {
+            let (sin, cos) = ((k as f32 + 0.5) / VERTICES_PER_RING as f32 * TAU).sin_cos();
+            Vector::new(radius * cos, 0.0, radius * sin)
+        });
+        let capsules = (0..VERTICES_PER_RING)
+            .map(|k| {
+                let next = (k + 1) % VERTICES_PER_RING;
+                let capsule = SharedShape::capsule(polygon[k], polygon[next], WIRE_RADIUS);
+                (Pose::IDENTITY, capsule)
+            })
+            .collect();
+        RingShape {
+            polygon,
+            collider: SharedShape::compound(capsules),
+        }
+    }
+}
+
+/// Inserts a box of cuboids, open at the top, whose floor is at height 0. The arguments are half
+/// its inner widths at the floor and at the rim; the result is the height of the rim.
+fn insert_box(world: &mut PhysicsWorld, half_floor: f32, half_rim: f32) -> f32 {
+    let mut insert = |pose: Pose, half_extents: Vector| {
+        let [x, y, z] = half_extents.to_array();
+        let collider = ColliderBuilder::cuboid(x, y, z).friction(FRICTION);
+        world.insert(RigidBodyBuilder::fixed().pose(pose), collider);
+    };
+    let reach = half_rim + 2.0 * HALF_THICKNESS;
+    insert(
+        Pose::from_translation(Vector::new(0.0, -HALF_THICKNESS, 0.0)),
+        Vector::new(reach, HALF_THICKNESS, reach),
+    );
+
+    let rim_height = (half_rim - half_floor) / WALL_LEAN.tan();
+    let half_length = 0.5 * rim_height / WALL_LEAN.cos();
+    for quarter_turns in 0..4 {
+        let yaw = Rotation::from_rotation_y(quarter_turns as f32 * FRAC_PI_2);
+        // The foot of the wall's inner face, leaning outwards from there.
+        let foot = Pose::from_parts(
+            yaw * Vector::new(half_floor, 0.0, 0.0),
+            yaw * Rotation::from_rotation_z(-WALL_LEAN),
+        );
+        insert(
+            foot * Pose::from_translation(Vector::new(HALF_THICKNESS, half_length, 0.0)),
+            Vector::new(HALF_THICKNESS, half_length, reach),
+        );
+    }
+    rim_height
+}

@@ -1,0 +1,132 @@
+//! `linkwatch replay`: a recording in, the same verdicts out.
+
+use super::Outcome;
+use super::output::plural;
+use super::session::{Judge, Session, Sinks, Tally};
+use linkwatch::{AbortOn, Ending, RecordedItem, RecordedVerdict, RecordingReader, Report, Result, Verdict};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Verify a recording again, frame by frame, and compare with the verdicts that were given live
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A recording, as `linkwatch watch --record` writes it
+    #[arg(value_name = "FILE.mcap")]
+    recording: PathBuf,
+    #[command(flatten)]
+    judge: Judge,
+    #[command(flatten)]
+    sinks: Sinks,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let mut reader = RecordingReader::open(&args.recording)?;
+    let recorded_policy: Option<AbortOn> =
+        reader.metadata().get("abort_on").and_then(|a| a.parse().ok());
+    let judge = args.judge.with_default_policy(recorded_policy);
+    let metadata = BTreeMap::from([("replay_of".to_owned(), args.recording.display().to_string())]);
+    let mut pending = None;
+    // The baseline comes before the first frame that was compared with it.
+    let mut baseline = None;
+    while let Some(item) = reader.next_item()? {
+        match item {
+            RecordedItem::Baseline(b) => {
+                baseline = Some((Arc::unwrap_or_clone(b.certificate), b.origin));
+                break;
+            }
+            other => {
+                pending = Some(other);
+                if matches!(pending, Some(RecordedItem::Frame(_))) {
+                    break;
+                }
+            }
+        }
+    }
+    let mut replay = Replay {
+        session: Session::new(&judge, &args.sinks, baseline, metadata, json)?,
+        // Another policy or baseline gives other verdicts, and is meant to.
+        compare: judge.abort_on() == recorded_policy && !args.judge.has_own_baseline(),
+        tally: Tally::default(),
+        last: None,
+        unlike: 0,
+    };
+    if let Some(item) = pending {
+        replay.take(item)?;
+    }
+    while let Some(item) = reader.next_item()? {
+        replay.take(item)?;
+    }
+    let Replay {
+        mut session,
+        tally,
+        unlike,
+        ..
+    } = replay;
+    if let Some(Ending::Cut { .. }) = reader.ending() {
+        tracing::warn!(
+            "{}: the recording was cut off (the recorder was killed); everything complete was replayed",
+            args.recording.display()
+        );
+        session.data_lost();
+    }
+    if unlike > 0 {
+        tracing::error!("{} unlike those given live", plural(unlike, "verdict"));
+        session.data_lost();
+    }
+    session.finish(tally)
+}
+
+/// A replay in progress.
+struct Replay {
+    session: Session,
+    /// Whether verdicts must equal the recorded ones.
+    compare: bool,
+    tally: Tally,
+    /// The report on the frame before.
+    last: Option<Arc<Report>>,
+    /// Verdicts unlike the recorded ones.
+    unlike: u64,
+}
+
+impl Replay {
+    fn take(&mut self, item: RecordedItem) -> Result<()> {
+        match item {
+            RecordedItem::Baseline(_) => {}
+            RecordedItem::Frame(frame) => {
+                let session = &mut self.session;
+                let judged = session.judge(frame.seq, frame.time, |set| frame.ingest(set))?;
+                self.tally.add(judged.report.verdict);
+                self.last = Some(Arc::clone(&judged.report));
+                session.publish(judged, self.tally)?;
+            }
+            RecordedItem::Verdict(recorded) => self.compare(recorded)?,
+        }
+        Ok(())
+    }
+
+    /// Compares a verdict of the recording with the one found now.
+    fn compare(&mut self, recorded: RecordedVerdict) -> Result<()> {
+        let RecordedVerdict { report, progress } = recorded;
+        self.tally.skipped = progress.skipped;
+        match self.last.take().filter(|r| r.seq == report.seq) {
+            Some(found) if self.compare && *found != report => {
+                tracing::error!("live:   {}", report.headline());
+                tracing::error!("replay: {}", found.headline());
+                self.unlike += 1;
+            }
+            Some(_) => {}
+            None if report.verdict == Verdict::Rejected => {
+                // There were no curves to record: the verdict is all that is left of the frame.
+                self.tally.add(report.verdict);
+                self.session.retell(report, progress.check, self.tally)?;
+            }
+            None => {
+                tracing::error!("frame {}: a verdict without its frame", report.seq);
+                self.unlike += 1;
+            }
+        }
+        Ok(())
+    }
+}

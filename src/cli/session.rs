@@ -1,0 +1,448 @@
+//! Frames to verdicts to sinks: what `watch` and `replay` share.
+
+use super::Outcome;
+use super::output::{self, Live, count, millis, plural};
+use linkwatch::{
+    AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, FrameRecord, Report, Result,
+    SinkQueue, Verdict, Verifier,
+};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+/// Sentences printed about one frame; the rest is counted.
+const SENTENCES: usize = 8;
+
+/// Time that the sinks have to finish when the run is over.
+const FINISH: Duration = Duration::from_secs(30);
+
+/// What frames are compared with, and what to do about it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Judge {
+    /// What frames are compared with: `first-frame`, or a certificate file
+    #[arg(long, value_name = "first-frame|CERT")]
+    baseline: Option<Baseline>,
+    /// What asks the simulator to stop: any, lost, gained, contact or never [default: any]
+    #[arg(long, value_name = "WHAT")]
+    abort_on: Option<AbortOn>,
+}
+
+impl Judge {
+    /// The same with another default for the policy.
+    pub fn with_default_policy(&self, policy: Option<AbortOn>) -> Judge {
+        Judge {
+            baseline: self.baseline.clone(),
+            abort_on: self.abort_on.or(policy),
+        }
+    }
+
+    /// The policy, where it is not the default one.
+    pub fn abort_on(&self) -> Option<AbortOn> {
+        self.abort_on
+    }
+
+    /// Whether the user asked for another baseline than the default.
+    pub fn has_own_baseline(&self) -> bool {
+        self.baseline.is_some()
+    }
+}
+
+/// Where expected linking numbers come from.
+#[derive(Clone, Debug)]
+enum Baseline {
+    FirstFrame,
+    File(PathBuf),
+}
+
+impl FromStr for Baseline {
+    type Err = std::convert::Infallible;
+    fn from_str(s: &str) -> std::result::Result<Self, Self::Err> {
+        Ok(match s {
+            "first-frame" => Baseline::FirstFrame,
+            path => Baseline::File(path.into()),
+        })
+    }
+}
+
+/// Where verified frames go.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Sinks {
+    /// Record every verified frame and verdict to an MCAP file
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    /// Open the viewer (an installed `rerun`) and show every frame
+    #[arg(long, group = "shown")]
+    view: bool,
+    /// Log to a file for the viewer
+    #[arg(long, value_name = "FILE.rrd", group = "shown")]
+    rrd: Option<PathBuf>,
+    /// Log to a viewer that is running
+    #[arg(long, value_name = "URL", group = "shown")]
+    connect: Option<String>,
+}
+
+impl Sinks {
+    fn open(&self, metadata: &BTreeMap<String, String>) -> Result<Vec<SinkQueue>> {
+        use linkwatch::{Overflow, RecordingSink, ViewerSink, ViewerTarget};
+        let mut queues = Vec::new();
+        if let Some(path) = &self.record {
+            let sink = Box::new(RecordingSink::create(path, metadata)?);
+            queues.push(SinkQueue::spawn(sink, 8, Overflow::Wait)?);
+        }
+        let target = match (&self.rrd, &self.connect) {
+            (Some(path), _) => Some(ViewerTarget::File(path.clone())),
+            (_, Some(url)) => Some(ViewerTarget::Connect(url.clone())),
+            _ => self.view.then_some(ViewerTarget::Spawn),
+        };
+        if let Some(target) = target {
+            // A file is complete or it misleads; a viewer on the screen may miss a frame.
+            let overflow = match target {
+                ViewerTarget::File(_) => Overflow::Wait,
+                _ => Overflow::DropOldest,
+            };
+            let sink = Box::new(ViewerSink::open(&target)?);
+            queues.push(SinkQueue::spawn(sink, 8, overflow)?);
+        }
+        Ok(queues)
+    }
+}
+
+/// What was found out about a frame, before it goes to the sinks.
+pub struct Judged {
+    pub report: Arc<Report>,
+    pub check: Duration,
+    curves: Option<Arc<CurveSet>>,
+}
+
+/// Frames verified, skipped and rejected so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tally {
+    pub verified: u64,
+    pub skipped: u64,
+    pub rejected: u64,
+}
+
+impl Tally {
+    /// Counts a frame that was looked at.
+    pub fn add(&mut self, verdict: Verdict) {
+        match verdict {
+            Verdict::Rejected => self.rejected += 1,
+            _ => self.verified += 1,
+        }
+    }
+}
+
+/// One run over frames.
+pub struct Session {
+    verifier: Verifier,
+    /// Where the baseline comes from, in words.
+    origin: String,
+    queues: Vec<SinkQueue>,
+    begun: bool,
+    /// Frames that sinks may still hold; one that nobody holds any more takes the next frame.
+    pool: Vec<Arc<CurveSet>>,
+    json: bool,
+    live: Live,
+    outcome: Outcome,
+    last_verdict: Option<Verdict>,
+    /// Changes told already.
+    told: BTreeSet<(u32, u32, i64)>,
+    first_violation: Option<String>,
+    tally: Tally,
+    checks: Durations,
+}
+
+impl Session {
+    /// Prepares a run. `default_baseline` serves where the user names none.
+    pub fn new(
+        judge: &Judge,
+        sinks: &Sinks,
+        default_baseline: Option<(Certificate, String)>,
+        mut metadata: BTreeMap<String, String>,
+        json: bool,
+    ) -> Result<Session> {
+        let given = match &judge.baseline {
+            Some(Baseline::File(path)) => Some((Certificate::read(path)?, path.display().to_string())),
+            Some(Baseline::FirstFrame) => None,
+            None => default_baseline,
+        };
+        let abort_on = judge.abort_on.unwrap_or_default();
+        metadata.insert("abort_on".into(), abort_on.to_string());
+        let (verifier, origin) = match given {
+            Some((certificate, origin)) => (Verifier::with_baseline(abort_on, certificate), origin),
+            None => (Verifier::new(abort_on), "first frame".to_owned()),
+        };
+        Ok(Session {
+            verifier,
+            origin,
+            queues: sinks.open(&metadata)?,
+            begun: false,
+            pool: Vec::new(),
+            json,
+            live: Live::new(),
+            outcome: Outcome::Fine,
+            last_verdict: None,
+            told: BTreeSet::new(),
+            first_violation: None,
+            tally: Tally::default(),
+            checks: Durations::default(),
+        })
+    }
+
+    /// What is printed while the run lasts.
+    pub fn live(&self) -> &Live {
+        &self.live
+    }
+
+    /// Verifies one frame; `ingest` moves it into curves. A frame that breaks its contract is rejected.
+    pub fn judge(
+        &mut self,
+        seq: u64,
+        time: f64,
+        ingest: impl FnOnce(&mut Option<CurveSet>) -> Result<()>,
+    ) -> Result<Judged> {
+        let start = Instant::now();
+        let mut set = self.free_curves();
+        let outcome = ingest(&mut set).and_then(|()| match &set {
+            Some(set) => self.verifier.step(seq, time, set),
+            None => Err(Error::Usage("the frame holds no curves".into())),
+        });
+        let (report, curves) = match outcome {
+            Ok(report) => (report, set.map(Arc::new)),
+            // Not this frame's fault: no frame of this simulator would fit.
+            Err(e @ Error::CertificateMismatch { .. }) => return Err(e),
+            Err(e) => {
+                // Half of this frame, half of the one before: good for its layout only.
+                self.pool.extend(set.map(Arc::new));
+                (self.verifier.reject(seq, time, &e), None)
+            }
+        };
+        let check = start.elapsed();
+        self.pool.extend(curves.clone());
+        Ok(Judged {
+            report: Arc::new(report),
+            check,
+            curves,
+        })
+    }
+
+    /// Curves that no sink holds any more, or a copy: later frames must have the layout of the first.
+    fn free_curves(&mut self) -> Option<CurveSet> {
+        let free = self.pool.iter_mut().position(|set| Arc::get_mut(set).is_some());
+        match free {
+            Some(k) => Arc::try_unwrap(self.pool.swap_remove(k)).ok(),
+            None => self.pool.first().map(|set| CurveSet::clone(set)),
+        }
+    }
+
+    /// Hands a frame to the sinks and tells the user what is new.
+    pub fn publish(&mut self, judged: Judged, tally: Tally) -> Result<()> {
+        let Judged {
+            report,
+            check,
+            curves,
+        } = judged;
+        self.tally = tally;
+        self.outcome = self.outcome.max(Outcome::of(report.verdict));
+        if let Some(certificate) = self.verifier.baseline().filter(|_| !self.begun) {
+            let record = Arc::new(BaselineRecord {
+                certificate: Arc::new(certificate.clone()),
+                origin: self.origin.clone(),
+            });
+            self.queues.iter().for_each(|q| q.begin(Arc::clone(&record)));
+            self.begun = true;
+        }
+        if report.verdict != Verdict::Rejected {
+            self.checks.add(check);
+        }
+        self.tell(&report, check)?;
+        let record = Arc::new(FrameRecord {
+            curves,
+            report,
+            verified: tally.verified,
+            skipped: tally.skipped,
+            rejected: tally.rejected,
+            check,
+            received: SystemTime::now(),
+        });
+        self.queues.iter().for_each(|q| q.frame(Arc::clone(&record)));
+        Ok(())
+    }
+
+    /// Says what this frame brought that was not said before.
+    fn tell(&mut self, report: &Report, check: Duration) -> Result<()> {
+        if self.json {
+            output::json(&serde_json::json!({
+                "report": report,
+                "ms": check.as_secs_f64() * 1e3,
+                "verified": self.tally.verified,
+                "skipped": self.tally.skipped,
+                "rejected": self.tally.rejected,
+            }))?;
+        }
+        self.live.status(format_args!(
+            "frame {}: {}, {}; {} verified, {} skipped",
+            report.seq,
+            report.verdict,
+            millis(check),
+            count(self.tally.verified),
+            count(self.tally.skipped),
+        ));
+        let key = |c: &Change| (c.i, c.j, c.found);
+        let fresh = report.changes.iter().any(|c| !self.told.contains(&key(c)));
+        let turned = self.last_verdict.is_some_and(|v| v != report.verdict);
+        let first_and_bad = self.last_verdict.is_none() && report.verdict != Verdict::Intact;
+        self.last_verdict = Some(report.verdict);
+        if !(fresh || turned || first_and_bad) {
+            return Ok(());
+        }
+        let new_changes = report.changes.iter().filter(|c| !self.told.contains(&key(c)));
+        let sentences: Vec<String> = new_changes
+            .map(Change::to_string)
+            .chain(report.defects.iter().map(|d| d.to_string()))
+            .collect();
+        self.told = report.changes.iter().map(key).collect();
+        if self.first_violation.is_none() && report.verdict != Verdict::Intact {
+            let detail = sentences.first().map(|s| format!(": {s}")).unwrap_or_default();
+            self.first_violation = Some(format!("frame {}{detail}", report.seq));
+        }
+        if self.json {
+            return Ok(());
+        }
+        let mut lines = vec![format!("{} (checked in {})", report.headline(), millis(check))];
+        lines.extend(sentences.iter().take(SENTENCES).map(|s| format!("  {s}")));
+        if sentences.len() > SENTENCES {
+            lines.push(format!("  and {} more", sentences.len() - SENTENCES));
+        }
+        if report.abort {
+            lines.push("  abort sent: the simulator is asked to stop".into());
+        }
+        lines.iter().try_for_each(|line| self.live.result(line))
+    }
+
+    /// Hands on what a recording says about a frame that was rejected, and so has no curves.
+    pub fn retell(&mut self, report: Report, check: Duration, tally: Tally) -> Result<()> {
+        let judged = Judged {
+            report: Arc::new(report),
+            check,
+            curves: None,
+        };
+        self.publish(judged, tally)
+    }
+
+    /// Something else happened that makes the run less than complete.
+    pub fn data_lost(&mut self) {
+        self.outcome = self.outcome.max(Outcome::Undecided);
+    }
+
+    /// Closes the sinks and sums up. `tally` is the last word on all frames.
+    pub fn finish(mut self, tally: Tally) -> Result<Outcome> {
+        self.tally = tally;
+        let mut kept = Vec::new();
+        for queue in std::mem::take(&mut self.queues) {
+            let summary = queue.finish(FINISH);
+            match &summary.failed {
+                Some(why) => {
+                    // The sink has logged why when it happened.
+                    tracing::error!("{} is incomplete: {why}", summary.name);
+                    self.outcome = self.outcome.max(Outcome::Undecided);
+                }
+                None if summary.dropped > 0 => {
+                    kept.push(format!("{} missed {}", summary.name, plural(summary.dropped, "frame")));
+                }
+                None => {}
+            }
+        }
+        if tally.verified == 0 {
+            self.outcome = self.outcome.max(Outcome::Undecided);
+        }
+        let word = match (tally.verified, self.outcome) {
+            (0, _) => "nothing was verified",
+            (_, Outcome::Fine) => "intact",
+            (_, Outcome::Changed) => "changed",
+            (_, Outcome::Undecided) => "undecided or incomplete",
+        };
+        let (median, slowest) = (self.checks.median(), self.checks.longest);
+        self.live.clear();
+        if self.json {
+            output::json(&serde_json::json!({
+                "summary": {
+                    "verdict": word,
+                    "verified": tally.verified,
+                    "skipped": tally.skipped,
+                    "rejected": tally.rejected,
+                    "median_ms": median.as_secs_f64() * 1e3,
+                    "max_ms": slowest.as_secs_f64() * 1e3,
+                    "first_violation": self.first_violation,
+                }
+            }))?;
+            return Ok(self.outcome);
+        }
+        let mut line = format!(
+            "{word}: {} verified, {} skipped, {} rejected; a check took {} (median), {} at most",
+            plural(tally.verified, "frame"),
+            count(tally.skipped),
+            count(tally.rejected),
+            millis(median),
+            millis(slowest),
+        );
+        if let Some(first) = &self.first_violation {
+            line += &format!("\nfirst: {first}");
+        }
+        for note in kept {
+            line += &format!("\n{note}");
+        }
+        output::line(line)?;
+        Ok(self.outcome)
+    }
+}
+
+/// Durations in buckets of 5 %: a run may last for days.
+#[derive(Default)]
+struct Durations {
+    buckets: BTreeMap<i32, u64>,
+    longest: Duration,
+}
+
+impl Durations {
+    /// Ratio of neighbouring buckets.
+    const RATIO: f64 = 1.05;
+
+    fn add(&mut self, d: Duration) {
+        let bucket = d.as_secs_f64().max(1e-9).ln() / Self::RATIO.ln();
+        *self.buckets.entry(bucket.round() as i32).or_default() += 1;
+        self.longest = self.longest.max(d);
+    }
+
+    /// The median, within a bucket.
+    fn median(&self) -> Duration {
+        let half = self.buckets.values().sum::<u64>() / 2;
+        let mut seen = 0;
+        let middle = self.buckets.iter().find(|(_, n)| {
+            seen += **n;
+            seen > half
+        });
+        middle.map_or(Duration::ZERO, |(&bucket, _)| {
+            Duration::from_secs_f64(Self::RATIO.powi(bucket)).min(self.longest)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_right_within_a_bucket() {
+        let mut d = Durations::default();
+        assert_eq!(d.median(), Duration::ZERO);
+        for ms in 1..=101 {
+            d.add(Duration::from_millis(ms));
+        }
+        let median = d.median().as_secs_f64();
+        assert!((median / 0.051 - 1.0).abs() < 0.05, "{median}");
+        assert_eq!(d.longest, Duration::from_millis(101));
+    }
+}

@@ -1,0 +1,265 @@
+//! The command at the boundary of its process: what it prints, where, and how it exits.
+
+use linkwatch::{Basis, CurveSet, Positions, model};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+struct Run {
+    code: i32,
+    stdout: String,
+    stderr: String,
+}
+
+fn linkwatch(args: &[&str]) -> Run {
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(args)
+        .output()
+        .unwrap();
+    Run {
+        code: status.code().unwrap(),
+        stdout: String::from_utf8(stdout).unwrap(),
+        stderr: String::from_utf8(stderr).unwrap(),
+    }
+}
+
+/// A square in the plane of `axes` around `center`.
+fn square(center: [f32; 3], axes: [usize; 2]) -> Vec<f32> {
+    [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]]
+        .iter()
+        .flat_map(|corner| {
+            let mut p = center;
+            p[axes[0]] += corner[0];
+            p[axes[1]] += corner[1];
+            p
+        })
+        .collect()
+}
+
+/// Three squares: the first two linked where `at` is 1, apart where it is 5, touching where it is 2; the
+/// third stands alone, linked with the second.
+fn chain(folder: &Path, name: &str, at: f32) -> PathBuf {
+    let xyz: Vec<f32> = [
+        square([at - 1.0, 0., 0.], [0, 1]),
+        square([1., 0., 0.], [0, 2]),
+        square([2., 0., 0.5], [0, 1]),
+    ]
+    .concat();
+    let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4, -4], Positions::F32(&xyz)).unwrap();
+    let path = folder.join(name);
+    model::write_bcc(&path, &set).unwrap();
+    path
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn certify_writes_what_check_accepts() {
+    let folder = TempDir::new().unwrap();
+    let whole = chain(folder.path(), "whole.bcc", 0.5);
+    let certificate = folder.path().join("whole.txt");
+    let run = linkwatch(&["certify", text(&whole), "-o", text(&certificate)]);
+    assert_eq!((run.code, run.stdout.as_str()), (0, ""));
+    assert!(
+        run.stderr.contains("3 curves of 12 segments"),
+        "{}",
+        run.stderr
+    );
+    let run = linkwatch(&["certify", text(&whole)]);
+    assert_eq!(run.code, 0);
+    assert_eq!(run.stdout, std::fs::read_to_string(&certificate).unwrap());
+    assert!(run.stdout.starts_with("3\n0,1,"), "{}", run.stdout);
+    let run = linkwatch(&["check", text(&whole), "--against", text(&certificate)]);
+    assert_eq!(run.code, 0);
+    assert!(
+        run.stdout.ends_with("whole.bcc: intact\n"),
+        "{}",
+        run.stdout
+    );
+}
+
+#[test]
+fn check_names_the_pair_and_exits_with_1() {
+    let folder = TempDir::new().unwrap();
+    let whole = chain(folder.path(), "whole.bcc", 0.5);
+    let broken = chain(folder.path(), "broken.bcc", -5.0);
+    let [certificate, pairs, curves] = ["c.txt", "p.txt", "k.txt"].map(|n| folder.path().join(n));
+    linkwatch(&["certify", text(&whole), "-o", text(&certificate)]);
+    let run = linkwatch(&[
+        "check",
+        text(&whole),
+        text(&broken),
+        "--against",
+        text(&certificate),
+        "--diff-pairs",
+        text(&pairs),
+        "--diff-curves",
+        text(&curves),
+    ]);
+    assert_eq!(run.code, 1);
+    assert!(
+        run.stdout.contains("curves 0 and 1 came apart"),
+        "{}",
+        run.stdout
+    );
+    assert!(run.stdout.contains("near ("), "{}", run.stdout);
+    let expected = std::fs::read_to_string(&certificate).unwrap();
+    let lambda = expected.lines().nth(1).unwrap().rsplit(',').next().unwrap();
+    assert_eq!(
+        std::fs::read_to_string(&pairs).unwrap(),
+        format!("0,1,{lambda},0\n")
+    );
+    assert_eq!(std::fs::read_to_string(&curves).unwrap(), "0\n1\n");
+    let run = linkwatch(&[
+        "check",
+        "--json",
+        text(&broken),
+        "--against",
+        text(&certificate),
+    ]);
+    let json: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(run.code, 1);
+    assert_eq!(json["report"]["verdict"], "changed");
+    assert_eq!(json["report"]["changes"][0]["found"], 0);
+}
+
+#[test]
+fn contact_is_reported_with_its_place_and_hides_no_other_pair() {
+    let folder = TempDir::new().unwrap();
+    let touching = chain(folder.path(), "touching.bcc", 2.0);
+    let certificate = folder.path().join("c.txt");
+    let run = linkwatch(&["certify", text(&touching)]);
+    assert_eq!(run.code, 3);
+    assert!(
+        run.stderr.contains("curves 0 and 1 touch"),
+        "{}",
+        run.stderr
+    );
+    assert!(run.stderr.contains("segments"), "{}", run.stderr);
+    assert!(
+        run.stdout.contains("1,2,"),
+        "the other pair: {}",
+        run.stdout
+    );
+    assert!(
+        !run.stdout.contains("0,1,"),
+        "no number for the touching one: {}",
+        run.stdout
+    );
+    let run = linkwatch(&["certify", text(&touching), "-o", text(&certificate)]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("no certificate written"),
+        "{}",
+        run.stderr
+    );
+    assert!(!certificate.exists());
+}
+
+#[test]
+fn bad_input_is_told_in_one_line_and_exits_with_2() {
+    let folder = TempDir::new().unwrap();
+    let file = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let whole = chain(folder.path(), "whole.bcc", 0.5);
+    let bytes = std::fs::read(&whole).unwrap();
+    let nan = {
+        let mut b = bytes.clone();
+        b[68..72].copy_from_slice(&f32::NAN.to_le_bytes());
+        b
+    };
+    let cases: [(PathBuf, &str); 6] = [
+        (folder.path().join("none.bcc"), "none.bcc"),
+        (file("cut.bcc", &bytes[..bytes.len() - 5]), "cut.bcc"),
+        (file("nan.bcc", &nan), "coordinate x is NaN"),
+        (file("model.stl", b""), "unknown kind of file"),
+        (file("bad.vect", b"VECT 1 99999999999 0"), "bad.vect"),
+        (file("mesh.obj", b"v 0 0 x\n"), "mesh.obj"),
+    ];
+    for (path, says) in &cases {
+        let run = linkwatch(&["certify", text(path)]);
+        assert_eq!(run.code, 2, "{}", run.stderr);
+        assert!(run.stderr.starts_with("error: "), "{}", run.stderr);
+        assert!(run.stderr.contains(says), "{}", run.stderr);
+        assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
+        assert_eq!(run.stdout, "");
+    }
+    let other = file("other.txt", b"9\n0,1,1\n");
+    let run = linkwatch(&["check", text(&whole), "--against", text(&other)]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("9 curves, the model has 3"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[test]
+fn bad_arguments_exit_with_2() {
+    for args in [
+        &["certify"][..],
+        &["frobnicate"],
+        &["check", "a.bcc"],
+        &["certify", "a.bcc", "b.bcc", "-o", "c"],
+    ] {
+        assert_eq!(linkwatch(args).code, 2, "{args:?}");
+    }
+    assert_eq!(linkwatch(&["--help"]).code, 0);
+    assert_eq!(linkwatch(&["--version"]).code, 0);
+}
+
+#[test]
+fn open_curves_and_repeated_vertices_are_told() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("open.obj");
+    std::fs::write(
+        &path,
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 1 1 0\nv 5 5 5\nv 6 6 6\nl 1 2 3 4 1\nl 5 6\n",
+    )
+    .unwrap();
+    let run = linkwatch(&["certify", text(&path)]);
+    assert_eq!((run.code, run.stdout.as_str()), (0, "2\n"));
+    assert!(
+        run.stderr.contains("1 open curve left out"),
+        "{}",
+        run.stderr
+    );
+    assert!(
+        run.stderr.contains("1 repeated vertex merged"),
+        "{}",
+        run.stderr
+    );
+}
+
+/// Two loops that are no loops, and a link beside them.
+#[test]
+fn degenerate_loops_are_named_and_the_others_certified() {
+    let folder = TempDir::new().unwrap();
+    let xyz: Vec<f32> = [
+        vec![0.0; 12],
+        square([0., 0., 0.], [0, 1]),
+        square([1., 0., 0.], [0, 2]),
+    ]
+    .concat();
+    let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4, -4], Positions::F32(&xyz)).unwrap();
+    let path = folder.path().join("flat.bcc");
+    model::write_bcc(&path, &set).unwrap();
+    let run = linkwatch(&["certify", text(&path)]);
+    assert_eq!(run.code, 3);
+    assert!(
+        run.stderr
+            .contains("curve 0 has fewer than three distinct vertices"),
+        "{}",
+        run.stderr
+    );
+    assert!(run.stdout.starts_with("3\n1,2,"), "{}", run.stdout);
+}
