@@ -1,0 +1,301 @@
+//! Live: `linkwatch watch` as a process, simulators in this one or in processes that are killed.
+
+use linkwatch::{Basis, Client, ClientOptions, Outcome, Positions, Precision, Verdict};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A service that no other test uses.
+fn service(test: &str) -> String {
+    format!("live-{test}-{}", std::process::id())
+}
+
+/// A running `linkwatch watch`, ended when the test is over.
+struct Watch {
+    process: Child,
+    stdout: PathBuf,
+    stderr: PathBuf,
+}
+
+impl Watch {
+    fn start(folder: &Path, name: &str, service: &str, args: &[&str]) -> Watch {
+        let stdout = folder.join(format!("{name}.out"));
+        let stderr = folder.join(format!("{name}.err"));
+        let process = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+            .args(["watch", "--json", "--service", service, "--wait", "60"])
+            .args(args)
+            .stdout(std::fs::File::create(&stdout).unwrap())
+            .stderr(std::fs::File::create(&stderr).unwrap())
+            .stdin(Stdio::null())
+            .spawn()
+            .unwrap();
+        Watch {
+            process,
+            stdout,
+            stderr,
+        }
+    }
+
+    fn end(mut self) -> Ended {
+        let status = wait(&mut self.process);
+        Ended {
+            code: status.code(),
+            lines: json_lines(&std::fs::read_to_string(&self.stdout).unwrap()),
+            stderr: std::fs::read_to_string(&self.stderr).unwrap(),
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let pid = self.process.id().to_string();
+        assert!(Command::new("kill").args(["-s", name, &pid]).status().unwrap().success());
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+struct Ended {
+    code: Option<i32>,
+    lines: Vec<Value>,
+    stderr: String,
+}
+
+impl Ended {
+    fn reports(&self) -> Vec<&Value> {
+        self.lines.iter().filter_map(|l| l.get("report")).collect()
+    }
+
+    fn summary(&self) -> &Value {
+        &self.lines.last().expect("a summary")["summary"]
+    }
+}
+
+fn json_lines(text: &str) -> Vec<Value> {
+    text.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
+}
+
+fn wait(process: &mut Child) -> ExitStatus {
+    let start = Instant::now();
+    loop {
+        if let Some(status) = process.try_wait().unwrap() {
+            return status;
+        }
+        assert!(start.elapsed() < PATIENCE, "the process hangs");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Two linked squares, the second one moved aside by `shift`: apart from 2 on.
+fn squares(shift: f32) -> Vec<f32> {
+    let corners = [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]];
+    let first = corners.iter().flat_map(|[x, y]| [*x, *y, 0.0]);
+    let second = corners.iter().flat_map(|[x, y]| [1.0 + shift + x, 0.0, *y]);
+    first.chain(second).collect()
+}
+
+fn client(service: &str) -> Client {
+    let mut client = Client::open(service, &ClientOptions::lockstep()).unwrap();
+    client.describe(Basis::Polyline, Precision::F32, &[-4, -4]).unwrap();
+    client
+}
+
+/// Publishes a frame and waits for its verdict.
+fn step(client: &mut Client, frame: u64, shift: f32) -> Verdict {
+    let seq = client.publish(frame as f64 * 0.1, Positions::F32(&squares(shift))).unwrap();
+    match client.wait(seq, PATIENCE).unwrap() {
+        Outcome::Verdict(m) => m.verdict,
+        Outcome::Stale => panic!("no verdict on frame {seq}"),
+    }
+}
+
+#[test]
+fn a_pull_through_is_found_aborted_recorded_and_replayed_alike() {
+    let folder = TempDir::new().unwrap();
+    let service = service("replay");
+    let recording = folder.path().join("run.mcap");
+    let rrd = folder.path().join("run.rrd");
+    let args = ["--record", recording.to_str().unwrap(), "--rrd", rrd.to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    for frame in 0..20 {
+        // Linked up to frame 9, touching at 10, apart from 11 on; one frame with a NaN.
+        let shift = frame as f32 * 0.1 - f32::from(frame == 10) * 1e-9;
+        let shift = if frame < 10 { shift.min(0.9) } else { shift };
+        let shift = if frame == 15 { f32::NAN } else { shift };
+        let want = match frame {
+            0..10 => Verdict::Intact,
+            10 => Verdict::Contact,
+            15 => Verdict::Rejected,
+            _ => Verdict::Changed,
+        };
+        assert_eq!(step(&mut sim, frame, shift), want, "frame {frame}");
+        assert_eq!(sim.aborted().is_some(), frame >= 10, "frame {frame}");
+    }
+    let last = sim.finish_within(PATIENCE).unwrap().expect("goodbye");
+    assert_eq!((last.counters.verified, last.counters.skipped, last.counters.rejected), (19, 0, 1));
+    let live = watch.end();
+    assert_eq!(live.code, Some(1), "{}", live.stderr);
+    assert_eq!(live.reports().len(), 20);
+    assert!(live.summary()["first_violation"].as_str().unwrap().starts_with("frame 10: curves 0 and 1 touch"));
+    assert!(std::fs::metadata(&rrd).unwrap().len() > 1000);
+
+    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(["replay", "--json"])
+        .arg(&recording)
+        .output()
+        .unwrap();
+    assert_eq!(replay.status.code(), Some(1), "{}", String::from_utf8_lossy(&replay.stderr));
+    let lines = json_lines(&String::from_utf8(replay.stdout).unwrap());
+    let again: Vec<&Value> = lines.iter().filter_map(|l| l.get("report")).collect();
+    assert_eq!(again, live.reports());
+    assert!(!String::from_utf8_lossy(&replay.stderr).contains("unlike"));
+}
+
+#[test]
+fn a_watcher_that_comes_late_or_again_takes_over() {
+    let folder = TempDir::new().unwrap();
+    let service = service("late");
+    let mut sim = client(&service);
+    // Nobody watches, and nothing waits.
+    for frame in 0..5 {
+        sim.publish(frame as f64, Positions::F32(&squares(0.0))).unwrap();
+    }
+    let first = Watch::start(folder.path(), "first", &service, &[]);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    assert_eq!(step(&mut sim, 5, 0.1), Verdict::Intact);
+    first.signal("KILL");
+    drop(first);
+    // A killed watcher costs nothing.
+    let start = Instant::now();
+    for frame in 6..9 {
+        sim.publish(frame as f64, Positions::F32(&squares(0.2))).unwrap();
+    }
+    assert!(start.elapsed() < Duration::from_secs(1));
+    let second = Watch::start(folder.path(), "second", &service, &[]);
+    assert_eq!(step(&mut sim, 9, 0.3), Verdict::Intact);
+    assert_eq!(step(&mut sim, 10, 2.5), Verdict::Changed);
+    let published = sim.finish().unwrap();
+    let ended = second.end();
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    let count = |what: &str| ended.summary()[what].as_u64().unwrap();
+    assert_eq!(count("verified") + count("skipped") + count("rejected"), published);
+    assert_eq!(published, 11);
+}
+
+#[test]
+fn a_second_watcher_is_refused_in_words() {
+    let folder = TempDir::new().unwrap();
+    let service = service("two");
+    let watch = Watch::start(folder.path(), "first", &service, &[]);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    let ended = Watch::start(folder.path(), "second", &service, &[]).end();
+    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+    assert!(ended.stderr.starts_with("error: "), "{}", ended.stderr);
+    assert!(ended.stderr.contains(&service), "{}", ended.stderr);
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    sim.finish().unwrap();
+    assert_eq!(watch.end().code, Some(0));
+}
+
+/// Not a test of its own: the simulator that the next test kills. It runs only where it is told a service.
+#[test]
+fn simulator_to_be_killed() {
+    let Ok(service) = std::env::var("LINKWATCH_TEST_SERVICE") else {
+        return;
+    };
+    let mut sim = client(&service);
+    sim.wait_for_watcher(PATIENCE).unwrap();
+    for frame in 0..10_000 {
+        sim.publish(frame as f64, Positions::F32(&squares(0.0))).unwrap();
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn a_simulator_killed_in_mid_run_ends_the_watch_with_a_message_and_stops_no_next_run() {
+    let folder = TempDir::new().unwrap();
+    let service = service("killed");
+    let recording = folder.path().join("run.mcap");
+    let watch = Watch::start(folder.path(), "watch", &service, &["--record", recording.to_str().unwrap()]);
+    let mut sim = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "simulator_to_be_killed"])
+        .env("LINKWATCH_TEST_SERVICE", &service)
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while std::fs::read_to_string(&watch.stdout).unwrap().lines().count() < 20 {
+        assert!(start.elapsed() < PATIENCE, "no frames arrive");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    sim.kill().unwrap();
+    sim.wait().unwrap();
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the simulator died"), "{}", ended.stderr);
+    assert!(ended.summary()["verified"].as_u64().unwrap() >= 20);
+    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch")).arg("replay").arg(&recording).output().unwrap();
+    assert_eq!(replay.status.code(), Some(0), "{}", String::from_utf8_lossy(&replay.stderr));
+
+    let watch = Watch::start(folder.path(), "next", &service, &[]);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    sim.finish().unwrap();
+    assert_eq!(watch.end().code, Some(0));
+}
+
+#[test]
+fn a_signal_ends_the_watch_properly() {
+    let folder = TempDir::new().unwrap();
+    let service = service("signal");
+    let recording = folder.path().join("run.mcap");
+    let watch = Watch::start(folder.path(), "watch", &service, &["--record", recording.to_str().unwrap()]);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    for frame in 0..5 {
+        assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
+    }
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(ended.summary()["verified"], 5);
+    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch")).arg("replay").arg(&recording).output().unwrap();
+    let text = String::from_utf8_lossy(&replay.stderr).into_owned() + &String::from_utf8_lossy(&replay.stdout);
+    assert_eq!(replay.status.code(), Some(0), "{text}");
+    assert!(!text.contains("cut off"), "{text}");
+}
+
+#[test]
+fn a_watch_without_a_simulator_gives_up_when_told_to() {
+    let folder = TempDir::new().unwrap();
+    let watch = Watch::start(folder.path(), "watch", &service("alone"), &["--wait", "0.3"]);
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(ended.stderr.contains("no simulator came"), "{}", ended.stderr);
+    assert_eq!(ended.summary()["verdict"], "nothing was verified");
+}
+
+#[test]
+fn hostile_recordings_are_refused_in_one_line() {
+    let folder = TempDir::new().unwrap();
+    for (name, bytes) in [("empty.mcap", &b""[..]), ("text.mcap", b"hello"), ("magic.mcap", b"\x89MCAP0\r\n\xff\xff")] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let run = Command::new(env!("CARGO_BIN_EXE_linkwatch")).arg("replay").arg(&path).output().unwrap();
+        let stderr = String::from_utf8(run.stderr).unwrap();
+        assert!(matches!(run.status.code(), Some(2 | 3)), "{name}: {stderr}");
+        assert!(stderr.contains(name), "{stderr}");
+        assert!(!stderr.contains("panicked"), "{stderr}");
+    }
+}
