@@ -7,11 +7,20 @@
 //! recording, model file ────────┘                                                                          └▶ viewer
 //! ```
 
+#[cfg(feature = "bus")]
+mod bus;
 mod certificate;
 mod curve;
 mod error;
+#[cfg(any(feature = "bus", feature = "mcap"))]
+mod ingest;
 mod verdict;
 
+#[cfg(feature = "bus")]
+pub use bus::{
+    Client, ClientOptions, Counters, Event, Finding, Frame, FrameLoan, MessageKind, Outcome,
+    Sidecar, SidecarOptions, VerdictMessage,
+};
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Box3, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use error::{Error, Result};
