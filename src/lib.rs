@@ -7,17 +7,26 @@
 //! recording, model file ────────┘                                                                          └▶ viewer
 //! ```
 
+#[cfg(feature = "bus")]
+mod bus;
 mod certificate;
 mod curve;
 mod discretize;
 mod error;
 mod exact;
+#[cfg(any(feature = "bus", feature = "mcap"))]
+mod ingest;
 pub mod kernels;
 pub mod model;
 mod pairs;
 mod verdict;
 mod verifier;
 
+#[cfg(feature = "bus")]
+pub use bus::{
+    Client, ClientOptions, Counters, Event, Finding, Frame, FrameLoan, MessageKind, Outcome,
+    Sidecar, SidecarOptions, VerdictMessage,
+};
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Box3, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use discretize::{Polylines, homotopic_polylines};

@@ -1,0 +1,389 @@
+//! What the watcher says to the simulator, in Rust and in words.
+
+use super::wire::{
+    FINDING_CHANGE, FINDING_DEFECT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE, VERDICT_MAGIC,
+    VerdictWire,
+};
+use crate::certificate::{Change, ChangeKind};
+use crate::error::{Error, Result};
+use crate::verdict::{Defect, DefectKind, Place, Report, Verdict};
+use std::fmt;
+use std::time::Duration;
+
+/// Why the watcher speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum MessageKind {
+    /// It is there. Sent when it meets a simulator and about once a second while it has nothing to do.
+    Hello = 0,
+    /// It checked a frame.
+    Verdict = 1,
+    /// It is done with this session: the session ended, or the watcher leaves.
+    Goodbye = 2,
+}
+
+/// Frames of the session so far. At its end, published = verified + skipped + rejected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Frames that were checked, whatever came out.
+    pub verified: u64,
+    /// Frames that were never checked: a newer one was there, or the watcher was not.
+    pub skipped: u64,
+    /// Frames that broke their contract.
+    pub rejected: u64,
+}
+
+/// The first thing found in a frame, in the order of the curves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Finding {
+    /// A linking number that is not the expected one.
+    Change(Change),
+    /// A pair or a curve without a linking number.
+    Defect(Defect),
+}
+
+/// A message from the watcher. Its `Display` says it in words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VerdictMessage {
+    /// Why it was sent.
+    pub kind: MessageKind,
+    /// The session that is meant; 0 while the watcher has none.
+    pub session: u64,
+    /// The frame. For a hello or goodbye with `abort`: the frame that asked to stop last.
+    pub seq: u64,
+    /// Its simulation time in seconds.
+    pub time: f64,
+    /// The answer on that frame.
+    pub verdict: Verdict,
+    /// Whether the simulator is asked to stop, or to roll back.
+    pub abort: bool,
+    /// Links lost.
+    pub lost: u32,
+    /// Links gained.
+    pub gained: u32,
+    /// Links with another number.
+    pub changed: u32,
+    /// Pairs or curves without a number.
+    pub defects: u32,
+    /// The first finding.
+    pub first: Option<Finding>,
+    /// Why the frame was rejected.
+    pub reason: Option<String>,
+    /// The session so far.
+    pub counters: Counters,
+    /// How long the check took.
+    pub check: Duration,
+}
+
+impl fmt::Display for VerdictMessage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Counters {
+            verified,
+            skipped,
+            rejected,
+        } = self.counters;
+        match self.kind {
+            MessageKind::Hello => write!(f, "linkwatch is watching")?,
+            MessageKind::Goodbye => write!(f, "linkwatch is done with this session")?,
+            MessageKind::Verdict => {}
+        }
+        if self.kind != MessageKind::Verdict {
+            write!(
+                f,
+                ": {verified} frames verified, {skipped} skipped, {rejected} rejected"
+            )?;
+            if !self.abort {
+                return Ok(());
+            }
+            write!(f, "; ")?;
+        }
+        write!(f, "frame {}: {}", self.seq, self.verdict)?;
+        let counts = [
+            (self.lost, "lost"),
+            (self.gained, "gained"),
+            (self.changed, "changed"),
+        ];
+        for (n, word) in counts.into_iter().filter(|c| c.0 > 0) {
+            let links = if n == 1 { "link" } else { "links" };
+            write!(f, ", {n} {links} {word}")?;
+        }
+        match self.defects {
+            0 => {}
+            1 => write!(f, ", 1 pair or curve without a number")?,
+            n => write!(f, ", {n} pairs or curves without a number")?,
+        }
+        match &self.first {
+            Some(Finding::Change(change)) => write!(f, ": {change}")?,
+            Some(Finding::Defect(defect)) => write!(f, ": {defect}")?,
+            None => {}
+        }
+        if let Some(reason) = &self.reason {
+            write!(f, ": {reason}")?;
+        }
+        if self.abort {
+            write!(f, ". Stop or roll back")?;
+        }
+        Ok(())
+    }
+}
+
+impl VerdictWire {
+    /// A message without a frame.
+    pub fn new(kind: MessageKind, session: u64, counters: Counters) -> Self {
+        VerdictWire {
+            magic: VERDICT_MAGIC,
+            version: LAYOUT_VERSION,
+            kind: kind as u32,
+            session,
+            seq: 0,
+            time: 0.0,
+            verdict: Verdict::Intact as u32,
+            abort: 0,
+            lost: 0,
+            gained: 0,
+            changed: 0,
+            defects: 0,
+            finding: FINDING_NONE,
+            i: 0,
+            j: NO_CURVE,
+            defect_kind: 0,
+            segments: [0; 2],
+            has_place: 0,
+            reason_len: 0,
+            expected: 0,
+            found: 0,
+            point: [0.0; 3],
+            distance: 0.0,
+            verified: counters.verified,
+            skipped: counters.skipped,
+            rejected: counters.rejected,
+            check_ns: 0,
+            reason: [0; 208],
+        }
+    }
+
+    /// What a report says, as far as it fits.
+    pub fn from_report(
+        report: &Report,
+        session: u64,
+        counters: Counters,
+        check: Duration,
+    ) -> VerdictWire {
+        let count = |kind| u32::try_from(report.count(kind)).unwrap_or(u32::MAX);
+        let mut wire = VerdictWire {
+            seq: report.seq,
+            time: report.time,
+            verdict: report.verdict as u32,
+            abort: u32::from(report.abort),
+            lost: count(ChangeKind::Lost),
+            gained: count(ChangeKind::Gained),
+            changed: count(ChangeKind::Changed),
+            defects: u32::try_from(report.defects.len()).unwrap_or(u32::MAX),
+            check_ns: u64::try_from(check.as_nanos()).unwrap_or(u64::MAX),
+            ..VerdictWire::new(MessageKind::Verdict, session, counters)
+        };
+        if let Some(change) = report.changes.first() {
+            wire.finding = FINDING_CHANGE;
+            (wire.i, wire.j) = (change.i, change.j);
+            (wire.expected, wire.found) = (change.expected, change.found);
+            wire.set_place(change.place);
+        } else if let Some(defect) = report.defects.first() {
+            wire.finding = FINDING_DEFECT;
+            (wire.i, wire.j) = (defect.i, defect.j.unwrap_or(NO_CURVE));
+            wire.defect_kind = defect.kind as u32;
+            wire.set_place(Some(defect.place));
+        }
+        if let Some(reason) = &report.rejected {
+            let n = reason.floor_char_boundary(wire.reason.len());
+            wire.reason[..n].copy_from_slice(&reason.as_bytes()[..n]);
+            wire.reason_len = n as u32;
+        }
+        wire
+    }
+
+    fn set_place(&mut self, place: Option<Place>) {
+        if let Some(place) = place {
+            self.has_place = 1;
+            self.segments = place.segments;
+            self.point = place.point;
+            self.distance = place.distance;
+        }
+    }
+
+    /// Whether this is a message of the layout that this build knows, and what it says.
+    pub fn read(&self) -> Result<VerdictMessage> {
+        let bad = |place, code: u64| Error::format("verdict message", place, code);
+        if self.magic != VERDICT_MAGIC {
+            return Err(bad("magic number", self.magic));
+        }
+        if self.version != LAYOUT_VERSION {
+            return Err(Error::Version {
+                what: "the verdict message",
+                found: self.version.into(),
+                known: LAYOUT_VERSION.into(),
+            });
+        }
+        let kind = match self.kind {
+            0 => MessageKind::Hello,
+            1 => MessageKind::Verdict,
+            2 => MessageKind::Goodbye,
+            k => return Err(bad("kind", k.into())),
+        };
+        let verdict = Verdict::from_code(self.verdict)
+            .ok_or_else(|| bad("verdict code", self.verdict.into()))?;
+        let place = Place {
+            segments: self.segments,
+            point: self.point,
+            distance: self.distance,
+        };
+        let first = match self.finding {
+            FINDING_NONE => None,
+            FINDING_CHANGE => Some(Finding::Change(Change {
+                i: self.i,
+                j: self.j,
+                expected: self.expected,
+                found: self.found,
+                place: (self.has_place != 0).then_some(place),
+            })),
+            FINDING_DEFECT => Some(Finding::Defect(Defect {
+                i: self.i,
+                j: (self.j != NO_CURVE).then_some(self.j),
+                kind: *DefectKind::ALL
+                    .get(self.defect_kind as usize)
+                    .ok_or_else(|| bad("defect code", self.defect_kind.into()))?,
+                place,
+            })),
+            code => return Err(bad("finding code", code.into())),
+        };
+        let reason = self.reason.get(..self.reason_len as usize);
+        let reason = reason.ok_or_else(|| bad("length of the reason", self.reason_len.into()))?;
+        Ok(VerdictMessage {
+            kind,
+            session: self.session,
+            seq: self.seq,
+            time: self.time,
+            verdict,
+            abort: self.abort != 0,
+            lost: self.lost,
+            gained: self.gained,
+            changed: self.changed,
+            defects: self.defects,
+            first,
+            reason: (!reason.is_empty()).then(|| String::from_utf8_lossy(reason).into_owned()),
+            counters: Counters {
+                verified: self.verified,
+                skipped: self.skipped,
+                rejected: self.rejected,
+            },
+            check: Duration::from_nanos(self.check_ns),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::Stats;
+
+    fn report(verdict: Verdict) -> Report {
+        Report {
+            seq: 12,
+            time: 0.5,
+            verdict,
+            abort: false,
+            changes: Vec::new(),
+            defects: Vec::new(),
+            rejected: None,
+            stats: Stats::default(),
+        }
+    }
+
+    fn sent(report: &Report) -> VerdictMessage {
+        let check = Duration::from_nanos(77);
+        VerdictWire::from_report(report, 5, Counters::default(), check)
+            .read()
+            .unwrap()
+    }
+
+    const PLACE: Place = Place {
+        segments: [7, 8],
+        point: [1.0, 2.0, 3.0],
+        distance: 0.25,
+    };
+
+    #[test]
+    fn a_change_arrives_with_its_place() {
+        let change = Change {
+            i: 3,
+            j: 4,
+            expected: 1,
+            found: 0,
+            place: Some(PLACE),
+        };
+        let mut r = report(Verdict::Changed);
+        r.abort = true;
+        r.changes = vec![change, Change { found: 2, ..change }];
+        let m = sent(&r);
+        assert_eq!(m.first, Some(Finding::Change(change)));
+        assert_eq!((m.lost, m.gained, m.changed), (1, 0, 1));
+        assert_eq!((m.session, m.check.as_nanos()), (5, 77));
+        assert_eq!(
+            m.to_string(),
+            "frame 12: changed, 1 link lost, 1 link changed: curves 3 and 4 came apart: linking \
+             number 1 expected, 0 found, near (1.0000, 2.0000, 3.0000), segments 7 and 8, 2.500e-1 \
+             apart. Stop or roll back"
+        );
+    }
+
+    #[test]
+    fn a_defect_and_a_reason_arrive() {
+        let defect = Defect {
+            i: 2,
+            j: None,
+            kind: DefectKind::Degenerate,
+            place: PLACE,
+        };
+        let mut r = report(Verdict::Undecided);
+        r.defects = vec![defect];
+        assert_eq!(sent(&r).first, Some(Finding::Defect(defect)));
+
+        let mut r = report(Verdict::Rejected);
+        r.rejected = Some("ä".repeat(200));
+        let m = sent(&r);
+        assert_eq!(m.reason.as_deref(), Some("ä".repeat(104).as_str()));
+        assert!(m.to_string().starts_with("frame 12: rejected: ää"));
+    }
+
+    #[test]
+    fn a_hello_counts() {
+        let counters = Counters {
+            verified: 7,
+            skipped: 2,
+            rejected: 1,
+        };
+        let m = VerdictWire::new(MessageKind::Hello, 0, counters).read();
+        assert_eq!(
+            m.unwrap().to_string(),
+            "linkwatch is watching: 7 frames verified, 2 skipped, 1 rejected"
+        );
+    }
+
+    #[test]
+    fn codes_from_elsewhere_are_refused() {
+        let good = VerdictWire::new(MessageKind::Hello, 0, Counters::default());
+        let bad: [fn(&mut VerdictWire); 7] = [
+            |w| w.magic = 0,
+            |w| w.version += 1,
+            |w| w.kind = 3,
+            |w| w.verdict = 6,
+            |w| w.finding = 3,
+            |w| (w.finding, w.defect_kind) = (FINDING_DEFECT, 4),
+            |w| w.reason_len = 209,
+        ];
+        for change in bad {
+            let mut wire = good;
+            change(&mut wire);
+            assert!(wire.read().is_err(), "{wire:?}");
+        }
+    }
+}

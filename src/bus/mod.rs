@@ -1,0 +1,27 @@
+//! Live frames and verdicts over shared memory: the only module that knows iceoryx2.
+//!
+//! ```text
+//! Client (in the simulator) ──<name>/frames───▶ Sidecar (in `linkwatch watch`)
+//!                           ◀─<name>/verdicts──
+//! ```
+//!
+//! Both directions are publish-subscribe with safe overflow: nobody ever waits for a slow, stopped or dead
+//! peer. An event beside each is a hint to look sooner; both sides look on a timer as well, since an event
+//! may be lost (always over a bridge between hosts, now and then elsewhere).
+//!
+//! Either side may start first, die and come back. What a killed process leaves behind is removed by the
+//! next one that opens the service.
+//!
+//! Trust ends at the user id. A frame that lies is refused; a process of the same user that tampers with the
+//! shared memory itself (shrinks a segment under its reader, say) can still crash the sidecar, which is why
+//! it is a process of its own, and why a simulator has to have its own opinion about silence.
+
+mod client;
+mod message;
+mod service;
+mod sidecar;
+mod wire;
+
+pub use client::{Client, ClientOptions, FrameLoan, Outcome};
+pub use message::{Counters, Finding, MessageKind, VerdictMessage};
+pub use sidecar::{Event, Frame, Sidecar, SidecarOptions};

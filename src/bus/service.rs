@@ -1,0 +1,308 @@
+//! The services, their names and their quality of service, in one place for both sides.
+//!
+//! | service | pattern | from | to |
+//! |---|---|---|---|
+//! | `<name>/frames` | publish-subscribe, event | simulator | watcher |
+//! | `<name>/verdicts` | publish-subscribe, event | watcher | simulator |
+//! | `<name>/simulator`, `<name>/watcher` | request-response, never used | a lock each | |
+//!
+//! Two publishers are allowed on each topic, since a bridge between hosts joins with one of its own. That
+//! there is one simulator and one watcher is the locks' business: a service with room for one server, which
+//! bridges do not relay, and whose place is freed with everything else of a process that died.
+
+use super::wire::{ALIGNMENT, FrameHeader, VerdictWire};
+use crate::error::{Error, Result};
+use iceoryx2::node::NodeView;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::server::Server;
+use iceoryx2::prelude::{
+    Alignment, CallbackProgression, Config, LogLevel, Node, NodeBuilder, NodeName, NodeState,
+    PortFactory, ServiceName, SignalHandlingMode, ipc_threadsafe, set_log_level_from_env_or,
+};
+use iceoryx2::service::port_factory::server::ServerCreateError;
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+use std::fmt::Debug;
+use std::sync::Once;
+use std::time::{Duration, Instant};
+
+/// Ports that may move to another thread. Compatible with `ipc::Service` in other processes.
+pub(super) type Ipc = ipc_threadsafe::Service;
+pub(super) type FrameService = publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>;
+pub(super) type VerdictService = publish_subscribe::PortFactory<Ipc, VerdictWire, ()>;
+pub(super) type NodeId = iceoryx2::identifiers::UniqueNodeId;
+
+/// Frames that wait for a subscriber: the newest, and the end of the session behind it.
+const FRAME_BUFFER: usize = 2;
+
+/// Frames that a subscriber may hold: the one in work, the newest, one just taken, and one of a new session.
+const FRAME_BORROWS: usize = 4;
+
+/// Verdicts that wait for a simulator that polls seldom. The abort signal is repeated in every heartbeat,
+/// so even more of them lose nothing that matters.
+const VERDICT_BUFFER: usize = 64;
+
+/// How long something that another process is just creating, removing or leaving is waited for.
+const PATIENCE: Duration = Duration::from_millis(1000);
+
+/// How long a living holder of a lock is given, since a process killed a moment ago still counts as alive.
+const LOCK_PATIENCE: Duration = Duration::from_millis(300);
+
+/// Which end of the services this is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    Simulator,
+    Watcher,
+}
+
+/// Both services, opened, and the proof that this process alone has its role.
+pub(super) struct Endpoint {
+    pub frames: FrameService,
+    pub verdicts: VerdictService,
+    /// Hears of frames (watcher) or verdicts (simulator).
+    pub listener: Listener<Ipc>,
+    /// Tells of verdicts (watcher) or frames (simulator).
+    notifier: Notifier<Ipc>,
+    _lock: Server<Ipc, u64, (), u64, ()>,
+    _node: Node<Ipc>,
+}
+
+impl Debug for Endpoint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Endpoint").finish_non_exhaustive()
+    }
+}
+
+impl Endpoint {
+    pub fn open(name: &str, role: Role) -> Result<Endpoint> {
+        quiet();
+        let node_name = match role {
+            Role::Simulator => "linkwatch simulator",
+            Role::Watcher => "linkwatch watcher",
+        };
+        // Signals stay with the program that owns this process. Creating a node also removes what killed
+        // processes left behind.
+        let node = NodeBuilder::new()
+            .name(&NodeName::new(node_name).map_err(bus("node name"))?)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Ipc>()
+            .map_err(|e| {
+                Error::Bus(format!(
+                    "no shared memory ({e:?}): simulator and watcher must run as the same user, who \
+                     must be able to write to /dev/shm and /tmp/iceoryx2"
+                ))
+            })?;
+        let lock = lock(&node, name, role)?;
+        let frames_name = service_name(name, "frames")?;
+        let verdicts_name = service_name(name, "verdicts")?;
+        let alignment = Alignment::new(ALIGNMENT).expect("64 is a power of two");
+        let frames = patiently(|| {
+            node.service_builder(&frames_name)
+                .publish_subscribe::<[u8]>()
+                .user_header::<FrameHeader>()
+                .payload_alignment(alignment)
+                .max_publishers(2)
+                .max_subscribers(4)
+                .subscriber_max_buffer_size(FRAME_BUFFER)
+                .subscriber_max_borrowed_samples(FRAME_BORROWS)
+                .history_size(1)
+                .enable_safe_overflow(true)
+                .open_or_create()
+        })
+        .map_err(cannot_open(&frames_name))?;
+        let verdicts = patiently(|| {
+            node.service_builder(&verdicts_name)
+                .publish_subscribe::<VerdictWire>()
+                .max_publishers(2)
+                .max_subscribers(4)
+                .subscriber_max_buffer_size(VERDICT_BUFFER)
+                .subscriber_max_borrowed_samples(2)
+                .history_size(1)
+                .enable_safe_overflow(true)
+                .open_or_create()
+        })
+        .map_err(cannot_open(&verdicts_name))?;
+        let open_event = |name: &ServiceName| -> Result<event::PortFactory<Ipc>> {
+            patiently(|| node.service_builder(name).event().open_or_create())
+                .map_err(cannot_open(name))
+        };
+        let (frame_events, verdict_events) =
+            (open_event(&frames_name)?, open_event(&verdicts_name)?);
+        let (hear, tell) = match role {
+            Role::Simulator => (verdict_events, frame_events),
+            Role::Watcher => (frame_events, verdict_events),
+        };
+        Ok(Endpoint {
+            listener: hear.listener_builder().create().map_err(bus("listener"))?,
+            notifier: tell.notifier_builder().create().map_err(bus("notifier"))?,
+            frames,
+            verdicts,
+            _lock: lock,
+            _node: node,
+        })
+    }
+
+    /// Wakes the other side if it sleeps. Never waits; a failure costs a timer tick, so it is no error.
+    pub fn notify(&self) {
+        let _ = self.notifier.notify();
+    }
+
+    /// Sleeps until the other side tells of something or the time is over. False where a signal came.
+    pub fn sleep(&self, time: Duration) -> bool {
+        // Less than a microsecond would become zero on the socket below, which means "for ever" there.
+        let time = time.max(Duration::from_millis(1));
+        self.listener.timed_wait_all(|_| {}, time).is_ok()
+    }
+
+    /// Whether the node, which once was on the frame service, died or left. Removes what it left behind.
+    pub fn node_is_gone(&self, id: NodeId) -> bool {
+        let mut gone = true;
+        let listed = self.frames.nodes(|state| {
+            if *state.node_id() == id {
+                gone = matches!(state, NodeState::Dead(_));
+                return CallbackProgression::Stop;
+            }
+            CallbackProgression::Continue
+        });
+        let gone = gone && listed.is_ok();
+        if gone {
+            cleanup();
+        }
+        gone
+    }
+}
+
+/// Removes what dead processes left in shared memory.
+fn cleanup() {
+    Node::<Ipc>::try_cleanup_dead_nodes(Config::global_config());
+}
+
+/// iceoryx2 writes warnings of its own to stderr, about things that are handled here (a peer that is
+/// stopped, a configuration file that nobody needs). Only errors pass, unless IOX2_LOG_LEVEL says otherwise.
+fn quiet() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Error));
+}
+
+fn service_name(name: &str, part: &str) -> Result<ServiceName> {
+    if name.is_empty() {
+        return Err(Error::Bus("the service name is empty".into()));
+    }
+    ServiceName::new(&format!("{name}/{part}")).map_err(|e| {
+        let n = ServiceName::max_len();
+        Error::Bus(format!(
+            "service name \"{name}\": {e:?} (at most {n} bytes with \"/{part}\", and not a name \
+             reserved by iceoryx2)"
+        ))
+    })
+}
+
+/// Takes the only place for this role on the service.
+fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (), u64, ()>> {
+    let lock_name = match role {
+        Role::Simulator => service_name(name, "simulator")?,
+        Role::Watcher => service_name(name, "watcher")?,
+    };
+    let service = patiently(|| {
+        node.service_builder(&lock_name)
+            .request_response::<u64, u64>()
+            .max_servers(1)
+            .max_clients(1)
+            .open_or_create()
+    })
+    .map_err(cannot_open(&lock_name))?;
+    let start = Instant::now();
+    loop {
+        match service.server_builder().create() {
+            Ok(server) => return Ok(server),
+            Err(ServerCreateError::ExceedsMaxSupportedServers) => {}
+            Err(e) => return Err(bus("lock")(e)),
+        }
+        cleanup();
+        let mut holder = None;
+        service.dynamic_config().list_servers(|server| {
+            holder = Some(server.node_id);
+            CallbackProgression::Stop
+        });
+        let mut executable = None;
+        let _ = service.nodes(|state| {
+            if let (NodeState::Alive(view), Some(holder)) = (&state, holder)
+                && *view.id() == holder
+            {
+                executable = view.details().as_ref().map(|d| d.executable().to_string());
+            }
+            CallbackProgression::Continue
+        });
+        if start.elapsed() > LOCK_PATIENCE {
+            let who = match (holder, executable) {
+                (Some(id), Some(file)) => format!("process {}, {file}", id.pid().value()),
+                (Some(id), None) => format!("process {}", id.pid().value()),
+                (None, _) => "a process that is starting".into(),
+            };
+            return Err(Error::Bus(match role {
+                Role::Simulator => format!(
+                    "service \"{name}\" already has a simulator ({who}). Stop it, or give one of the \
+                     two a service name of its own and watch it with `linkwatch watch --service NAME`"
+                ),
+                Role::Watcher => format!(
+                    "service \"{name}\" is already watched ({who}). Stop that watcher, or watch \
+                     another service with `--service NAME`"
+                ),
+            }));
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Opens or creates something that another process may be creating or removing at this moment.
+fn patiently<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E> {
+    // Named by their Debug form, which is the variant: each pattern has an enum of its own for the same cases.
+    const TRANSIENT: [&str; 6] = [
+        "SystemInFlux",
+        "IsMarkedForDestruction",
+        "DoesNotExist",
+        "AlreadyExists",
+        "IsBeingCreatedByAnotherInstance",
+        "HangsInCreation",
+    ];
+    let start = Instant::now();
+    loop {
+        match open() {
+            Err(e) if start.elapsed() < PATIENCE => {
+                let words = format!("{e:?}");
+                if !TRANSIENT.iter().any(|t| words.contains(t)) {
+                    return Err(e);
+                }
+                cleanup();
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            result => return result,
+        }
+    }
+}
+
+fn cannot_open<E: Debug>(name: &ServiceName) -> impl FnOnce(E) -> Error {
+    let name = name.as_str().to_string();
+    move |e| {
+        let words = format!("{e:?}");
+        let why = if words.contains("Incompatible") {
+            " It exists with another layout: another program uses the name, or another version of \
+             linkwatch. Choose another service name, or use one version on both sides"
+        } else if words.contains("Corrupted") {
+            " It was created by another version of iceoryx2 (this is 0.9.3), or by a process that was \
+             killed halfway: stop all processes that use it, and remove their files in /tmp/iceoryx2"
+        } else if words.contains("Permission") {
+            " Simulator and watcher must run as the same user"
+        } else if words.contains("ExceedsMaxNumberOfNodes") {
+            " Too many processes use it"
+        } else {
+            ""
+        };
+        Error::Bus(format!("cannot open service \"{name}\" ({words}).{why}"))
+    }
+}
+
+/// A failure of iceoryx2, with what was being done.
+pub(super) fn bus<E: Debug>(what: &'static str) -> impl FnOnce(E) -> Error {
+    move |e| Error::Bus(format!("{what}: {e:?}"))
+}

@@ -1,0 +1,323 @@
+//! What lies in shared memory: two plain structs and the arrangement of a frame's bytes.
+//!
+//! iceoryx2 compares name, size and alignment of a type but not its fields, so both structs start with a
+//! magic number and a layout version, and have no hidden padding.
+//!
+//! Payload of a frame: `n_curves` counts (`i32`, negative: closed, as in BCC files), zeros up to a multiple
+//! of 64 bytes, then `3 * n_points` coordinates. Everything is in the byte order of the machine.
+
+use crate::curve::{Basis, Positions, Precision};
+use crate::error::{Error, Result};
+use crate::ingest::RawFrame;
+use iceoryx2::prelude::ZeroCopySend;
+use std::mem::size_of;
+
+/// Counts up with every change of either struct or of the payload.
+pub(super) const LAYOUT_VERSION: u32 = 1;
+
+/// Start of the payload and of the positions in it: a cache line, and the widest vector load.
+pub(super) const ALIGNMENT: usize = 64;
+
+/// "LWFRAME" where a frame header starts. Reversed on a machine of the other byte order, and so refused.
+pub(super) const FRAME_MAGIC: u64 = u64::from_le_bytes(*b"LWFRAME\0");
+
+/// "LWVERDI" where a verdict starts.
+pub(super) const VERDICT_MAGIC: u64 = u64::from_le_bytes(*b"LWVERDI\0");
+
+/// The simulator waits for the verdict on this frame.
+pub(super) const FLAG_LOCKSTEP: u32 = 1;
+/// Not a frame: the session is over, `seq` is the number of frames published.
+pub(super) const FLAG_END: u32 = 2;
+/// Not a frame: the simulator asks who is there.
+pub(super) const FLAG_ANNOUNCE: u32 = 4;
+/// With `FLAG_END`: the simulator left without finishing (an error, a panic).
+pub(super) const FLAG_UNFINISHED: u32 = 8;
+
+/// Stands before every frame. Each frame describes itself, so a late watcher needs no other.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("linkwatch.FrameHeader")]
+pub(super) struct FrameHeader {
+    pub magic: u64,
+    pub version: u32,
+    pub flags: u32,
+    /// Drawn at random when a client opens, never 0.
+    pub session: u64,
+    /// From 0, one more with every frame of the session.
+    pub seq: u64,
+    /// Simulation time in seconds.
+    pub time: f64,
+    pub n_points: u64,
+    pub n_curves: u32,
+    /// Place in [`Basis::ALL`].
+    pub basis: u32,
+    /// 4 or 8.
+    pub coordinate_bytes: u32,
+    pub reserved: u32,
+}
+
+/// What finding a [`VerdictWire`] carries.
+pub(super) const FINDING_NONE: u32 = 0;
+/// A change of a linking number.
+pub(super) const FINDING_CHANGE: u32 = 1;
+/// A pair or a curve without a number.
+pub(super) const FINDING_DEFECT: u32 = 2;
+
+/// Stands for "no second curve" in [`VerdictWire::j`].
+pub(super) const NO_CURVE: u32 = u32::MAX;
+
+/// A message from the watcher.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("linkwatch.Verdict")]
+pub(super) struct VerdictWire {
+    pub magic: u64,
+    pub version: u32,
+    /// Code of a [`super::MessageKind`].
+    pub kind: u32,
+    /// The session that is meant; 0 while there is none.
+    pub session: u64,
+    pub seq: u64,
+    pub time: f64,
+    pub verdict: u32,
+    pub abort: u32,
+    pub lost: u32,
+    pub gained: u32,
+    pub changed: u32,
+    pub defects: u32,
+    pub finding: u32,
+    pub i: u32,
+    pub j: u32,
+    pub defect_kind: u32,
+    pub segments: [u32; 2],
+    pub has_place: u32,
+    /// Bytes used of `reason`.
+    pub reason_len: u32,
+    pub expected: i64,
+    pub found: i64,
+    pub point: [f64; 3],
+    pub distance: f64,
+    pub verified: u64,
+    pub skipped: u64,
+    pub rejected: u64,
+    pub check_ns: u64,
+    /// Why a frame was rejected: UTF-8, cut at a character.
+    pub reason: [u8; 208],
+}
+
+// No hidden padding: the sizes are the sums of the fields, and both are whole words.
+const _: () = assert!(size_of::<FrameHeader>() == 64);
+const _: () = assert!(size_of::<VerdictWire>() == 384);
+
+/// The code of a basis on the wire.
+pub(super) fn basis_code(basis: Basis) -> u32 {
+    Basis::ALL.iter().position(|&b| b == basis).unwrap_or(0) as u32
+}
+
+/// Bytes of the counts of `curves` curves, with the padding behind them.
+pub(super) fn table_bytes(curves: usize) -> Option<usize> {
+    curves
+        .checked_mul(size_of::<i32>())?
+        .checked_next_multiple_of(ALIGNMENT)
+}
+
+/// Bytes of a whole payload.
+pub(super) fn payload_bytes(curves: usize, points: usize, precision: Precision) -> Option<usize> {
+    let positions = points.checked_mul(3 * precision.bytes())?;
+    table_bytes(curves)?.checked_add(positions)
+}
+
+impl FrameHeader {
+    /// Whether this is a header at all, and of the layout that this build knows. Nothing else in it means
+    /// anything before that.
+    pub fn check_layout(&self) -> Result<()> {
+        if self.magic != FRAME_MAGIC {
+            return Err(Error::format(
+                "frame",
+                "magic number",
+                format_args!("{:#018x}, expected {FRAME_MAGIC:#018x}", self.magic),
+            ));
+        }
+        if self.version != LAYOUT_VERSION {
+            return Err(Error::Version {
+                what: "the frame",
+                found: self.version.into(),
+                known: LAYOUT_VERSION.into(),
+            });
+        }
+        Ok(())
+    }
+
+    /// The parts of the payload that this header promises, or what is wrong with them. `self` must be a
+    /// copy: the header in shared memory may change at any time.
+    pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<RawFrame<'a>> {
+        let field = |place, what: std::fmt::Arguments<'_>| Err(Error::format("frame", place, what));
+        if payload.len() > max_bytes {
+            return Err(Error::Count {
+                what: "bytes of a frame (more than the limit)",
+                promised: payload.len() as u64,
+                available: max_bytes as u64,
+            });
+        }
+        if !self.time.is_finite() {
+            return field("time", format_args!("{} seconds", self.time));
+        }
+        let Some(&basis) = Basis::ALL.get(self.basis as usize) else {
+            let last = Basis::ALL.len() - 1;
+            return field(
+                "basis code",
+                format_args!("{}, expected 0 to {last}", self.basis),
+            );
+        };
+        let precision = match self.coordinate_bytes {
+            4 => Precision::F32,
+            8 => Precision::F64,
+            n => {
+                return field(
+                    "bytes of a coordinate",
+                    format_args!("{n}, expected 4 or 8"),
+                );
+            }
+        };
+        let curves = self.n_curves as usize;
+        let promised = usize::try_from(self.n_points)
+            .ok()
+            .and_then(|points| payload_bytes(curves, points, precision));
+        let (Some(bytes), Some(table)) = (promised, table_bytes(curves)) else {
+            return field(
+                "points",
+                format_args!("{} do not fit into memory", self.n_points),
+            );
+        };
+        if bytes != payload.len() {
+            return Err(Error::Count {
+                what: "bytes of a frame",
+                promised: bytes as u64,
+                available: payload.len() as u64,
+            });
+        }
+        let (table, positions) = payload.split_at(table);
+        let Some(counts) = cast(&table[..curves * size_of::<i32>()]) else {
+            return field("payload", format_args!("not aligned"));
+        };
+        let positions = match precision {
+            Precision::F32 => cast(positions).map(Positions::F32),
+            Precision::F64 => cast(positions).map(Positions::F64),
+        };
+        let Some(positions) = positions else {
+            return field("positions", format_args!("not aligned"));
+        };
+        Ok(RawFrame {
+            basis,
+            counts,
+            positions,
+        })
+    }
+}
+
+/// Numbers of which every bit pattern is one.
+pub(super) trait Plain: Copy {}
+impl Plain for i32 {}
+impl Plain for f32 {}
+impl Plain for f64 {}
+
+/// Bytes as numbers; `None` where they are not aligned or not a whole number of them.
+pub(super) fn cast<T: Plain>(bytes: &[u8]) -> Option<&[T]> {
+    #[expect(unsafe_code, reason = "numbers in shared memory")]
+    // SAFETY: every bit pattern is a `T`; `align_to` keeps to the aligned middle.
+    let (head, body, tail) = unsafe { bytes.align_to() };
+    (head.is_empty() && tail.is_empty()).then_some(body)
+}
+
+/// Bytes as numbers to write.
+pub(super) fn cast_mut<T: Plain>(bytes: &mut [u8]) -> Option<&mut [T]> {
+    #[expect(unsafe_code, reason = "numbers in shared memory")]
+    // SAFETY: every bit pattern is a `T`, and every `T` is initialised bytes without padding.
+    let (head, body, tail) = unsafe { bytes.align_to_mut() };
+    (head.is_empty() && tail.is_empty()).then_some(body)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[repr(align(64))]
+    struct Aligned([u8; 256]);
+
+    fn header(curves: u32, points: u64) -> FrameHeader {
+        FrameHeader {
+            magic: FRAME_MAGIC,
+            version: LAYOUT_VERSION,
+            flags: 0,
+            session: 1,
+            seq: 0,
+            time: 0.0,
+            n_points: points,
+            n_curves: curves,
+            basis: 0,
+            coordinate_bytes: 4,
+            reserved: 0,
+        }
+    }
+
+    #[test]
+    fn a_frame_that_fits_is_split() {
+        let bytes = Aligned([0; 256]);
+        let frame = header(1, 4).view(&bytes.0[..112], 256).unwrap();
+        assert_eq!((frame.counts.len(), frame.positions.len()), (1, 12));
+    }
+
+    #[test]
+    fn lengths_that_lie_never_reach_the_payload() {
+        let bytes = Aligned([0; 256]);
+        let fails = |h: FrameHeader| h.view(&bytes.0[..112], 256).unwrap_err().to_string();
+        assert_eq!(
+            fails(header(1, 5)),
+            "bytes of a frame: 124 promised, 112 available"
+        );
+        assert_eq!(
+            fails(header(17, 4)),
+            "bytes of a frame: 176 promised, 112 available"
+        );
+        for points in [u64::MAX, u64::MAX / 12, u64::MAX / 12 + 1] {
+            fails(header(1, points));
+        }
+        fails(header(u32::MAX, 4));
+        let e = header(1, 4).view(&bytes.0[..112], 100).unwrap_err();
+        assert_eq!(
+            e.to_string(),
+            "bytes of a frame (more than the limit): 112 promised, 100 available"
+        );
+        let shifted = header(1, 4).view(&bytes.0[1..113], 256);
+        assert!(shifted.unwrap_err().to_string().contains("not aligned"));
+    }
+
+    #[test]
+    fn codes_out_of_range_are_named() {
+        let bytes = Aligned([0; 256]);
+        let fails = |h: FrameHeader| h.view(&bytes.0[..112], 256).unwrap_err().to_string();
+        let with = |change: fn(&mut FrameHeader)| {
+            let mut h = header(1, 4);
+            change(&mut h);
+            h
+        };
+        assert_eq!(
+            fails(with(|h| h.basis = 4)),
+            "not a valid frame (basis code): 4, expected 0 to 3"
+        );
+        assert_eq!(
+            fails(with(|h| h.coordinate_bytes = 2)),
+            "not a valid frame (bytes of a coordinate): 2, expected 4 or 8"
+        );
+        assert_eq!(
+            fails(with(|h| h.time = f64::NAN)),
+            "not a valid frame (time): NaN seconds"
+        );
+        let e = with(|h| h.version = 9).check_layout().unwrap_err();
+        assert_eq!(
+            e.to_string(),
+            "the frame has version 9; this build reads version 1"
+        );
+        assert!(with(|h| h.magic = 0).check_layout().is_err());
+    }
+}

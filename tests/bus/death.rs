@@ -1,0 +1,258 @@
+//! Processes that are killed, stopped and started again: this test program runs itself as a child.
+
+use super::*;
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command};
+
+const ROLE: &str = "LINKWATCH_TEST_ROLE";
+const SERVICE: &str = "LINKWATCH_TEST_SERVICE";
+
+/// The entry of child processes; does nothing where it is run as a test.
+#[test]
+fn child() {
+    let (Ok(role), Ok(name)) = (std::env::var(ROLE), std::env::var(SERVICE)) else {
+        return;
+    };
+    match role.as_str() {
+        "simulator" => {
+            let mut client = client(&name);
+            for seq in 0.. {
+                publish(&mut client, seq);
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        "silent simulator" => {
+            let mut client = client(&name);
+            publish(&mut client, 0);
+            std::thread::sleep(PATIENCE);
+        }
+        "watcher" => {
+            let mut sidecar = sidecar(&name);
+            let mut set = None;
+            loop {
+                if let Event::Frame(frame) = next(&mut sidecar) {
+                    answer(&mut sidecar, &frame, &mut set);
+                }
+            }
+        }
+        "both, once" => {
+            let mut sidecar = sidecar(&name);
+            let mut client = client(&name);
+            publish(&mut client, 0);
+            new_session(&mut sidecar);
+            for seq in 1..10 {
+                publish(&mut client, seq);
+            }
+            client.finish().unwrap();
+            watch_to_the_end(&mut sidecar, Duration::ZERO);
+        }
+        other => panic!("no role {other}"),
+    }
+}
+
+/// A child that does not outlive its test.
+struct Process(Child);
+
+impl Process {
+    fn start(role: &str, service: &str, folder: Option<&Path>) -> Process {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", "death::child"]);
+        command.env(ROLE, role).env(SERVICE, service);
+        command.stdout(std::process::Stdio::null());
+        if let Some(folder) = folder {
+            command.current_dir(folder);
+        }
+        Process(command.spawn().unwrap())
+    }
+
+    /// SIGKILL, and until the system has put it away.
+    fn kill(mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+
+    fn finish(mut self) {
+        assert!(self.0.wait().unwrap().success());
+    }
+
+    fn stop(&self) {
+        let pid = self.0.id().to_string();
+        let sent = Command::new("kill").args(["-STOP", &pid]).status();
+        assert!(sent.unwrap().success());
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_killed_simulator_is_noticed_and_another_one_works() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    for role in ["simulator", "silent simulator", "simulator"] {
+        let simulator = Process::start(role, &name, None);
+        let session = new_session(&mut sidecar);
+        let mut frames = 0;
+        while frames < if role == "simulator" { 5 } else { 1 } {
+            let frame = next_frame(&mut sidecar);
+            frame.ingest(&mut None).unwrap();
+            frames += 1;
+        }
+        simulator.kill();
+        let killed = Instant::now();
+        loop {
+            match next(&mut sidecar) {
+                Event::Frame(_) => {}
+                Event::SimulatorLost { session: lost, .. } => {
+                    assert_eq!(lost, session);
+                    break;
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+        // About 0.5 to 1 s by design; the slack is for loaded machines.
+        assert!(killed.elapsed() < Duration::from_secs(4));
+    }
+    let mut client = client(&name);
+    publish(&mut client, 0);
+    new_session(&mut sidecar);
+    client.finish().unwrap();
+    let (published, counters, clean) = watch_to_the_end(&mut sidecar, Duration::ZERO);
+    assert_eq!((published, counters.verified, clean), (1, 1, true));
+}
+
+#[test]
+fn a_living_but_silent_simulator_is_not_lost() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let simulator = Process::start("silent simulator", &name, None);
+    new_session(&mut sidecar);
+    next_frame(&mut sidecar);
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_millis(1300) {
+        let event = sidecar.wait(Duration::from_millis(100)).unwrap();
+        assert!(matches!(event, Event::Idle), "{event:?}");
+    }
+    drop(simulator);
+}
+
+#[test]
+fn a_killed_watcher_never_holds_the_simulator() {
+    let name = service();
+    let mut client = client(&name);
+    let mut seq = 0;
+    let mut step = |client: &mut Client| {
+        publish(client, seq);
+        seq += 1;
+    };
+    for _ in 0..3 {
+        let watcher = Process::start("watcher", &name, None);
+        let start = Instant::now();
+        while client.poll().unwrap().is_none() {
+            step(&mut client);
+            std::thread::sleep(Duration::from_millis(1));
+            assert!(start.elapsed() < PATIENCE, "no verdict");
+        }
+        // Stopped is worse than dead: its queues fill up.
+        watcher.stop();
+        let start = Instant::now();
+        for _ in 0..500 {
+            step(&mut client);
+            client.poll().unwrap();
+        }
+        watcher.kill();
+        for _ in 0..500 {
+            step(&mut client);
+            client.poll().unwrap();
+        }
+        assert!(start.elapsed() < Duration::from_secs(5));
+        while client.poll().unwrap().is_some() {}
+    }
+}
+
+/// Files of a configuration of their own, with its prefix and root.
+struct Files {
+    folder: tempfile::TempDir,
+    prefix: String,
+}
+
+impl Files {
+    fn new() -> Files {
+        let folder = tempfile::tempdir().unwrap();
+        let prefix = format!("lwt{}_", std::process::id());
+        fs::create_dir(folder.path().join("config")).unwrap();
+        let root = folder.path().join("root");
+        let config = format!(
+            "[global]\nroot-path = '{}/'\nprefix = '{prefix}'\n",
+            root.display()
+        );
+        fs::write(folder.path().join("config/iceoryx2.toml"), config).unwrap();
+        Files { folder, prefix }
+    }
+
+    /// What is there now, but for the one file of 16 bytes that iceoryx2 leaves by design.
+    fn list(&self) -> Vec<String> {
+        fn walk(folder: &Path, out: &mut Vec<String>) {
+            for entry in fs::read_dir(folder).into_iter().flatten() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    walk(&path, out);
+                } else {
+                    out.push(path.display().to_string());
+                }
+            }
+        }
+        let mut out = Vec::new();
+        walk(&self.folder.path().join("root"), &mut out);
+        walk(Path::new("/dev/shm"), &mut out);
+        let root = self.folder.path().display().to_string();
+        out.retain(|f| f.contains(&self.prefix) || f.starts_with(&root));
+        out.retain(|f| !f.ends_with(".global_mgmt"));
+        out
+    }
+}
+
+impl Drop for Files {
+    fn drop(&mut self) {
+        for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+            if entry
+                .file_name()
+                .to_string_lossy()
+                .starts_with(&self.prefix)
+            {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_is_left_in_shared_memory() {
+    let files = Files::new();
+    let name = service();
+    let folder = Some(files.folder.path());
+    let start = |role| Process::start(role, &name, folder);
+    start("both, once").finish();
+    assert_eq!(files.list(), [""; 0], "after a clean exit");
+
+    let (watcher, simulator) = (start("watcher"), start("simulator"));
+    let started = Instant::now();
+    while files.list().len() < 20 {
+        std::thread::sleep(Duration::from_millis(10));
+        assert!(started.elapsed() < PATIENCE, "{:?}", files.list());
+    }
+    std::thread::sleep(Duration::from_millis(200));
+    watcher.kill();
+    simulator.kill();
+    assert!(
+        !files.list().is_empty(),
+        "this test looks in the wrong place"
+    );
+    start("both, once").finish();
+    assert_eq!(files.list(), [""; 0], "after the run that followed a kill");
+}

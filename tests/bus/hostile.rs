@@ -1,0 +1,243 @@
+//! Publishers that lie, through a raw publisher beside the client of the crate.
+
+use super::*;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::prelude::*;
+use linkwatch::Error;
+
+/// The twin of the crate's header: this test is the second opinion on its layout.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
+#[type_name("linkwatch.FrameHeader")]
+struct Header {
+    magic: u64,
+    version: u32,
+    flags: u32,
+    session: u64,
+    seq: u64,
+    time: f64,
+    n_points: u64,
+    n_curves: u32,
+    basis: u32,
+    coordinate_bytes: u32,
+    reserved: u32,
+}
+
+struct Liar {
+    publisher: Publisher<ipc::Service, [u8], Header>,
+    seq: u64,
+    _node: Node<ipc::Service>,
+}
+
+impl Liar {
+    /// Joins as a bridge would, past the lock of the crate's client.
+    fn open(service: &str) -> Liar {
+        let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
+        let name = ServiceName::new(&format!("{service}/frames")).unwrap();
+        let frames = node
+            .service_builder(&name)
+            .publish_subscribe::<[u8]>()
+            .user_header::<Header>()
+            .payload_alignment(Alignment::new(64).unwrap())
+            .open()
+            .unwrap();
+        let publisher = frames
+            .publisher_builder()
+            .initial_max_slice_len(256)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .unwrap();
+        Liar {
+            publisher,
+            seq: 0,
+            _node: node,
+        }
+    }
+
+    /// Sends a frame like those of [`client`], after `change` had its way with it.
+    fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
+        let mut header = Header {
+            magic: u64::from_le_bytes(*b"LWFRAME\0"),
+            version: 1,
+            flags: 0,
+            session: 77,
+            seq: self.seq,
+            time: 0.5,
+            n_points: 8,
+            n_curves: 2,
+            basis: 0,
+            coordinate_bytes: 4,
+            reserved: 0,
+        };
+        let mut payload: Vec<u8> = COUNTS.iter().flat_map(|c| c.to_le_bytes()).collect();
+        payload.resize(64, 0);
+        payload.extend(positions(self.seq).iter().flat_map(|x| x.to_le_bytes()));
+        change(&mut header, &mut payload);
+        let sample = self.publisher.loan_slice_uninit(payload.len()).unwrap();
+        let mut sample = sample.write_from_slice(&payload);
+        *sample.user_header_mut() = header;
+        sample.send().unwrap();
+        self.seq += 1;
+        self.seq - 1
+    }
+
+    fn honest(&mut self) -> u64 {
+        self.send(|_, _| {})
+    }
+}
+
+#[test]
+fn a_lie_costs_its_own_frame_only() {
+    type Lie = fn(&mut Header, &mut Vec<u8>);
+    let lies: [(Lie, &str); 16] = [
+        (
+            |h, _| h.n_points = 9,
+            "bytes of a frame: 172 promised, 160 available",
+        ),
+        (|h, _| h.n_points = u64::MAX, "do not fit into memory"),
+        (|h, _| h.n_points = u64::MAX / 12 + 2, "do not fit"),
+        (|h, _| h.n_points = 1_000_000_000, "bytes of a frame"),
+        (|h, _| h.n_curves = 17, "bytes of a frame: 224 promised"),
+        (|h, _| h.n_curves = u32::MAX, "bytes of a frame"),
+        (|h, _| h.n_curves = 1, "number of curves was 2, is 1"),
+        (|_, p| p.truncate(100), "160 promised, 100 available"),
+        (|_, p| p.truncate(0), "160 promised, 0 available"),
+        (|h, _| h.basis = 99, "basis code"),
+        (|h, _| h.basis = 1, "basis code was 0, is 1"),
+        (|h, _| h.coordinate_bytes = 3, "bytes of a coordinate"),
+        (
+            |h, p| {
+                h.coordinate_bytes = 8;
+                p.resize(64 + 192, 0);
+            },
+            "bytes of a coordinate was 4, is 8",
+        ),
+        (|h, _| h.time = f64::INFINITY, "time"),
+        (
+            |_, p| p[0] = p[0].wrapping_sub(1),
+            "control points of a curve was 4, is 5",
+        ),
+        (
+            |_, p| p[64 + 5 * 4..64 + 6 * 4].copy_from_slice(&f32::NAN.to_le_bytes()),
+            "curve 0, point 1: coordinate z is NaN",
+        ),
+    ];
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut liar = Liar::open(&name);
+    let mut set = None;
+    liar.honest();
+    new_session(&mut sidecar);
+    next_frame(&mut sidecar).ingest(&mut set).unwrap();
+    for (lie, expected) in lies {
+        let seq = liar.send(lie);
+        let frame = next_frame(&mut sidecar);
+        assert_eq!(frame.seq(), seq);
+        let e = frame.ingest(&mut set).unwrap_err().to_string();
+        assert!(e.contains(expected), "{e}, expected {expected}");
+        answer(&mut sidecar, &frame, &mut set);
+        drop(frame);
+
+        let seq = liar.honest();
+        let frame = next_frame(&mut sidecar);
+        assert_eq!(frame.seq(), seq);
+        frame.ingest(&mut set).unwrap();
+        assert!(holds(set.as_ref().unwrap(), seq));
+    }
+    assert_eq!(sidecar.counters().rejected, 16);
+    assert_eq!(sidecar.counters().skipped, 0);
+}
+
+#[test]
+fn the_first_frame_may_lie_too() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut liar = Liar::open(&name);
+    let mut set = None;
+    // Counts whose sum is not the number of points, and a NaN.
+    liar.send(|_, p| p[0] = p[0].wrapping_sub(1));
+    new_session(&mut sidecar);
+    assert!(next_frame(&mut sidecar).ingest(&mut set).is_err());
+    liar.send(|_, p| p[64..68].copy_from_slice(&f32::NAN.to_le_bytes()));
+    assert!(next_frame(&mut sidecar).ingest(&mut set).is_err());
+    assert!(set.is_none());
+    let seq = liar.honest();
+    next_frame(&mut sidecar).ingest(&mut set).unwrap();
+    assert!(holds(&set.unwrap(), seq));
+}
+
+#[test]
+fn what_is_no_frame_has_no_number() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut liar = Liar::open(&name);
+    let unreadable = |sidecar: &mut Sidecar| match next(sidecar) {
+        Event::Unreadable(e) => e,
+        other => panic!("{other:?}"),
+    };
+    liar.send(|h, _| h.magic = 0);
+    let e = unreadable(&mut sidecar).to_string();
+    assert!(e.contains("magic number"), "{e}");
+    liar.send(|h, _| h.version = 2);
+    let e = unreadable(&mut sidecar);
+    assert!(matches!(e, Error::Version { found: 2, .. }), "{e}");
+    let seq = liar.honest();
+    new_session(&mut sidecar);
+    assert_eq!(next_frame(&mut sidecar).seq(), seq);
+    // Time runs forward.
+    liar.send(|h, _| h.seq = seq);
+    let e = unreadable(&mut sidecar).to_string();
+    assert_eq!(e, "not a valid frame (sequence number): 2 after 2");
+}
+
+#[test]
+fn frames_past_the_limit_are_not_read() {
+    let name = service();
+    let mut options = SidecarOptions::default();
+    options.max_frame_bytes = 128;
+    let mut sidecar = Sidecar::open(&name, &options).unwrap();
+    let mut client = client(&name);
+    publish(&mut client, 0);
+    new_session(&mut sidecar);
+    let e = next_frame(&mut sidecar).ingest(&mut None).unwrap_err();
+    assert_eq!(
+        e.to_string(),
+        "bytes of a frame (more than the limit): 160 promised, 128 available"
+    );
+}
+
+#[test]
+fn stragglers_of_an_old_session_are_no_new_session() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let (mut old, mut new) = (Liar::open(&name), client(&name));
+    old.honest();
+    assert_eq!(new_session(&mut sidecar), 77);
+    next_frame(&mut sidecar);
+    publish(&mut new, 0);
+    let Event::SimulatorLost { session: 77, .. } = next(&mut sidecar) else {
+        panic!("the first simulator was not given up");
+    };
+    let session = new_session(&mut sidecar);
+    next_frame(&mut sidecar);
+    old.honest();
+    publish(&mut new, 1);
+    let frame = next_frame(&mut sidecar);
+    assert_eq!((frame.session(), frame.seq()), (session, 1));
+}
+
+#[test]
+fn another_program_on_the_name_is_told_apart() {
+    let name = service();
+    let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
+    let frames = ServiceName::new(&format!("{name}/frames")).unwrap();
+    let other = node
+        .service_builder(&frames)
+        .publish_subscribe::<u64>()
+        .create()
+        .unwrap();
+    let e = Client::open(&name, &ClientOptions::default()).unwrap_err();
+    let words = e.to_string();
+    assert!(words.contains("another program uses the name"), "{words}");
+    drop(other);
+}

@@ -1,0 +1,175 @@
+//! Waiting for verdicts, and never without being asked to.
+
+use super::*;
+use linkwatch::{MessageKind, Outcome};
+
+/// How late a deadline may be noticed on a loaded machine.
+const SLACK: Duration = Duration::from_secs(5);
+
+#[test]
+fn each_frame_gets_its_verdict() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = Client::open(&name, &ClientOptions::lockstep()).unwrap();
+    client
+        .describe(Basis::Polyline, Precision::F32, &COUNTS)
+        .unwrap();
+    let watcher = std::thread::spawn(move || watch_to_the_end(&mut sidecar, Duration::ZERO));
+    for seq in 0..200 {
+        publish(&mut client, seq);
+        match client.wait(seq, PATIENCE).unwrap() {
+            Outcome::Verdict(m) => {
+                assert_eq!((m.kind, m.seq), (MessageKind::Verdict, seq));
+                assert_eq!(m.verdict, Verdict::Intact);
+                assert_eq!(m.counters.verified, seq + 1);
+            }
+            Outcome::Stale => panic!("frame {seq} is stale"),
+        }
+    }
+    client.finish().unwrap();
+    let (published, counters, _) = watcher.join().unwrap();
+    assert_eq!((published, counters.skipped), (200, 0));
+}
+
+#[test]
+fn silence_is_stale_in_time() {
+    let name = service();
+    let mut client = client(&name);
+    let stale_after = |client: &mut Client, seq, deadline| {
+        let start = Instant::now();
+        assert_eq!(client.wait(seq, deadline).unwrap(), Outcome::Stale);
+        let took = start.elapsed();
+        assert!(took >= deadline && took < deadline + SLACK, "{took:?}");
+    };
+    publish(&mut client, 0);
+    stale_after(&mut client, 0, Duration::from_millis(100));
+    // With a watcher that does not answer, too.
+    let sidecar = sidecar(&name);
+    publish(&mut client, 1);
+    stale_after(&mut client, 1, Duration::from_millis(100));
+    stale_after(&mut client, 1, Duration::ZERO);
+    // iceoryx2 takes less than a microsecond for "for ever".
+    for nanos in (0..5000).step_by(50) {
+        stale_after(&mut client, 1, Duration::from_nanos(nanos));
+    }
+    drop(sidecar);
+}
+
+#[test]
+fn a_frame_that_was_passed_over_is_stale_at_once() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = client(&name);
+    publish(&mut client, 0);
+    publish(&mut client, 1);
+    new_session(&mut sidecar);
+    let frame = next_frame(&mut sidecar);
+    assert_eq!(frame.seq(), 1);
+    answer(&mut sidecar, &frame, &mut None);
+    assert_eq!(client.wait(0, PATIENCE).unwrap(), Outcome::Stale);
+    assert!(matches!(
+        client.wait(1, PATIENCE).unwrap(),
+        Outcome::Verdict(m) if m.seq == 1
+    ));
+}
+
+#[test]
+fn a_watcher_that_comes_while_the_simulator_waits_answers() {
+    let name = service();
+    let mut client = client(&name);
+    publish(&mut client, 0);
+    let watcher = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(100));
+        watch_to_the_end(&mut sidecar(&name), Duration::ZERO)
+    });
+    let outcome = client.wait(0, PATIENCE).unwrap();
+    assert!(matches!(outcome, Outcome::Verdict(m) if m.seq == 0));
+    client.finish().unwrap();
+    assert_eq!(watcher.join().unwrap().1.verified, 1);
+}
+
+#[test]
+fn an_abort_is_remembered_until_the_simulator_resumes() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = client(&name);
+    let mut verdict = |client: &mut Client, seq, verdict| {
+        publish(client, seq);
+        loop {
+            match next(&mut sidecar) {
+                Event::NewSession { .. } => {}
+                Event::Frame(frame) => {
+                    let report = report(&frame, verdict);
+                    sidecar.send_verdict(&report, Duration::ZERO).unwrap();
+                    // The hello repeats the abort.
+                    sidecar.heartbeat().unwrap();
+                    break;
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+        while client.poll().unwrap().is_some() {}
+        client.aborted().map(|m| m.seq)
+    };
+    assert_eq!(verdict(&mut client, 0, Verdict::Intact), None);
+    assert_eq!(verdict(&mut client, 1, Verdict::Changed), Some(1));
+    assert_eq!(verdict(&mut client, 2, Verdict::Changed), Some(1));
+    client.resume();
+    assert_eq!(verdict(&mut client, 3, Verdict::Intact), None);
+    assert_eq!(verdict(&mut client, 4, Verdict::Changed), Some(4));
+    let words = client.aborted().unwrap().to_string();
+    assert_eq!(words, "frame 4: changed. Stop or roll back");
+}
+
+#[test]
+fn an_abort_survives_a_full_buffer() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = client(&name);
+    for seq in 0..300 {
+        publish(&mut client, seq);
+        if seq == 0 {
+            new_session(&mut sidecar);
+        }
+        let frame = next_frame(&mut sidecar);
+        let verdict = if seq == 5 {
+            Verdict::Changed
+        } else {
+            Verdict::Intact
+        };
+        let report = report(&frame, verdict);
+        sidecar.send_verdict(&report, Duration::ZERO).unwrap();
+    }
+    sidecar.heartbeat().unwrap();
+    let mut read = 0;
+    while client.poll().unwrap().is_some() {
+        read += 1;
+    }
+    assert!(read < 300, "the buffer is not that large");
+    assert_eq!(client.aborted().expect("repeated").seq, 5);
+}
+
+#[test]
+fn a_watcher_that_never_reads_does_not_hold_the_simulator() {
+    let name = service();
+    let sidecar = sidecar(&name);
+    let mut client = client(&name);
+    let start = Instant::now();
+    for seq in 0..5000 {
+        publish(&mut client, seq);
+        assert!(client.poll().unwrap().is_none());
+    }
+    assert!(start.elapsed() < SLACK, "{:?}", start.elapsed());
+    assert_eq!(client.finish().unwrap(), 5000);
+    drop(sidecar);
+}
+
+#[test]
+fn the_handshake_has_a_deadline() {
+    let name = service();
+    let mut client = client(&name);
+    let timeout = Duration::from_millis(100);
+    let start = Instant::now();
+    assert!(!client.wait_for_watcher(timeout).unwrap());
+    assert!(start.elapsed() >= timeout && start.elapsed() < timeout + SLACK);
+}

@@ -1,0 +1,146 @@
+//! The bus between a simulator and the watcher: in one process, across processes, and when one is killed.
+
+mod death;
+mod hostile;
+mod lockstep;
+mod sessions;
+
+use linkwatch::{
+    Basis, Client, ClientOptions, Counters, CurveSet, Event, Frame, Precision, Report, Sidecar,
+    SidecarOptions, Stats, Verdict,
+};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+/// Long enough for a loaded machine; no test that passes waits for it.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Two closed curves of four points.
+const COUNTS: [i32; 2] = [-4, -4];
+
+/// A service that no other test uses.
+fn service() -> String {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let n = COUNT.fetch_add(1, Ordering::Relaxed);
+    format!("linkwatch test {}.{n}", std::process::id())
+}
+
+fn sidecar(service: &str) -> Sidecar {
+    Sidecar::open(service, &SidecarOptions::default()).expect("sidecar")
+}
+
+/// A client whose frames hold [`COUNTS`] in single precision.
+fn client(service: &str) -> Client {
+    let mut client = Client::open(service, &ClientOptions::default()).expect("client");
+    client
+        .describe(Basis::Polyline, Precision::F32, &COUNTS)
+        .expect("describe");
+    client
+}
+
+/// Positions that tell frames apart.
+fn positions(seq: u64) -> Vec<f32> {
+    (0..24).map(|k| seq as f32 + k as f32 / 64.0).collect()
+}
+
+fn publish(client: &mut Client, seq: u64) {
+    let mut frame = client.loan(seq as f64 / 100.0).expect("loan");
+    let out = frame.positions_f32().expect("single precision");
+    out.copy_from_slice(&positions(seq));
+    assert_eq!(frame.publish().expect("publish"), seq);
+}
+
+/// The next event that is not [`Event::Idle`].
+fn next(sidecar: &mut Sidecar) -> Event {
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        match sidecar.wait(Duration::from_millis(100)).expect("wait") {
+            Event::Idle => {}
+            event => return event,
+        }
+    }
+    panic!("nothing happened");
+}
+
+fn next_frame(sidecar: &mut Sidecar) -> Frame {
+    match next(sidecar) {
+        Event::Frame(frame) => frame,
+        other => panic!("expected a frame, got {other:?}"),
+    }
+}
+
+fn new_session(sidecar: &mut Sidecar) -> u64 {
+    match next(sidecar) {
+        Event::NewSession { session } => session,
+        other => panic!("expected a new session, got {other:?}"),
+    }
+}
+
+/// Whether `set` holds what [`positions`] gives for `seq`.
+fn holds(set: &CurveSet, seq: u64) -> bool {
+    let mut bytes = Vec::new();
+    set.write_positions(&mut bytes);
+    let expected: Vec<u8> = positions(seq)
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    bytes == expected
+}
+
+/// A report without findings.
+fn report(frame: &Frame, verdict: Verdict) -> Report {
+    Report {
+        seq: frame.seq(),
+        time: frame.time(),
+        verdict,
+        abort: verdict == Verdict::Changed,
+        changes: Vec::new(),
+        defects: Vec::new(),
+        rejected: None,
+        stats: Stats::default(),
+    }
+}
+
+/// Answers a frame as a watcher would that finds nothing.
+fn answer(sidecar: &mut Sidecar, frame: &Frame, set: &mut Option<CurveSet>) {
+    let report = match frame.ingest(set) {
+        Ok(()) => report(frame, Verdict::Intact),
+        Err(e) => Report {
+            rejected: Some(e.to_string()),
+            ..report(frame, Verdict::Rejected)
+        },
+    };
+    let check = Duration::from_micros(1);
+    sidecar.send_verdict(&report, check).expect("verdict");
+}
+
+/// Watches until the session ends; `work` is how long each check takes.
+fn watch_to_the_end(sidecar: &mut Sidecar, work: Duration) -> (u64, Counters, bool) {
+    let mut set = None;
+    loop {
+        match next(sidecar) {
+            Event::NewSession { .. } => {}
+            Event::Frame(frame) => {
+                std::thread::sleep(work);
+                answer(sidecar, &frame, &mut set);
+                assert!(holds(set.as_ref().expect("a good frame"), frame.seq()));
+            }
+            Event::End {
+                published,
+                counters,
+                clean,
+                ..
+            } => return (published, counters, clean),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn both_ends_may_move_to_another_thread() {
+    fn is_send<T: Send>() {}
+    is_send::<Client>();
+    is_send::<Sidecar>();
+    is_send::<linkwatch::FrameLoan<'_>>();
+    is_send::<Event>();
+}

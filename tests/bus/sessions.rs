@@ -1,0 +1,225 @@
+//! Frames arrive as they were sent, and every one is accounted for.
+
+use super::*;
+use linkwatch::Positions;
+
+#[test]
+fn positions_arrive_bit_by_bit() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let single: Vec<f32> = [0, 1, 0x8000_0000, 0x7f7f_ffff, 0x0080_0000, 0x3f80_0001]
+        .repeat(4)
+        .into_iter()
+        .map(f32::from_bits)
+        .collect();
+    let double: Vec<f64> = [0, 1, 1 << 63, 0x7fef_ffff_ffff_ffff, 1 << 52, 0x3ff0 << 48]
+        .repeat(4)
+        .into_iter()
+        .map(f64::from_bits)
+        .collect();
+    let bytes = |set: &Option<CurveSet>| {
+        let mut out = Vec::new();
+        set.as_ref().unwrap().write_positions(&mut out);
+        out
+    };
+    for precision in [Precision::F32, Precision::F64] {
+        let mut client = Client::open(&name, &ClientOptions::lockstep()).unwrap();
+        client
+            .describe(Basis::Polyline, precision, &[-4, 4])
+            .unwrap();
+        let expected: Vec<u8> = match precision {
+            Precision::F32 => single.iter().flat_map(|x| x.to_le_bytes()).collect(),
+            Precision::F64 => double.iter().flat_map(|x| x.to_le_bytes()).collect(),
+        };
+        let mut set = None;
+        for seq in 0..3 {
+            let sent = match precision {
+                Precision::F32 => client.publish(0.25, Positions::F32(&single)),
+                Precision::F64 => client.publish(0.25, Positions::F64(&double)),
+            };
+            assert_eq!(sent.unwrap(), seq);
+            if seq == 0 {
+                new_session(&mut sidecar);
+            }
+            let frame = next_frame(&mut sidecar);
+            assert_eq!((frame.seq(), frame.time()), (seq, 0.25));
+            assert!(frame.lockstep());
+            frame.ingest(&mut set).unwrap();
+            assert_eq!(bytes(&set), expected);
+        }
+        let counts: Vec<i32> = set.as_ref().unwrap().counts().collect();
+        assert_eq!(counts, [-4, 4]);
+        drop(client);
+        assert!(matches!(next(&mut sidecar), Event::End { .. }));
+    }
+}
+
+#[test]
+fn every_published_frame_is_verified_or_skipped() {
+    let name = service();
+    for (work_us, pause_us) in [(0, 0), (300, 0), (0, 300), (500, 100)] {
+        let mut sidecar = sidecar(&name);
+        let mut client = client(&name);
+        let simulator = std::thread::spawn(move || {
+            for seq in 0..500 {
+                publish(&mut client, seq);
+                std::thread::sleep(Duration::from_micros(pause_us));
+            }
+            client.finish_within(PATIENCE).unwrap().expect("a goodbye")
+        });
+        let (published, counters, clean) =
+            watch_to_the_end(&mut sidecar, Duration::from_micros(work_us));
+        assert!(clean);
+        assert_eq!(published, 500);
+        assert_eq!(counters.verified + counters.skipped, 500, "{counters:?}");
+        assert_eq!(simulator.join().unwrap().counters, counters);
+    }
+}
+
+#[test]
+fn the_last_frame_is_always_verified() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = client(&name);
+    let simulator = std::thread::spawn(move || {
+        assert!(client.wait_for_watcher(PATIENCE).unwrap());
+        for seq in 0..50 {
+            publish(&mut client, seq);
+        }
+        // Gone before the watcher has looked.
+        assert_eq!(client.finish().unwrap(), 50);
+    });
+    new_session(&mut sidecar);
+    simulator.join().unwrap();
+    let frame = next_frame(&mut sidecar);
+    assert_eq!(frame.seq(), 49);
+    answer(&mut sidecar, &frame, &mut None);
+    let Event::End {
+        published,
+        counters,
+        ..
+    } = next(&mut sidecar)
+    else {
+        panic!("not the end");
+    };
+    assert_eq!(
+        (published, counters.verified, counters.skipped),
+        (50, 1, 49)
+    );
+}
+
+#[test]
+fn a_late_watcher_gets_the_newest_frame() {
+    let name = service();
+    let mut client = client(&name);
+    for seq in 0..3 {
+        publish(&mut client, seq);
+    }
+    let mut sidecar = sidecar(&name);
+    assert!(!client.wait_for_watcher(Duration::from_millis(50)).unwrap());
+    let watcher = std::thread::spawn(move || {
+        new_session(&mut sidecar);
+        let frame = next_frame(&mut sidecar);
+        let mut set = None;
+        answer(&mut sidecar, &frame, &mut set);
+        assert!(holds(&set.unwrap(), 2));
+        (frame.seq(), sidecar.counters())
+    });
+    assert!(client.wait_for_watcher(PATIENCE).unwrap());
+    let (seq, counters) = watcher.join().unwrap();
+    assert_eq!((seq, counters.skipped), (2, 2));
+}
+
+#[test]
+fn a_watcher_may_come_again() {
+    let name = service();
+    let mut client = client(&name);
+    let mut sessions = Vec::new();
+    for round in 0..3 {
+        let mut sidecar = sidecar(&name);
+        publish(&mut client, round);
+        sessions.push(new_session(&mut sidecar));
+        let frame = next_frame(&mut sidecar);
+        answer(&mut sidecar, &frame, &mut None);
+        assert_eq!(frame.seq(), round);
+        assert_eq!(sidecar.counters().skipped, round);
+        assert_eq!(client.poll().unwrap().expect("a verdict").seq, round);
+        assert!(client.silent_for().is_some());
+        drop((frame, sidecar));
+        assert!(client.poll().unwrap().is_none());
+        assert!(client.silent_for().is_none(), "it said goodbye");
+    }
+    assert!(sessions.windows(2).all(|w| w[0] == w[1]), "{sessions:?}");
+}
+
+#[test]
+fn a_simulator_that_leaves_early_is_not_clean() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = client(&name);
+    publish(&mut client, 0);
+    new_session(&mut sidecar);
+    drop(client);
+    let (published, counters, clean) = watch_to_the_end(&mut sidecar, Duration::ZERO);
+    assert_eq!((published, counters.verified, clean), (1, 1, false));
+}
+
+#[test]
+fn a_second_simulator_and_a_second_watcher_are_refused() {
+    let name = service();
+    let (first, watcher) = (client(&name), sidecar(&name));
+    let e = Client::open(&name, &ClientOptions::default()).unwrap_err();
+    let words = e.to_string();
+    let pid = std::process::id().to_string();
+    assert!(words.contains(&name) && words.contains("already has a simulator"));
+    assert!(
+        words.contains(&pid) && words.contains("--service"),
+        "{words}"
+    );
+    let e = Sidecar::open(&name, &SidecarOptions::default()).unwrap_err();
+    let words = e.to_string();
+    assert!(words.contains(&name) && words.contains("already watched"));
+    assert!(
+        words.contains(&pid) && words.contains("--service"),
+        "{words}"
+    );
+    drop((first, watcher));
+    drop((client(&name), sidecar(&name)));
+}
+
+#[test]
+fn misuse_is_an_error_with_advice() {
+    let name = service();
+    let mut client = Client::open(&name, &ClientOptions::default()).unwrap();
+    let e = client.loan(0.0).unwrap_err().to_string();
+    assert!(e.contains("Client::describe"), "{e}");
+    let e = client.describe(Basis::BSpline, Precision::F32, &[-4, -2]);
+    let e = e.unwrap_err().to_string();
+    assert!(e.starts_with("curve 1: 2 control points"), "{e}");
+    client
+        .describe(Basis::Polyline, Precision::F64, &[-4])
+        .unwrap();
+    let mut frame = client.loan(0.0).unwrap();
+    assert!(frame.positions_f32().is_err());
+    assert_eq!(frame.positions_f64().unwrap().len(), 12);
+    frame.positions_f64().unwrap().fill(1.0);
+    frame.publish().unwrap();
+    let e = client.publish(0.0, Positions::F64(&[0.0; 9])).unwrap_err();
+    assert_eq!(e.to_string(), "coordinates: 12 promised, 9 available");
+    let e = client.describe(Basis::Polyline, Precision::F64, &[-5]);
+    assert!(e.unwrap_err().to_string().contains("cannot change"));
+    assert!(Client::open("", &ClientOptions::default()).is_err());
+    let long = "x".repeat(300);
+    let e = Client::open(&long, &ClientOptions::default()).unwrap_err();
+    assert!(e.to_string().contains("at most 255 bytes"), "{e}");
+}
+
+#[test]
+fn a_loan_that_is_dropped_is_no_frame() {
+    let name = service();
+    let mut client = client(&name);
+    for _ in 0..100 {
+        drop(client.loan(0.0).unwrap());
+    }
+    publish(&mut client, 0);
+}
