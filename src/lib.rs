@@ -10,9 +10,17 @@
 mod certificate;
 mod curve;
 mod error;
+mod sinks;
 mod verdict;
 
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Box3, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use error::{Error, Result};
+pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
+#[cfg(feature = "mcap")]
+pub use sinks::{
+    Ending, Progress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
+};
+#[cfg(feature = "rerun")]
+pub use sinks::{ViewerSink, ViewerTarget};
 pub use verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};
