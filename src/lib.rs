@@ -19,6 +19,7 @@ mod ingest;
 pub mod kernels;
 pub mod model;
 mod pairs;
+mod sinks;
 mod verdict;
 mod verifier;
 
@@ -31,5 +32,17 @@ pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Box3, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
+pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
+#[cfg(feature = "mcap")]
+pub use sinks::{
+    Ending, Progress as RecordedProgress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
+};
+#[cfg(feature = "rerun")]
+pub use sinks::{ViewerSink, ViewerTarget};
 pub use verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};
 pub use verifier::{Progress, Timings, Verifier};
+
+/// Compiles the README's example.
+#[cfg(all(doctest, feature = "bus"))]
+#[doc = include_str!("../README.md")]
+struct Readme;

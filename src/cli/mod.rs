@@ -3,6 +3,12 @@
 mod certify;
 mod check;
 mod output;
+#[cfg(feature = "mcap")]
+mod replay;
+#[cfg(any(feature = "bus", feature = "mcap"))]
+mod session;
+#[cfg(feature = "bus")]
+mod watch;
 
 use clap::{Parser, Subcommand};
 use linkwatch::Verdict;
@@ -33,6 +39,10 @@ Exit codes: 0 intact or done, 1 topology changed, 2 bad arguments or bad input, 
 enum Command {
     Certify(certify::Args),
     Check(check::Args),
+    #[cfg(feature = "bus")]
+    Watch(watch::Args),
+    #[cfg(feature = "mcap")]
+    Replay(replay::Args),
 }
 
 /// How a command ended, worst last.
@@ -83,6 +93,10 @@ pub fn main() -> ExitCode {
     let result = match &cli.command {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
+        #[cfg(feature = "bus")]
+        Command::Watch(args) => watch::run(args, cli.json),
+        #[cfg(feature = "mcap")]
+        Command::Replay(args) => replay::run(args, cli.json),
     };
     match result {
         Ok(outcome) => ExitCode::from(outcome.code()),

@@ -26,6 +26,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let recorded_policy: Option<AbortOn> =
         reader.metadata().get("abort_on").and_then(|a| a.parse().ok());
     let judge = args.judge.with_default_policy(recorded_policy);
+    let title = format!("replay of {}", args.recording.display());
     let metadata = BTreeMap::from([("replay_of".to_owned(), args.recording.display().to_string())]);
     let mut pending = None;
     // The baseline comes before the first frame that was compared with it.
@@ -45,7 +46,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
     }
     let mut replay = Replay {
-        session: Session::new(&judge, &args.sinks, baseline, metadata, json)?,
+        session: Session::new(&judge, &args.sinks, baseline, &title, metadata, json)?,
         // Another policy or baseline gives other verdicts, and is meant to.
         compare: judge.abort_on() == recorded_policy && !args.judge.has_own_baseline(),
         tally: Tally::default(),

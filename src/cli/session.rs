@@ -6,6 +6,10 @@ use linkwatch::{
     AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, FrameRecord, Report, Result,
     SinkQueue, Verdict, Verifier,
 };
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use linkwatch::Overflow;
+#[cfg(feature = "rerun")]
+use linkwatch::{ViewerSink, ViewerTarget};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -14,6 +18,9 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Sentences printed about one frame; the rest is counted.
 const SENTENCES: usize = 8;
+
+/// Frames that may wait for a sink.
+const WAITING: usize = 8;
 
 /// Time that the sinks have to finish when the run is over.
 const FINISH: Duration = Duration::from_secs(30);
@@ -70,42 +77,54 @@ impl FromStr for Baseline {
 #[derive(Clone, Debug, clap::Args)]
 pub struct Sinks {
     /// Record every verified frame and verdict to an MCAP file
+    #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
     /// Open the viewer (an installed `rerun`) and show every frame
+    #[cfg(feature = "rerun")]
     #[arg(long, group = "shown")]
     view: bool,
     /// Log to a file for the viewer
+    #[cfg(feature = "rerun")]
     #[arg(long, value_name = "FILE.rrd", group = "shown")]
     rrd: Option<PathBuf>,
     /// Log to a viewer that is running
+    #[cfg(feature = "rerun")]
     #[arg(long, value_name = "URL", group = "shown")]
     connect: Option<String>,
 }
 
 impl Sinks {
-    fn open(&self, metadata: &BTreeMap<String, String>) -> Result<Vec<SinkQueue>> {
-        use linkwatch::{Overflow, RecordingSink, ViewerSink, ViewerTarget};
+    /// Opens what was asked for. `title` names the run in the viewer.
+    fn open(&self, title: &str, metadata: &BTreeMap<String, String>) -> Result<Vec<SinkQueue>> {
         let mut queues = Vec::new();
+        #[cfg(feature = "mcap")]
         if let Some(path) = &self.record {
-            let sink = Box::new(RecordingSink::create(path, metadata)?);
-            queues.push(SinkQueue::spawn(sink, 8, Overflow::Wait)?);
+            let sink = Box::new(linkwatch::RecordingSink::create(path, metadata)?);
+            queues.push(SinkQueue::spawn(sink, WAITING, Overflow::Wait)?);
         }
-        let target = match (&self.rrd, &self.connect) {
-            (Some(path), _) => Some(ViewerTarget::File(path.clone())),
-            (_, Some(url)) => Some(ViewerTarget::Connect(url.clone())),
-            _ => self.view.then_some(ViewerTarget::Spawn),
-        };
-        if let Some(target) = target {
+        #[cfg(feature = "rerun")]
+        if let Some(target) = self.viewer() {
             // A file is complete or it misleads; a viewer on the screen may miss a frame.
             let overflow = match target {
                 ViewerTarget::File(_) => Overflow::Wait,
                 _ => Overflow::DropOldest,
             };
-            let sink = Box::new(ViewerSink::open(&target)?);
-            queues.push(SinkQueue::spawn(sink, 8, overflow)?);
+            let sink = Box::new(ViewerSink::open(&target, title)?);
+            queues.push(SinkQueue::spawn(sink, WAITING, overflow)?);
         }
+        // Without the features there is nothing that they could be used for.
+        let _ = (title, metadata, &mut queues);
         Ok(queues)
+    }
+
+    #[cfg(feature = "rerun")]
+    fn viewer(&self) -> Option<ViewerTarget> {
+        match (&self.rrd, &self.connect) {
+            (Some(path), _) => Some(ViewerTarget::File(path.clone())),
+            (_, Some(url)) => Some(ViewerTarget::Connect(url.clone())),
+            _ => self.view.then_some(ViewerTarget::Spawn),
+        }
     }
 }
 
@@ -160,6 +179,7 @@ impl Session {
         judge: &Judge,
         sinks: &Sinks,
         default_baseline: Option<(Certificate, String)>,
+        title: &str,
         mut metadata: BTreeMap<String, String>,
         json: bool,
     ) -> Result<Session> {
@@ -177,7 +197,7 @@ impl Session {
         Ok(Session {
             verifier,
             origin,
-            queues: sinks.open(&metadata)?,
+            queues: sinks.open(title, &metadata)?,
             begun: false,
             pool: Vec::new(),
             json,

@@ -34,7 +34,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let stop = stop_on_signals()?;
     let mut sidecar = Sidecar::open(&args.service, &SidecarOptions::default())?;
     let metadata = BTreeMap::from([("service".to_owned(), args.service.clone())]);
-    let mut session = Session::new(&args.judge, &args.sinks, None, metadata, json)?;
+    let mut session = Session::new(&args.judge, &args.sinks, None, &args.service, metadata, json)?;
     session.live().note(format_args!(
         "waiting for a simulator on service '{}'",
         args.service
