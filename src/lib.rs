@@ -35,7 +35,8 @@ pub use error::{Error, Result};
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use sinks::{
-    Ending, Progress as RecordedProgress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
+    Ending, Progress as RecordedProgress, RecordedFrame, RecordedItem, RecordedVerdict,
+    RecordingReader, RecordingSink,
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};

@@ -51,7 +51,13 @@ impl Watch {
 
     fn signal(&self, name: &str) {
         let pid = self.process.id().to_string();
-        assert!(Command::new("kill").args(["-s", name, &pid]).status().unwrap().success());
+        assert!(
+            Command::new("kill")
+                .args(["-s", name, &pid])
+                .status()
+                .unwrap()
+                .success()
+        );
     }
 }
 
@@ -79,7 +85,9 @@ impl Ended {
 }
 
 fn json_lines(text: &str) -> Vec<Value> {
-    text.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
+    text.lines()
+        .map(|l| serde_json::from_str(l).unwrap())
+        .collect()
 }
 
 fn wait(process: &mut Child) -> ExitStatus {
@@ -103,13 +111,17 @@ fn squares(shift: f32) -> Vec<f32> {
 
 fn client(service: &str) -> Client {
     let mut client = Client::open(service, &ClientOptions::lockstep()).unwrap();
-    client.describe(Basis::Polyline, Precision::F32, &[-4, -4]).unwrap();
+    client
+        .describe(Basis::Polyline, Precision::F32, &[-4, -4])
+        .unwrap();
     client
 }
 
 /// Publishes a frame and waits for its verdict.
 fn step(client: &mut Client, frame: u64, shift: f32) -> Verdict {
-    let seq = client.publish(frame as f64 * 0.1, Positions::F32(&squares(shift))).unwrap();
+    let seq = client
+        .publish(frame as f64 * 0.1, Positions::F32(&squares(shift)))
+        .unwrap();
     match client.wait(seq, PATIENCE).unwrap() {
         Outcome::Verdict(m) => m.verdict,
         Outcome::Stale => panic!("no verdict on frame {seq}"),
@@ -122,7 +134,12 @@ fn a_pull_through_is_found_aborted_recorded_and_replayed_alike() {
     let service = service("replay");
     let recording = folder.path().join("run.mcap");
     let rrd = folder.path().join("run.rrd");
-    let args = ["--record", recording.to_str().unwrap(), "--rrd", rrd.to_str().unwrap()];
+    let args = [
+        "--record",
+        recording.to_str().unwrap(),
+        "--rrd",
+        rrd.to_str().unwrap(),
+    ];
     let watch = Watch::start(folder.path(), "watch", &service, &args);
     let mut sim = client(&service);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
@@ -141,11 +158,23 @@ fn a_pull_through_is_found_aborted_recorded_and_replayed_alike() {
         assert_eq!(sim.aborted().is_some(), frame >= 10, "frame {frame}");
     }
     let last = sim.finish_within(PATIENCE).unwrap().expect("goodbye");
-    assert_eq!((last.counters.verified, last.counters.skipped, last.counters.rejected), (19, 0, 1));
+    assert_eq!(
+        (
+            last.counters.verified,
+            last.counters.skipped,
+            last.counters.rejected
+        ),
+        (19, 0, 1)
+    );
     let live = watch.end();
     assert_eq!(live.code, Some(1), "{}", live.stderr);
     assert_eq!(live.reports().len(), 20);
-    assert!(live.summary()["first_violation"].as_str().unwrap().starts_with("frame 10: curves 0 and 1 touch"));
+    assert!(
+        live.summary()["first_violation"]
+            .as_str()
+            .unwrap()
+            .starts_with("frame 10: curves 0 and 1 touch")
+    );
     assert!(std::fs::metadata(&rrd).unwrap().len() > 1000);
 
     let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
@@ -153,7 +182,12 @@ fn a_pull_through_is_found_aborted_recorded_and_replayed_alike() {
         .arg(&recording)
         .output()
         .unwrap();
-    assert_eq!(replay.status.code(), Some(1), "{}", String::from_utf8_lossy(&replay.stderr));
+    assert_eq!(
+        replay.status.code(),
+        Some(1),
+        "{}",
+        String::from_utf8_lossy(&replay.stderr)
+    );
     let lines = json_lines(&String::from_utf8(replay.stdout).unwrap());
     let again: Vec<&Value> = lines.iter().filter_map(|l| l.get("report")).collect();
     assert_eq!(again, live.reports());
@@ -167,7 +201,8 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
     let mut sim = client(&service);
     // Nobody watches, and nothing waits.
     for frame in 0..5 {
-        sim.publish(frame as f64, Positions::F32(&squares(0.0))).unwrap();
+        sim.publish(frame as f64, Positions::F32(&squares(0.0)))
+            .unwrap();
     }
     let first = Watch::start(folder.path(), "first", &service, &[]);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
@@ -177,7 +212,8 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
     // A killed watcher costs nothing.
     let start = Instant::now();
     for frame in 6..9 {
-        sim.publish(frame as f64, Positions::F32(&squares(0.2))).unwrap();
+        sim.publish(frame as f64, Positions::F32(&squares(0.2)))
+            .unwrap();
     }
     assert!(start.elapsed() < Duration::from_secs(1));
     let second = Watch::start(folder.path(), "second", &service, &[]);
@@ -187,7 +223,10 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
     let ended = second.end();
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
     let count = |what: &str| ended.summary()[what].as_u64().unwrap();
-    assert_eq!(count("verified") + count("skipped") + count("rejected"), published);
+    assert_eq!(
+        count("verified") + count("skipped") + count("rejected"),
+        published
+    );
     assert_eq!(published, 11);
 }
 
@@ -216,7 +255,8 @@ fn simulator_to_be_killed() {
     let mut sim = client(&service);
     sim.wait_for_watcher(PATIENCE).unwrap();
     for frame in 0..10_000 {
-        sim.publish(frame as f64, Positions::F32(&squares(0.0))).unwrap();
+        sim.publish(frame as f64, Positions::F32(&squares(0.0)))
+            .unwrap();
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -226,7 +266,12 @@ fn a_simulator_killed_in_mid_run_ends_the_watch_with_a_message_and_stops_no_next
     let folder = TempDir::new().unwrap();
     let service = service("killed");
     let recording = folder.path().join("run.mcap");
-    let watch = Watch::start(folder.path(), "watch", &service, &["--record", recording.to_str().unwrap()]);
+    let watch = Watch::start(
+        folder.path(),
+        "watch",
+        &service,
+        &["--record", recording.to_str().unwrap()],
+    );
     let mut sim = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "simulator_to_be_killed"])
         .env("LINKWATCH_TEST_SERVICE", &service)
@@ -234,7 +279,12 @@ fn a_simulator_killed_in_mid_run_ends_the_watch_with_a_message_and_stops_no_next
         .spawn()
         .unwrap();
     let start = Instant::now();
-    while std::fs::read_to_string(&watch.stdout).unwrap().lines().count() < 20 {
+    while std::fs::read_to_string(&watch.stdout)
+        .unwrap()
+        .lines()
+        .count()
+        < 20
+    {
         assert!(start.elapsed() < PATIENCE, "no frames arrive");
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -242,10 +292,23 @@ fn a_simulator_killed_in_mid_run_ends_the_watch_with_a_message_and_stops_no_next
     sim.wait().unwrap();
     let ended = watch.end();
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
-    assert!(ended.stderr.contains("the simulator died"), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("the simulator died"),
+        "{}",
+        ended.stderr
+    );
     assert!(ended.summary()["verified"].as_u64().unwrap() >= 20);
-    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch")).arg("replay").arg(&recording).output().unwrap();
-    assert_eq!(replay.status.code(), Some(0), "{}", String::from_utf8_lossy(&replay.stderr));
+    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .arg("replay")
+        .arg(&recording)
+        .output()
+        .unwrap();
+    assert_eq!(
+        replay.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&replay.stderr)
+    );
 
     let watch = Watch::start(folder.path(), "next", &service, &[]);
     let mut sim = client(&service);
@@ -260,7 +323,12 @@ fn a_signal_ends_the_watch_properly() {
     let folder = TempDir::new().unwrap();
     let service = service("signal");
     let recording = folder.path().join("run.mcap");
-    let watch = Watch::start(folder.path(), "watch", &service, &["--record", recording.to_str().unwrap()]);
+    let watch = Watch::start(
+        folder.path(),
+        "watch",
+        &service,
+        &["--record", recording.to_str().unwrap()],
+    );
     let mut sim = client(&service);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
     for frame in 0..5 {
@@ -270,8 +338,13 @@ fn a_signal_ends_the_watch_properly() {
     let ended = watch.end();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(ended.summary()["verified"], 5);
-    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch")).arg("replay").arg(&recording).output().unwrap();
-    let text = String::from_utf8_lossy(&replay.stderr).into_owned() + &String::from_utf8_lossy(&replay.stdout);
+    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .arg("replay")
+        .arg(&recording)
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&replay.stderr).into_owned()
+        + &String::from_utf8_lossy(&replay.stdout);
     assert_eq!(replay.status.code(), Some(0), "{text}");
     assert!(!text.contains("cut off"), "{text}");
 }
@@ -279,20 +352,37 @@ fn a_signal_ends_the_watch_properly() {
 #[test]
 fn a_watch_without_a_simulator_gives_up_when_told_to() {
     let folder = TempDir::new().unwrap();
-    let watch = Watch::start(folder.path(), "watch", &service("alone"), &["--wait", "0.3"]);
+    let watch = Watch::start(
+        folder.path(),
+        "watch",
+        &service("alone"),
+        &["--wait", "0.3"],
+    );
     let ended = watch.end();
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
-    assert!(ended.stderr.contains("no simulator came"), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("no simulator came"),
+        "{}",
+        ended.stderr
+    );
     assert_eq!(ended.summary()["verdict"], "nothing was verified");
 }
 
 #[test]
 fn hostile_recordings_are_refused_in_one_line() {
     let folder = TempDir::new().unwrap();
-    for (name, bytes) in [("empty.mcap", &b""[..]), ("text.mcap", b"hello"), ("magic.mcap", b"\x89MCAP0\r\n\xff\xff")] {
+    for (name, bytes) in [
+        ("empty.mcap", &b""[..]),
+        ("text.mcap", b"hello"),
+        ("magic.mcap", b"\x89MCAP0\r\n\xff\xff"),
+    ] {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        let run = Command::new(env!("CARGO_BIN_EXE_linkwatch")).arg("replay").arg(&path).output().unwrap();
+        let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+            .arg("replay")
+            .arg(&path)
+            .output()
+            .unwrap();
         let stderr = String::from_utf8(run.stderr).unwrap();
         assert!(matches!(run.status.code(), Some(2 | 3)), "{name}: {stderr}");
         assert!(stderr.contains(name), "{stderr}");

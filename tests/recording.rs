@@ -414,7 +414,11 @@ fn topics_and_schemas_of_others_are_skipped_and_counted() {
 
 #[test]
 fn another_version_is_an_error() {
-    let (.., error) = read(&foreign("/linkwatch/frames", "linkwatch.v7.CurveFrame", false));
+    let (.., error) = read(&foreign(
+        "/linkwatch/frames",
+        "linkwatch.v7.CurveFrame",
+        false,
+    ));
     assert!(matches!(
         error,
         Some(Error::Version {

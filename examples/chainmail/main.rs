@@ -90,7 +90,9 @@ fn run(args: &Args) -> Result<ExitCode> {
             "simulator: of the frames published, {} were verified, {} skipped, {} rejected",
             m.counters.verified, m.counters.skipped, m.counters.rejected
         ),
-        None => println!("simulator: no watcher is left; how many frames were verified is not known"),
+        None => {
+            println!("simulator: no watcher is left; how many frames were verified is not known")
+        }
     }
     // An abort for one of the last frames comes with the watcher's leave.
     let aborted = end == End::Aborted || last.as_ref().is_some_and(|m| m.abort);
@@ -128,7 +130,10 @@ fn simulate(args: &Args, client: &mut Client) -> Result<End> {
         args.substeps
     );
     if !client.wait_for_watcher(Duration::from_millis(200))? {
-        println!("simulator: waiting for a watcher (linkwatch watch --service {})", args.service);
+        println!(
+            "simulator: waiting for a watcher (linkwatch watch --service {})",
+            args.service
+        );
         let patience = Duration::from_secs_f64(args.wait.max(0.0));
         if !client.wait_for_watcher(patience)? {
             println!("simulator: nobody came; running unwatched");

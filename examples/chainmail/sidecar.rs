@@ -55,9 +55,15 @@ impl Sidecar {
             }
         };
         println!();
-        println!("the recording:   {0}   verify it again with: linkwatch replay {0}", self.recording.display());
+        println!(
+            "the recording:   {0}   verify it again with: linkwatch replay {0}",
+            self.recording.display()
+        );
         if let Some(rrd) = &self.rrd {
-            println!("for the viewer:  {0}   look at it with: rerun {0}", rrd.display());
+            println!(
+                "for the viewer:  {0}   look at it with: rerun {0}",
+                rrd.display()
+            );
         }
         Ok(status.code().and_then(|code| u8::try_from(code).ok()))
     }
@@ -78,7 +84,10 @@ fn program() -> Result<PathBuf> {
     let example = std::env::current_exe()?;
     let name = format!("linkwatch{}", std::env::consts::EXE_SUFFIX);
     // target/<profile>/examples/chainmail and target/<profile>/linkwatch
-    let built = example.parent().and_then(Path::parent).map(|profile| profile.join(&name));
+    let built = example
+        .parent()
+        .and_then(Path::parent)
+        .map(|profile| profile.join(&name));
     let Some(built) = built else {
         return Ok(name.into());
     };
@@ -90,7 +99,10 @@ fn program() -> Result<PathBuf> {
 
 /// Builds the command beside this example: `cargo run --example` builds the example alone.
 fn build(cargo: &std::ffi::OsStr, built: &Path) -> Result<()> {
-    let profile = built.parent().and_then(Path::file_name).and_then(|p| p.to_str());
+    let profile = built
+        .parent()
+        .and_then(Path::file_name)
+        .and_then(|p| p.to_str());
     let profile = match profile {
         Some("debug") | None => "dev",
         Some(other) => other,
@@ -100,7 +112,14 @@ fn build(cargo: &std::ffi::OsStr, built: &Path) -> Result<()> {
     features.extend(cfg!(feature = "mcap").then_some("mcap"));
     features.extend(cfg!(feature = "rerun").then_some("rerun"));
     let mut command = Command::new(cargo);
-    command.args(["build", "--quiet", "--profile", profile, "--no-default-features", "--features"]);
+    command.args([
+        "build",
+        "--quiet",
+        "--profile",
+        profile,
+        "--no-default-features",
+        "--features",
+    ]);
     command.arg(features.join(","));
     command.args(["--bin", "linkwatch", "--example", "chainmail"]);
     if let Some(root) = std::env::var_os("CARGO_MANIFEST_DIR") {

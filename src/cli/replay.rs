@@ -3,7 +3,9 @@
 use super::Outcome;
 use super::output::plural;
 use super::session::{Judge, Session, Sinks, Tally};
-use linkwatch::{AbortOn, Ending, RecordedItem, RecordedVerdict, RecordingReader, Report, Result, Verdict};
+use linkwatch::{
+    AbortOn, Ending, RecordedItem, RecordedVerdict, RecordingReader, Report, Result, Verdict,
+};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,8 +25,10 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut reader = RecordingReader::open(&args.recording)?;
-    let recorded_policy: Option<AbortOn> =
-        reader.metadata().get("abort_on").and_then(|a| a.parse().ok());
+    let recorded_policy: Option<AbortOn> = reader
+        .metadata()
+        .get("abort_on")
+        .and_then(|a| a.parse().ok());
     let judge = args.judge.with_default_policy(recorded_policy);
     let title = format!("replay of {}", args.recording.display());
     let metadata = BTreeMap::from([("replay_of".to_owned(), args.recording.display().to_string())]);

@@ -2,12 +2,12 @@
 
 use super::Outcome;
 use super::output::{self, Live, count, millis, plural};
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use linkwatch::Overflow;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, FrameRecord, Report, Result,
     SinkQueue, Verdict, Verifier,
 };
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-use linkwatch::Overflow;
 #[cfg(feature = "rerun")]
 use linkwatch::{ViewerSink, ViewerTarget};
 use std::collections::{BTreeMap, BTreeSet};
@@ -184,7 +184,9 @@ impl Session {
         json: bool,
     ) -> Result<Session> {
         let given = match &judge.baseline {
-            Some(Baseline::File(path)) => Some((Certificate::read(path)?, path.display().to_string())),
+            Some(Baseline::File(path)) => {
+                Some((Certificate::read(path)?, path.display().to_string()))
+            }
             Some(Baseline::FirstFrame) => None,
             None => default_baseline,
         };
@@ -250,7 +252,10 @@ impl Session {
 
     /// Curves that no sink holds any more, or a copy: later frames must have the layout of the first.
     fn free_curves(&mut self) -> Option<CurveSet> {
-        let free = self.pool.iter_mut().position(|set| Arc::get_mut(set).is_some());
+        let free = self
+            .pool
+            .iter_mut()
+            .position(|set| Arc::get_mut(set).is_some());
         match free {
             Some(k) => Arc::try_unwrap(self.pool.swap_remove(k)).ok(),
             None => self.pool.first().map(|set| CurveSet::clone(set)),
@@ -271,7 +276,9 @@ impl Session {
                 certificate: Arc::new(certificate.clone()),
                 origin: self.origin.clone(),
             });
-            self.queues.iter().for_each(|q| q.begin(Arc::clone(&record)));
+            self.queues
+                .iter()
+                .for_each(|q| q.begin(Arc::clone(&record)));
             self.begun = true;
         }
         if report.verdict != Verdict::Rejected {
@@ -287,7 +294,9 @@ impl Session {
             check,
             received: SystemTime::now(),
         });
-        self.queues.iter().for_each(|q| q.frame(Arc::clone(&record)));
+        self.queues
+            .iter()
+            .for_each(|q| q.frame(Arc::clone(&record)));
         Ok(())
     }
 
@@ -318,20 +327,30 @@ impl Session {
         if !(fresh || turned || first_and_bad) {
             return Ok(());
         }
-        let new_changes = report.changes.iter().filter(|c| !self.told.contains(&key(c)));
+        let new_changes = report
+            .changes
+            .iter()
+            .filter(|c| !self.told.contains(&key(c)));
         let sentences: Vec<String> = new_changes
             .map(Change::to_string)
             .chain(report.defects.iter().map(|d| d.to_string()))
             .collect();
         self.told = report.changes.iter().map(key).collect();
         if self.first_violation.is_none() && report.verdict != Verdict::Intact {
-            let detail = sentences.first().map(|s| format!(": {s}")).unwrap_or_default();
+            let detail = sentences
+                .first()
+                .map(|s| format!(": {s}"))
+                .unwrap_or_default();
             self.first_violation = Some(format!("frame {}{detail}", report.seq));
         }
         if self.json {
             return Ok(());
         }
-        let mut lines = vec![format!("{} (checked in {})", report.headline(), millis(check))];
+        let mut lines = vec![format!(
+            "{} (checked in {})",
+            report.headline(),
+            millis(check)
+        )];
         lines.extend(sentences.iter().take(SENTENCES).map(|s| format!("  {s}")));
         if sentences.len() > SENTENCES {
             lines.push(format!("  and {} more", sentences.len() - SENTENCES));
@@ -370,7 +389,11 @@ impl Session {
                     self.outcome = self.outcome.max(Outcome::Undecided);
                 }
                 None if summary.dropped > 0 => {
-                    kept.push(format!("{} missed {}", summary.name, plural(summary.dropped, "frame")));
+                    kept.push(format!(
+                        "{} missed {}",
+                        summary.name,
+                        plural(summary.dropped, "frame")
+                    ));
                 }
                 None => {}
             }

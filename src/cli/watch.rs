@@ -34,7 +34,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let stop = stop_on_signals()?;
     let mut sidecar = Sidecar::open(&args.service, &SidecarOptions::default())?;
     let metadata = BTreeMap::from([("service".to_owned(), args.service.clone())]);
-    let mut session = Session::new(&args.judge, &args.sinks, None, &args.service, metadata, json)?;
+    let mut session = Session::new(
+        &args.judge,
+        &args.sinks,
+        None,
+        &args.service,
+        metadata,
+        json,
+    )?;
     session.live().note(format_args!(
         "waiting for a simulator on service '{}'",
         args.service
@@ -53,7 +60,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
             Event::NewSession { .. } => {
                 // The one before was lost; its run ends with it, and so does its baseline.
-                session.live().note("another simulator took over; start linkwatch again for it");
+                session
+                    .live()
+                    .note("another simulator took over; start linkwatch again for it");
                 session.data_lost();
                 break sidecar.counters();
             }
@@ -74,7 +83,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 ..
             } => {
                 if !clean {
-                    session.live().note("the simulator left without finishing (an error or a panic)");
+                    session
+                        .live()
+                        .note("the simulator left without finishing (an error or a panic)");
                     session.data_lost();
                 }
                 session.live().note(format_args!(

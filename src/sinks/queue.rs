@@ -200,8 +200,10 @@ impl SinkQueue {
         let done = state.done;
         drop(state);
         if late {
-            self.shared
-                .fail(format!("did not finish within {:.1} s", limit.as_secs_f64()));
+            self.shared.fail(format!(
+                "did not finish within {:.1} s",
+                limit.as_secs_f64()
+            ));
         }
         if let Some(thread) = self.thread.take().filter(|_| done) {
             // The thread has said that it is done; a panic of it is in the summary.

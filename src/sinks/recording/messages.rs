@@ -175,7 +175,12 @@ fn from_code<T: Copy>(all: &[T], code: i32, what: &'static str) -> Result<T> {
         .ok()
         .and_then(|c| c.checked_sub(1))
         .and_then(|k| all.get(k).copied())
-        .ok_or_else(|| invalid(what, format_args!("code {code}, expected 1 to {}", all.len())))
+        .ok_or_else(|| {
+            invalid(
+                what,
+                format_args!("code {code}, expected 1 to {}", all.len()),
+            )
+        })
 }
 
 /// A message that decodes and makes no sense.

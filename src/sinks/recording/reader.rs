@@ -73,7 +73,11 @@ impl RecordedFrame {
     /// before it, which must have had the same curves.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
         let bytes = self.precision.bytes();
-        let promised: u64 = self.counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
+        let promised: u64 = self
+            .counts
+            .iter()
+            .map(|c| u64::from(c.unsigned_abs()))
+            .sum();
         let promised = promised.saturating_mul(3 * bytes as u64);
         if promised != self.positions.len() as u64 {
             return Err(Error::Count {
@@ -98,7 +102,12 @@ impl RecordedFrame {
     }
 
     fn values<T, const N: usize>(&self, parse: fn([u8; N]) -> T) -> Vec<T> {
-        self.positions.as_chunks().0.iter().map(|b| parse(*b)).collect()
+        self.positions
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| parse(*b))
+            .collect()
     }
 
     fn put(&self, set: &mut Option<CurveSet>, positions: Positions<'_>) -> Result<()> {
@@ -114,7 +123,11 @@ impl RecordedFrame {
     fn check_layout(&self, before: &CurveSet) -> Result<()> {
         let changed = |what, before, now| Err(Error::LayoutChanged { what, before, now });
         if before.len() != self.counts.len() {
-            return changed("number of curves", before.len() as u64, self.counts.len() as u64);
+            return changed(
+                "number of curves",
+                before.len() as u64,
+                self.counts.len() as u64,
+            );
         }
         let code = |b| messages::basis_code(b) as u64;
         if before.basis() != self.basis {
@@ -131,7 +144,11 @@ impl RecordedFrame {
                 return changed("points of a curve", size(before), size(now));
             }
             if before != now {
-                return changed("closure of a curve", u64::from(before < 0), u64::from(now < 0));
+                return changed(
+                    "closure of a curve",
+                    u64::from(before < 0),
+                    u64::from(now < 0),
+                );
             }
         }
         Ok(())
@@ -241,9 +258,7 @@ impl<R: Read + Seek> RecordingReader<R> {
                     body.advance(20);
                     let channel = self.channels.get(&id).copied();
                     let channel = channel.ok_or_else(|| bad("a message of no known channel"))?;
-                    if let Some(item) = item(channel, body)
-                        .map_err(|e| invalid(&place, e))?
-                    {
+                    if let Some(item) = item(channel, body).map_err(|e| invalid(&place, e))? {
                         return Ok(Some(item));
                     }
                     self.skipped += 1;

@@ -107,10 +107,7 @@ fn the_structs_are_those_of_the_schema() {
     };
     let read = agrees("CurveFrame", &frame);
     let counts = read.get_field_by_name("counts").unwrap();
-    assert_eq!(
-        counts.as_list().unwrap(),
-        [Value::I32(-5), Value::I32(6)]
-    );
+    assert_eq!(counts.as_list().unwrap(), [Value::I32(-5), Value::I32(6)]);
     let report = ReportMessage {
         seq: 1,
         time: 2.5,

@@ -144,9 +144,7 @@ impl Sink for RecordingSink {
     }
 
     fn flush(&mut self) -> Result<()> {
-        self.writer
-            .flush()
-            .map_err(|e| sink_error(&self.path, e))
+        self.writer.flush().map_err(|e| sink_error(&self.path, e))
     }
 
     fn finish(mut self: Box<Self>) -> Result<()> {

@@ -212,7 +212,10 @@ impl ViewerSink {
             }
             let more = findings.len().saturating_sub(SHOWN);
             if more > 0 {
-                self.log(entity::LOG, &line(report.verdict, format!("and {more} more")))?;
+                self.log(
+                    entity::LOG,
+                    &line(report.verdict, format!("and {more} more")),
+                )?;
             }
             let status = TextDocument::from_markdown(layout::status(report, since, SHOWN));
             self.log(entity::STATUS, &status)?;

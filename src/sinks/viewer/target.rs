@@ -66,9 +66,7 @@ impl ViewerTarget {
 
 /// `host:port` to probe, and the URL to connect to.
 fn address_of(address: &str) -> (String, String) {
-    let (scheme, rest) = address
-        .split_once("://")
-        .unwrap_or(("rerun+http", address));
+    let (scheme, rest) = address.split_once("://").unwrap_or(("rerun+http", address));
     let (host, path) = rest.split_once('/').unwrap_or((rest, "proxy"));
     // An IPv6 address has colons of its own, within brackets.
     let has_port = host
@@ -97,7 +95,10 @@ fn probe(host: &str) -> Result<()> {
 }
 
 fn has_program(folder: &Path) -> bool {
-    folder.join(PROGRAM).with_extension(std::env::consts::EXE_EXTENSION).is_file()
+    folder
+        .join(PROGRAM)
+        .with_extension(std::env::consts::EXE_EXTENSION)
+        .is_file()
 }
 
 #[cfg(test)]
