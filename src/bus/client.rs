@@ -1,10 +1,11 @@
 //! What a simulator links: frames out, verdicts in.
 
+use super::loan::FrameLoan;
 use super::message::{MessageKind, VerdictMessage};
 use super::service::{Endpoint, Ipc, Role, bus};
 use super::wire::{
     FLAG_ANNOUNCE, FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader,
-    LAYOUT_VERSION, VerdictWire, basis_code, cast_mut, payload_bytes, table_bytes,
+    LAYOUT_VERSION, VerdictWire, basis_code, payload_bytes, table_bytes,
 };
 use crate::curve::{Basis, Positions, Precision};
 use crate::error::{Error, Result};
@@ -12,13 +13,13 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
-use iceoryx2::sample_mut::SampleMut;
 use std::fmt;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::{Duration, Instant};
 
-/// Room for frames that is set aside from the start; more is taken when many subscribers hold frames.
-const FRAMES_SET_ASIDE: usize = 8;
+/// Room for frames that is set aside from the start: enough for two subscribers that hold all they may, of
+/// the four that may come. With more it grows, which is slow. Only what was written to takes real memory.
+const FRAMES_SET_ASIDE: usize = 16;
 
 /// How long a waiting client sleeps at most before it looks for itself.
 const TICK: Duration = Duration::from_millis(10);
@@ -55,6 +56,30 @@ pub enum Outcome {
 ///
 /// A client is one session: one layout of curves and frames numbered from 0. Dropping it without
 /// [`finish`](Client::finish), by an error or a panic, tells the watcher that the session ended early.
+///
+/// ```no_run
+/// use linkwatch::{Basis, Client, ClientOptions, Precision};
+///
+/// # fn main() -> linkwatch::Result<()> {
+/// let mut client = Client::open("linkwatch", &ClientOptions::default())?;
+/// client.describe(Basis::Polyline, Precision::F32, &[-100, -100])?; // two closed loops
+/// for step in 0..1000 {
+///     let mut frame = client.loan(f64::from(step) * 0.01)?;
+///     for point in frame.positions_f32()?.chunks_exact_mut(3) {
+///         point.copy_from_slice(&[0.0, 0.0, 0.0]); // from the simulation
+///     }
+///     frame.publish()?;
+///     while let Some(verdict) = client.poll()? {
+///         println!("{verdict}");
+///     }
+///     if client.aborted().is_some() {
+///         break;
+///     }
+/// }
+/// client.finish()?;
+/// # Ok(())
+/// # }
+/// ```
 pub struct Client {
     publisher: Option<Publisher<Ipc, [u8], FrameHeader>>,
     subscriber: Subscriber<Ipc, VerdictWire, ()>,
@@ -261,6 +286,14 @@ impl Client {
         frame.publish()
     }
 
+    /// Does the bookkeeping of a frame that was sent. Returns its sequence number.
+    pub(super) fn sent(&mut self) -> u64 {
+        let seq = self.next_seq;
+        self.next_seq += 1;
+        self.endpoint.notify();
+        seq
+    }
+
     /// Waits until a watcher has seen this session, at most for `timeout`. True if one has.
     ///
     /// Only needed where the first frames must not be missed: a simulator that runs alone is fine, and a
@@ -416,64 +449,6 @@ impl Drop for Client {
             // Best effort: without it the watcher notices by itself, half a second later.
             let _ = self.signal(FLAG_END | FLAG_UNFINISHED);
         }
-    }
-}
-
-/// Memory of a frame that is being written. Dropped without [`publish`](FrameLoan::publish), it is as if it
-/// had never been.
-pub struct FrameLoan<'a> {
-    sample: SampleMut<Ipc, [u8], FrameHeader>,
-    /// Bytes of the counts before the positions.
-    table: usize,
-    precision: Precision,
-    client: &'a mut Client,
-}
-
-impl fmt::Debug for FrameLoan<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("FrameLoan")
-            .field("header", self.sample.user_header())
-            .finish_non_exhaustive()
-    }
-}
-
-impl FrameLoan<'_> {
-    /// Number of coordinates: three a point.
-    fn coordinates(&self) -> usize {
-        (self.sample.payload().len() - self.table) / self.precision.bytes()
-    }
-
-    fn bytes_of(&mut self, precision: Precision) -> Result<&mut [u8]> {
-        if precision != self.precision {
-            return Err(Error::LayoutChanged {
-                what: "bytes of a coordinate",
-                before: self.precision.bytes() as u64,
-                now: precision.bytes() as u64,
-            });
-        }
-        Ok(&mut self.sample.payload_mut()[self.table..])
-    }
-
-    /// Where the positions go, `x y z x y z ..` curve after curve; 64-byte aligned. Fails where the curves
-    /// were described in double precision.
-    ///
-    /// Write all of it: it holds zeros or some earlier frame (NaN in debug builds).
-    pub fn positions_f32(&mut self) -> Result<&mut [f32]> {
-        Ok(cast_mut(self.bytes_of(Precision::F32)?).expect("the service aligns to 64 bytes"))
-    }
-
-    /// As [`positions_f32`](FrameLoan::positions_f32), in double precision.
-    pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
-        Ok(cast_mut(self.bytes_of(Precision::F64)?).expect("the service aligns to 64 bytes"))
-    }
-
-    /// Hands the frame to the watcher. Returns its sequence number.
-    pub fn publish(self) -> Result<u64> {
-        let seq = self.client.next_seq;
-        self.sample.send().map_err(bus("send"))?;
-        self.client.next_seq += 1;
-        self.client.endpoint.notify();
-        Ok(seq)
     }
 }
 

@@ -17,11 +17,15 @@
 //! it is a process of its own, and why a simulator has to have its own opinion about silence.
 
 mod client;
+mod event;
+mod loan;
 mod message;
 mod service;
 mod sidecar;
 mod wire;
 
-pub use client::{Client, ClientOptions, FrameLoan, Outcome};
+pub use client::{Client, ClientOptions, Outcome};
+pub use event::{Event, Frame};
+pub use loan::FrameLoan;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
-pub use sidecar::{Event, Frame, Sidecar, SidecarOptions};
+pub use sidecar::{Sidecar, SidecarOptions};

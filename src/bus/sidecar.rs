@@ -1,19 +1,15 @@
 //! What `linkwatch watch` uses: frames in, verdicts out.
 
+use super::event::{Event, Frame};
 use super::message::{Counters, MessageKind};
 use super::service::{Endpoint, Ipc, NodeId, Role, bus};
-use super::wire::{
-    FLAG_ANNOUNCE, FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FrameHeader, VerdictWire,
-};
-use crate::curve::CurveSet;
+use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED, FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
-use crate::ingest::ingest;
 use crate::verdict::{Report, Verdict};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, PortFactory};
-use iceoryx2::sample::Sample;
 use std::collections::VecDeque;
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -48,89 +44,6 @@ impl Default for SidecarOptions {
         SidecarOptions {
             max_frame_bytes: u32::MAX as usize,
         }
-    }
-}
-
-/// What happened on the bus.
-#[derive(Debug)]
-pub enum Event {
-    /// A simulator came. Its first frame follows, perhaps with other curves than before.
-    NewSession {
-        /// Its session.
-        session: u64,
-    },
-    /// The newest frame. Older ones that were not taken in time are counted as skipped.
-    Frame(Frame),
-    /// Something that is no frame, or of another version. It has no sequence number to answer to.
-    Unreadable(Error),
-    /// The session is over, and all its frames are accounted for.
-    End {
-        /// Its session.
-        session: u64,
-        /// Frames that the simulator published; equals the sum of the counters.
-        published: u64,
-        /// What became of them.
-        counters: Counters,
-        /// False where the simulator left without finishing: an error or a panic.
-        clean: bool,
-    },
-    /// The simulator died without a word, or another one took its place. Frames that it published last may
-    /// be lost and are not in the counters.
-    SimulatorLost {
-        /// Its session.
-        session: u64,
-        /// What became of the frames that are known.
-        counters: Counters,
-    },
-    /// Nothing happened for the time given, or a signal came.
-    Idle,
-}
-
-/// A frame in shared memory. It blocks one of four places until it is dropped.
-pub struct Frame {
-    sample: Sample<Ipc, [u8], FrameHeader>,
-    /// Copied once: in shared memory it could change under its reader.
-    header: FrameHeader,
-    max_bytes: usize,
-}
-
-impl fmt::Debug for Frame {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Frame")
-            .field("header", &self.header)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Frame {
-    /// Sequence number, from 0 in each session.
-    pub fn seq(&self) -> u64 {
-        self.header.seq
-    }
-
-    /// Simulation time in seconds, as the header has it.
-    pub fn time(&self) -> f64 {
-        self.header.time
-    }
-
-    /// Session of the simulator.
-    pub fn session(&self) -> u64 {
-        self.header.session
-    }
-
-    /// Whether the simulator waits for the verdict.
-    pub fn lockstep(&self) -> bool {
-        self.header.flags & FLAG_LOCKSTEP != 0
-    }
-
-    /// Checks the frame and moves its positions from shared memory into `set`: built from the first frame,
-    /// updated by every later one. Every value is read once.
-    ///
-    /// A frame that breaks its contract is an error, to be answered with [`Verdict::Rejected`]; the next
-    /// good frame makes an existing set whole again.
-    pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
-        let frame = self.header.view(self.sample.payload(), self.max_bytes)?;
-        ingest(frame, set)
     }
 }
 
@@ -230,10 +143,10 @@ impl Sidecar {
                 self.drain()?;
             }
             if let Some(pending) = self.pending.pop_front() {
-                return self.deliver(pending);
+                return Ok(self.deliver(pending));
             }
             if let Some(frame) = self.newest.take() {
-                return self.deliver(Pending::Frame(frame));
+                return Ok(self.deliver(Pending::Frame(frame)));
             }
             if self.simulator_is_gone() {
                 // It may have published between the look at the bus and the look at its process.
@@ -358,18 +271,19 @@ impl Sidecar {
     }
 
     /// Does the bookkeeping of an event as it is handed out.
-    fn deliver(&mut self, pending: Pending) -> Result<Event> {
+    fn deliver(&mut self, pending: Pending) -> Event {
         let Some(session) = &mut self.session else {
-            return Ok(match pending {
+            return match pending {
                 Pending::Unreadable(e) => Event::Unreadable(e),
                 _ => Event::Idle,
-            });
+            };
         };
         let id = session.id;
-        Ok(match pending {
+        match pending {
             Pending::Unreadable(e) => Event::Unreadable(e),
             Pending::NewSession => {
-                self.heartbeat()?;
+                // Best effort, as the goodbye: what happened has to be told here in any case.
+                let _ = self.heartbeat();
                 Event::NewSession { session: id }
             }
             Pending::Frame(frame) => {
@@ -380,7 +294,7 @@ impl Sidecar {
             Pending::End { published, clean } => {
                 session.counters.skipped += published.saturating_sub(session.next_seq);
                 let counters = session.counters;
-                self.retire()?;
+                self.retire();
                 Event::End {
                     session: id,
                     published,
@@ -390,25 +304,24 @@ impl Sidecar {
             }
             Pending::Lost => {
                 let counters = session.counters;
-                self.retire()?;
+                self.retire();
                 Event::SimulatorLost {
                     session: id,
                     counters,
                 }
             }
-        })
+        }
     }
 
     /// Says goodbye to the session.
-    fn retire(&mut self) -> Result<()> {
-        let sent = self.say(MessageKind::Goodbye);
+    fn retire(&mut self) {
+        let _ = self.say(MessageKind::Goodbye);
         if let Some(session) = self.session.take() {
             self.retired.push_back(session.id);
             if self.retired.len() > RETIRED {
                 self.retired.pop_front();
             }
         }
-        sent
     }
 
     /// Answers a frame of this session. Every frame that [`wait`](Sidecar::wait) gave is to be answered, a

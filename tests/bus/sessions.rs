@@ -123,11 +123,12 @@ fn a_late_watcher_gets_the_newest_frame() {
         let mut set = None;
         answer(&mut sidecar, &frame, &mut set);
         assert!(holds(&set.unwrap(), 2));
-        (frame.seq(), sidecar.counters())
+        assert_eq!((frame.seq(), sidecar.counters().skipped), (2, 2));
+        // Alive until the simulator has heard of it.
+        sidecar
     });
     assert!(client.wait_for_watcher(PATIENCE).unwrap());
-    let (seq, counters) = watcher.join().unwrap();
-    assert_eq!((seq, counters.skipped), (2, 2));
+    drop(watcher.join().unwrap());
 }
 
 #[test]
@@ -222,4 +223,28 @@ fn a_loan_that_is_dropped_is_no_frame() {
         drop(client.loan(0.0).unwrap());
     }
     publish(&mut client, 0);
+}
+
+#[test]
+fn memory_grows_with_the_frames() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = Client::open(&name, &ClientOptions::default()).unwrap();
+    // A word before the size is known, then a small layout, then a large one.
+    client.wait_for_watcher(Duration::ZERO).unwrap();
+    client
+        .describe(Basis::Polyline, Precision::F32, &[-3])
+        .unwrap();
+    let n = 50_000;
+    client
+        .describe(Basis::Polyline, Precision::F64, &[-n])
+        .unwrap();
+    new_session(&mut sidecar);
+    let mut set = None;
+    for seq in 0..20 {
+        let sent = vec![seq as f64 + 0.5; 3 * n as usize];
+        client.publish(0.0, Positions::F64(&sent)).unwrap();
+        next_frame(&mut sidecar).ingest(&mut set).unwrap();
+        assert_eq!(set.as_ref().unwrap().point(0, 49_999), [sent[0]; 3]);
+    }
 }
