@@ -76,20 +76,41 @@ enum Coordinates {
 }
 
 /// A coordinate type.
-trait Scalar: Copy + PartialOrd + Into<f64> + Default {
-    const MAX: Self;
-    fn magnitude(self) -> Self;
+trait Scalar: Copy + Into<f64> + Default {
+    /// Bits of the largest finite magnitude.
+    const MAX_BITS: u64;
+    /// Bits of the largest magnitude, and of the smallest other than zero where [`CurveSet::is_extreme`] asks
+    /// for it (all bits set where there is none).
+    fn magnitudes(values: &[Self]) -> (u64, u64);
+    /// The number with these bits; infinite for all bits set.
+    fn from_magnitude(bits: u64) -> f64;
 }
 impl Scalar for f32 {
-    const MAX: Self = f32::MAX;
-    fn magnitude(self) -> Self {
-        self.abs()
+    const MAX_BITS: u64 = f32::MAX.to_bits() as u64;
+    fn magnitudes(values: &[Self]) -> (u64, u64) {
+        let max = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
+        (u64::from(max), u64::MAX)
+    }
+    fn from_magnitude(bits: u64) -> f64 {
+        u32::try_from(bits).map_or(f64::INFINITY, |bits| f64::from(f32::from_bits(bits)))
     }
 }
 impl Scalar for f64 {
-    const MAX: Self = f64::MAX;
-    fn magnitude(self) -> Self {
-        self.abs()
+    const MAX_BITS: u64 = f64::MAX.to_bits();
+    fn magnitudes(values: &[Self]) -> (u64, u64) {
+        let (max, min) = values.iter().fold((0, u64::MAX), |(max, min), v| {
+            let m = v.to_bits() << 1 >> 1;
+            // Zero wraps around to the end of the range, where it is no minimum.
+            (m.max(max), m.wrapping_sub(1).min(min))
+        });
+        (max, min.saturating_add(1))
+    }
+    fn from_magnitude(bits: u64) -> f64 {
+        if bits == u64::MAX {
+            f64::INFINITY
+        } else {
+            f64::from_bits(bits)
+        }
     }
 }
 
@@ -494,8 +515,14 @@ fn slots(basis: Basis, points: usize, closed: bool) -> Option<usize> {
     Some((segments.next_multiple_of(LANES) - 1) * basis.stride() + basis.window())
 }
 
+/// Points that [`scatter`] takes in one go: they stay in the first-level cache.
+const BLOCK: usize = 64;
+
 /// Spreads `x y z x y z ..` over three arrays. Returns the largest magnitude and the smallest one other than
 /// zero, or the first value that is not finite (point, axis, value).
+///
+/// Magnitudes are compared as integers: the bits of a float without its sign grow with its magnitude, and
+/// those of infinities and NaN lie above all others. One maximum is both the range and the check.
 fn scatter<T: Scalar>(
     dst: &mut [Vec<T>; 3],
     at: usize,
@@ -504,31 +531,34 @@ fn scatter<T: Scalar>(
     let n = src.len() / 3;
     let [x, y, z] = dst;
     let (x, y, z) = (&mut x[at..at + n], &mut y[at..at + n], &mut z[at..at + n]);
-    let mut max = T::default();
-    let mut min = T::MAX;
-    let mut finite = true;
-    for (k, p) in src.chunks_exact(3).enumerate() {
-        // Each value is read once: in shared memory a second read may differ.
-        let p = [p[0], p[1], p[2]];
-        for v in p {
-            let m = v.magnitude();
-            finite &= m <= T::MAX;
-            max = if m > max { m } else { max };
-            min = if m < min && m > T::default() { m } else { min };
+    let (mut max, mut min) = (0, u64::MAX);
+    let mut block = [T::default(); 3 * BLOCK];
+    for (b, src) in src.chunks(3 * BLOCK).enumerate() {
+        // Copied first: in shared memory a second read may give another value.
+        let block = &mut block[..src.len()];
+        block.copy_from_slice(src);
+        let (block_max, block_min) = T::magnitudes(block);
+        max = max.max(block_max);
+        min = min.min(block_min);
+        let first = b * BLOCK;
+        let len = block.len() / 3;
+        let (x, y, z) = (
+            &mut x[first..first + len],
+            &mut y[first..first + len],
+            &mut z[first..first + len],
+        );
+        for (((p, x), y), z) in block.chunks_exact(3).zip(x).zip(y).zip(z) {
+            (*x, *y, *z) = (p[0], p[1], p[2]);
         }
-        (x[k], y[k], z[k]) = (p[0], p[1], p[2]);
-    }
-    if !finite {
-        for k in 0..n {
-            for (axis, v) in [x[k], y[k], z[k]].into_iter().enumerate() {
-                let v: f64 = v.into();
-                if !v.is_finite() {
-                    return Err((k, axis, v));
-                }
-            }
+        if block_max > T::MAX_BITS {
+            let bad = block
+                .iter()
+                .position(|&v| !v.into().is_finite())
+                .unwrap_or(0);
+            return Err((first + bad / 3, bad % 3, block[bad].into()));
         }
     }
-    Ok((max.into(), min.into()))
+    Ok((T::from_magnitude(max), T::from_magnitude(min)))
 }
 
 /// Fills a [`CurveSet`] curve by curve, from a stream of any chunk size.
