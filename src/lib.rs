@@ -10,9 +10,11 @@
 mod certificate;
 mod curve;
 mod error;
+mod sinks;
 mod verdict;
 
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Box3, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use error::{Error, Result};
+pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 pub use verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};

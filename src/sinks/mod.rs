@@ -1,0 +1,64 @@
+//! Where verified frames go: a recording, a viewer. Each may fail without stopping the others or the watch.
+//!
+//! A [`Sink`] is plain, single-threaded code. [`SinkQueue`] gives it a thread, a bounded queue and a deadline, so
+//! that a slow disk or a viewer that hangs costs the verdict nothing.
+
+mod queue;
+
+pub use queue::{Overflow, SinkQueue, SinkSummary};
+
+use crate::certificate::Certificate;
+use crate::curve::CurveSet;
+use crate::error::Result;
+use crate::verdict::Report;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+/// What every frame is compared with, and where it came from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaselineRecord {
+    /// The expected linking numbers.
+    pub certificate: Arc<Certificate>,
+    /// How it was obtained, in words: "first frame", or the name of a certificate file.
+    pub origin: String,
+}
+
+/// One frame with everything that was found out about it.
+#[derive(Clone, Debug)]
+pub struct FrameRecord {
+    /// The curves; none where the frame was rejected before it became curves.
+    pub curves: Option<Arc<CurveSet>>,
+    /// What was found. The same for every run over the same frames.
+    pub report: Arc<Report>,
+    /// Frames verified so far, this one included.
+    pub verified: u64,
+    /// Frames that the simulator published and nobody verified, so far.
+    pub skipped: u64,
+    /// Frames rejected so far.
+    pub rejected: u64,
+    /// How long the verification of this frame took.
+    pub check: Duration,
+    /// When the frame arrived.
+    pub received: SystemTime,
+}
+
+/// A destination for verified frames.
+///
+/// Calls come from one thread. After the first error a sink is not called again.
+pub trait Sink: Send {
+    /// A short name for messages, "recording" for example.
+    fn name(&self) -> &'static str;
+
+    /// Takes note of the baseline. Comes once, before the first frame that is compared with it; rejected frames
+    /// may come earlier.
+    fn begin(&mut self, baseline: &BaselineRecord) -> Result<()>;
+
+    /// Takes a frame.
+    fn frame(&mut self, record: &FrameRecord) -> Result<()>;
+
+    /// Makes what was taken so far safe from a crash of this process.
+    fn flush(&mut self) -> Result<()>;
+
+    /// Closes the destination properly. Dropping a sink without it may leave an unfinished file.
+    fn finish(self: Box<Self>) -> Result<()>;
+}
