@@ -17,4 +17,8 @@ pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Box3, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use error::{Error, Result};
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
+#[cfg(feature = "mcap")]
+pub use sinks::{
+    Ending, Progress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
+};
 pub use verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};

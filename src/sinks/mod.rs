@@ -4,8 +4,14 @@
 //! that a slow disk or a viewer that hangs costs the verdict nothing.
 
 mod queue;
+#[cfg(feature = "mcap")]
+mod recording;
 
 pub use queue::{Overflow, SinkQueue, SinkSummary};
+#[cfg(feature = "mcap")]
+pub use recording::{
+    Ending, Progress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
+};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;

@@ -1,0 +1,352 @@
+//! The MCAP container: records out of a file of any size, in bounded memory.
+//!
+//! A record is an opcode, a length and its bytes; a chunk is a record of records. The reader of the crate is not
+//! used for this: on a chunk whose inner lengths lie it subtracts below zero (mcap 0.26,
+//! `sans_io/linear_reader.rs`), which panics where overflow is checked, and it does not tell a file that was cut
+//! from one that is corrupt. It still unpacks compressed chunks, which linkwatch does not write but other
+//! tools do.
+//!
+//! What was cut and what is corrupt: a finished file ends with the magic bytes. In such a file, whatever does not
+//! fit is corruption. In any other file a record that reaches past the end is where the writer was
+//! stopped; nothing is lost before it. Records of a whole chunk are given out after its checksum has been found
+//! right; the chunk that the end of a cut file falls into has none yet, and gives out what is complete.
+//!
+//! Memory: the largest chunk. Room is made only for what the file was seen to hold.
+
+use super::messages::invalid;
+use crate::error::{Error, Result};
+use mcap::records::op;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use prost::bytes::{Buf, Bytes};
+use std::io::{Read, Seek, SeekFrom};
+
+/// Opcode and length.
+const RECORD_HEADER: u64 = 9;
+
+/// Largest record: a message of protobuf has at most 2 GiB, a chunk of ours holds one of them.
+const RECORD_BYTES: u64 = 3 << 30;
+
+/// Records that are skipped are read in blocks of this size.
+const SKIP_BYTES: u64 = 1 << 20;
+
+/// A compressed chunk may unpack to the size of its file, or to this.
+const UNPACKED_BYTES: u64 = 64 << 20;
+
+/// How a recording ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// It was finished: everything that was recorded is there.
+    Finished,
+    /// The writer was stopped. What was given out is right; what came after it is lost.
+    Cut {
+        /// The first byte of what is incomplete.
+        at: u64,
+        /// What is incomplete, in words.
+        what: &'static str,
+    },
+}
+
+/// A record that matters to a recording.
+pub(super) struct Record {
+    pub opcode: u8,
+    pub body: Bytes,
+    /// Where it (or its chunk) starts in the file.
+    pub at: u64,
+}
+
+/// Reads records. After the first error, or the end, there are no more.
+pub(super) struct Container<R> {
+    input: R,
+    length: u64,
+    /// First byte that was not read yet.
+    at: u64,
+    /// Whether the file ends as a finished one does.
+    closed: bool,
+    /// Records of the chunk read last, with its place.
+    chunk: Vec<Bytes>,
+    chunk_at: u64,
+    ending: Option<Ending>,
+    failed: bool,
+    /// Of everything read so far: the data section ends with the checksum of all of it, which is what finds
+    /// damage between chunks.
+    checksum: crc32fast::Hasher,
+}
+
+impl<R: Read + Seek> Container<R> {
+    /// Takes a file as long as it is now.
+    pub fn new(mut input: R) -> Result<Self> {
+        let length = input.seek(SeekFrom::End(0))?;
+        let magic = mcap::MAGIC.len() as u64;
+        let mut container = Container {
+            input,
+            length,
+            at: 0,
+            closed: false,
+            chunk: Vec::new(),
+            chunk_at: 0,
+            ending: None,
+            failed: false,
+            checksum: crc32fast::Hasher::new(),
+        };
+        if length >= 2 * magic {
+            container.input.seek(SeekFrom::Start(length - magic))?;
+            container.closed = container.take(magic)?.as_ref() == mcap::MAGIC;
+        }
+        container.input.seek(SeekFrom::Start(0))?;
+        container.at = 0;
+        container.checksum.reset();
+        let start = container.take(length.min(magic))?;
+        if start.as_ref() != &mcap::MAGIC[..start.len()] {
+            return Err(invalid("start of the file", "not an MCAP file"));
+        }
+        if length < magic {
+            container.cut(0, "the start of the file");
+        }
+        Ok(container)
+    }
+
+    /// How the file ended, once there are no more records; none after damage.
+    pub fn ending(&self) -> Option<&Ending> {
+        self.ending.as_ref()
+    }
+
+    /// The next record, chunks opened.
+    pub fn next(&mut self) -> Result<Option<Record>> {
+        loop {
+            if let Some(body) = self.chunk.pop() {
+                let opcode = body[0];
+                return Ok(Some(Record {
+                    opcode,
+                    body: body.slice(RECORD_HEADER as usize..),
+                    at: self.chunk_at,
+                }));
+            }
+            if self.failed || self.ending.is_some() {
+                return Ok(None);
+            }
+            match self.step() {
+                Ok(Some(record)) => return Ok(Some(record)),
+                Ok(None) => {}
+                Err(e) => {
+                    self.fail();
+                    return Err(e);
+                }
+            }
+        }
+    }
+
+    /// Gives out nothing more: after damage, the very length that leads on may be wrong.
+    pub fn fail(&mut self) {
+        self.chunk.clear();
+        (self.failed, self.ending) = (true, None);
+    }
+
+    fn cut(&mut self, at: u64, what: &'static str) {
+        self.ending.get_or_insert(Ending::Cut { at, what });
+    }
+
+    /// Reads one record of the file; a chunk is put aside for [`Container::next`].
+    fn step(&mut self) -> Result<Option<Record>> {
+        let at = self.at;
+        let left = self.length - at;
+        if left == 0 && !self.closed {
+            self.cut(at, "the end of the file");
+            return Ok(None);
+        }
+        if left < RECORD_HEADER {
+            return self.overrun(at, RECORD_HEADER, "a record").map(|()| None);
+        }
+        let before = self.checksum.clone();
+        let mut header = self.take(RECORD_HEADER)?;
+        let opcode = header.get_u8();
+        let length = header.get_u64_le();
+        let left = left - RECORD_HEADER;
+        if length <= left && length > RECORD_BYTES {
+            let what = format!("a record of {length} bytes, at most {RECORD_BYTES} are read");
+            return Err(invalid(&format!("byte {at}"), what));
+        }
+        match opcode {
+            op::DATA_END if length == 4 && left >= 4 => {
+                let (expected, found) = (self.take(4)?.get_u32_le(), before.finalize());
+                if expected != 0 && expected != found {
+                    let what = format!("checksum {found:08x}, expected {expected:08x}");
+                    return Err(invalid("data of the whole file", what));
+                }
+                self.ending = Some(Ending::Finished);
+            }
+            op::CHUNK if length > left && !self.closed => self.open_tail(at)?,
+            _ if length > left => self.overrun(at, length, "a record")?,
+            op::CHUNK => {
+                let body = self.take(length)?;
+                self.open_chunk(body, at)?;
+            }
+            op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => {
+                let body = self.take(length)?;
+                return Ok(Some(Record { opcode, body, at }));
+            }
+            0 | op::DATA_END | op::FOOTER => {
+                let what = format!("a record with opcode {opcode} and {length} bytes");
+                return Err(invalid(&format!("byte {at}"), what));
+            }
+            // Indexes, attachments, private records: not ours, read for the checksum.
+            _ => {
+                let mut left = length;
+                while left > 0 {
+                    let block = left.min(SKIP_BYTES);
+                    self.take(block)?;
+                    left -= block;
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// Enters the chunk in which a cut file ends: its records are then read like those outside of chunks, up to
+    /// the first that is not complete.
+    fn open_tail(&mut self, at: u64) -> Result<()> {
+        // Start and end time, length and checksum of the records, length of the name of the compression; the
+        // length as stored.
+        const FIXED: u64 = 8 + 8 + 8 + 4 + 4;
+        const STORED: u64 = 8;
+        if self.length - self.at < FIXED + STORED {
+            self.cut(at, "a chunk");
+            return Ok(());
+        }
+        let mut head = self.take(FIXED)?;
+        head.advance(FIXED as usize - 4);
+        if head.get_u32_le() > 0 {
+            // What there is of compressed records may end in the middle of any of them.
+            self.cut(at, "a compressed chunk");
+            return Ok(());
+        }
+        self.take(STORED).map(drop)
+    }
+
+    /// A record that reaches past the end of the file.
+    fn overrun(&mut self, at: u64, length: u64, what: &'static str) -> Result<()> {
+        if self.closed {
+            let left = self.length - at;
+            let found = format!("{what} of {length} bytes, {left} bytes are left in the file");
+            return Err(invalid(&format!("byte {at}"), found));
+        }
+        self.cut(at, what);
+        Ok(())
+    }
+
+    /// Reads `n` bytes that the file was seen to have.
+    fn take(&mut self, n: u64) -> Result<Bytes> {
+        let mut bytes = Vec::with_capacity(usize::try_from(n).unwrap_or(usize::MAX));
+        let got = (&mut self.input).take(n).read_to_end(&mut bytes)? as u64;
+        if got < n {
+            return Err(Error::Count {
+                what: "bytes of a recording (it became shorter while it was read)",
+                promised: n,
+                available: got,
+            });
+        }
+        self.at += n;
+        self.checksum.update(&bytes);
+        Ok(bytes.into())
+    }
+
+    /// Puts the records of a chunk aside, last first.
+    fn open_chunk(&mut self, body: Bytes, at: u64) -> Result<()> {
+        self.chunk_at = at;
+        let place = || format!("chunk at byte {at}");
+        let mut rest = body.clone();
+        // Start and end time, length and checksum of the records, compression, length as stored.
+        let parsed = (|| {
+            rest.try_get_u64_le().ok()?;
+            rest.try_get_u64_le().ok()?;
+            let unpacked = rest.try_get_u64_le().ok()?;
+            let checksum = rest.try_get_u32_le().ok()?;
+            let compression = string(&mut rest)?;
+            Some((unpacked, checksum, compression, rest.try_get_u64_le().ok()?))
+        })();
+        let Some((unpacked, checksum, compression, stored)) = parsed else {
+            return Err(invalid(&place(), "its header is too short"));
+        };
+        if !compression.is_empty() {
+            self.chunk =
+                unpack(&body, self.length.max(UNPACKED_BYTES)).map_err(|e| invalid(&place(), e))?;
+            self.chunk.reverse();
+            return Ok(());
+        }
+        if stored > rest.len() as u64 || stored != unpacked {
+            let there = rest.len();
+            let what =
+                format!("{stored} bytes of records promised, {unpacked} unpacked, {there} there");
+            return Err(invalid(&place(), what));
+        }
+        rest.truncate(stored as usize);
+        let found = crc32fast::hash(&rest);
+        // 0 says that the writer computed none.
+        if checksum != 0 && checksum != found {
+            let what = format!("checksum {found:08x}, expected {checksum:08x}");
+            return Err(invalid(&place(), what));
+        }
+        let mut records = Vec::new();
+        while !rest.is_empty() {
+            let length = rest
+                .get(1..RECORD_HEADER as usize)
+                .and_then(|b| b.try_into().ok())
+                .map(u64::from_le_bytes);
+            let whole = length
+                .and_then(|n| n.checked_add(RECORD_HEADER))
+                .filter(|&n| n <= rest.len() as u64);
+            let Some(n) = whole else {
+                let what = format!(
+                    "a record of {} bytes, {} are left in the chunk",
+                    length.unwrap_or(RECORD_HEADER),
+                    rest.len()
+                );
+                return Err(invalid(&place(), what));
+            };
+            records.push(rest.split_to(n as usize));
+        }
+        records.reverse();
+        self.chunk = records;
+        Ok(())
+    }
+}
+
+/// Unpacks a compressed chunk with the reader of the crate, checksum first.
+fn unpack(body: &Bytes, limit: u64) -> Result<Vec<Bytes>, mcap::McapError> {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(usize::try_from(limit).unwrap_or(usize::MAX));
+    let mut reader = LinearReader::new_with_options(options);
+    let mut header = vec![op::CHUNK];
+    header.extend((body.len() as u64).to_le_bytes());
+    let mut input = Read::chain(header.as_slice(), body.as_ref());
+    let mut records = Vec::new();
+    while let Some(event) = reader.next_event() {
+        match event? {
+            LinearReadEvent::ReadRequest(n) => {
+                // The chunk is all there is: a request for more is answered by what is left of it.
+                let n = n.min(body.len() + header.len());
+                let read = input.read(reader.insert(n))?;
+                reader.notify_read(read);
+            }
+            LinearReadEvent::Record { opcode, data } => {
+                let mut record = Vec::with_capacity(RECORD_HEADER as usize + data.len());
+                record.push(opcode);
+                record.extend((data.len() as u64).to_le_bytes());
+                record.extend(data);
+                records.push(record.into());
+            }
+        }
+    }
+    Ok(records)
+}
+
+/// A string with its length in front, or none where the bytes end before it does.
+pub(super) fn string(bytes: &mut Bytes) -> Option<String> {
+    let n = bytes.try_get_u32_le().ok()? as usize;
+    if n > bytes.len() {
+        return None;
+    }
+    String::from_utf8(bytes.split_to(n).into()).ok()
+}

@@ -1,0 +1,28 @@
+//! Recordings: MCAP files with every frame, every verdict and the baseline.
+//!
+//! A recording is complete evidence: [`RecordingReader`] gives back the same bits that were verified and the same
+//! report, so that a replay can be held against it. The schema is `schemas/linkwatch.proto`.
+//!
+//! Only this module knows the crates `mcap` and `prost`.
+
+mod container;
+mod messages;
+mod reader;
+#[cfg(test)]
+mod schema_tests;
+mod writer;
+
+pub use container::Ending;
+pub use reader::{Progress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
+pub use writer::RecordingSink;
+
+/// Topic and message of each channel.
+const FRAMES: (&str, &str) = ("/linkwatch/frames", "CurveFrame");
+const VERDICTS: (&str, &str) = ("/linkwatch/verdicts", "Verdict");
+const BASELINE: (&str, &str) = ("/linkwatch/baseline", "Baseline");
+
+/// Name of the metadata record: who recorded what, and how.
+const METADATA: &str = "linkwatch";
+
+/// Message encoding and schema encoding of every channel.
+const PROTOBUF: &str = "protobuf";

@@ -1,0 +1,366 @@
+//! Reads a recording back: the same bits that were verified, the same reports.
+
+use super::container::{Container, Ending, string};
+use super::messages::{
+    self, BaselineMessage, FrameMessage, PACKAGE, ReportMessage, VerdictMessage, invalid,
+};
+use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
+use crate::curve::{Basis, CurveSet, Positions, Precision};
+use crate::error::{Error, Result};
+use crate::sinks::BaselineRecord;
+use crate::verdict::Report;
+use mcap::records::op;
+use prost::Message;
+use prost::bytes::{Buf, Bytes};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
+use std::path::Path;
+use std::time::Duration;
+
+/// What a recording holds, one after the other.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RecordedItem {
+    /// What frames were compared with; comes before the first of them.
+    Baseline(BaselineRecord),
+    /// The curves of a frame.
+    Frame(RecordedFrame),
+    /// What was found; comes after the curves of its frame, or alone where the frame was rejected.
+    Verdict(RecordedVerdict),
+}
+
+/// What was said about a frame when it was recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedVerdict {
+    /// The report: a replay of the frame must give an equal one.
+    pub report: Report,
+    /// How that run stood.
+    pub progress: Progress,
+}
+
+/// What depends on the run that made the recording, not on its frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Frames verified, this one included.
+    pub verified: u64,
+    /// Frames that nobody verified.
+    pub skipped: u64,
+    /// Frames rejected.
+    pub rejected: u64,
+    /// How long the verification of this frame took.
+    pub check: Duration,
+}
+
+/// The curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedFrame {
+    /// As the simulator counted.
+    pub seq: u64,
+    /// Simulation time in seconds.
+    pub time: f64,
+    /// Basis of all curves.
+    pub basis: Basis,
+    /// Precision of the coordinates.
+    pub precision: Precision,
+    /// Control points of each curve, negative where it is closed.
+    pub counts: Vec<i32>,
+    /// Little-endian coordinates; as long as `counts` says or not.
+    positions: Bytes,
+}
+
+impl RecordedFrame {
+    /// Checks the frame and puts it into `set`: a new one where there is none, otherwise in place of the frame
+    /// before it, which must have had the same curves.
+    pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
+        let bytes = self.precision.bytes();
+        let promised: u64 = self
+            .counts
+            .iter()
+            .map(|c| u64::from(c.unsigned_abs()))
+            .sum();
+        let promised = promised.saturating_mul(3 * bytes as u64);
+        if promised != self.positions.len() as u64 {
+            return Err(Error::Count {
+                what: "bytes of positions in a recorded frame",
+                promised,
+                available: self.positions.len() as u64,
+            });
+        }
+        if let Some(before) = set {
+            self.check_layout(before)?;
+        }
+        match self.precision {
+            Precision::F32 => {
+                let values: Vec<f32> = self.values(f32::from_le_bytes);
+                self.put(set, Positions::F32(&values))
+            }
+            Precision::F64 => {
+                let values: Vec<f64> = self.values(f64::from_le_bytes);
+                self.put(set, Positions::F64(&values))
+            }
+        }
+    }
+
+    fn values<T, const N: usize>(&self, parse: fn([u8; N]) -> T) -> Vec<T> {
+        self.positions
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| parse(*b))
+            .collect()
+    }
+
+    fn put(&self, set: &mut Option<CurveSet>, positions: Positions<'_>) -> Result<()> {
+        match set {
+            Some(set) => set.update(positions),
+            None => {
+                *set = Some(CurveSet::from_counts(self.basis, &self.counts, positions)?);
+                Ok(())
+            }
+        }
+    }
+
+    fn check_layout(&self, before: &CurveSet) -> Result<()> {
+        let changed = |what, before, now| Err(Error::LayoutChanged { what, before, now });
+        if before.len() != self.counts.len() {
+            return changed(
+                "number of curves",
+                before.len() as u64,
+                self.counts.len() as u64,
+            );
+        }
+        let code = |b| messages::basis_code(b) as u64;
+        if before.basis() != self.basis {
+            return changed("code of the basis", code(before.basis()), code(self.basis));
+        }
+        let bytes = |p: Precision| p.bytes() as u64;
+        if before.precision() != self.precision {
+            let (before, now) = (bytes(before.precision()), bytes(self.precision));
+            return changed("bytes of a coordinate", before, now);
+        }
+        for (before, &now) in before.counts().zip(&self.counts) {
+            if before.unsigned_abs() != now.unsigned_abs() {
+                let size = |c: i32| u64::from(c.unsigned_abs());
+                return changed("points of a curve", size(before), size(now));
+            }
+            if before != now {
+                return changed(
+                    "closure of a curve",
+                    u64::from(before < 0),
+                    u64::from(now < 0),
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a channel carries.
+#[derive(Clone, Copy)]
+enum Channel {
+    Baseline,
+    Frames,
+    Verdicts,
+    /// Something else: skipped and counted.
+    Foreign,
+}
+
+/// Reads a recording, item by item, in the order in which it was written.
+///
+/// After the last item, [`RecordingReader::ending`] says whether the recording was finished or cut. An error
+/// means that the file is damaged: nothing more is read from it.
+pub struct RecordingReader<R> {
+    container: Container<R>,
+    /// Full names of the messages, by the number of their schema.
+    schemas: HashMap<u16, String>,
+    channels: HashMap<u16, Channel>,
+    metadata: BTreeMap<String, String>,
+    skipped: u64,
+}
+
+impl RecordingReader<BufReader<File>> {
+    /// Opens a file. One that is still being written is read up to its present end.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(Error::file(path))?;
+        if !file.metadata().map_err(Error::file(path))?.is_file() {
+            let why = "a recording is read from a regular file";
+            return Err(Error::file(path)(std::io::Error::other(why)));
+        }
+        RecordingReader::new(BufReader::new(file))
+    }
+}
+
+impl<R: Read + Seek> RecordingReader<R> {
+    /// Reads a recording from anything with a length.
+    pub fn new(input: R) -> Result<Self> {
+        Ok(RecordingReader {
+            container: Container::new(input)?,
+            schemas: HashMap::new(),
+            channels: HashMap::new(),
+            metadata: BTreeMap::new(),
+            skipped: 0,
+        })
+    }
+
+    /// What the recorder said about its run, as far as it was read: it stands before the first item.
+    pub fn metadata(&self) -> &BTreeMap<String, String> {
+        &self.metadata
+    }
+
+    /// Messages of other topics or schemas, skipped so far.
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// How the recording ended, once it has; none where damage ended it.
+    pub fn ending(&self) -> Option<&Ending> {
+        self.container.ending()
+    }
+
+    /// The next item; none at the end, whole or cut.
+    pub fn next_item(&mut self) -> Result<Option<RecordedItem>> {
+        let item = self.read_item();
+        if item.is_err() {
+            self.container.fail();
+        }
+        item
+    }
+
+    fn read_item(&mut self) -> Result<Option<RecordedItem>> {
+        while let Some(record) = self.container.next()? {
+            let place = format!("byte {}", record.at);
+            let mut body = record.body;
+            let bad = |what| invalid(&place, what);
+            match record.opcode {
+                op::SCHEMA => {
+                    let (id, name) = schema(&mut body).ok_or_else(|| bad("a broken schema"))?;
+                    self.schemas.insert(id, name);
+                }
+                op::CHANNEL => {
+                    let (id, channel) = self
+                        .channel(&mut body)
+                        .ok_or_else(|| bad("a broken channel"))?;
+                    self.channels.insert(id, channel?);
+                }
+                op::METADATA => {
+                    let (name, map) =
+                        metadata(&mut body).ok_or_else(|| bad("a broken metadata record"))?;
+                    if name == METADATA {
+                        self.metadata.extend(map);
+                    }
+                }
+                op::MESSAGE => {
+                    let id = body.try_get_u16_le().ok();
+                    // Sequence, time logged, time published: the message has its own.
+                    let Some(id) = id.filter(|_| body.len() >= 20) else {
+                        return Err(bad("a message without a header"));
+                    };
+                    body.advance(20);
+                    let channel = self.channels.get(&id).copied();
+                    let channel = channel.ok_or_else(|| bad("a message of no known channel"))?;
+                    if let Some(item) = item(channel, body).map_err(|e| invalid(&place, e))? {
+                        return Ok(Some(item));
+                    }
+                    self.skipped += 1;
+                }
+                // Opcodes that the container passes on inside of chunks.
+                _ => {}
+            }
+        }
+        Ok(None)
+    }
+
+    /// Number of a channel and what it carries; an error for our topic in a version that is not ours.
+    fn channel(&self, body: &mut Bytes) -> Option<(u16, Result<Channel>)> {
+        let id = body.try_get_u16_le().ok()?;
+        let schema = body.try_get_u16_le().ok()?;
+        let topic = string(body)?;
+        let encoding = string(body)?;
+        let schema = self.schemas.get(&schema).map_or("", String::as_str);
+        let ours = [
+            (BASELINE, Channel::Baseline),
+            (FRAMES, Channel::Frames),
+            (VERDICTS, Channel::Verdicts),
+        ];
+        let known = ours.into_iter().find(|((t, _), _)| *t == topic);
+        let Some(((_, message), channel)) = known.filter(|_| encoding == PROTOBUF) else {
+            return Some((id, Ok(Channel::Foreign)));
+        };
+        let channel = match schema.rsplit_once('.') {
+            Some((PACKAGE, m)) if m == message => Ok(channel),
+            Some((package, m)) if m == message => match version(package) {
+                Some(found) => Err(Error::Version {
+                    what: "the recording",
+                    found,
+                    known: version(PACKAGE).unwrap_or_default(),
+                }),
+                None => Ok(Channel::Foreign),
+            },
+            _ => Ok(Channel::Foreign),
+        };
+        Some((id, channel))
+    }
+}
+
+/// The version in the name of a package of ours.
+fn version(package: &str) -> Option<u64> {
+    package.strip_prefix("linkwatch.v")?.parse().ok()
+}
+
+/// Decodes a message; none where it is not ours.
+fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
+    let broken = |e: prost::DecodeError| invalid("message", e);
+    Ok(Some(match channel {
+        Channel::Foreign => return Ok(None),
+        Channel::Baseline => {
+            let message = BaselineMessage::decode(body).map_err(broken)?;
+            RecordedItem::Baseline(message.try_into()?)
+        }
+        Channel::Frames => {
+            let m = FrameMessage::decode(body).map_err(broken)?;
+            RecordedItem::Frame(RecordedFrame {
+                seq: m.seq,
+                time: m.time,
+                basis: messages::basis(m.basis)?,
+                precision: messages::precision(m.precision)?,
+                counts: m.counts,
+                positions: m.positions,
+            })
+        }
+        Channel::Verdicts => {
+            let m = VerdictMessage::decode(body).map_err(broken)?;
+            let report: Option<ReportMessage> = m.report;
+            let report = report.ok_or_else(|| invalid("verdict", "without a report"))?;
+            let p = m.progress.unwrap_or_default();
+            RecordedItem::Verdict(RecordedVerdict {
+                report: report.try_into()?,
+                progress: Progress {
+                    verified: p.verified,
+                    skipped: p.skipped,
+                    rejected: p.rejected,
+                    check: Duration::from_nanos(p.check_ns),
+                },
+            })
+        }
+    }))
+}
+
+/// Number and name of a schema. Its text is not needed: the name has the version.
+fn schema(body: &mut Bytes) -> Option<(u16, String)> {
+    Some((body.try_get_u16_le().ok()?, string(body)?))
+}
+
+/// Name and entries of a metadata record.
+fn metadata(body: &mut Bytes) -> Option<(String, BTreeMap<String, String>)> {
+    let name = string(body)?;
+    let bytes = body.try_get_u32_le().ok()? as usize;
+    if bytes > body.len() {
+        return None;
+    }
+    let mut entries = body.split_to(bytes);
+    let mut map = BTreeMap::new();
+    while !entries.is_empty() {
+        map.insert(string(&mut entries)?, string(&mut entries)?);
+    }
+    Some((name, map))
+}

@@ -1,0 +1,503 @@
+//! Recordings: what goes in comes out, bit for bit; damage is found, named and never a panic.
+
+use linkwatch::{
+    BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Ending, Error,
+    FrameRecord, Link, Place, Positions, Precision, RecordedItem, RecordingReader, RecordingSink,
+    Report, Sink, Stats, Verdict,
+};
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+fn place() -> Place {
+    Place {
+        segments: [3, 4],
+        point: [0.1, -2e30, 3e-300],
+        distance: 1.5e-9,
+    }
+}
+
+/// A report that uses every field; the verdict goes round.
+fn report(seq: u64) -> Report {
+    let verdict = Verdict::ALL[seq as usize % Verdict::ALL.len()];
+    let kinds = DefectKind::ALL.iter().enumerate();
+    Report {
+        seq,
+        time: seq as f64 * 0.1,
+        verdict,
+        abort: seq % 2 == 1,
+        changes: vec![
+            Change {
+                i: 1,
+                j: 2,
+                expected: -1,
+                found: 0,
+                place: Some(place()),
+            },
+            Change {
+                i: 1,
+                j: u32::MAX,
+                expected: i64::MIN,
+                found: i64::MAX,
+                place: None,
+            },
+        ],
+        defects: kinds
+            .map(|(k, &kind)| Defect {
+                i: k as u32,
+                j: (k != 2).then_some(k as u32 + 7),
+                kind,
+                place: place(),
+            })
+            .collect(),
+        rejected: (verdict == Verdict::Rejected).then(|| "coordinate y is NaN".into()),
+        stats: Stats {
+            curves: 1,
+            segments: 2,
+            open_curves: 3,
+            repeated_vertices: 4,
+            potential_links: 5,
+            separated: 6,
+            tests: 7,
+            crossings: 8,
+            overlaps: 9,
+            refined: 10,
+            exact: u64::MAX,
+        },
+    }
+}
+
+/// Counts that suit every basis, negative zeros and denormal numbers among the coordinates.
+fn curves(basis: Basis, precision: Precision, seq: u64) -> CurveSet {
+    let counts = [-6, 7, -9, -3];
+    let at = |k: i32| match k {
+        0 => -0.0,
+        1 => 5e-324,
+        k => f64::from(k * k % 31).sqrt() + seq as f64,
+    };
+    let wide: Vec<f64> = (0..3 * 25).map(at).collect();
+    let narrow: Vec<f32> = wide.iter().map(|&v| v as f32).collect();
+    let positions = match precision {
+        Precision::F32 => Positions::F32(&narrow),
+        Precision::F64 => Positions::F64(&wide),
+    };
+    CurveSet::from_counts(basis, &counts, positions).unwrap()
+}
+
+fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
+    FrameRecord {
+        curves: curves.map(Arc::new),
+        report: Arc::new(report(seq)),
+        verified: seq,
+        skipped: 2 * seq,
+        rejected: 3,
+        check: Duration::from_nanos(123_456_789),
+        received: SystemTime::UNIX_EPOCH + Duration::from_nanos(1_700_000_000_000_000_000 + seq),
+    }
+}
+
+fn baseline() -> BaselineRecord {
+    let links = vec![
+        Link {
+            i: 0,
+            j: 1,
+            lambda: -2,
+        },
+        Link {
+            i: 0,
+            j: 3,
+            lambda: 1,
+        },
+    ];
+    let undefined = vec![Defect {
+        i: 1,
+        j: Some(2),
+        kind: DefectKind::TooClose,
+        place: place(),
+    }];
+    BaselineRecord {
+        certificate: Arc::new(Certificate {
+            curves: 4,
+            links,
+            undefined,
+        }),
+        origin: "first frame".into(),
+    }
+}
+
+fn metadata() -> BTreeMap<String, String> {
+    [("service", "cloth"), ("abort", "any")]
+        .map(|(k, v)| (k.into(), v.into()))
+        .into()
+}
+
+/// Writes a recording and gives back its bytes.
+fn write(frames: &[FrameRecord], flush: bool, finish: bool) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let mut sink = Box::new(RecordingSink::create(&path, &metadata()).unwrap());
+    sink.begin(&baseline()).unwrap();
+    for frame in frames {
+        sink.frame(frame).unwrap();
+        if flush {
+            sink.flush().unwrap();
+        }
+    }
+    if finish {
+        sink.finish().unwrap();
+        return std::fs::read(&path).unwrap();
+    }
+    // As a killed process leaves it: read while the writer is still open.
+    let bytes = std::fs::read(&path).unwrap();
+    sink.finish().unwrap();
+    bytes
+}
+
+fn small(frames: u64) -> Vec<FrameRecord> {
+    (1..=frames)
+        .map(|seq| record(seq, Some(curves(Basis::Polyline, Precision::F32, seq))))
+        .collect()
+}
+
+/// Everything that can be read, and the error that stopped it.
+fn read(bytes: &[u8]) -> (Vec<RecordedItem>, Option<Ending>, Option<Error>) {
+    let mut reader = match RecordingReader::new(Cursor::new(bytes)) {
+        Ok(reader) => reader,
+        Err(e) => return (Vec::new(), None, Some(e)),
+    };
+    let mut items = Vec::new();
+    loop {
+        match reader.next_item() {
+            Ok(Some(item)) => items.push(item),
+            Ok(None) => return (items, reader.ending().cloned(), None),
+            Err(e) => {
+                assert!(reader.next_item().unwrap().is_none(), "{e}");
+                return (items, reader.ending().cloned(), Some(e));
+            }
+        }
+    }
+}
+
+fn positions(set: &CurveSet) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    set.write_positions(&mut bytes);
+    bytes
+}
+
+#[test]
+fn every_basis_and_precision_comes_back_bit_for_bit() {
+    for basis in Basis::ALL {
+        for precision in [Precision::F32, Precision::F64] {
+            let frames: Vec<_> = (1..=4)
+                .map(|seq| record(seq, Some(curves(basis, precision, seq))))
+                .collect();
+            let (items, ending, error) = read(&write(&frames, false, true));
+            assert!(error.is_none(), "{error:?}");
+            assert_eq!(ending, Some(Ending::Finished));
+            assert_eq!(items.len(), 1 + 2 * frames.len());
+            assert_eq!(items[0], RecordedItem::Baseline(baseline()));
+            let mut set = None;
+            for (item, was) in items[1..].chunks(2).zip(&frames) {
+                let [RecordedItem::Frame(frame), RecordedItem::Verdict(verdict)] = item else {
+                    panic!("{item:?}");
+                };
+                frame.ingest(&mut set).unwrap();
+                let (set, was_set) = (set.as_ref().unwrap(), was.curves.as_ref().unwrap());
+                assert_eq!(positions(set), positions(was_set));
+                assert!(set.counts().eq(was_set.counts()));
+                assert_eq!((set.basis(), set.precision()), (basis, precision));
+                assert_eq!((frame.seq, frame.time), (was.report.seq, was.report.time));
+                assert_eq!(verdict.report, *was.report);
+                let p = verdict.progress;
+                assert_eq!(
+                    (p.verified, p.skipped, p.rejected, p.check),
+                    (was.verified, was.skipped, was.rejected, was.check)
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_frame_of_other_curves_is_told_apart() {
+    let mut other = curves(Basis::Polyline, Precision::F64, 1);
+    for (set, what) in [
+        (curves(Basis::Polyline, Precision::F32, 1), "coordinate"),
+        (curves(Basis::BSpline, Precision::F64, 1), "basis"),
+    ] {
+        let (items, ..) = read(&write(&[record(1, Some(set))], false, true));
+        let RecordedItem::Frame(frame) = &items[1] else {
+            panic!("{items:?}");
+        };
+        let mut before = Some(other.clone());
+        let e = frame.ingest(&mut before).unwrap_err().to_string();
+        assert!(e.contains(what), "{e}");
+        other = before.unwrap();
+    }
+}
+
+#[test]
+fn other_readers_find_everything_and_the_index() {
+    let bytes = write(&small(5), true, true);
+    let topics: Vec<_> = mcap::MessageStream::new(&bytes)
+        .unwrap()
+        .map(|m| m.unwrap().channel.topic.clone())
+        .collect();
+    assert_eq!(topics.len(), 11);
+    assert_eq!(
+        topics[..3],
+        [
+            "/linkwatch/baseline",
+            "/linkwatch/frames",
+            "/linkwatch/verdicts"
+        ]
+    );
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    assert_eq!(summary.stats.unwrap().message_count, 11);
+    assert_eq!(summary.metadata_indexes.len(), 1);
+    assert!(!summary.chunk_indexes.is_empty());
+    let largest = summary.chunk_indexes.iter().map(|c| c.uncompressed_size);
+    assert!(largest.max().unwrap() <= 1 << 20);
+    assert_eq!(summary.schemas.len(), 3);
+}
+
+#[test]
+fn a_rejected_frame_has_a_verdict_and_no_curves() {
+    let (items, ending, error) = read(&write(&[record(5, None)], false, true));
+    assert!(error.is_none());
+    assert_eq!(ending, Some(Ending::Finished));
+    assert!(matches!(&items[1], RecordedItem::Verdict(v) if v.report == report(5)));
+    assert_eq!(items.len(), 2);
+}
+
+#[test]
+fn a_recording_without_frames_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("empty.mcap");
+    let sink = RecordingSink::create(&path, &metadata()).unwrap();
+    Box::new(sink).finish().unwrap();
+    let mut reader = RecordingReader::open(&path).unwrap();
+    assert!(reader.next_item().unwrap().is_none());
+    assert_eq!(reader.ending(), Some(&Ending::Finished));
+    assert_eq!(reader.metadata()["service"], "cloth");
+    assert_eq!(reader.metadata()["abort"], "any");
+    assert_eq!(reader.metadata()["version"], env!("CARGO_PKG_VERSION"));
+}
+
+#[test]
+fn a_frame_larger_than_a_chunk_passes() {
+    let ring = |seq: u64| {
+        let xyz: Vec<f32> = (0..3 * 210_000)
+            .map(|k| (k as f32).sin() + seq as f32)
+            .collect();
+        let counts = vec![-15; 14_000];
+        CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap()
+    };
+    let frames: Vec<_> = (1..=3).map(|s| record(s, Some(ring(s)))).collect();
+    let bytes = write(&frames, false, true);
+    let (items, ending, error) = read(&bytes);
+    assert!(error.is_none(), "{error:?}");
+    assert_eq!((items.len(), ending), (7, Some(Ending::Finished)));
+    // Killed: every frame that was flushed is there.
+    let (items, ending, error) = read(&write(&frames, true, false));
+    assert!(error.is_none(), "{error:?}");
+    assert_eq!(items.len(), 7);
+    assert!(matches!(ending, Some(Ending::Cut { .. })));
+}
+
+/// 240 MB in one frame: slow in a debug build, so by hand.
+#[test]
+#[ignore = "takes 2 GB of memory"]
+fn a_huge_frame_passes() {
+    let xyz: Vec<f64> = (0..30_000_000).map(f64::from).collect();
+    let set = CurveSet::from_counts(Basis::Polyline, &[-10_000_000], Positions::F64(&xyz)).unwrap();
+    let before = positions(&set);
+    let (items, ending, error) = read(&write(&[record(1, Some(set))], true, true));
+    assert!(error.is_none(), "{error:?}");
+    assert_eq!(ending, Some(Ending::Finished));
+    let RecordedItem::Frame(frame) = &items[1] else {
+        panic!("no frame");
+    };
+    let mut set = None;
+    frame.ingest(&mut set).unwrap();
+    assert!(positions(&set.unwrap()) == before);
+}
+
+#[test]
+fn a_cut_recording_gives_what_is_complete_and_says_so() {
+    let frames = small(6);
+    for flush in [true, false] {
+        let whole = write(&frames, flush, true);
+        let (all, ..) = read(&whole);
+        let mut most = 0;
+        for end in 0..whole.len() {
+            let (items, ending, error) = read(&whole[..end]);
+            assert!(error.is_none(), "cut at {end}: {error:?}");
+            assert_eq!(items[..], all[..items.len()], "cut at {end}");
+            assert!(items.len() >= most, "cut at {end} gives less than before");
+            most = items.len();
+            match ending {
+                Some(Ending::Cut { at, .. }) => assert!(at <= end as u64),
+                // Cut behind the data: only the index is missing.
+                Some(Ending::Finished) => assert_eq!(most, all.len(), "cut at {end}"),
+                None => panic!("no ending at {end}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn damage_is_found_wherever_it_is() {
+    let whole = write(&small(4), true, true);
+    let (all, ..) = read(&whole);
+    for at in 0..whole.len() {
+        for flip in [0x01, 0x80, 0xff] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= flip;
+            let (items, ending, error) = read(&bytes);
+            // What is given out is as it was written. A gap is possible where a chunk has become a record that
+            // readers skip; then the checksum of the whole file is wrong, which is an error.
+            let prefix = items[..] == all[..items.len()];
+            assert!(items.iter().all(|i| all.contains(i)), "byte {at}");
+            assert!(prefix || error.is_some(), "byte {at}");
+            // Nothing is lost in silence: all is there, or the end says that it is not.
+            let told = error.is_some() || matches!(ending, Some(Ending::Cut { .. }));
+            assert!(told || items.len() == all.len(), "byte {at}");
+        }
+    }
+}
+
+#[test]
+fn lengths_that_lie_are_refused_without_room_for_them() {
+    let whole = write(&small(2), true, true);
+    // Every place at which eight bytes could be a length.
+    for at in 0..whole.len() - 8 {
+        for length in [u64::MAX, u64::MAX - 8, 1 << 62, 1 << 40] {
+            let mut bytes = whole.clone();
+            bytes[at..at + 8].copy_from_slice(&length.to_le_bytes());
+            read(&bytes);
+        }
+        for count in [u32::MAX, 1 << 31] {
+            let mut bytes = whole.clone();
+            bytes[at..at + 4].copy_from_slice(&count.to_le_bytes());
+            read(&bytes);
+        }
+    }
+}
+
+#[test]
+fn other_files_are_named_as_such() {
+    for bytes in [&b"no recording at all"[..], &[0; 100], b"\x89MCAP1\r\n"] {
+        let (.., error) = read(bytes);
+        let e = error.unwrap().to_string();
+        assert!(e.contains("not an MCAP file"), "{e}");
+    }
+    assert!(matches!(read(b"").1, Some(Ending::Cut { at: 0, .. })));
+    let e = RecordingReader::open(&std::env::temp_dir()).err().unwrap();
+    assert!(e.to_string().contains("regular file"), "{e}");
+}
+
+/// A recording by another program: topics of its own, ours with another schema, compressed chunks.
+fn foreign(topic: &str, schema: &str, lz4: bool) -> Vec<u8> {
+    let compression = lz4.then_some(mcap::Compression::Lz4);
+    let options = mcap::WriteOptions::new().compression(compression);
+    let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
+    let schema = writer.add_schema(schema, "protobuf", b"").unwrap();
+    let channel = writer
+        .add_channel(schema, topic, "protobuf", &BTreeMap::new())
+        .unwrap();
+    for sequence in 0..3 {
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence,
+            log_time: 0,
+            publish_time: 0,
+        };
+        // A frame: basis 1, precision 1.
+        let data = [0x18, 1, 0x20, 1];
+        writer.write_to_known_channel(&header, &data).unwrap();
+    }
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
+}
+
+#[test]
+fn topics_and_schemas_of_others_are_skipped_and_counted() {
+    for (topic, schema) in [
+        ("/camera", "linkwatch.v1.CurveFrame"),
+        ("/linkwatch/frames", "other.v1.CurveFrame"),
+        ("/linkwatch/frames", "linkwatch.v1.Verdict"),
+    ] {
+        let bytes = foreign(topic, schema, false);
+        let mut reader = RecordingReader::new(Cursor::new(bytes)).unwrap();
+        assert!(reader.next_item().unwrap().is_none());
+        assert_eq!(reader.skipped(), 3);
+        assert_eq!(reader.ending(), Some(&Ending::Finished));
+    }
+}
+
+#[test]
+fn another_version_is_an_error() {
+    let (.., error) = read(&foreign(
+        "/linkwatch/frames",
+        "linkwatch.v7.CurveFrame",
+        false,
+    ));
+    assert!(matches!(
+        error,
+        Some(Error::Version {
+            found: 7,
+            known: 1,
+            ..
+        })
+    ));
+}
+
+#[test]
+fn chunks_that_another_tool_compressed_are_read_and_their_damage_is_no_panic() {
+    let whole = foreign("/linkwatch/frames", "linkwatch.v1.CurveFrame", true);
+    let (items, ending, error) = read(&whole);
+    assert!(error.is_none(), "{error:?}");
+    assert_eq!((items.len(), ending), (3, Some(Ending::Finished)));
+    for at in 0..whole.len() {
+        read(&whole[..at]);
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0xff;
+        read(&bytes);
+        if at + 8 <= whole.len() {
+            bytes[at..at + 8].copy_from_slice(&(u64::MAX - 8).to_le_bytes());
+            read(&bytes);
+        }
+    }
+}
+
+/// What a frame of 14,000 rings costs the thread of the sink. Run by hand, with `--release --ignored`.
+#[test]
+#[ignore = "a measurement"]
+fn cost_of_a_large_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.mcap");
+    let mut sink = Box::new(RecordingSink::create(&path, &metadata()).unwrap());
+    let xyz: Vec<f32> = (0..3 * 210_000).map(|k| (k as f32).sin()).collect();
+    let set =
+        CurveSet::from_counts(Basis::Polyline, &vec![-15; 14_000], Positions::F32(&xyz)).unwrap();
+    let frame = record(1, Some(set));
+    let start = std::time::Instant::now();
+    for _ in 0..60 {
+        sink.frame(&frame).unwrap();
+    }
+    let written = start.elapsed() / 60;
+    sink.finish().unwrap();
+    let bytes = std::fs::metadata(&path).unwrap().len() / 60;
+    println!("written in {written:?}, {bytes} bytes, a frame");
+    let start = std::time::Instant::now();
+    let mut reader = RecordingReader::open(&path).unwrap();
+    let mut set = None;
+    while let Some(item) = reader.next_item().unwrap() {
+        if let RecordedItem::Frame(frame) = item {
+            frame.ingest(&mut set).unwrap();
+        }
+    }
+    println!("read back in {:?} a frame", start.elapsed() / 60);
+}
