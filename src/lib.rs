@@ -21,4 +21,6 @@ pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSumm
 pub use sinks::{
     Ending, Progress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
 };
+#[cfg(feature = "rerun")]
+pub use sinks::{ViewerSink, ViewerTarget};
 pub use verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};

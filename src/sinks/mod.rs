@@ -6,12 +6,16 @@
 mod queue;
 #[cfg(feature = "mcap")]
 mod recording;
+#[cfg(feature = "rerun")]
+mod viewer;
 
 pub use queue::{Overflow, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use recording::{
     Ending, Progress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
 };
+#[cfg(feature = "rerun")]
+pub use viewer::{ViewerSink, ViewerTarget};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;

@@ -1,0 +1,139 @@
+//! Where the viewer is: a file for later, a running viewer, or one to start.
+
+use super::{APPLICATION, failed};
+use crate::error::{Error, Result};
+use rerun::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
+use std::net::{TcpStream, ToSocketAddrs};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Where viewers listen unless they are told otherwise.
+const PORT: u16 = 9876;
+
+/// How long a running viewer may take to accept a connection.
+const PROBE_LIMIT: Duration = Duration::from_secs(2);
+
+/// The program to start.
+const PROGRAM: &str = "rerun";
+
+/// Where frames are shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ViewerTarget {
+    /// A file (`.rrd`) to open later.
+    File(PathBuf),
+    /// A running viewer: `rerun+http://host:port/proxy`, or `host:port`, or `host`.
+    Connect(String),
+    /// A new viewer on this machine, or the one that already runs here.
+    Spawn,
+}
+
+impl ViewerTarget {
+    pub(super) fn open(&self, title: &str) -> Result<RecordingStream> {
+        let builder = RecordingStreamBuilder::new(APPLICATION).recording_name(title);
+        match self {
+            ViewerTarget::File(path) => {
+                // Created here first: an error of ours names the file.
+                std::fs::File::create(path).map_err(Error::file(path))?;
+                builder.save(path).map_err(failed)
+            }
+            ViewerTarget::Connect(address) => {
+                let (host, url) = address_of(address);
+                probe(&host)?;
+                builder.connect_grpc_opts(url).map_err(failed)
+            }
+            ViewerTarget::Spawn => {
+                let path = std::env::var_os("PATH").unwrap_or_default();
+                let options = SpawnOptions {
+                    wait_for_bind: true,
+                    hide_welcome_screen: true,
+                    ..SpawnOptions::default()
+                };
+                let running = TcpStream::connect_timeout(&options.connect_addr(), PROBE_LIMIT);
+                if running.is_err() && !std::env::split_paths(&path).any(|d| has_program(&d)) {
+                    return Err(failed(format_args!(
+                        "no program `{PROGRAM}` in PATH to show frames with; \
+                         `pip install rerun-sdk` brings one"
+                    )));
+                }
+                builder.spawn_opts(&options).map_err(failed)
+            }
+        }
+    }
+}
+
+/// `host:port` to probe, and the URL to connect to.
+fn address_of(address: &str) -> (String, String) {
+    let (scheme, rest) = address.split_once("://").unwrap_or(("rerun+http", address));
+    let (host, path) = rest.split_once('/').unwrap_or((rest, "proxy"));
+    // An IPv6 address has colons of its own, within brackets.
+    let has_port = host
+        .rsplit_once(':')
+        .is_some_and(|(_, port)| !port.contains(']'));
+    let host = if has_port {
+        host.to_owned()
+    } else {
+        format!("{host}:{PORT}")
+    };
+    let url = format!("{scheme}://{host}/{path}");
+    (host, url)
+}
+
+/// Asks whether anybody listens. Without it, rerun would take frames into memory, and hang when that is full.
+fn probe(host: &str) -> Result<()> {
+    let unreachable = |e: std::io::Error| failed(format_args!("no viewer at {host}: {e}"));
+    let mut last = std::io::Error::other("the name has no address");
+    for address in host.to_socket_addrs().map_err(unreachable)? {
+        match TcpStream::connect_timeout(&address, PROBE_LIMIT) {
+            Ok(_) => return Ok(()),
+            Err(e) => last = e,
+        }
+    }
+    Err(unreachable(last))
+}
+
+fn has_program(folder: &Path) -> bool {
+    folder
+        .join(PROGRAM)
+        .with_extension(std::env::consts::EXE_EXTENSION)
+        .is_file()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_completed() {
+        for (given, host, url) in [
+            ("box", "box:9876", "rerun+http://box:9876/proxy"),
+            ("box:1", "box:1", "rerun+http://box:1/proxy"),
+            ("[::1]", "[::1]:9876", "rerun+http://[::1]:9876/proxy"),
+            (
+                "rerun+https://a.b:7/proxy",
+                "a.b:7",
+                "rerun+https://a.b:7/proxy",
+            ),
+        ] {
+            assert_eq!(address_of(given), (host.into(), url.into()), "{given}");
+        }
+    }
+
+    #[test]
+    fn nobody_at_home_is_an_error_and_not_a_hang() {
+        // Bound and not listening any more: the port is free and refuses.
+        let port = std::net::TcpListener::bind("127.0.0.1:0")
+            .and_then(|l| l.local_addr())
+            .map(|a| a.port())
+            .unwrap();
+        let target = ViewerTarget::Connect(format!("127.0.0.1:{port}"));
+        let e = target.open("test").err().unwrap().to_string();
+        assert!(e.starts_with("viewer: no viewer at 127.0.0.1:"), "{e}");
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_created_is_named() {
+        let target = ViewerTarget::File("/no/such/folder/a.rrd".into());
+        let e = target.open("test").err().unwrap().to_string();
+        assert!(e.starts_with("/no/such/folder/a.rrd: "), "{e}");
+    }
+}

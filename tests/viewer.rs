@@ -1,0 +1,212 @@
+//! The viewer sink on a small piece of chainmail of which two rings come apart.
+//!
+//! To look at it: `LINKWATCH_RRD=mail.rrd cargo test --features rerun --test viewer`, then `rerun mail.rrd`.
+
+use linkwatch::{
+    BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, FrameRecord, Link,
+    Overflow, Place, Positions, Report, Sink, SinkQueue, Stats, Verdict, ViewerSink, ViewerTarget,
+};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+const SIDE: usize = 12;
+const POINTS: usize = 24;
+const FRAMES: u64 = 30;
+/// The ring that is pulled out, and the two neighbours that it leaves.
+const PULLED: u32 = 78;
+const LEFT: [u32; 2] = [66, 90];
+
+/// Rings of the European 4-in-1 weave, waving; from frame 15 on one of them is drawn upwards.
+fn mail(frame: u64, side: usize, points: usize) -> CurveSet {
+    let t = frame as f32 / 30.0;
+    let mut xyz = Vec::new();
+    for ring in 0..side * side {
+        let (row, column) = (ring / side, ring % side);
+        let odd = (row % 2) as f32;
+        let (x, y) = (1.45 * (column as f32 + 0.5 * odd), 0.78 * row as f32);
+        let mut z = 0.5 * (0.4 * x + 3.0 * t).sin() + 0.35 * (0.5 * y - 2.0 * t).cos();
+        if ring == PULLED as usize {
+            z += 0.13 * frame.saturating_sub(14) as f32;
+        }
+        let (sin, cos) = (0.62 - 1.24 * odd).sin_cos();
+        for k in 0..points {
+            let (v, u) = (std::f32::consts::TAU * k as f32 / points as f32).sin_cos();
+            xyz.extend([x + u, y + v * cos, z + v * sin]);
+        }
+    }
+    let counts = vec![-(points as i32); side * side];
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap()
+}
+
+fn center(set: &CurveSet, i: u32) -> [f64; 3] {
+    let n = set.curve(i as usize).points as usize;
+    let mut sum = [0.0; 3];
+    for k in 0..n {
+        let p = set.point(i as usize, k);
+        (0..3).for_each(|x| sum[x] += p[x] / n as f64);
+    }
+    sum
+}
+
+fn place(set: &CurveSet, i: u32, j: u32) -> Place {
+    let (a, b) = (center(set, i), center(set, j));
+    Place {
+        segments: [3, 15],
+        point: [0, 1, 2].map(|x| 0.5 * (a[x] + b[x])),
+        distance: 0.0213,
+    }
+}
+
+fn pair(j: u32) -> (u32, u32) {
+    (j.min(PULLED), j.max(PULLED))
+}
+
+/// What a verifier would say: contact in frame 17, a link lost in 18, another in 24.
+fn report(seq: u64, set: &CurveSet) -> Report {
+    let lost = [18, 24].iter().filter(|&&f| seq >= f).count();
+    let change = |&j: &u32| {
+        let (i, j) = pair(j);
+        Change {
+            i,
+            j,
+            expected: 1,
+            found: 0,
+            place: Some(place(set, i, j)),
+        }
+    };
+    let mut changes: Vec<Change> = LEFT[..lost].iter().map(change).collect();
+    changes.sort_by_key(|c| (c.i, c.j));
+    let (i, j) = pair(LEFT[0]);
+    let contact = Defect {
+        i,
+        j: Some(j),
+        kind: DefectKind::Contact,
+        place: place(set, i, j),
+    };
+    let defects = if seq == 17 { vec![contact] } else { Vec::new() };
+    let verdict = match (changes.is_empty(), defects.is_empty()) {
+        (false, _) => Verdict::Changed,
+        (true, false) => Verdict::Contact,
+        (true, true) => Verdict::Intact,
+    };
+    Report {
+        seq,
+        time: seq as f64 / 60.0,
+        verdict,
+        abort: verdict != Verdict::Intact,
+        changes,
+        defects,
+        rejected: None,
+        stats: Stats {
+            curves: set.len() as u64,
+            segments: set.segments() as u64,
+            potential_links: 742,
+            ..Stats::default()
+        },
+    }
+}
+
+fn record(seq: u64, set: CurveSet) -> Arc<FrameRecord> {
+    let report = report(seq, &set);
+    Arc::new(FrameRecord {
+        curves: Some(Arc::new(set)),
+        report: Arc::new(report),
+        verified: seq,
+        skipped: seq / 10,
+        rejected: 0,
+        check: Duration::from_micros(1800 + 300 * (seq * 7 % 5)),
+        received: SystemTime::UNIX_EPOCH + Duration::from_millis(16 * seq),
+    })
+}
+
+fn baseline() -> Arc<BaselineRecord> {
+    let link = |&j: &u32| {
+        let (i, j) = pair(j);
+        Link { i, j, lambda: 1 }
+    };
+    let mut links: Vec<Link> = LEFT.iter().map(link).collect();
+    links.sort();
+    let certificate = Certificate {
+        curves: SIDE * SIDE,
+        links,
+        undefined: Vec::new(),
+    };
+    Arc::new(BaselineRecord {
+        certificate: Arc::new(certificate),
+        origin: "first frame".into(),
+    })
+}
+
+#[test]
+fn a_broken_run_becomes_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let kept = std::env::var_os("LINKWATCH_RRD").map(PathBuf::from);
+    let path = kept.unwrap_or_else(|| folder.path().join("mail.rrd"));
+    let sink = ViewerSink::open(&ViewerTarget::File(path.clone()), "chainmail").unwrap();
+    let queue = SinkQueue::spawn(Box::new(sink), 4, Overflow::Wait).unwrap();
+    queue.begin(baseline());
+    for seq in 1..=FRAMES {
+        queue.frame(record(seq, mail(seq, SIDE, POINTS)));
+    }
+    let summary = queue.finish(Duration::from_secs(30));
+    assert_eq!((summary.written, summary.dropped), (FRAMES, 0));
+    assert_eq!(summary.failed, None);
+    // Every frame has the positions of all rings; the file is compressed a little.
+    let least = FRAMES * (SIDE * SIDE * POINTS * 12) as u64 / 2;
+    assert!(std::fs::metadata(&path).unwrap().len() > least);
+}
+
+#[test]
+fn frames_without_curves_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rejected.rrd");
+    let target = ViewerTarget::File(path.clone());
+    let mut sink = Box::new(ViewerSink::open(&target, "rejected").unwrap());
+    let mut first = FrameRecord::clone(&record(1, mail(1, SIDE, 8)));
+    let mut report = Report::clone(&first.report);
+    report.verdict = Verdict::Rejected;
+    report.rejected = Some("curve 3, point 2: coordinate y is NaN".into());
+    report.time = f64::NAN;
+    (first.curves, first.report) = (None, Arc::new(report));
+    sink.frame(&first).unwrap();
+    sink.flush().unwrap();
+    sink.finish().unwrap();
+    assert!(std::fs::metadata(&path).unwrap().len() > 1000);
+}
+
+#[test]
+fn a_viewer_that_never_answers_holds_nobody_up() {
+    // The system accepts connections for a listener that does not; nothing is ever read from them.
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let sink = ViewerSink::open(&ViewerTarget::Connect(address), "deaf").unwrap();
+    let queue = SinkQueue::spawn(Box::new(sink), 2, Overflow::DropOldest).unwrap();
+    for seq in 1..=FRAMES {
+        queue.frame(record(seq, mail(seq, SIDE, POINTS)));
+    }
+    let summary = queue.finish(Duration::from_millis(500));
+    assert!(summary.failed.is_some(), "{summary:?}");
+}
+
+/// What a frame of 14,400 rings costs the thread of the sink. Run by hand, with `--release --ignored`.
+#[test]
+#[ignore = "a measurement"]
+fn cost_of_a_large_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = ViewerTarget::File(folder.path().join("large.rrd"));
+    let mut sink = Box::new(ViewerSink::open(&target, "large").unwrap());
+    let frames: Vec<_> = (1..=30)
+        .map(|seq| record(seq, mail(seq, 120, 15)))
+        .collect();
+    let start = std::time::Instant::now();
+    for frame in &frames {
+        sink.frame(frame).unwrap();
+    }
+    let logged = start.elapsed() / 30;
+    sink.finish().unwrap();
+    println!(
+        "logged in {logged:?}, on disk after {:?}, a frame",
+        start.elapsed() / 30
+    );
+}
