@@ -35,7 +35,7 @@ pub use error::{Error, Result};
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use sinks::{
-    Ending, Progress as RecordedProgress, RecordedFrame, RecordedItem, RecordedVerdict,
+    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict,
     RecordingReader, RecordingSink,
 };
 #[cfg(feature = "rerun")]

@@ -26,7 +26,7 @@ impl Watch {
         let stdout = folder.join(format!("{name}.out"));
         let stderr = folder.join(format!("{name}.err"));
         let process = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-            .args(["watch", "--json", "--service", service, "--wait", "60"])
+            .args(["watch", "--json", "--service", service])
             .args(args)
             .stdout(std::fs::File::create(&stdout).unwrap())
             .stderr(std::fs::File::create(&stderr).unwrap())

@@ -238,6 +238,31 @@ fn a_frame_of_other_curves_is_told_apart() {
 }
 
 #[test]
+fn other_readers_find_everything_and_the_index() {
+    let bytes = write(&small(5), true, true);
+    let topics: Vec<_> = mcap::MessageStream::new(&bytes)
+        .unwrap()
+        .map(|m| m.unwrap().channel.topic.clone())
+        .collect();
+    assert_eq!(topics.len(), 11);
+    assert_eq!(
+        topics[..3],
+        [
+            "/linkwatch/baseline",
+            "/linkwatch/frames",
+            "/linkwatch/verdicts"
+        ]
+    );
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    assert_eq!(summary.stats.unwrap().message_count, 11);
+    assert_eq!(summary.metadata_indexes.len(), 1);
+    assert!(!summary.chunk_indexes.is_empty());
+    let largest = summary.chunk_indexes.iter().map(|c| c.uncompressed_size);
+    assert!(largest.max().unwrap() <= 1 << 20);
+    assert_eq!(summary.schemas.len(), 3);
+}
+
+#[test]
 fn a_rejected_frame_has_a_verdict_and_no_curves() {
     let (items, ending, error) = read(&write(&[record(5, None)], false, true));
     assert!(error.is_none());

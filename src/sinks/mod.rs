@@ -12,7 +12,7 @@ mod viewer;
 pub use queue::{Overflow, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use recording::{
-    Ending, Progress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
+    Ending, RecordedProgress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
 };
 #[cfg(feature = "rerun")]
 pub use viewer::{ViewerSink, ViewerTarget};

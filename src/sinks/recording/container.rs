@@ -8,9 +8,10 @@
 //!
 //! What was cut and what is corrupt: a finished file ends with the magic bytes. In such a file, whatever does not
 //! fit is corruption. In any other file a record that reaches past the end is where the writer was
-//! stopped; nothing is lost before it. Memory: the largest chunk, which is at most the rest of the file. Records of a
-//! whole chunk are given out after its checksum has been found right; the chunk that the end of a cut file
-//! falls into has none yet, and gives out what is complete.
+//! stopped; nothing is lost before it. Records of a whole chunk are given out after its checksum has been found
+//! right; the chunk that the end of a cut file falls into has none yet, and gives out what is complete.
+//!
+//! Memory: the largest chunk. Room is made only for what the file was seen to hold.
 
 use super::messages::invalid;
 use crate::error::{Error, Result};
@@ -21,6 +22,9 @@ use std::io::{Read, Seek, SeekFrom};
 
 /// Opcode and length.
 const RECORD_HEADER: u64 = 9;
+
+/// Largest record: a message of protobuf has at most 2 GiB, a chunk of ours holds one of them.
+const RECORD_BYTES: u64 = 3 << 30;
 
 /// Records that are skipped are read in blocks of this size.
 const SKIP_BYTES: u64 = 1 << 20;
@@ -61,8 +65,6 @@ pub(super) struct Container<R> {
     /// Records of the chunk read last, with its place.
     chunk: Vec<Bytes>,
     chunk_at: u64,
-    /// The chunk is the last thing in a file that was cut.
-    last: bool,
     ending: Option<Ending>,
     failed: bool,
     /// Of everything read so far: the data section ends with the checksum of all of it, which is what finds
@@ -82,7 +84,6 @@ impl<R: Read + Seek> Container<R> {
             closed: false,
             chunk: Vec::new(),
             chunk_at: 0,
-            last: false,
             ending: None,
             failed: false,
             checksum: crc32fast::Hasher::new(),
@@ -120,9 +121,6 @@ impl<R: Read + Seek> Container<R> {
                     at: self.chunk_at,
                 }));
             }
-            if std::mem::take(&mut self.last) {
-                self.cut(self.chunk_at, "a chunk of messages");
-            }
             if self.failed || self.ending.is_some() {
                 return Ok(None);
             }
@@ -140,7 +138,7 @@ impl<R: Read + Seek> Container<R> {
     /// Gives out nothing more: after damage, the very length that leads on may be wrong.
     pub fn fail(&mut self) {
         self.chunk.clear();
-        (self.failed, self.last, self.ending) = (true, false, None);
+        (self.failed, self.ending) = (true, None);
     }
 
     fn cut(&mut self, at: u64, what: &'static str) {
@@ -163,6 +161,10 @@ impl<R: Read + Seek> Container<R> {
         let opcode = header.get_u8();
         let length = header.get_u64_le();
         let left = left - RECORD_HEADER;
+        if length <= left && length > RECORD_BYTES {
+            let what = format!("a record of {length} bytes, at most {RECORD_BYTES} are read");
+            return Err(invalid(&format!("byte {at}"), what));
+        }
         match opcode {
             op::DATA_END if length == 4 && left >= 4 => {
                 let (expected, found) = (self.take(4)?.get_u32_le(), before.finalize());
@@ -172,17 +174,11 @@ impl<R: Read + Seek> Container<R> {
                 }
                 self.ending = Some(Ending::Finished);
             }
-            op::CHUNK if length > left => {
-                if self.closed {
-                    return self.overrun(at, length, "a chunk").map(|()| None);
-                }
-                let body = self.take(left)?;
-                self.open_chunk(body, at, false)?;
-            }
+            op::CHUNK if length > left && !self.closed => self.open_tail(at)?,
             _ if length > left => self.overrun(at, length, "a record")?,
             op::CHUNK => {
                 let body = self.take(length)?;
-                self.open_chunk(body, at, true)?;
+                self.open_chunk(body, at)?;
             }
             op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => {
                 let body = self.take(length)?;
@@ -203,6 +199,27 @@ impl<R: Read + Seek> Container<R> {
             }
         }
         Ok(None)
+    }
+
+    /// Enters the chunk in which a cut file ends: its records are then read like those outside of chunks, up to
+    /// the first that is not complete.
+    fn open_tail(&mut self, at: u64) -> Result<()> {
+        // Start and end time, length and checksum of the records, length of the name of the compression; the
+        // length as stored.
+        const FIXED: u64 = 8 + 8 + 8 + 4 + 4;
+        const STORED: u64 = 8;
+        if self.length - self.at < FIXED + STORED {
+            self.cut(at, "a chunk");
+            return Ok(());
+        }
+        let mut head = self.take(FIXED)?;
+        head.advance(FIXED as usize - 4);
+        if head.get_u32_le() > 0 {
+            // What there is of compressed records may end in the middle of any of them.
+            self.cut(at, "a compressed chunk");
+            return Ok(());
+        }
+        self.take(STORED).map(drop)
     }
 
     /// A record that reaches past the end of the file.
@@ -233,8 +250,8 @@ impl<R: Read + Seek> Container<R> {
     }
 
     /// Puts the records of a chunk aside, last first.
-    fn open_chunk(&mut self, body: Bytes, at: u64, complete: bool) -> Result<()> {
-        (self.chunk_at, self.last) = (at, !complete);
+    fn open_chunk(&mut self, body: Bytes, at: u64) -> Result<()> {
+        self.chunk_at = at;
         let place = || format!("chunk at byte {at}");
         let mut rest = body.clone();
         // Start and end time, length and checksum of the records, compression, length as stored.
@@ -247,35 +264,26 @@ impl<R: Read + Seek> Container<R> {
             Some((unpacked, checksum, compression, rest.try_get_u64_le().ok()?))
         })();
         let Some((unpacked, checksum, compression, stored)) = parsed else {
-            if complete {
-                return Err(invalid(&place(), "its header is too short"));
-            }
-            return Ok(());
+            return Err(invalid(&place(), "its header is too short"));
         };
         if !compression.is_empty() {
-            // The tail of a compressed chunk that was cut is left alone: its last record may be half unpacked.
-            if complete {
-                self.chunk = unpack(&body, self.length.max(UNPACKED_BYTES))
-                    .map_err(|e| invalid(&place(), e))?;
-                self.chunk.reverse();
-            }
+            self.chunk =
+                unpack(&body, self.length.max(UNPACKED_BYTES)).map_err(|e| invalid(&place(), e))?;
+            self.chunk.reverse();
             return Ok(());
         }
-        if complete {
-            if stored > rest.len() as u64 || stored != unpacked {
-                let what = format!(
-                    "{stored} bytes of records promised, {unpacked} unpacked, {} there",
-                    rest.len()
-                );
-                return Err(invalid(&place(), what));
-            }
-            rest.truncate(stored as usize);
-            let found = crc32fast::hash(&rest);
-            // 0 says that the writer computed none.
-            if checksum != 0 && checksum != found {
-                let what = format!("checksum {found:08x}, expected {checksum:08x}");
-                return Err(invalid(&place(), what));
-            }
+        if stored > rest.len() as u64 || stored != unpacked {
+            let there = rest.len();
+            let what =
+                format!("{stored} bytes of records promised, {unpacked} unpacked, {there} there");
+            return Err(invalid(&place(), what));
+        }
+        rest.truncate(stored as usize);
+        let found = crc32fast::hash(&rest);
+        // 0 says that the writer computed none.
+        if checksum != 0 && checksum != found {
+            let what = format!("checksum {found:08x}, expected {checksum:08x}");
+            return Err(invalid(&place(), what));
         }
         let mut records = Vec::new();
         while !rest.is_empty() {
@@ -286,18 +294,15 @@ impl<R: Read + Seek> Container<R> {
             let whole = length
                 .and_then(|n| n.checked_add(RECORD_HEADER))
                 .filter(|&n| n <= rest.len() as u64);
-            match whole {
-                Some(n) => records.push(rest.split_to(n as usize)),
-                None if complete => {
-                    let what = format!(
-                        "a record of {} bytes, {} are left in the chunk",
-                        length.unwrap_or(RECORD_HEADER),
-                        rest.len()
-                    );
-                    return Err(invalid(&place(), what));
-                }
-                None => break,
-            }
+            let Some(n) = whole else {
+                let what = format!(
+                    "a record of {} bytes, {} are left in the chunk",
+                    length.unwrap_or(RECORD_HEADER),
+                    rest.len()
+                );
+                return Err(invalid(&place(), what));
+            };
+            records.push(rest.split_to(n as usize));
         }
         records.reverse();
         self.chunk = records;

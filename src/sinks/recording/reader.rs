@@ -35,12 +35,12 @@ pub struct RecordedVerdict {
     /// The report: a replay of the frame must give an equal one.
     pub report: Report,
     /// How that run stood.
-    pub progress: Progress,
+    pub progress: RecordedProgress,
 }
 
 /// What depends on the run that made the recording, not on its frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Progress {
+pub struct RecordedProgress {
     /// Frames verified, this one included.
     pub verified: u64,
     /// Frames that nobody verified.
@@ -334,7 +334,7 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
             let p = m.progress.unwrap_or_default();
             RecordedItem::Verdict(RecordedVerdict {
                 report: report.try_into()?,
-                progress: Progress {
+                progress: RecordedProgress {
                     verified: p.verified,
                     skipped: p.skipped,
                     rejected: p.rejected,

@@ -1,8 +1,8 @@
 //! Writes a recording.
 //!
-//! Chunks are closed at 768 KiB, so that with one small message on top they stay below 1 MiB; a frame that is
-//! larger has a chunk to itself. They are not compressed: LZ4 was measured to save nothing on coordinates and to cost 1.4 ms for a frame
-//! of 2.5 MB. Each chunk has a checksum, so damage is found without compression as well.
+//! Chunks are closed at 768 KiB, so that with one small message on top they stay below 1 MiB; one frame that is
+//! larger makes its chunk larger. They are not compressed: LZ4 was measured to save nothing on coordinates and to
+//! cost 1.4 ms for a frame of 2.5 MB. Each chunk has a checksum, so damage is found all the same.
 
 use super::messages::{self, BaselineMessage, DESCRIPTORS, FrameMessage, PACKAGE, VerdictMessage};
 use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};

@@ -1,85 +1,255 @@
 //! What a viewer shows when it opens: the layout of its views, and the status in words.
 
-use super::entity;
-use crate::verdict::{Report, Verdict};
-use rerun::RecordingStream;
-use rerun::blueprint::components::{PanelState, PlayState};
+use super::{Findings, entity};
+use crate::curve::{CurveSet, Point};
+use crate::verdict::{Defect, Report, Verdict};
+use rerun::blueprint::components::{BackgroundKind, PanelState, PlayState};
+use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
 use rerun::blueprint::{
-    Blueprint, BlueprintActivation, BlueprintPanel, Horizontal, SelectionPanel, Spatial3DView,
-    TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
+    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel,
+    Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
-use std::fmt::Write;
+use rerun::external::re_sdk_types::blueprint::archetypes::{
+    Background, EyeControls3D, LineGrid3D, TextLogColumns,
+};
+use rerun::log::LogMsg;
+use rerun::{
+    AsComponents, Color, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
+};
 
 /// Timelines: the number of the frame, and the time of the simulation.
 pub(super) const FRAME: &str = "frame";
 pub(super) const SIM_TIME: &str = "sim_time";
 
+/// Dark and even, so that muted curves are seen and red ones stand out.
+const BACKGROUND: u32 = 0x0f1318ff;
+
+/// Distance of the eye from the middle of the scene, in radii of the scene.
+const EYE_DISTANCE: f64 = 1.6;
+
+/// Directions from which a scene is looked at, by the axis along which it is thinnest: cloth is seen face on, a
+/// little from the side, z upwards.
+const LOOK_FROM: [Point; 3] = [[1.0, -0.3, 0.4], [-0.3, -1.0, 0.4], [-0.25, -0.65, 1.0]];
+
 /// Sends the layout. It opens at the newest frame: the end of a broken run shows what is broken.
-pub(super) fn send(rec: &RecordingStream) -> rerun::RecordingStreamResult<()> {
+///
+/// With `last`, the curves to look at, the eye is set to see all of them; without, the viewer follows the scene.
+pub(super) fn send(rec: &RecordingStream, last: Option<&CurveSet>) -> RecordingStreamResult<()> {
     let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
     let log = TextLogView::new("log").with_origin(entity::LOG);
     let links = TimeSeriesView::new("links lost, gained, changed").with_contents(["/links/**"]);
-    let cost = TimeSeriesView::new("cost of a check").with_contents(["/cost/**"]);
-    let top = Horizontal::new([scene.into(), status.into()]).with_column_shares([4.0, 1.2]);
-    let bottom = Horizontal::new([log.into(), links.into(), cost.into()])
-        .with_column_shares([2.4, 1.4, 1.4]);
+    let cost = TimeSeriesView::new("check, milliseconds a frame").with_contents(["/cost/**"]);
+    let skipped = TimeSeriesView::new("frames skipped").with_contents(["/skipped/**"]);
+    let (scene, log) = (ContainerLike::from(scene), ContainerLike::from(log));
+    let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
+    if let ContainerLike::View(view) = &scene {
+        let mut property = |name: &str, what| {
+            properties.push((format!("{}/{name}", view.blueprint_path()).into(), what));
+        };
+        let background =
+            Background::new(BackgroundKind::SolidColor).with_color(Color::from_u32(BACKGROUND));
+        property("Background", Box::new(background));
+        property(
+            "LineGrid3D",
+            Box::new(LineGrid3D::new().with_visible(false)),
+        );
+        if let Some(eye) = last.and_then(eye) {
+            property("EyeControls3D", Box::new(eye));
+        }
+    }
+    if let ContainerLike::View(view) = &log {
+        // All lines come from one entity: a column for its name would only take room.
+        let columns =
+            [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn {
+                visible: true.into(),
+                kind,
+            });
+        let columns = TextLogColumns::new().with_text_log_columns(columns);
+        let path = format!("{}/TextLogColumns", view.blueprint_path());
+        properties.push((path.into(), Box::new(columns)));
+    }
+    let top = Horizontal::new([scene, status.into()]).with_column_shares([4.0, 1.1]);
+    let costs = Tabs::new([cost.into(), skipped.into()]);
+    let bottom = Horizontal::new([log, links.into(), costs.into()]);
+    let bottom = bottom.with_column_shares([2.6, 1.25, 1.25]);
     let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
     let time = TimePanel::new()
         .with_state(PanelState::Collapsed)
         .with_timeline(FRAME)
         .with_play_state(PlayState::Following);
-    Blueprint::new(root)
+    let blueprint = Blueprint::new(root)
         .with_auto_views(false)
         .with_auto_layout(false)
         .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
         .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-        .with_time_panel(time)
-        .send(rec, BlueprintActivation::default())
+        .with_time_panel(time);
+    send_with(rec, &blueprint, &properties)
+}
+
+/// Sends a blueprint together with properties of its views, for which the blueprint API of rerun 0.36 has no
+/// methods: they are logged into the store of the same blueprint, ahead of its activation.
+fn send_with(
+    rec: &RecordingStream,
+    blueprint: &Blueprint,
+    properties: &[(EntityPath, Box<dyn AsComponents>)],
+) -> RecordingStreamResult<()> {
+    let builder = RecordingStreamBuilder::new(super::APPLICATION).send_properties(false);
+    let (staging, staged) = builder.memory()?;
+    blueprint.send(&staging, BlueprintActivation::default())?;
+    let mut activation = None;
+    for message in staged.take() {
+        match message {
+            LogMsg::BlueprintActivationCommand(command) => activation = Some(command),
+            message if message.store_id().is_blueprint() => rec.record_msg(message),
+            _ => {}
+        }
+    }
+    let Some(activation) = activation else {
+        return Ok(());
+    };
+    let builder = RecordingStreamBuilder::from_store_id(&activation.blueprint_id);
+    let (extra, logged) = builder.send_properties(false).memory()?;
+    extra.set_time_sequence("blueprint", 0);
+    for (path, what) in properties {
+        extra.log(path.clone(), what.as_ref())?;
+    }
+    for message in logged.take() {
+        if matches!(message, LogMsg::ArrowMsg(..)) {
+            rec.record_msg(message);
+        }
+    }
+    rec.record_msg(activation.into());
+    Ok(())
+}
+
+/// Corners of the box around all control points, and half its diagonal; none where there is no extent.
+pub(super) fn extent(set: &CurveSet) -> Option<(Point, Point, f64)> {
+    let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for (i, curve) in set.curves().iter().enumerate() {
+        for k in 0..curve.points as usize {
+            let p = set.point(i, k);
+            for x in 0..3 {
+                (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
+            }
+        }
+    }
+    let size_sq: f64 = (0..3).map(|x| (hi[x] - lo[x]).powi(2)).sum();
+    let radius = 0.5 * size_sq.sqrt();
+    (radius > 0.0 && radius.is_finite()).then_some((lo, hi, radius))
+}
+
+/// An eye that sees all curves.
+fn eye(set: &CurveSet) -> Option<EyeControls3D> {
+    let (lo, hi, radius) = extent(set)?;
+    let size = [0, 1, 2].map(|x| hi[x] - lo[x]);
+    let thinnest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b]))?;
+    let from = LOOK_FROM[thinnest];
+    let away = EYE_DISTANCE * radius / from.iter().map(|f| f * f).sum::<f64>().sqrt();
+    let center = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]));
+    let position = [0, 1, 2].map(|x| (center[x] + away * from[x]) as f32);
+    let eye = EyeControls3D::new()
+        .with_position(position)
+        .with_look_target(center.map(|x| x as f32))
+        .with_eye_up([0.0, 0.0, 1.0]);
+    Some(eye)
+}
+
+/// What tells the findings of a report apart, in the order of [`Report::findings`]: the curves, and the number
+/// found or the kind of the defect.
+pub(super) fn keys(report: &Report) -> impl Iterator<Item = (u32, Option<u32>, i64)> + '_ {
+    let changes = report.changes.iter().map(|c| (c.i, Some(c.j), c.found));
+    // Above every linking number that a frame can have.
+    let kind = |d: &Defect| i64::MAX - d.kind as i64;
+    let defects = report.defects.iter().map(move |d| (d.i, d.j, kind(d)));
+    changes.chain(defects)
 }
 
 /// The status as markdown: the answer, since when, and the pairs.
-pub(super) fn status(report: &Report, since: u64, shown: usize) -> String {
-    let mut text = match report.verdict {
-        Verdict::Intact => String::from("# Intact\n"),
-        Verdict::Changed => String::from("# TOPOLOGY CHANGED\n"),
-        Verdict::Contact => String::from("# Contact\n"),
-        Verdict::Undecided => String::from("# Undecided\n"),
-        Verdict::Stale => String::from("# Not verified in time\n"),
-        Verdict::Rejected => String::from("# Frame rejected\n"),
+pub(super) fn status(report: &Report, since: u64, seen: &Findings, shown: usize) -> String {
+    let title = match report.verdict {
+        Verdict::Intact => "Intact",
+        Verdict::Changed => "TOPOLOGY CHANGED",
+        Verdict::Contact => "Contact",
+        Verdict::Undecided => "Undecided",
+        Verdict::Stale => "Not verified in time",
+        Verdict::Rejected => "Frame rejected",
     };
-    // Writing to a string cannot fail.
-    let mut say = |line: std::fmt::Arguments<'_>| writeln!(text, "{line}").unwrap_or_default();
-    say(format_args!("## since frame {since}\n"));
     let s = &report.stats;
-    if let Some(why) = &report.rejected {
-        say(format_args!("{why}\n"));
-    } else {
-        say(format_args!(
-            "{} curves, {} potential links checked\n",
-            s.curves, s.potential_links
-        ));
+    let detail = report.rejected.clone().unwrap_or_else(|| {
+        let (curves, pairs) = (s.curves, s.potential_links);
+        format!("{curves} curves, {pairs} pairs that could be linked")
+    });
+    let mut text = format!("# {title}\n## since frame {since}\n\n{detail}\n");
+    if !(report.changes.is_empty() && report.defects.is_empty()) {
+        text.push_str("\n| curves | was | is | since |\n|---|---|---|---|\n");
     }
-    if !report.changes.is_empty() {
-        say(format_args!("| curves | expected | found |\n|---|---|---|"));
-        for c in report.changes.iter().take(shown) {
-            say(format_args!(
-                "| **{} & {}** | {} | {} |",
-                c.i, c.j, c.expected, c.found
-            ));
-        }
-        say(format_args!(""));
+    let changes = report.changes.iter().map(|c| {
+        let (was, is) = (c.expected.to_string(), c.found.to_string());
+        (c.i, Some(c.j), was, is)
+    });
+    let defects = report.defects.iter().map(|d| {
+        let what = d.kind.words().to_owned();
+        (d.i, d.j, String::new(), what)
+    });
+    let rows = changes.chain(defects).zip(keys(report));
+    for ((i, j, was, is), key) in rows.take(shown) {
+        let curves = j.map_or(format!("{i}"), |j| format!("{i} & {j}"));
+        let frame = seen.get(&key).copied().unwrap_or(since);
+        text.push_str(&format!("| **{curves}** | {was} | {is} | {frame} |\n"));
     }
-    for d in report.defects.iter().take(shown) {
-        match d.j {
-            Some(j) => say(format_args!("- curves {} and {j} {}", d.i, d.kind.words())),
-            None => say(format_args!("- curve {} {}", d.i, d.kind.words())),
-        }
-    }
-    let listed = report.changes.len().min(shown) + report.defects.len().min(shown);
-    let more = report.changes.len() + report.defects.len() - listed;
+    let more = (report.changes.len() + report.defects.len()).saturating_sub(shown);
     if more > 0 {
-        say(format_args!("\nand {more} more"));
+        text.push_str(&format!("\nand {more} more\n"));
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certificate::Change;
+    use crate::curve::{Basis, Positions};
+
+    fn report(changes: u32) -> Report {
+        let change = |k| Change {
+            i: k,
+            j: k + 100,
+            expected: 1,
+            found: 0,
+            place: None,
+        };
+        Report {
+            seq: 9,
+            time: 0.0,
+            verdict: Verdict::Changed,
+            abort: true,
+            changes: (0..changes).map(change).collect(),
+            defects: Vec::new(),
+            rejected: None,
+            stats: Default::default(),
+        }
+    }
+
+    #[test]
+    fn the_status_names_what_broke_and_since_when() {
+        let report = report(5);
+        let seen = keys(&report).zip(3..).collect();
+        let text = status(&report, 2, &seen, 4);
+        assert!(
+            text.starts_with("# TOPOLOGY CHANGED\n## since frame 2\n"),
+            "{text}"
+        );
+        assert!(text.contains("| **1 & 101** | 1 | 0 | 4 |"), "{text}");
+        assert!(text.ends_with("\nand 1 more\n"), "{text}");
+    }
+
+    #[test]
+    fn a_scene_without_extent_has_no_eye_of_its_own() {
+        let point = [1.0_f32; 9];
+        let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F32(&point)).unwrap();
+        assert!(eye(&set).is_none());
+        let empty = CurveSet::from_counts(Basis::Polyline, &[], Positions::F32(&[])).unwrap();
+        assert!(eye(&empty).is_none());
+    }
 }

@@ -15,14 +15,17 @@ mod target;
 pub use target::ViewerTarget;
 
 use crate::certificate::ChangeKind;
-use crate::curve::CurveSet;
+use crate::curve::{CurveSet, Point};
 use crate::error::{Error, Result};
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::{Report, Verdict};
+use rerun::components::InterpolationMode;
 use rerun::{
     Color, LineStrips3D, Points3D, Radius, RecordingStream, Scalars, SeriesLines, TextDocument,
     TextLog, TextLogLevel,
 };
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Paths of the entities.
@@ -40,14 +43,26 @@ mod entity {
     pub const SKIPPED: &str = "skipped/frames";
 }
 
-const QUIET: u32 = 0x7a8ba6ff;
+/// Name under which viewers group runs and remember layouts.
+const APPLICATION: &str = "linkwatch";
+
+const QUIET: u32 = 0x6f809cff;
 const RED: u32 = 0xff3b30ff;
 const ORANGE: u32 = 0xff9f0aff;
+/// Marks are paler than the curves that they lie on, and labels, which have their colour, can be read.
+const PALE_RED: u32 = 0xffe3dfff;
+const PALE_ORANGE: u32 = 0xfff0d2ff;
 const VIOLET: u32 = 0xbf5af2ff;
 const GREEN: u32 = 0x30d158ff;
 
 /// Findings that get a mark, a table row and a log line each; more would hide one another.
 const SHOWN: usize = 20;
+
+/// Marks closer than this, in radii of the scene, share a label.
+const NEAR: f64 = 0.12;
+
+/// From this many curves on, intact ones are drawn thinner: they would merge into a surface.
+const MANY: usize = 2000;
 
 /// Frames between log lines while nothing changes.
 const QUIET_FRAMES: u64 = 200;
@@ -66,15 +81,20 @@ pub struct ViewerSink {
     greeting: Option<String>,
     /// What the log said last, to say only what is new.
     told: Option<Told>,
+    is_file: bool,
+    /// The newest curves.
+    last: Option<Arc<CurveSet>>,
 }
+
+/// Findings, and the frame since which each has been there without a break.
+type Findings = BTreeMap<(u32, Option<u32>, i64), u64>;
 
 /// State of the log: a frame that differs in it is worth a line.
 struct Told {
     verdict: Verdict,
     /// First frame of this verdict.
     since: u64,
-    /// Pairs, and what was found for them.
-    findings: Vec<(u32, Option<u32>, i64)>,
+    findings: Findings,
     /// Frame of the last line.
     at: u64,
 }
@@ -90,8 +110,10 @@ impl ViewerSink {
             rec,
             greeting: None,
             told: None,
+            is_file: matches!(target, ViewerTarget::File(_)),
+            last: None,
         };
-        layout::send(&sink.rec).map_err(failed)?;
+        layout::send(&sink.rec, None).map_err(failed)?;
         let series = [
             (entity::LOST, RED, "links lost"),
             (entity::GAINED, VIOLET, "links gained"),
@@ -100,10 +122,16 @@ impl ViewerSink {
             (entity::SKIPPED, ORANGE, "frames skipped so far"),
         ];
         for (path, color, name) in series {
+            // Counts jump; times are measured here and there.
+            let mode = match path {
+                entity::CHECK => InterpolationMode::Linear,
+                _ => InterpolationMode::StepAfter,
+            };
             let style = SeriesLines::new()
                 .with_colors([color])
                 .with_names([name])
-                .with_widths([2.5]);
+                .with_widths([2.5])
+                .with_interpolation_mode(mode);
             sink.rec.log_static(path, &style).map_err(failed)?;
         }
         Ok(sink)
@@ -131,8 +159,9 @@ impl ViewerSink {
             mark(c.j, 2);
         }
         let detail = (POINTS / set.segments().max(1)).clamp(1, POINTS_PER_SEGMENT);
+        let quiet = if set.len() < MANY { 0.8 } else { 0.35 };
         for (group, path, color, width) in [
-            (0, entity::INTACT, QUIET, 0.8),
+            (0, entity::INTACT, QUIET, quiet),
             (1, entity::UNDECIDED, ORANGE, 2.5),
             (2, entity::BROKEN, RED, 3.5),
         ] {
@@ -146,29 +175,40 @@ impl ViewerSink {
         Ok(())
     }
 
-    /// A mark with a label at the place of each finding, broken pairs first.
-    fn places(&self, report: &Report) -> Result<()> {
+    /// A mark with a label at the place of each finding, broken pairs first. Findings close together share one:
+    /// their labels would cover one another.
+    fn places(&self, set: &CurveSet, report: &Report) -> Result<()> {
         let changes = report.changes.iter().filter_map(|c| {
             let text = format!("{} & {}: {} → {}", c.i, c.j, c.expected, c.found);
-            Some((c.place?, text, RED))
+            Some((c.place?, text, PALE_RED))
         });
         let defects = report.defects.iter().map(|d| {
             let text = match d.j {
                 Some(j) => format!("{} & {j} {}", d.i, d.kind.words()),
                 None => format!("{} {}", d.i, d.kind.words()),
             };
-            (d.place, text, ORANGE)
+            (d.place, text, PALE_ORANGE)
         });
-        let mut marks = (Vec::new(), Vec::new(), Vec::new());
-        for (place, text, color) in changes.chain(defects).take(SHOWN) {
-            marks.0.push(place.point.map(|x| x as f32));
-            marks.1.push(text);
-            marks.2.push(color);
+        let marks: Vec<_> = changes.chain(defects).take(SHOWN).collect();
+        let near = match marks.len() {
+            0 | 1 => 0.0,
+            _ => layout::extent(set).map_or(0.0, |(.., radius)| NEAR * radius),
+        };
+        let mut places: Vec<(Point, Vec<String>, u32)> = Vec::new();
+        for (place, text, color) in marks {
+            let close = |p: &Point| {
+                let dist_sq: f64 = (0..3).map(|x| (p[x] - place.point[x]).powi(2)).sum();
+                dist_sq < near * near
+            };
+            match places.iter_mut().find(|(p, ..)| close(p)) {
+                Some((_, texts, _)) => texts.push(text),
+                None => places.push((place.point, vec![text], color)),
+            }
         }
-        let points = Points3D::new(marks.0)
-            .with_labels(marks.1)
-            .with_colors(marks.2)
-            .with_radii([Radius::new_ui_points(7.0)])
+        let points = Points3D::new(places.iter().map(|(p, ..)| p.map(|x| x as f32)))
+            .with_labels(places.iter().map(|(_, texts, _)| texts.join("\n")))
+            .with_colors(places.iter().map(|(.., color)| *color))
+            .with_radii([Radius::new_ui_points(5.0)])
             .with_show_labels(true);
         self.log(entity::PLACES, &points)
     }
@@ -187,38 +227,42 @@ impl ViewerSink {
         self.log(entity::SKIPPED, &Scalars::single(record.skipped as f64))
     }
 
-    /// A line for every frame that says something new, and now and then one for a frame that does not; the
-    /// status beside the picture is rewritten where it is not true any more.
+    /// A line for every frame that says something new, with a sentence for each new finding, and now and then
+    /// one for a frame that does not; the status beside the picture is rewritten where it is not true any more.
     fn words(&mut self, record: &FrameRecord) -> Result<()> {
         let report = record.report.as_ref();
-        let changes = report.changes.iter().map(|c| (c.i, Some(c.j), c.found));
-        let defects = report.defects.iter().map(|d| (d.i, d.j, d.kind as i64));
-        let findings: Vec<_> = changes.chain(defects).collect();
         let before = self.told.take();
         let turned = before.as_ref().is_none_or(|t| t.verdict != report.verdict);
-        let news = turned || before.as_ref().is_none_or(|t| t.findings != findings);
         let since = match &before {
             Some(t) if !turned => t.since,
             _ => report.seq,
         };
-        let last = before.map_or(report.seq, |t| t.at);
+        let last = before.as_ref().map_or(report.seq, |t| t.at);
+        let known = before.map(|t| t.findings).unwrap_or_default();
+        let findings: Findings = layout::keys(report)
+            .map(|key| (key, known.get(&key).copied().unwrap_or(report.seq)))
+            .collect();
+        // Both have the first frame of each finding: a finding that comes back is news.
+        let news = turned || findings != known;
         let due = news || report.seq.abs_diff(last) >= QUIET_FRAMES;
         if due {
             self.log(entity::LOG, &line(report.verdict, report.headline()))?;
         }
         if news {
-            for text in report.findings().take(SHOWN) {
+            let sentences = layout::keys(report).zip(report.findings());
+            let mut new = sentences.filter(|(key, _)| !known.contains_key(key));
+            for (_, text) in new.by_ref().take(SHOWN) {
                 self.log(entity::LOG, &line(report.verdict, text))?;
             }
-            let more = findings.len().saturating_sub(SHOWN);
+            let more = new.count();
             if more > 0 {
                 self.log(
                     entity::LOG,
                     &line(report.verdict, format!("and {more} more")),
                 )?;
             }
-            let status = TextDocument::from_markdown(layout::status(report, since, SHOWN));
-            self.log(entity::STATUS, &status)?;
+            let status = layout::status(report, since, &findings, SHOWN);
+            self.log(entity::STATUS, &TextDocument::from_markdown(status))?;
         }
         self.told = Some(Told {
             verdict: report.verdict,
@@ -259,7 +303,8 @@ impl Sink for ViewerSink {
         }
         if let Some(set) = &record.curves {
             self.curves(set, report)?;
-            self.places(report)?;
+            self.places(set, report)?;
+            self.last = Some(Arc::clone(set));
         }
         self.series(record)?;
         self.words(record)
@@ -270,6 +315,11 @@ impl Sink for ViewerSink {
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
+        // A file opens where it ends: the eye can be set on what is there. Whoever watches a live viewer has
+        // put the eye where they want it.
+        if self.is_file {
+            layout::send(&self.rec, self.last.as_deref()).map_err(failed)?;
+        }
         self.rec.flush_with_timeout(FLUSH_LIMIT).map_err(failed)
     }
 }

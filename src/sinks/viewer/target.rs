@@ -1,6 +1,6 @@
 //! Where the viewer is: a file for later, a running viewer, or one to start.
 
-use super::failed;
+use super::{APPLICATION, failed};
 use crate::error::{Error, Result};
 use rerun::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -15,9 +15,6 @@ const PROBE_LIMIT: Duration = Duration::from_secs(2);
 
 /// The program to start.
 const PROGRAM: &str = "rerun";
-
-/// Name under which viewers group runs and remember layouts.
-const APPLICATION: &str = "linkwatch";
 
 /// Where frames are shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,7 +32,7 @@ impl ViewerTarget {
         let builder = RecordingStreamBuilder::new(APPLICATION).recording_name(title);
         match self {
             ViewerTarget::File(path) => {
-                // Rerun creates the file on a thread of its own; here the error still has an address.
+                // Created here first: an error of ours names the file.
                 std::fs::File::create(path).map_err(Error::file(path))?;
                 builder.save(path).map_err(failed)
             }
