@@ -44,9 +44,9 @@ pub enum Error {
         /// What was found or asked for, and what is possible.
         what: String,
     },
-    /// The content of a model file cannot be used.
+    /// The content of a file cannot be used.
     #[error("{path}: {source}")]
-    Model {
+    InFile {
         /// The file.
         path: PathBuf,
         /// What is wrong in it.
@@ -169,12 +169,13 @@ impl Error {
         }
     }
 
-    /// Names the model file in which this error was found.
-    pub(crate) fn in_model(self, path: impl Into<PathBuf>) -> Self {
+    /// Names the file in which this error was found, where it names none.
+    pub fn in_file(self, path: impl Into<PathBuf>) -> Self {
         let path = path.into();
         match self {
             Self::Io(source) => Self::File { path, source },
-            other => Self::Model {
+            named @ (Self::File { .. } | Self::InFile { .. }) => named,
+            other => Self::InFile {
                 path,
                 source: Box::new(other),
             },

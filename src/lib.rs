@@ -35,8 +35,8 @@ pub use error::{Error, Result};
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use sinks::{
-    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict,
-    RecordingReader, RecordingSink,
+    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,
+    RecordingSink,
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};

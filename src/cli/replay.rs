@@ -4,7 +4,7 @@ use super::Outcome;
 use super::output::plural;
 use super::session::{Judge, Session, Sinks, Tally};
 use linkwatch::{
-    AbortOn, Ending, RecordedItem, RecordedVerdict, RecordingReader, Report, Result, Verdict,
+    AbortOn, Ending, Error, RecordedItem, RecordedVerdict, RecordingReader, Report, Result, Verdict,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -24,7 +24,8 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let mut reader = RecordingReader::open(&args.recording)?;
+    let in_recording = |e: Error| e.in_file(&args.recording);
+    let mut reader = RecordingReader::open(&args.recording).map_err(in_recording)?;
     let recorded_policy: Option<AbortOn> = reader
         .metadata()
         .get("abort_on")
@@ -35,7 +36,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut pending = None;
     // The baseline comes before the first frame that was compared with it.
     let mut baseline = None;
-    while let Some(item) = reader.next_item()? {
+    while let Some(item) = reader.next_item().map_err(in_recording)? {
         match item {
             RecordedItem::Baseline(b) => {
                 baseline = Some((Arc::unwrap_or_clone(b.certificate), b.origin));
@@ -60,7 +61,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if let Some(item) = pending {
         replay.take(item)?;
     }
-    while let Some(item) = reader.next_item()? {
+    while let Some(item) = reader.next_item().map_err(in_recording)? {
         replay.take(item)?;
     }
     let Replay {

@@ -164,7 +164,7 @@ fn fill(input: &mut impl Read, bytes: &mut [u8], place: impl FnOnce() -> String)
 /// The format holds single precision: a set in double precision is refused, before the file is created,
 /// unless single precision holds each of its coordinates exactly.
 pub fn write_bcc(path: &Path, set: &CurveSet) -> Result<()> {
-    check_precision(set).map_err(|e| e.in_model(path))?;
+    check_precision(set).map_err(|e| e.in_file(path))?;
     let file = File::create(path).map_err(Error::file(path))?;
     let mut out = BufWriter::with_capacity(1 << 16, file);
     write(&mut out, set)

@@ -45,7 +45,7 @@ pub fn read(path: &Path) -> Result<CurveSet> {
         Format::Obj => obj::read(input),
         Format::Vect => vect::read(input, len),
     }
-    .map_err(|e| e.in_model(path))
+    .map_err(|e| e.in_file(path))
 }
 
 /// The formats that [`read`] knows.
@@ -214,7 +214,7 @@ mod tests {
             assert_eq!(read(&path).unwrap().len(), 2);
             std::fs::write(&path, &bytes[..7]).unwrap();
             let e = read(&path).unwrap_err();
-            assert!(matches!(e, Error::Model { .. }));
+            assert!(matches!(e, Error::InFile { .. }));
             let start = format!("{}: not a valid ", path.display());
             assert!(e.to_string().starts_with(&start), "{e}");
         }

@@ -12,7 +12,8 @@ mod viewer;
 pub use queue::{Overflow, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use recording::{
-    Ending, RecordedProgress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
+    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,
+    RecordingSink,
 };
 #[cfg(feature = "rerun")]
 pub use viewer::{ViewerSink, ViewerTarget};

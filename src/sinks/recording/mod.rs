@@ -13,7 +13,7 @@ mod schema_tests;
 mod writer;
 
 pub use container::Ending;
-pub use reader::{RecordedProgress, RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader};
+pub use reader::{RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader};
 pub use writer::RecordingSink;
 
 /// Topic and message of each channel.

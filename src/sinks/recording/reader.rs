@@ -7,6 +7,7 @@ use super::messages::{
 use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
+use crate::ingest::{RawFrame, ingest};
 use crate::sinks::BaselineRecord;
 use crate::verdict::Report;
 use mcap::records::op;
@@ -86,9 +87,6 @@ impl RecordedFrame {
                 available: self.positions.len() as u64,
             });
         }
-        if let Some(before) = set {
-            self.check_layout(before)?;
-        }
         match self.precision {
             Precision::F32 => {
                 let values: Vec<f32> = self.values(f32::from_le_bytes);
@@ -111,47 +109,12 @@ impl RecordedFrame {
     }
 
     fn put(&self, set: &mut Option<CurveSet>, positions: Positions<'_>) -> Result<()> {
-        match set {
-            Some(set) => set.update(positions),
-            None => {
-                *set = Some(CurveSet::from_counts(self.basis, &self.counts, positions)?);
-                Ok(())
-            }
-        }
-    }
-
-    fn check_layout(&self, before: &CurveSet) -> Result<()> {
-        let changed = |what, before, now| Err(Error::LayoutChanged { what, before, now });
-        if before.len() != self.counts.len() {
-            return changed(
-                "number of curves",
-                before.len() as u64,
-                self.counts.len() as u64,
-            );
-        }
-        let code = |b| messages::basis_code(b) as u64;
-        if before.basis() != self.basis {
-            return changed("code of the basis", code(before.basis()), code(self.basis));
-        }
-        let bytes = |p: Precision| p.bytes() as u64;
-        if before.precision() != self.precision {
-            let (before, now) = (bytes(before.precision()), bytes(self.precision));
-            return changed("bytes of a coordinate", before, now);
-        }
-        for (before, &now) in before.counts().zip(&self.counts) {
-            if before.unsigned_abs() != now.unsigned_abs() {
-                let size = |c: i32| u64::from(c.unsigned_abs());
-                return changed("points of a curve", size(before), size(now));
-            }
-            if before != now {
-                return changed(
-                    "closure of a curve",
-                    u64::from(before < 0),
-                    u64::from(now < 0),
-                );
-            }
-        }
-        Ok(())
+        let frame = RawFrame {
+            basis: self.basis,
+            counts: &self.counts,
+            positions,
+        };
+        ingest(frame, set)
     }
 }
 
