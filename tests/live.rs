@@ -84,6 +84,20 @@ impl Ended {
     }
 }
 
+/// Runs `linkwatch replay --json`.
+fn replay(recording: &Path) -> Ended {
+    let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(["replay", "--json"])
+        .arg(recording)
+        .output()
+        .unwrap();
+    Ended {
+        code: run.status.code(),
+        lines: json_lines(&String::from_utf8(run.stdout).unwrap()),
+        stderr: String::from_utf8(run.stderr).unwrap(),
+    }
+}
+
 fn json_lines(text: &str) -> Vec<Value> {
     text.lines()
         .map(|l| serde_json::from_str(l).unwrap())
@@ -177,21 +191,10 @@ fn a_pull_through_is_found_aborted_recorded_and_replayed_alike() {
     );
     assert!(std::fs::metadata(&rrd).unwrap().len() > 1000);
 
-    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .args(["replay", "--json"])
-        .arg(&recording)
-        .output()
-        .unwrap();
-    assert_eq!(
-        replay.status.code(),
-        Some(1),
-        "{}",
-        String::from_utf8_lossy(&replay.stderr)
-    );
-    let lines = json_lines(&String::from_utf8(replay.stdout).unwrap());
-    let again: Vec<&Value> = lines.iter().filter_map(|l| l.get("report")).collect();
-    assert_eq!(again, live.reports());
-    assert!(!String::from_utf8_lossy(&replay.stderr).contains("unlike"));
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
+    assert_eq!(replayed.reports(), live.reports());
+    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
 }
 
 #[test]
@@ -204,11 +207,16 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
         sim.publish(frame as f64, Positions::F32(&squares(0.0)))
             .unwrap();
     }
-    let first = Watch::start(folder.path(), "first", &service, &[]);
+    let recording = folder.path().join("first.mcap");
+    let record = ["--record", recording.to_str().unwrap()];
+    let first = Watch::start(folder.path(), "first", &service, &record);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
     assert_eq!(step(&mut sim, 5, 0.1), Verdict::Intact);
     first.signal("KILL");
     drop(first);
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
+    assert!(replayed.stderr.contains("cut off"), "{}", replayed.stderr);
     // A killed watcher costs nothing.
     let start = Instant::now();
     for frame in 6..9 {
@@ -298,17 +306,8 @@ fn a_simulator_killed_in_mid_run_ends_the_watch_with_a_message_and_stops_no_next
         ended.stderr
     );
     assert!(ended.summary()["verified"].as_u64().unwrap() >= 20);
-    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .arg("replay")
-        .arg(&recording)
-        .output()
-        .unwrap();
-    assert_eq!(
-        replay.status.code(),
-        Some(0),
-        "{}",
-        String::from_utf8_lossy(&replay.stderr)
-    );
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
 
     let watch = Watch::start(folder.path(), "next", &service, &[]);
     let mut sim = client(&service);
@@ -338,15 +337,9 @@ fn a_signal_ends_the_watch_properly() {
     let ended = watch.end();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(ended.summary()["verified"], 5);
-    let replay = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .arg("replay")
-        .arg(&recording)
-        .output()
-        .unwrap();
-    let text = String::from_utf8_lossy(&replay.stderr).into_owned()
-        + &String::from_utf8_lossy(&replay.stdout);
-    assert_eq!(replay.status.code(), Some(0), "{text}");
-    assert!(!text.contains("cut off"), "{text}");
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
+    assert!(!replayed.stderr.contains("cut off"), "{}", replayed.stderr);
 }
 
 #[test]
@@ -378,13 +371,8 @@ fn hostile_recordings_are_refused_in_one_line() {
     ] {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-            .arg("replay")
-            .arg(&path)
-            .output()
-            .unwrap();
-        let stderr = String::from_utf8(run.stderr).unwrap();
-        assert!(matches!(run.status.code(), Some(2 | 3)), "{name}: {stderr}");
+        let Ended { code, stderr, .. } = replay(&path);
+        assert!(matches!(code, Some(2 | 3)), "{name}: {stderr}");
         assert!(stderr.contains(name), "{stderr}");
         assert!(!stderr.contains("panicked"), "{stderr}");
     }

@@ -5,7 +5,7 @@
 //! simulator to stop when a ring was pulled through another. The default time step is too large on purpose;
 //! `--substeps 16` keeps the sheet whole.
 //!
-//! What a simulator needs of linkwatch is in `simulate`: open, describe, loan, publish, poll.
+//! What a simulator needs of linkwatch is in `run` and `simulate`: open, describe, loan, publish, poll, finish.
 
 mod scene;
 mod sidecar;
@@ -73,7 +73,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<ExitCode> {
-    let sidecar = match args.no_sidecar {
+    let mut sidecar = match args.no_sidecar {
         true => None,
         false => Some(Sidecar::start(&args.service, &args.out, args.view)?),
     };
@@ -81,8 +81,20 @@ fn run(args: &Args) -> Result<ExitCode> {
         true => ClientOptions::lockstep(),
         false => ClientOptions::default(),
     };
+    let side = usize::from(args.side);
+    let mut sheet = Sheet::new(&Options {
+        rows: side,
+        columns: side,
+        ..Options::default()
+    });
     let mut client = Client::open(&args.service, &options)?;
-    let end = simulate(args, &mut client)?;
+    // Every ring is a closed polygon, hence the minus.
+    let counts = vec![-(Sheet::vertices_per_ring() as i32); sheet.rings()];
+    client.describe(Basis::Polyline, Precision::F32, &counts)?;
+    if !wait_for_watcher(args, &mut client, sidecar.as_mut())? {
+        println!("simulator: nobody came; running unwatched");
+    }
+    let end = simulate(args, &mut client, &mut sheet)?;
     // The watcher says what became of every frame, and takes its leave.
     let last = client.finish_within(DEADLINE)?;
     match &last {
@@ -112,33 +124,38 @@ fn run(args: &Args) -> Result<ExitCode> {
     })
 }
 
+/// Waits for a watcher, so that the first frame is not missed. False where none came in time.
+fn wait_for_watcher(
+    args: &Args,
+    client: &mut Client,
+    mut sidecar: Option<&mut Sidecar>,
+) -> Result<bool> {
+    const LOOK: Duration = Duration::from_millis(300);
+    let start = Instant::now();
+    let mut told = false;
+    while !client.wait_for_watcher(LOOK)? {
+        if let Some(sidecar) = &mut sidecar {
+            sidecar.check_running()?;
+        } else if !told {
+            let command = format!("linkwatch watch --service {}", args.service);
+            println!("simulator: waiting for a watcher; start one with: {command}");
+            told = true;
+        }
+        if start.elapsed().as_secs_f64() > args.wait {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
 /// The simulation, and all that it has to do with linkwatch.
-fn simulate(args: &Args, client: &mut Client) -> Result<End> {
-    let side = usize::from(args.side);
-    let mut sheet = Sheet::new(&Options {
-        rows: side,
-        columns: side,
-        ..Options::default()
-    });
-    // Every ring is a closed polygon, hence the minus.
-    let counts = vec![-(Sheet::vertices_per_ring() as i32); sheet.rings()];
-    client.describe(Basis::Polyline, Precision::F32, &counts)?;
+fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> {
     println!(
         "simulator: {} rings, {} frames, {} time steps a frame",
         sheet.rings(),
         args.frames,
         args.substeps
     );
-    if !client.wait_for_watcher(Duration::from_millis(200))? {
-        println!(
-            "simulator: waiting for a watcher (linkwatch watch --service {})",
-            args.service
-        );
-        let patience = Duration::from_secs_f64(args.wait.max(0.0));
-        if !client.wait_for_watcher(patience)? {
-            println!("simulator: nobody came; running unwatched");
-        }
-    }
     let start = Instant::now();
     for frame in 0..args.frames {
         if frame > 0 {

@@ -151,7 +151,7 @@ impl Sheet {
     }
 
     /// Writes the corners of all centre lines in world space: x, y, z of each corner in turn, ring
-    /// after ring. The y axis points up.
+    /// after ring. The z axis points up, as viewers have it.
     ///
     /// # Panics
     ///
@@ -165,7 +165,9 @@ impl Sheet {
         {
             let pose = self.world.bodies[ring.body].position();
             for (corner, out) in ring.polygon.iter().zip(out.chunks_exact_mut(3)) {
-                out.copy_from_slice(&pose.transform_point(*corner).to_array());
+                // The world of the simulation has its y axis up.
+                let [x, y, z] = pose.transform_point(*corner).to_array();
+                out.copy_from_slice(&[x, -z, y]);
             }
         }
     }

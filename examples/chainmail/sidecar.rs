@@ -41,6 +41,16 @@ impl Sidecar {
         })
     }
 
+    /// Fails where the watcher has ended already; it has said why.
+    pub fn check_running(&mut self) -> Result<()> {
+        match self.process.try_wait()? {
+            None => Ok(()),
+            Some(status) => Err(Error::Usage(format!(
+                "the watcher ended before the simulation began ({status})"
+            ))),
+        }
+    }
+
     /// Waits for the watcher to end; returns its exit code and says how to look at what it left.
     pub fn join(mut self) -> Result<Option<u8>> {
         let start = Instant::now();

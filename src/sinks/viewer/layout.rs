@@ -25,7 +25,7 @@ pub(super) const SIM_TIME: &str = "sim_time";
 const BACKGROUND: u32 = 0x0f1318ff;
 
 /// Distance of the eye from the middle of the scene, in radii of the scene.
-const EYE_DISTANCE: f64 = 1.6;
+const EYE_DISTANCE: f64 = 2.0;
 
 /// Directions from which a scene is looked at, by the axis along which it is thinnest: cloth is seen face on, a
 /// little from the side, z upwards.
