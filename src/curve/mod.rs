@@ -2,13 +2,17 @@
 
 mod basis;
 mod boxes;
+mod builder;
+mod coordinates;
 mod set;
 
 pub use basis::Basis;
 pub(crate) use basis::{Bezier, Bounds, hull_bounds, point_at, sub_segment};
 pub use boxes::Box3;
 pub(crate) use boxes::{BoxGroup, LANES};
-pub use set::{Curve, CurveSet, CurveSetBuilder, Positions, Precision};
+pub use builder::CurveSetBuilder;
+pub use coordinates::{Positions, Precision};
+pub use set::{Curve, CurveSet};
 
 /// A point in space, in the units of the simulation.
 pub type Point = [f64; 3];

@@ -1,117 +1,21 @@
 //! All curves of one frame, as a structure of arrays.
 
 use super::boxes::{BoxGroup, LANES, larger, round_down, round_up, smaller};
-use super::{Basis, Bezier, Point, hull_bounds, point_at};
+use super::coordinates::Coordinates;
+use super::{Basis, Bezier, Point, Positions, Precision, hull_bounds, point_at};
 use crate::error::{Error, Result};
-
-/// Type of the coordinates as they came in. They are kept in that type: nothing is rounded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// Single precision.
-    F32,
-    /// Double precision.
-    F64,
-}
-
-impl Precision {
-    /// Bytes of one coordinate.
-    pub fn bytes(self) -> usize {
-        match self {
-            Precision::F32 => 4,
-            Precision::F64 => 8,
-        }
-    }
-}
-
-/// Control points from outside: `x y z x y z ..`, curve after curve.
-#[derive(Clone, Copy, Debug)]
-pub enum Positions<'a> {
-    /// Single precision.
-    F32(&'a [f32]),
-    /// Double precision.
-    F64(&'a [f64]),
-}
-
-impl Positions<'_> {
-    /// Type of the coordinates.
-    pub fn precision(&self) -> Precision {
-        match self {
-            Positions::F32(_) => Precision::F32,
-            Positions::F64(_) => Precision::F64,
-        }
-    }
-
-    /// Number of coordinates (three a point).
-    pub fn len(&self) -> usize {
-        match self {
-            Positions::F32(v) => v.len(),
-            Positions::F64(v) => v.len(),
-        }
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
 
 /// One curve of a [`CurveSet`]: its size and where its control points lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Curve {
     /// First slot of the coordinate arrays (a wrapped control point where the basis needs one).
-    first: u32,
+    pub(super) first: u32,
     /// Control points.
     pub points: u32,
     /// Spline segments (for polylines: edges).
     pub segments: u32,
     /// Whether the end is joined to the start.
     pub closed: bool,
-}
-
-#[derive(Clone, Debug)]
-enum Coordinates {
-    F32([Vec<f32>; 3]),
-    F64([Vec<f64>; 3]),
-}
-
-/// A coordinate type.
-trait Scalar: Copy + Into<f64> + Default {
-    /// Bits of the largest finite magnitude.
-    const MAX_BITS: u64;
-    /// Bits of the largest magnitude, and of the smallest other than zero where [`CurveSet::is_extreme`] asks
-    /// for it (all bits set where there is none).
-    fn magnitudes(values: &[Self]) -> (u64, u64);
-    /// The number with these bits; infinite for all bits set.
-    fn from_magnitude(bits: u64) -> f64;
-}
-impl Scalar for f32 {
-    const MAX_BITS: u64 = f32::MAX.to_bits() as u64;
-    fn magnitudes(values: &[Self]) -> (u64, u64) {
-        let max = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
-        (u64::from(max), u64::MAX)
-    }
-    fn from_magnitude(bits: u64) -> f64 {
-        u32::try_from(bits).map_or(f64::INFINITY, |bits| f64::from(f32::from_bits(bits)))
-    }
-}
-impl Scalar for f64 {
-    const MAX_BITS: u64 = f64::MAX.to_bits();
-    fn magnitudes(values: &[Self]) -> (u64, u64) {
-        let (max, min) = values.iter().fold((0, u64::MAX), |(max, min), v| {
-            let m = v.to_bits() << 1 >> 1;
-            // Zero wraps around to the end of the range, where it is no minimum.
-            (m.max(max), m.wrapping_sub(1).min(min))
-        });
-        (max, min.saturating_add(1))
-    }
-    fn from_magnitude(bits: u64) -> f64 {
-        if bits == u64::MAX {
-            f64::INFINITY
-        } else {
-            f64::from_bits(bits)
-        }
-    }
 }
 
 /// All curves of one frame.
@@ -123,66 +27,27 @@ impl Scalar for f64 {
 /// Invariant: every coordinate is finite, and every curve has as many points as its basis needs.
 #[derive(Clone, Debug)]
 pub struct CurveSet {
-    basis: Basis,
-    curves: Vec<Curve>,
-    coordinates: Coordinates,
-    points: usize,
+    pub(super) basis: Basis,
+    pub(super) curves: Vec<Curve>,
+    pub(super) coordinates: Coordinates,
+    pub(super) points: usize,
+    /// Largest magnitude of any coordinate.
     max_abs: f64,
+    /// Smallest magnitude other than zero, where double precision asks for it.
     min_abs: f64,
 }
 
 impl CurveSet {
-    /// Starts a set. `points` is a hint that saves reallocation; check it against the data that backs it first.
-    pub fn builder(basis: Basis, precision: Precision, points: usize) -> CurveSetBuilder {
-        let mut coordinates = match precision {
-            Precision::F32 => Coordinates::F32(Default::default()),
-            Precision::F64 => Coordinates::F64(Default::default()),
-        };
-        match &mut coordinates {
-            Coordinates::F32(v) => v.iter_mut().for_each(|v| v.reserve_exact(points)),
-            Coordinates::F64(v) => v.iter_mut().for_each(|v| v.reserve_exact(points)),
+    /// No curves yet.
+    pub(super) fn empty(basis: Basis, precision: Precision, slots: usize) -> CurveSet {
+        CurveSet {
+            basis,
+            curves: Vec::new(),
+            coordinates: Coordinates::with_capacity(precision, slots),
+            points: 0,
+            max_abs: 0.0,
+            min_abs: f64::INFINITY,
         }
-        CurveSetBuilder {
-            set: CurveSet {
-                basis,
-                curves: Vec::new(),
-                coordinates,
-                points: 0,
-                max_abs: 0.0,
-                min_abs: f64::INFINITY,
-            },
-            written: 0,
-        }
-    }
-
-    /// A set from counts and positions in one go. Each count is the number of control points of a curve,
-    /// negative where the curve is closed, as in a BCC file.
-    pub fn from_counts(basis: Basis, counts: &[i32], positions: Positions<'_>) -> Result<CurveSet> {
-        let points: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
-        if points.checked_mul(3) != Some(positions.len() as u64) {
-            return Err(Error::Count {
-                what: "coordinates",
-                promised: points.saturating_mul(3),
-                available: positions.len() as u64,
-            });
-        }
-        let slots: usize = counts
-            .iter()
-            .map(|&c| slots(basis, c.unsigned_abs() as usize, c < 0).unwrap_or(0))
-            .sum();
-        let mut builder = CurveSet::builder(basis, positions.precision(), slots);
-        let mut at = 0;
-        for &c in counts {
-            let n = c.unsigned_abs() as usize;
-            builder.start_curve(n, c < 0)?;
-            let end = at + 3 * n;
-            builder.push(match positions {
-                Positions::F32(v) => Positions::F32(&v[at..end]),
-                Positions::F64(v) => Positions::F64(&v[at..end]),
-            })?;
-            at = end;
-        }
-        builder.finish()
     }
 
     /// Replaces all positions by those of another frame of the same curves. Allocates nothing.
@@ -208,11 +73,7 @@ impl CurveSet {
         let mut at = 0;
         for i in 0..self.curves.len() {
             let end = at + 3 * self.curves[i].points as usize;
-            let part = match positions {
-                Positions::F32(v) => Positions::F32(&v[at..end]),
-                Positions::F64(v) => Positions::F64(&v[at..end]),
-            };
-            self.write(i, 0, part)?;
+            self.write(i, 0, positions.part(at..end))?;
             self.wrap(i);
             at = end;
         }
@@ -220,15 +81,11 @@ impl CurveSet {
     }
 
     /// Writes control points of curve `i` from its point `start` on, checking every value once.
-    fn write(&mut self, i: usize, start: usize, positions: Positions<'_>) -> Result<()> {
+    pub(super) fn write(&mut self, i: usize, start: usize, positions: Positions<'_>) -> Result<()> {
         let c = self.curves[i];
         let at = c.first as usize + self.basis.lead(c.closed) + start;
-        let (max_abs, min_abs) = match (&mut self.coordinates, positions) {
-            (Coordinates::F32(dst), Positions::F32(src)) => scatter(dst, at, src),
-            (Coordinates::F64(dst), Positions::F64(src)) => scatter(dst, at, src),
-            _ => unreachable!("callers compare the precision first"),
-        }
-        .map_err(|(point, axis, value)| Error::NotFinite {
+        let written = self.coordinates.write(at, positions);
+        let (max_abs, min_abs) = written.map_err(|(point, axis, value)| Error::NotFinite {
             curve: i,
             point: start + point,
             axis: ['x', 'y', 'z'][axis],
@@ -240,7 +97,7 @@ impl CurveSet {
     }
 
     /// Copies the points that a closed curve repeats at its ends.
-    fn wrap(&mut self, i: usize) {
+    pub(super) fn wrap(&mut self, i: usize) {
         let c = self.curves[i];
         if !c.closed {
             return;
@@ -252,10 +109,7 @@ impl CurveSet {
         let each = |k: usize| (first + k, body + (k + n - lead) % n);
         for k in (0..lead).chain(lead + n..used) {
             let (to, from) = each(k);
-            match &mut self.coordinates {
-                Coordinates::F32(v) => v.iter_mut().for_each(|v| v[to] = v[from]),
-                Coordinates::F64(v) => v.iter_mut().for_each(|v| v[to] = v[from]),
-            }
+            self.coordinates.copy(from, to);
         }
     }
 
@@ -266,10 +120,7 @@ impl CurveSet {
 
     /// Type of the coordinates.
     pub fn precision(&self) -> Precision {
-        match self.coordinates {
-            Coordinates::F32(_) => Precision::F32,
-            Coordinates::F64(_) => Precision::F64,
-        }
+        self.coordinates.precision()
     }
 
     /// Number of curves.
@@ -350,11 +201,9 @@ impl CurveSet {
         self.curves[i].first as usize + s * self.basis.stride()
     }
 
+    #[inline]
     fn at(&self, slot: usize) -> Point {
-        match &self.coordinates {
-            Coordinates::F32(v) => [0, 1, 2].map(|x| f64::from(v[x][slot])),
-            Coordinates::F64(v) => [0, 1, 2].map(|x| v[x][slot]),
-        }
+        self.coordinates.at(slot)
     }
 
     /// Control point `k` of curve `i`.
@@ -424,10 +273,7 @@ impl CurveSet {
         for c in &self.curves {
             let body = c.first as usize + self.basis.lead(c.closed);
             for k in body..body + c.points as usize {
-                match &self.coordinates {
-                    Coordinates::F32(v) => v.iter().for_each(|v| out.extend(v[k].to_le_bytes())),
-                    Coordinates::F64(v) => v.iter().for_each(|v| out.extend(v[k].to_le_bytes())),
-                }
+                self.coordinates.append_bytes(k, out);
             }
         }
     }
@@ -506,164 +352,6 @@ impl CurveSet {
         }
         false
     }
-}
-
-/// Slots that a curve takes, or `None` where the count does not fit the basis: every window of the last,
-/// possibly partial, group of eight segments lies inside.
-fn slots(basis: Basis, points: usize, closed: bool) -> Option<usize> {
-    let segments = basis.segments(points, closed)?;
-    Some((segments.next_multiple_of(LANES) - 1) * basis.stride() + basis.window())
-}
-
-/// Points that [`scatter`] takes in one go: they stay in the first-level cache.
-const BLOCK: usize = 64;
-
-/// Spreads `x y z x y z ..` over three arrays. Returns the largest magnitude and the smallest one other than
-/// zero, or the first value that is not finite (point, axis, value).
-///
-/// Magnitudes are compared as integers: the bits of a float without its sign grow with its magnitude, and
-/// those of infinities and NaN lie above all others. One maximum is both the range and the check.
-fn scatter<T: Scalar>(
-    dst: &mut [Vec<T>; 3],
-    at: usize,
-    src: &[T],
-) -> Result<(f64, f64), (usize, usize, f64)> {
-    let n = src.len() / 3;
-    let [x, y, z] = dst;
-    let (x, y, z) = (&mut x[at..at + n], &mut y[at..at + n], &mut z[at..at + n]);
-    let (mut max, mut min) = (0, u64::MAX);
-    let mut block = [T::default(); 3 * BLOCK];
-    for (b, src) in src.chunks(3 * BLOCK).enumerate() {
-        // Copied first: in shared memory a second read may give another value.
-        let block = &mut block[..src.len()];
-        block.copy_from_slice(src);
-        let (block_max, block_min) = T::magnitudes(block);
-        max = max.max(block_max);
-        min = min.min(block_min);
-        let first = b * BLOCK;
-        let len = block.len() / 3;
-        let (x, y, z) = (
-            &mut x[first..first + len],
-            &mut y[first..first + len],
-            &mut z[first..first + len],
-        );
-        for (((p, x), y), z) in block.chunks_exact(3).zip(x).zip(y).zip(z) {
-            (*x, *y, *z) = (p[0], p[1], p[2]);
-        }
-        if block_max > T::MAX_BITS {
-            let bad = block
-                .iter()
-                .position(|&v| !v.into().is_finite())
-                .unwrap_or(0);
-            return Err((first + bad / 3, bad % 3, block[bad].into()));
-        }
-    }
-    Ok((T::from_magnitude(max), T::from_magnitude(min)))
-}
-
-/// Fills a [`CurveSet`] curve by curve, from a stream of any chunk size.
-#[derive(Debug)]
-pub struct CurveSetBuilder {
-    set: CurveSet,
-    /// Control points written of the last curve.
-    written: usize,
-}
-
-impl CurveSetBuilder {
-    /// Starts a curve of `points` control points. The curve before it must be complete.
-    ///
-    /// Allocates for all of its points: compare `points` with the length of the data first.
-    pub fn start_curve(&mut self, points: usize, closed: bool) -> Result<()> {
-        self.check_complete()?;
-        let set = &mut self.set;
-        let i = set.curves.len();
-        let basis = set.basis;
-        let (Some(segments), Some(slots)) =
-            (basis.segments(points, closed), slots(basis, points, closed))
-        else {
-            return Err(Error::CurveTooShort {
-                curve: i,
-                points,
-                kind: basis.describe(closed),
-                needed: basis.needs(closed),
-            });
-        };
-        let first = match &mut set.coordinates {
-            Coordinates::F32(v) => extend(v, slots),
-            Coordinates::F64(v) => extend(v, slots),
-        };
-        let too_many = |_| Error::Count {
-            what: "points of all curves",
-            promised: (first + slots) as u64,
-            available: u64::from(u32::MAX),
-        };
-        u32::try_from(first + slots).map_err(too_many)?;
-        set.curves.push(Curve {
-            first: first as u32,
-            points: points as u32,
-            segments: segments as u32,
-            closed,
-        });
-        set.points += points;
-        self.written = 0;
-        Ok(())
-    }
-
-    /// Appends control points to the curve started last.
-    pub fn push(&mut self, positions: Positions<'_>) -> Result<()> {
-        let i = self.set.curves.len().wrapping_sub(1);
-        let room = self.set.curves.last().map_or(0, |c| c.points as usize) - self.written;
-        let n = positions.len() / 3;
-        if n > room || !positions.len().is_multiple_of(3) {
-            return Err(Error::Count {
-                what: "coordinates of a curve",
-                promised: 3 * room as u64,
-                available: positions.len() as u64,
-            });
-        }
-        if positions.precision() != self.set.precision() {
-            return Err(Error::LayoutChanged {
-                what: "bytes of a coordinate",
-                before: self.set.precision().bytes() as u64,
-                now: positions.precision().bytes() as u64,
-            });
-        }
-        if n == 0 {
-            return Ok(());
-        }
-        self.set.write(i, self.written, positions)?;
-        self.written += n;
-        if n == room {
-            self.set.wrap(i);
-        }
-        Ok(())
-    }
-
-    fn check_complete(&self) -> Result<()> {
-        match self.set.curves.last() {
-            Some(c) if (c.points as usize) != self.written => Err(Error::Count {
-                what: "points of a curve",
-                promised: u64::from(c.points),
-                available: self.written as u64,
-            }),
-            _ => Ok(()),
-        }
-    }
-
-    /// The finished set.
-    pub fn finish(self) -> Result<CurveSet> {
-        self.check_complete()?;
-        Ok(self.set)
-    }
-}
-
-/// Grows three arrays by `n` slots; returns the first new one.
-fn extend<T: Scalar>(v: &mut [Vec<T>; 3], n: usize) -> usize {
-    let first = v[0].len();
-    for v in v {
-        v.resize(first + n, T::default());
-    }
-    first
 }
 
 #[cfg(test)]

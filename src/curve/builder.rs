@@ -1,0 +1,152 @@
+//! Curve sets from counts and positions, in one go or curve by curve.
+
+use super::set::{Curve, CurveSet};
+use super::{Basis, LANES, Positions, Precision};
+use crate::error::{Error, Result};
+
+impl CurveSet {
+    /// Starts a set. `points` is a hint that saves reallocation; check it against the data that backs it first.
+    pub fn builder(basis: Basis, precision: Precision, points: usize) -> CurveSetBuilder {
+        CurveSetBuilder {
+            set: CurveSet::empty(basis, precision, points),
+            written: 0,
+        }
+    }
+
+    /// A set from counts and positions in one go. Each count is the number of control points of a curve,
+    /// negative where the curve is closed, as in a BCC file.
+    pub fn from_counts(basis: Basis, counts: &[i32], positions: Positions<'_>) -> Result<CurveSet> {
+        let points: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
+        if points.checked_mul(3) != Some(positions.len() as u64) {
+            return Err(Error::Count {
+                what: "coordinates",
+                promised: points.saturating_mul(3),
+                available: positions.len() as u64,
+            });
+        }
+        let slots: usize = counts
+            .iter()
+            .map(|&c| slots(basis, c.unsigned_abs() as usize, c < 0).unwrap_or(0))
+            .sum();
+        let mut builder = CurveSet::builder(basis, positions.precision(), slots);
+        let mut at = 0;
+        for &c in counts {
+            let n = c.unsigned_abs() as usize;
+            builder.start_curve(n, c < 0)?;
+            let end = at + 3 * n;
+            builder.push(positions.part(at..end))?;
+            at = end;
+        }
+        builder.finish()
+    }
+}
+
+/// Slots that a curve takes, or `None` where the count does not fit the basis: every window of the last,
+/// possibly partial, group of eight segments lies inside.
+fn slots(basis: Basis, points: usize, closed: bool) -> Option<usize> {
+    let segments = basis.segments(points, closed)?;
+    Some((segments.next_multiple_of(LANES) - 1) * basis.stride() + basis.window())
+}
+
+/// Fills a [`CurveSet`] curve by curve, from a stream of any chunk size.
+#[derive(Debug)]
+pub struct CurveSetBuilder {
+    set: CurveSet,
+    /// Control points written of the last curve.
+    written: usize,
+}
+
+impl CurveSetBuilder {
+    /// Starts a curve of `points` control points. The curve before it must be complete.
+    ///
+    /// Allocates for all of its points: compare `points` with the length of the data first.
+    pub fn start_curve(&mut self, points: usize, closed: bool) -> Result<()> {
+        self.check_complete()?;
+        let set = &mut self.set;
+        let i = set.curves.len();
+        let basis = set.basis;
+        let (Some(segments), Some(slots)) =
+            (basis.segments(points, closed), slots(basis, points, closed))
+        else {
+            return Err(Error::CurveTooShort {
+                curve: i,
+                points,
+                kind: basis.describe(closed),
+                needed: basis.needs(closed),
+            });
+        };
+        // Before anything is allocated. Counts are signed on the bus and in files.
+        if i32::try_from(points).is_err() {
+            return Err(Error::Count {
+                what: "points of a curve",
+                promised: points as u64,
+                available: i32::MAX as u64,
+            });
+        }
+        let first = set.coordinates.len();
+        if u32::try_from(first + slots).is_err() {
+            return Err(Error::Count {
+                what: "points of all curves",
+                promised: (first + slots) as u64,
+                available: u64::from(u32::MAX),
+            });
+        }
+        set.coordinates.grow(slots);
+        set.curves.push(Curve {
+            first: first as u32,
+            points: points as u32,
+            segments: segments as u32,
+            closed,
+        });
+        set.points += points;
+        self.written = 0;
+        Ok(())
+    }
+
+    /// Appends control points to the curve started last.
+    pub fn push(&mut self, positions: Positions<'_>) -> Result<()> {
+        let i = self.set.curves.len().wrapping_sub(1);
+        let room = self.set.curves.last().map_or(0, |c| c.points as usize) - self.written;
+        let n = positions.len() / 3;
+        if n > room || !positions.len().is_multiple_of(3) {
+            return Err(Error::Count {
+                what: "coordinates of a curve",
+                promised: 3 * room as u64,
+                available: positions.len() as u64,
+            });
+        }
+        if positions.precision() != self.set.precision() {
+            return Err(Error::LayoutChanged {
+                what: "bytes of a coordinate",
+                before: self.set.precision().bytes() as u64,
+                now: positions.precision().bytes() as u64,
+            });
+        }
+        if n == 0 {
+            return Ok(());
+        }
+        self.set.write(i, self.written, positions)?;
+        self.written += n;
+        if n == room {
+            self.set.wrap(i);
+        }
+        Ok(())
+    }
+
+    fn check_complete(&self) -> Result<()> {
+        match self.set.curves.last() {
+            Some(c) if (c.points as usize) != self.written => Err(Error::Count {
+                what: "points of a curve",
+                promised: u64::from(c.points),
+                available: self.written as u64,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// The finished set.
+    pub fn finish(self) -> Result<CurveSet> {
+        self.check_complete()?;
+        Ok(self.set)
+    }
+}

@@ -1,0 +1,228 @@
+//! Coordinates from outside, checked on their way into three arrays.
+
+use super::Point;
+use crate::error::Result;
+use std::ops::Range;
+
+/// Type of the coordinates as they came in. They are kept in that type: nothing is rounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// Single precision.
+    F32,
+    /// Double precision.
+    F64,
+}
+
+impl Precision {
+    /// Bytes of one coordinate.
+    pub fn bytes(self) -> usize {
+        match self {
+            Precision::F32 => 4,
+            Precision::F64 => 8,
+        }
+    }
+}
+
+/// Control points from outside: `x y z x y z ..`, curve after curve.
+#[derive(Clone, Copy, Debug)]
+pub enum Positions<'a> {
+    /// Single precision.
+    F32(&'a [f32]),
+    /// Double precision.
+    F64(&'a [f64]),
+}
+
+impl<'a> Positions<'a> {
+    /// Type of the coordinates.
+    pub fn precision(&self) -> Precision {
+        match self {
+            Positions::F32(_) => Precision::F32,
+            Positions::F64(_) => Precision::F64,
+        }
+    }
+
+    /// Number of coordinates (three a point).
+    pub fn len(&self) -> usize {
+        match self {
+            Positions::F32(v) => v.len(),
+            Positions::F64(v) => v.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The coordinates in a range.
+    pub(super) fn part(&self, range: Range<usize>) -> Self {
+        match self {
+            Positions::F32(v) => Positions::F32(&v[range]),
+            Positions::F64(v) => Positions::F64(&v[range]),
+        }
+    }
+}
+
+/// Coordinates in three arrays, one an axis, in the precision that they came in.
+#[derive(Clone, Debug)]
+pub(super) enum Coordinates {
+    F32([Vec<f32>; 3]),
+    F64([Vec<f64>; 3]),
+}
+
+/// Largest magnitude, and smallest one other than zero (infinite where there is none, or nobody asks).
+pub(super) type Range64 = (f64, f64);
+
+/// A value that is not finite: point, axis, value.
+pub(super) type Bad = (usize, usize, f64);
+
+impl Coordinates {
+    /// No coordinates, and room for some.
+    pub fn with_capacity(precision: Precision, slots: usize) -> Self {
+        match precision {
+            Precision::F32 => Self::F32([0; 3].map(|_| Vec::with_capacity(slots))),
+            Precision::F64 => Self::F64([0; 3].map(|_| Vec::with_capacity(slots))),
+        }
+    }
+
+    pub fn precision(&self) -> Precision {
+        match self {
+            Self::F32(_) => Precision::F32,
+            Self::F64(_) => Precision::F64,
+        }
+    }
+
+    /// Number of slots.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(v) => v[0].len(),
+            Self::F64(v) => v[0].len(),
+        }
+    }
+
+    /// Adds slots, at the origin.
+    pub fn grow(&mut self, slots: usize) {
+        let len = self.len() + slots;
+        match self {
+            Self::F32(v) => v.iter_mut().for_each(|v| v.resize(len, 0.0)),
+            Self::F64(v) => v.iter_mut().for_each(|v| v.resize(len, 0.0)),
+        }
+    }
+
+    /// The point in a slot.
+    #[inline]
+    pub fn at(&self, slot: usize) -> Point {
+        match self {
+            Self::F32(v) => [0, 1, 2].map(|x| f64::from(v[x][slot])),
+            Self::F64(v) => [0, 1, 2].map(|x| v[x][slot]),
+        }
+    }
+
+    /// Copies a point from one slot to another.
+    pub fn copy(&mut self, from: usize, to: usize) {
+        match self {
+            Self::F32(v) => v.iter_mut().for_each(|v| v[to] = v[from]),
+            Self::F64(v) => v.iter_mut().for_each(|v| v[to] = v[from]),
+        }
+    }
+
+    /// Writes points from slot `at` on, reading and checking every value once. `positions` has the
+    /// precision of these coordinates.
+    pub fn write(&mut self, at: usize, positions: Positions<'_>) -> Result<Range64, Bad> {
+        match (self, positions) {
+            (Self::F32(dst), Positions::F32(src)) => scatter(dst, at, src),
+            (Self::F64(dst), Positions::F64(src)) => scatter(dst, at, src),
+            _ => unreachable!("callers compare the precision first"),
+        }
+    }
+
+    /// Appends the point in a slot as little-endian bytes.
+    pub fn append_bytes(&self, slot: usize, out: &mut Vec<u8>) {
+        match self {
+            Self::F32(v) => v.iter().for_each(|v| out.extend(v[slot].to_le_bytes())),
+            Self::F64(v) => v.iter().for_each(|v| out.extend(v[slot].to_le_bytes())),
+        }
+    }
+}
+
+/// A coordinate type.
+trait Scalar: Copy + Into<f64> + Default {
+    /// Bits of the largest finite magnitude.
+    const MAX_BITS: u64;
+    /// Bits of the largest magnitude, and of the smallest other than zero where [`super::CurveSet::is_extreme`] asks
+    /// for it (all bits set where there is none).
+    fn magnitudes(values: &[Self]) -> (u64, u64);
+    /// The number with these bits; infinite for all bits set.
+    fn from_magnitude(bits: u64) -> f64;
+}
+impl Scalar for f32 {
+    const MAX_BITS: u64 = f32::MAX.to_bits() as u64;
+    fn magnitudes(values: &[Self]) -> (u64, u64) {
+        let max = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
+        (u64::from(max), u64::MAX)
+    }
+    fn from_magnitude(bits: u64) -> f64 {
+        u32::try_from(bits).map_or(f64::INFINITY, |bits| f64::from(f32::from_bits(bits)))
+    }
+}
+impl Scalar for f64 {
+    const MAX_BITS: u64 = f64::MAX.to_bits();
+    fn magnitudes(values: &[Self]) -> (u64, u64) {
+        let (max, min) = values.iter().fold((0, u64::MAX), |(max, min), v| {
+            let m = v.to_bits() << 1 >> 1;
+            // Zero wraps around to the end of the range, where it is no minimum.
+            (m.max(max), m.wrapping_sub(1).min(min))
+        });
+        (max, min.saturating_add(1))
+    }
+    fn from_magnitude(bits: u64) -> f64 {
+        if bits == u64::MAX {
+            f64::INFINITY
+        } else {
+            f64::from_bits(bits)
+        }
+    }
+}
+
+/// Points that [`scatter`] takes in one go: they stay in the first-level cache.
+const BLOCK: usize = 64;
+
+/// Spreads `x y z x y z ..` over three arrays. Returns the largest magnitude and the smallest one other than
+/// zero, or the first value that is not finite (point, axis, value).
+///
+/// Magnitudes are compared as integers: the bits of a float without its sign grow with its magnitude, and
+/// those of infinities and NaN lie above all others. One maximum is both the range and the check.
+fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<Range64, Bad> {
+    let n = src.len() / 3;
+    let [x, y, z] = dst;
+    let (x, y, z) = (&mut x[at..at + n], &mut y[at..at + n], &mut z[at..at + n]);
+    let (mut max, mut min) = (0, u64::MAX);
+    let mut block = [T::default(); 3 * BLOCK];
+    for (b, src) in src.chunks(3 * BLOCK).enumerate() {
+        // Copied first: in shared memory a second read may give another value.
+        let block = &mut block[..src.len()];
+        block.copy_from_slice(src);
+        let (block_max, block_min) = T::magnitudes(block);
+        max = max.max(block_max);
+        min = min.min(block_min);
+        let first = b * BLOCK;
+        let len = block.len() / 3;
+        let (x, y, z) = (
+            &mut x[first..first + len],
+            &mut y[first..first + len],
+            &mut z[first..first + len],
+        );
+        for (((p, x), y), z) in block.chunks_exact(3).zip(x).zip(y).zip(z) {
+            (*x, *y, *z) = (p[0], p[1], p[2]);
+        }
+        if block_max > T::MAX_BITS {
+            let bad = block
+                .iter()
+                .position(|&v| !v.into().is_finite())
+                .unwrap_or(0);
+            return Err((first + bad / 3, bad % 3, block[bad].into()));
+        }
+    }
+    Ok((T::from_magnitude(max), T::from_magnitude(min)))
+}
