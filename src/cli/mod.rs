@@ -2,6 +2,8 @@
 
 mod certify;
 mod check;
+#[cfg(any(feature = "bus", feature = "mcap"))]
+mod live;
 mod output;
 #[cfg(feature = "mcap")]
 mod replay;

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::output::plural;
-use super::session::{Judge, Session, Sinks, Tally};
+use super::session::{Judge, Judged, Session, Sinks, Tally};
 use linkwatch::{
     AbortOn, Ending, Error, RecordedItem, RecordedVerdict, RecordingReader, Report, Result, Verdict,
 };
@@ -30,7 +30,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         .metadata()
         .get("abort_on")
         .and_then(|a| a.parse().ok());
-    let judge = args.judge.with_default_policy(recorded_policy);
+    let judge = Judge {
+        abort_on: args.judge.abort_on.or(recorded_policy),
+        ..args.judge.clone()
+    };
     let title = format!("replay of {}", args.recording.display());
     let metadata = BTreeMap::from([("replay_of".to_owned(), args.recording.display().to_string())]);
     let mut pending = None;
@@ -53,11 +56,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut replay = Replay {
         session: Session::new(&judge, &args.sinks, baseline, &title, metadata, json)?,
         // Another policy or baseline gives other verdicts, and is meant to.
-        compare: judge.abort_on() == recorded_policy && !args.judge.has_own_baseline(),
+        compare: judge.abort_on == recorded_policy && judge.baseline.is_none(),
         tally: Tally::default(),
         last: None,
         unlike: 0,
     };
+    replay
+        .session
+        .live()
+        .note(format_args!("replaying {}", args.recording.display()));
     if let Some(item) = pending {
         replay.take(item)?;
     }
@@ -101,15 +108,22 @@ impl Replay {
         match item {
             RecordedItem::Baseline(_) => {}
             RecordedItem::Frame(frame) => {
-                let session = &mut self.session;
-                let judged = session.judge(frame.seq, frame.time, |set| frame.ingest(set))?;
-                self.tally.add(judged.report.verdict);
+                let ingest = |set: &mut _| frame.ingest(set);
+                let judged = self.session.judge(frame.seq, frame.time, ingest)?;
+                self.count(judged.report.verdict);
                 self.last = Some(Arc::clone(&judged.report));
-                session.publish(judged, self.tally)?;
+                self.session.publish(judged, self.tally)?;
             }
             RecordedItem::Verdict(recorded) => self.compare(recorded)?,
         }
         Ok(())
+    }
+
+    fn count(&mut self, verdict: Verdict) {
+        match verdict {
+            Verdict::Rejected => self.tally.rejected += 1,
+            _ => self.tally.verified += 1,
+        }
     }
 
     /// Compares a verdict of the recording with the one found now.
@@ -125,8 +139,13 @@ impl Replay {
             Some(_) => {}
             None if report.verdict == Verdict::Rejected => {
                 // There were no curves to record: the verdict is all that is left of the frame.
-                self.tally.add(report.verdict);
-                self.session.retell(report, progress.check, self.tally)?;
+                self.count(report.verdict);
+                let judged = Judged {
+                    report: Arc::new(report),
+                    check: progress.check,
+                    curves: None,
+                };
+                self.session.publish(judged, self.tally)?;
             }
             None => {
                 tracing::error!("frame {}: a verdict without its frame", report.seq);

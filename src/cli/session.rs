@@ -1,7 +1,8 @@
 //! Frames to verdicts to sinks: what `watch` and `replay` share.
 
 use super::Outcome;
-use super::output::{self, Live, count, millis, plural};
+use super::live::Live;
+use super::output::{self, count, millis, plural};
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 use linkwatch::Overflow;
 use linkwatch::{
@@ -20,6 +21,7 @@ use std::time::{Duration, Instant, SystemTime};
 const SENTENCES: usize = 8;
 
 /// Frames that may wait for a sink.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
 const WAITING: usize = 8;
 
 /// Time that the sinks have to finish when the run is over.
@@ -30,35 +32,15 @@ const FINISH: Duration = Duration::from_secs(30);
 pub struct Judge {
     /// What frames are compared with: `first-frame`, or a certificate file
     #[arg(long, value_name = "first-frame|CERT")]
-    baseline: Option<Baseline>,
+    pub baseline: Option<Baseline>,
     /// What asks the simulator to stop: any, lost, gained, contact or never [default: any]
     #[arg(long, value_name = "WHAT")]
-    abort_on: Option<AbortOn>,
-}
-
-impl Judge {
-    /// The same with another default for the policy.
-    pub fn with_default_policy(&self, policy: Option<AbortOn>) -> Judge {
-        Judge {
-            baseline: self.baseline.clone(),
-            abort_on: self.abort_on.or(policy),
-        }
-    }
-
-    /// The policy, where it is not the default one.
-    pub fn abort_on(&self) -> Option<AbortOn> {
-        self.abort_on
-    }
-
-    /// Whether the user asked for another baseline than the default.
-    pub fn has_own_baseline(&self) -> bool {
-        self.baseline.is_some()
-    }
+    pub abort_on: Option<AbortOn>,
 }
 
 /// Where expected linking numbers come from.
 #[derive(Clone, Debug)]
-enum Baseline {
+pub enum Baseline {
     FirstFrame,
     File(PathBuf),
 }
@@ -97,34 +79,40 @@ pub struct Sinks {
 impl Sinks {
     /// Opens what was asked for. `title` names the run in the viewer.
     fn open(&self, title: &str, metadata: &BTreeMap<String, String>) -> Result<Vec<SinkQueue>> {
-        let mut queues = Vec::new();
-        #[cfg(feature = "mcap")]
-        if let Some(path) = &self.record {
-            let sink = Box::new(linkwatch::RecordingSink::create(path, metadata)?);
-            queues.push(SinkQueue::spawn(sink, WAITING, Overflow::Wait)?);
-        }
-        #[cfg(feature = "rerun")]
-        if let Some(target) = self.viewer() {
-            // A file is complete or it misleads; a viewer on the screen may miss a frame.
-            let overflow = match target {
-                ViewerTarget::File(_) => Overflow::Wait,
-                _ => Overflow::DropOldest,
-            };
-            let sink = Box::new(ViewerSink::open(&target, title)?);
-            queues.push(SinkQueue::spawn(sink, WAITING, overflow)?);
-        }
-        // Without the features there is nothing that they could be used for.
-        let _ = (title, metadata, &mut queues);
-        Ok(queues)
+        let queues = [self.open_recording(metadata)?, self.open_viewer(title)?];
+        Ok(queues.into_iter().flatten().collect())
+    }
+
+    #[cfg(feature = "mcap")]
+    fn open_recording(&self, metadata: &BTreeMap<String, String>) -> Result<Option<SinkQueue>> {
+        let Some(path) = &self.record else {
+            return Ok(None);
+        };
+        let sink = Box::new(linkwatch::RecordingSink::create(path, metadata)?);
+        SinkQueue::spawn(sink, WAITING, Overflow::Wait).map(Some)
+    }
+
+    #[cfg(not(feature = "mcap"))]
+    fn open_recording(&self, _: &BTreeMap<String, String>) -> Result<Option<SinkQueue>> {
+        Ok(None)
     }
 
     #[cfg(feature = "rerun")]
-    fn viewer(&self) -> Option<ViewerTarget> {
-        match (&self.rrd, &self.connect) {
-            (Some(path), _) => Some(ViewerTarget::File(path.clone())),
-            (_, Some(url)) => Some(ViewerTarget::Connect(url.clone())),
-            _ => self.view.then_some(ViewerTarget::Spawn),
-        }
+    fn open_viewer(&self, title: &str) -> Result<Option<SinkQueue>> {
+        // A file is complete or it misleads; a viewer on the screen may miss a frame.
+        let (target, overflow) = match (&self.rrd, &self.connect) {
+            (Some(path), _) => (ViewerTarget::File(path.clone()), Overflow::Wait),
+            (_, Some(url)) => (ViewerTarget::Connect(url.clone()), Overflow::DropOldest),
+            _ if self.view => (ViewerTarget::Spawn, Overflow::DropOldest),
+            _ => return Ok(None),
+        };
+        let sink = Box::new(ViewerSink::open(&target, title)?);
+        SinkQueue::spawn(sink, WAITING, overflow).map(Some)
+    }
+
+    #[cfg(not(feature = "rerun"))]
+    fn open_viewer(&self, _: &str) -> Result<Option<SinkQueue>> {
+        Ok(None)
     }
 }
 
@@ -132,7 +120,7 @@ impl Sinks {
 pub struct Judged {
     pub report: Arc<Report>,
     pub check: Duration,
-    curves: Option<Arc<CurveSet>>,
+    pub curves: Option<Arc<CurveSet>>,
 }
 
 /// Frames verified, skipped and rejected so far.
@@ -141,16 +129,6 @@ pub struct Tally {
     pub verified: u64,
     pub skipped: u64,
     pub rejected: u64,
-}
-
-impl Tally {
-    /// Counts a frame that was looked at.
-    pub fn add(&mut self, verdict: Verdict) {
-        match verdict {
-            Verdict::Rejected => self.rejected += 1,
-            _ => self.verified += 1,
-        }
-    }
 }
 
 /// One run over frames.
@@ -359,16 +337,6 @@ impl Session {
             lines.push("  abort sent: the simulator is asked to stop".into());
         }
         lines.iter().try_for_each(|line| self.live.result(line))
-    }
-
-    /// Hands on what a recording says about a frame that was rejected, and so has no curves.
-    pub fn retell(&mut self, report: Report, check: Duration, tally: Tally) -> Result<()> {
-        let judged = Judged {
-            report: Arc::new(report),
-            check,
-            curves: None,
-        };
-        self.publish(judged, tally)
     }
 
     /// Something else happened that makes the run less than complete.

@@ -4,6 +4,7 @@ mod basis;
 mod boxes;
 mod builder;
 mod coordinates;
+mod lanes;
 mod set;
 
 pub use basis::Basis;
@@ -12,6 +13,9 @@ pub use boxes::Box3;
 pub(crate) use boxes::{BoxGroup, LANES};
 pub use builder::CurveSetBuilder;
 pub use coordinates::{Positions, Precision};
+#[cfg(target_arch = "x86_64")]
+pub(crate) use lanes::Avx2;
+pub(crate) use lanes::{Lanes, Portable};
 pub use set::{Curve, CurveSet};
 
 /// A point in space, in the units of the simulation.

@@ -5,7 +5,7 @@
 //! linking number is 0, at once: most pairs of a garment end here.
 
 use super::{Direction, Scene, Scratch};
-use crate::curve::{Box3, BoxGroup, LANES};
+use crate::curve::{Box3, BoxGroup, Lanes};
 
 /// Node pairs at which the coarse pass has seen enough to choose.
 const ENOUGH: usize = 192;
@@ -16,7 +16,9 @@ const ALL: Mask = 0x3f;
 
 /// The direction to count in, with the node pairs to start from on `scratch.stack` (upper curve first), or
 /// `None` where the curves are proven to be unlinked.
-pub(super) fn choose(
+#[inline(always)]
+pub(super) fn choose<L: Lanes>(
+    simd: L,
     scene: Scene<'_>,
     i: usize,
     j: usize,
@@ -46,7 +48,7 @@ pub(super) fn choose(
         {
             break;
         }
-        let counts = expand(scene, i, j, alive, scratch);
+        let counts = expand(simd, scene, i, j, alive, scratch);
         let fewest = fewest(&counts, alive);
         if fewest == 0 {
             return None;
@@ -112,7 +114,15 @@ fn guess(a: &Box3, b: &Box3) -> Direction {
 }
 
 /// One breadth-first step in the directions that are alive; returns the surviving node pairs a direction.
-fn expand(scene: Scene<'_>, i: usize, j: usize, alive: Mask, scratch: &mut Scratch) -> [u32; 6] {
+#[inline(always)]
+fn expand<L: Lanes>(
+    simd: L,
+    scene: Scene<'_>,
+    i: usize,
+    j: usize,
+    alive: Mask,
+    scratch: &mut Scratch,
+) -> [u32; 6] {
     let Scene { set, trees } = scene;
     let mut counts = [0; 6];
     let (mut room_a, mut room_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
@@ -125,7 +135,7 @@ fn expand(scene: Scene<'_>, i: usize, j: usize, alive: Mask, scratch: &mut Scrat
         }
         if b.level > a.level {
             let own = trees.node_box(i, a);
-            let survivors = survivors(&own, trees.children(set, j, b, &mut room_b));
+            let survivors = survivors(simd, &own, trees.children(set, j, b, &mut room_b));
             each_lane(&survivors, mask, &mut counts, |k, m| {
                 next.push((a, b.child(k), m))
             });
@@ -133,7 +143,7 @@ fn expand(scene: Scene<'_>, i: usize, j: usize, alive: Mask, scratch: &mut Scrat
         }
         // Rows: children of `a` against the whole of `b`, with the roles exchanged.
         let group_a = trees.children(set, i, a, &mut room_a);
-        let rows = swap_roles(&survivors(&trees.node_box(j, b), group_a));
+        let rows = swap_roles(&survivors(simd, &trees.node_box(j, b), group_a));
         if a.level > b.level {
             each_lane(&rows, mask, &mut counts, |k, m| {
                 next.push((a.child(k), b, m))
@@ -143,7 +153,7 @@ fn expand(scene: Scene<'_>, i: usize, j: usize, alive: Mask, scratch: &mut Scrat
         let group_b = trees.children(set, j, b, &mut room_b);
         let mut ignored = [0; 6];
         each_lane(&rows, mask, &mut ignored, |k, m| {
-            let survivors = survivors(&group_a.lane(k as usize), group_b);
+            let survivors = survivors(simd, &group_a.lane(k as usize), group_b);
             each_lane(&survivors, m, &mut counts, |l, m| {
                 next.push((a.child(k), b.child(l), m));
             });
@@ -154,10 +164,10 @@ fn expand(scene: Scene<'_>, i: usize, j: usize, alive: Mask, scratch: &mut Scrat
 }
 
 /// For each direction, the lanes of `b` that overlap `a` in projection while the upper one is not wholly below.
-fn survivors(a: &Box3, b: &BoxGroup) -> [u32; 6] {
-    let mask = |f: &dyn Fn(usize) -> bool| (0..LANES).fold(0, |m, k| m | u32::from(f(k)) << k);
-    let below = [0, 1, 2].map(|x| mask(&|k| a.hi[x] < b.lo[x][k]));
-    let above = [0, 1, 2].map(|x| mask(&|k| b.hi[x][k] < a.lo[x]));
+#[inline(always)]
+fn survivors<L: Lanes>(simd: L, a: &Box3, b: &BoxGroup) -> [u32; 6] {
+    let below = [0, 1, 2].map(|x| simd.greater(&b.lo[x], a.hi[x]));
+    let above = [0, 1, 2].map(|x| simd.less(&b.hi[x], a.lo[x]));
     let overlap = [0, 1, 2].map(|x| !(below[x] | above[x]) & 0xff);
     let mut out = [0; 6];
     for w in 0..3 {
@@ -174,6 +184,7 @@ fn swap_roles(m: &[u32; 6]) -> [u32; 6] {
 }
 
 /// Calls `f` with every lane that survives in some direction of `mask`, and those directions; counts them.
+#[inline(always)]
 fn each_lane(
     survivors: &[u32; 6],
     mask: Mask,

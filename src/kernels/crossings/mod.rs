@@ -22,7 +22,9 @@ mod traverse;
 
 use self::traverse::Candidates;
 use super::Linking;
-use crate::curve::CurveSet;
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use crate::curve::{CurveSet, Lanes, Portable};
 use crate::discretize::{Splits, refine_pair};
 use crate::exact::Predicates;
 use crate::pairs::{Node, Pair, Trees, closest_of_segments};
@@ -77,13 +79,43 @@ pub(crate) struct Scratch {
 /// Linking number of the curves `i` and `j`; `fixed` leaves no choice of the direction.
 pub(crate) fn linking_number(
     scene: Scene<'_>,
+    pair: Pair,
+    fixed: Option<Direction>,
+    scratch: &mut Scratch,
+) -> Linking {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(avx2) = Avx2::detect() {
+        #[expect(unsafe_code, reason = "vector instructions")]
+        // SAFETY: the token says that the processor has them.
+        return unsafe { with_avx2(avx2, scene, pair, fixed, scratch) };
+    }
+    compute(Portable, scene, pair, fixed, scratch)
+}
+
+/// [`compute`], compiled with AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn with_avx2(
+    avx2: Avx2,
+    scene: Scene<'_>,
+    pair: Pair,
+    fixed: Option<Direction>,
+    scratch: &mut Scratch,
+) -> Linking {
+    compute(avx2, scene, pair, fixed, scratch)
+}
+
+#[inline(always)]
+fn compute<L: Lanes>(
+    simd: L,
+    scene: Scene<'_>,
     (i, j): Pair,
     fixed: Option<Direction>,
     scratch: &mut Scratch,
 ) -> Linking {
     scratch.stats.potential_links += 1;
     let [i, j] = [i as usize, j as usize];
-    let Some(direction) = direction::choose(scene, i, j, fixed, scratch) else {
+    let Some(direction) = direction::choose(simd, scene, i, j, fixed, scratch) else {
         scratch.stats.separated += 1;
         return Linking::Number(0);
     };
@@ -102,15 +134,23 @@ pub(crate) fn linking_number(
         ..
     } = scratch;
     candidates.clear();
-    traverse::traverse(scene, curves, direction.axis, stack, candidates, |c| {
-        // Polylines are evaluated as they come, so the list of candidates stays short however many there
-        // are. Splines wait for their final polylines.
-        if polyline {
-            count.touches(&c.overlaps);
-            count.add(&c.tests);
-            c.clear();
-        }
-    });
+    traverse::traverse(
+        simd,
+        scene,
+        curves,
+        direction.axis,
+        stack,
+        candidates,
+        |c| {
+            // Polylines are evaluated as they come, so the list of candidates stays short however many there
+            // are. Splines wait for their final polylines.
+            if polyline {
+                count.touches(&c.overlaps);
+                count.add(&c.tests);
+                c.clear();
+            }
+        },
+    );
     let mut too_close = None;
     if !polyline {
         splits.iter_mut().for_each(Splits::clear);

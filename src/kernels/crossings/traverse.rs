@@ -1,7 +1,7 @@
 //! Depth-first through both trees in the chosen direction, down to pairs of segments.
 
 use super::Scene;
-use crate::curve::{Box3, BoxGroup, LANES};
+use crate::curve::{Box3, BoxGroup, LANES, Lanes};
 use crate::pairs::Node;
 
 /// Candidates at which a batch is handed on.
@@ -24,7 +24,9 @@ impl Candidates {
 }
 
 /// Visits the node pairs on `stack`; calls `full` whenever many candidates have gathered, and at the end.
-pub(super) fn traverse(
+#[inline(always)]
+pub(super) fn traverse<L: Lanes>(
+    simd: L,
     scene: Scene<'_>,
     [over, under]: [usize; 2],
     w: usize,
@@ -39,14 +41,14 @@ pub(super) fn traverse(
             let other = trees.node_box(under, u);
             let group = trees.children(set, over, t, &mut room_t);
             // The upper curve's children: in the way, and not wholly below the lower one.
-            let lanes = overlapping(&other, group, w) & not_below(group, &other, w);
+            let lanes = overlapping(simd, &other, group, w) & not_below(simd, group, &other, w);
             each_bit(lanes, |k| stack.push((t.child(k), u)));
             continue;
         }
         if u.level > t.level {
             let other = trees.node_box(over, t);
             let group = trees.children(set, under, u, &mut room_u);
-            let lanes = overlapping(&other, group, w) & not_above(group, &other, w);
+            let lanes = overlapping(simd, &other, group, w) & not_above(simd, group, &other, w);
             each_bit(lanes, |k| stack.push((t, u.child(k))));
             continue;
         }
@@ -54,7 +56,7 @@ pub(super) fn traverse(
         let group_u = trees.children(set, under, u, &mut room_u);
         for k in 0..LANES as u32 {
             let lane = group_t.lane(k as usize);
-            let lanes = overlapping(&lane, group_u, w) & not_above(group_u, &lane, w);
+            let lanes = overlapping(simd, &lane, group_u, w) & not_above(simd, group_u, &lane, w);
             if t.level > 0 {
                 each_bit(lanes, |l| stack.push((t.child(k), u.child(l))));
                 continue;
@@ -62,7 +64,7 @@ pub(super) fn traverse(
             each_bit(lanes, |l| {
                 candidates.tests.push((t.segment(k), u.segment(l)))
             });
-            each_bit(lanes & not_below(group_u, &lane, w), |l| {
+            each_bit(lanes & not_below(simd, group_u, &lane, w), |l| {
                 candidates.overlaps.push((t.segment(k), u.segment(l)));
             });
         }
@@ -74,33 +76,29 @@ pub(super) fn traverse(
 }
 
 /// Lanes that overlap a box in the projection along `w`.
-#[inline]
-fn overlapping(b: &Box3, group: &BoxGroup, w: usize) -> u32 {
+#[inline(always)]
+fn overlapping<L: Lanes>(lanes: L, b: &Box3, group: &BoxGroup, w: usize) -> u32 {
     let (u, v) = ((w + 1) % 3, (w + 2) % 3);
-    let mut m = 0;
-    for k in 0..LANES {
-        let hit = (group.lo[u][k] <= b.hi[u])
-            & (b.lo[u] <= group.hi[u][k])
-            & (group.lo[v][k] <= b.hi[v])
-            & (b.lo[v] <= group.hi[v][k]);
-        m |= u32::from(hit) << k;
-    }
-    m
+    let apart = lanes.greater(&group.lo[u], b.hi[u])
+        | lanes.less(&group.hi[u], b.lo[u])
+        | lanes.greater(&group.lo[v], b.hi[v])
+        | lanes.less(&group.hi[v], b.lo[v]);
+    !apart & 0xff
 }
 
 /// Lanes that are not wholly below a box.
-#[inline]
-fn not_below(group: &BoxGroup, b: &Box3, w: usize) -> u32 {
-    (0..LANES).fold(0, |m, k| m | u32::from(b.lo[w] <= group.hi[w][k]) << k)
+#[inline(always)]
+fn not_below<L: Lanes>(lanes: L, group: &BoxGroup, b: &Box3, w: usize) -> u32 {
+    !lanes.less(&group.hi[w], b.lo[w]) & 0xff
 }
 
 /// Lanes that are not wholly above a box.
-#[inline]
-fn not_above(group: &BoxGroup, b: &Box3, w: usize) -> u32 {
-    (0..LANES).fold(0, |m, k| m | u32::from(group.lo[w][k] <= b.hi[w]) << k)
+#[inline(always)]
+fn not_above<L: Lanes>(lanes: L, group: &BoxGroup, b: &Box3, w: usize) -> u32 {
+    !lanes.greater(&group.lo[w], b.hi[w]) & 0xff
 }
 
-#[inline]
+#[inline(always)]
 fn each_bit(mut mask: u32, mut f: impl FnMut(u32)) {
     while mask != 0 {
         f(mask.trailing_zeros());
