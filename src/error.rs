@@ -74,6 +74,24 @@ pub enum Error {
         /// The value found.
         value: f64,
     },
+    /// A coordinate of a spline is so large that its points cannot be computed.
+    #[error(
+        "curve {curve}: a coordinate of {found:.3e}; those of splines must stay below {limit:.3e}"
+    )]
+    TooLarge {
+        /// Curve, from 0.
+        curve: usize,
+        /// Largest magnitude found.
+        found: f64,
+        /// Largest magnitude allowed.
+        limit: f64,
+    },
+    /// A frame has no closed curve, and so no linking number.
+    #[error("nothing to verify: none of {curves} curves is closed (a count below 0 says closed)")]
+    NothingClosed {
+        /// Curves of the frame, all of them open.
+        curves: usize,
+    },
     /// A curve has too few control points for its basis.
     #[error("curve {curve}: {points} control points, but a {kind} curve needs {needed}")]
     CurveTooShort {
@@ -114,19 +132,13 @@ pub enum Error {
         /// Curves of the model.
         model: usize,
     },
-    /// A certificate file holds proven numbers only, and some pairs have none.
-    #[error(
-        "no certificate written: {undefined} pairs of curves have no linking number (first: curves {i} and {j}, {why})"
-    )]
+    /// A certificate file holds proven numbers only, and something has none.
+    #[error("no certificate written: {undefined} without a linking number; the first: {first}")]
     Incomplete {
-        /// How many pairs.
+        /// How many pairs and curves.
         undefined: usize,
-        /// First curve of the first such pair.
-        i: u32,
-        /// Second curve of the first such pair.
-        j: u32,
-        /// Why the first has none.
-        why: String,
+        /// The first, in words.
+        first: String,
     },
     /// Arguments that do not go together.
     #[error("{0}")]

@@ -174,13 +174,17 @@ impl Verifier {
 
     /// Verifies one frame. The first one becomes the baseline where there is none.
     ///
-    /// Errors: [`Error::CertificateMismatch`] where the baseline is of another number of curves.
+    /// Errors: [`Error::CertificateMismatch`] where the baseline is of another number of curves,
+    /// [`Error::NothingClosed`] where no curve is closed: nothing was verified then, so nothing is intact.
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
             return Err(Error::CertificateMismatch {
                 certificate: b.curves,
                 model: set.len(),
             });
+        }
+        if set.curves().iter().all(|c| !c.closed) {
+            return Err(Error::NothingClosed { curves: set.len() });
         }
         let start = Instant::now();
         let (certificate, stats) = self.certify(set);

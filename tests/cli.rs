@@ -148,7 +148,7 @@ fn contact_is_reported_with_its_place_and_hides_no_other_pair() {
         run.stdout
     );
     assert!(
-        !run.stdout.contains("0,1,"),
+        run.stdout.contains("0,1,undefined"),
         "no number for the touching one: {}",
         run.stdout
     );
@@ -237,6 +237,60 @@ fn open_curves_and_repeated_vertices_are_told() {
         run.stderr.contains("1 repeated vertex merged"),
         "{}",
         run.stderr
+    );
+}
+
+/// A model whose curves are all open has nothing to be intact.
+#[test]
+fn open_curves_alone_are_not_intact() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("open.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\n").unwrap();
+    let certificate = folder.path().join("c.txt");
+    std::fs::write(&certificate, "1\n").unwrap();
+    let run = linkwatch(&["check", text(&path), "--against", text(&certificate)]);
+    assert_eq!((run.code, run.stdout.as_str()), (2, ""));
+    assert!(run.stderr.contains("nothing to verify"), "{}", run.stderr);
+}
+
+/// A reader that goes away does not turn a change into a success.
+#[test]
+fn a_closed_pipe_keeps_the_exit_code() {
+    let folder = TempDir::new().unwrap();
+    let broken = chain(folder.path(), "broken.bcc", -5.0);
+    let certificate = folder.path().join("c.txt");
+    std::fs::write(&certificate, "3\n0,1,1\n").unwrap();
+    let mut process = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(["check", text(&broken), "--against", text(&certificate)])
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(process.stdout.take());
+    assert_eq!(process.wait().unwrap().code(), Some(1));
+}
+
+/// One frame that cannot be read hides no verdict on the others.
+#[test]
+fn check_goes_on_after_a_model_that_cannot_be_read() {
+    let folder = TempDir::new().unwrap();
+    let broken = chain(folder.path(), "broken.bcc", -5.0);
+    let [none, certificate, pairs] = ["none.bcc", "c.txt", "p.txt"].map(|n| folder.path().join(n));
+    std::fs::write(&certificate, "3\n0,1,1\n").unwrap();
+    let run = linkwatch(&[
+        "check",
+        text(&none),
+        text(&broken),
+        "--against",
+        text(&certificate),
+        "--diff-pairs",
+        text(&pairs),
+    ]);
+    assert_eq!(run.code, 2);
+    assert!(run.stdout.contains("changed"), "{}", run.stdout);
+    assert!(
+        std::fs::read_to_string(&pairs)
+            .unwrap()
+            .starts_with("0,1,1,0")
     );
 }
 

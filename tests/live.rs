@@ -377,3 +377,44 @@ fn hostile_recordings_are_refused_in_one_line() {
         assert!(!stderr.contains("panicked"), "{stderr}");
     }
 }
+
+/// Another policy than the default one is part of the recording: a replay without options compares alike.
+#[test]
+fn a_replay_keeps_the_policy_of_the_recording() {
+    let folder = TempDir::new().unwrap();
+    let service = service("policy");
+    let recording = folder.path().join("run.mcap");
+    let args = [
+        "--abort-on",
+        "never",
+        "--record",
+        recording.to_str().unwrap(),
+    ];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    // Two broken frames come before the first good one.
+    for (frame, shift) in [f32::NAN, f32::NAN, 0.0, 2.5].into_iter().enumerate() {
+        step(&mut sim, frame as u64, shift);
+    }
+    assert!(sim.aborted().is_none());
+    sim.finish().unwrap();
+    let live = watch.end();
+    assert_eq!(live.code, Some(1), "{}", live.stderr);
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
+    assert_eq!(replayed.reports(), live.reports());
+    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    assert_eq!(replayed.summary()["rejected"], 2);
+    let over = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(["replay", "--record"])
+        .args([&recording, &recording])
+        .output()
+        .unwrap();
+    assert_eq!(over.status.code(), Some(2));
+    assert_eq!(
+        replay(&recording).code,
+        Some(1),
+        "the recording is still whole"
+    );
+}

@@ -78,14 +78,18 @@ impl Certificate {
             changes: Vec::new(),
             defects: self.undefined.clone(),
         };
-        for d in &baseline.undefined {
-            if !out.defects.iter().any(|e| (e.i, e.j) == (d.i, d.j)) {
-                out.defects.push(Defect {
-                    kind: DefectKind::NoBaseline,
-                    ..*d
-                });
-            }
-        }
+        // Both lists are sorted by pair.
+        let own = |d: &Defect| {
+            let key = (d.i, d.j);
+            self.undefined
+                .binary_search_by_key(&key, |e| (e.i, e.j))
+                .is_ok()
+        };
+        let missing = baseline.undefined.iter().filter(|d| !own(d));
+        out.defects.extend(missing.map(|d| Defect {
+            kind: DefectKind::NoBaseline,
+            ..*d
+        }));
         out.defects.sort_by_key(|d| (d.i, d.j));
         let mut unknown_curves: Vec<u32> = Vec::new();
         let mut unknown_pairs: Vec<(u32, u32)> = Vec::new();

@@ -7,11 +7,16 @@ use std::fmt;
 use std::path::Path;
 
 impl fmt::Display for Certificate {
-    /// The text of the file. Pairs without a number have no place in it: see [`Certificate::write`].
+    /// The text of the file. Pairs without a number are listed as `i,j,undefined` (`i,,undefined` for all pairs
+    /// of a curve), which no reader takes for a certificate: left out, they would read as 0.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.curves)?;
         for l in &self.links {
             writeln!(f, "{},{},{}", l.i, l.j, l.lambda)?;
+        }
+        for d in &self.undefined {
+            let j = d.j.map_or(String::new(), |j| j.to_string());
+            writeln!(f, "{},{j},undefined", d.i)?;
         }
         Ok(())
     }
@@ -87,9 +92,7 @@ impl Certificate {
         if let Some(d) = self.undefined.first() {
             return Err(Error::Incomplete {
                 undefined: self.undefined.len(),
-                i: d.i,
-                j: d.j.unwrap_or(d.i),
-                why: d.kind.words().into(),
+                first: d.to_string(),
             });
         }
         std::fs::write(path, self.to_string()).map_err(Error::file(path))

@@ -35,10 +35,17 @@ pub struct Certificate {
 impl Certificate {
     /// Takes the numbers of these pairs back: they turned out not to be proven.
     pub fn withdraw(&mut self, defects: impl IntoIterator<Item = Defect>) {
-        for d in defects {
-            self.links.retain(|l| (l.i, Some(l.j)) != (d.i, d.j));
-            self.undefined.push(d);
-        }
+        self.undefined.extend(defects);
         self.undefined.sort_by_key(|d| (d.i, d.j));
+        self.undefined.dedup_by_key(|d| (d.i, d.j));
+        let Certificate {
+            links, undefined, ..
+        } = self;
+        links.retain(|l| {
+            let key = (l.i, Some(l.j));
+            undefined
+                .binary_search_by_key(&key, |d| (d.i, d.j))
+                .is_err()
+        });
     }
 }

@@ -1,7 +1,7 @@
 //! `linkwatch certify`: models in, certificates out.
 
-use super::output::{self, count, millis, plural};
-use super::{Outcome, output::with_progress};
+use super::output::{self, count, millis, plural, plural_of};
+use super::{Outcome, measure, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::{
     AbortOn, Certificate, CurveSet, Result, Stats, Verifier, homotopic_polylines, model,
@@ -21,6 +21,9 @@ pub struct Args {
     /// How splines become polylines
     #[arg(long, value_enum, default_value_t)]
     discretize: Discretize,
+    /// Certify each model so many times, and give the median times of all stages
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "discretize")]
+    repeat: Option<u32>,
 }
 
 /// How splines become polylines.
@@ -64,15 +67,13 @@ fn certify(path: &Path, how: Discretize) -> Result<Certified> {
         }
     })?;
     let took = start.elapsed();
-    if stats.open_curves > 0 {
-        tracing::warn!(
-            "{name}: {} left out: linking numbers are defined for closed curves only",
-            plural(stats.open_curves, "open curve")
-        );
-    }
+    output::warn_of_open_curves(&name, &stats);
     if stats.repeated_vertices > 0 {
-        let vertices =
-            plural(stats.repeated_vertices, "repeated vertex").replace("vertexs", "vertices");
+        let vertices = plural_of(
+            stats.repeated_vertices,
+            "repeated vertex",
+            "repeated vertices",
+        );
         tracing::warn!("{name}: {vertices} merged");
     }
     for defect in &certificate.undefined {
@@ -96,6 +97,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let mut outcome = Outcome::Fine;
     for path in &args.models {
+        if let Some(n) = args.repeat {
+            outcome = outcome.max(measure::run(path, n, json)?);
+            continue;
+        }
         let c = certify(path, args.discretize)?;
         if !c.certificate.undefined.is_empty() {
             outcome = Outcome::Undecided;
@@ -128,7 +133,7 @@ fn summary(c: &Certified) -> String {
         0 => String::new(),
         n => format!(
             ", {} without a linking number",
-            plural(n as u64, "pair or curve")
+            plural_of(n as u64, "pair or curve", "pairs or curves")
         ),
     };
     format!(

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::output::{self, with_progress};
-use linkwatch::{AbortOn, Certificate, Error, Result, Verifier, model};
+use linkwatch::{AbortOn, Certificate, Error, Report, Result, Verifier, model};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -29,12 +29,20 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
     let mut outcome = Outcome::Fine;
     let mut pairs = BTreeSet::new();
+    let mut failed = None;
     for (frame, path) in args.models.iter().enumerate() {
-        let set = model::read(path)?;
-        let name = path.display().to_string();
-        let report = with_progress(&name, verifier.progress(), || {
-            verifier.step(frame as u64, 0.0, &set)
-        })?;
+        let report = match judge(&mut verifier, frame, path) {
+            Ok(report) => report,
+            Err(e) => {
+                // The other frames are still worth their verdicts.
+                let e = e.in_file(path);
+                match &failed {
+                    None => failed = Some(e),
+                    Some(_) => tracing::error!("{e}"),
+                }
+                continue;
+            }
+        };
         let changes = report.changes.iter();
         pairs.extend(changes.map(|c| (c.i, c.j, c.expected, c.found)));
         outcome = outcome.max(Outcome::of(report.verdict));
@@ -42,7 +50,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             output::json(&serde_json::json!({ "model": path, "report": report }))?;
             continue;
         }
-        output::line(format_args!("{name}: {}", report.verdict))?;
+        output::line(format_args!("{}: {}", path.display(), report.verdict))?;
         for finding in report.findings() {
             output::line(format_args!("  {finding}"))?;
         }
@@ -57,7 +65,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let curves: BTreeSet<u32> = pairs.iter().flat_map(|p| [p.0, p.1]).collect();
         write_lines(file, curves.iter().map(u32::to_string))?;
     }
-    Ok(outcome)
+    failed.map_or(Ok(outcome), Err)
+}
+
+fn judge(verifier: &mut Verifier, frame: usize, path: &Path) -> Result<Report> {
+    let set = model::read(path)?;
+    let name = path.display().to_string();
+    let report = with_progress(&name, verifier.progress(), || {
+        verifier.step(frame as u64, 0.0, &set)
+    })?;
+    output::warn_of_open_curves(&name, &report.stats);
+    Ok(report)
 }
 
 fn write_lines(file: &Path, lines: impl Iterator<Item = String>) -> Result<()> {

@@ -4,6 +4,7 @@ mod certify;
 mod check;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod live;
+mod measure;
 mod output;
 #[cfg(feature = "mcap")]
 mod replay;
@@ -102,10 +103,6 @@ pub fn main() -> ExitCode {
     };
     match result {
         Ok(outcome) => ExitCode::from(outcome.code()),
-        // The reader of our output went away (`linkwatch .. | head`): nobody is left to tell.
-        Err(linkwatch::Error::Io(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => {
-            ExitCode::SUCCESS
-        }
         Err(e) => {
             eprintln!("error: {e}");
             ExitCode::from(2)

@@ -22,10 +22,13 @@ pub fn init(quiet: bool) {
         .init();
 }
 
-/// Writes a line to stdout.
+/// Writes a line to stdout. Where the reader went away (`linkwatch .. | head`) nobody is left to tell, but the
+/// work goes on: a watched simulation still needs its verdicts, and the exit code still tells the outcome.
 pub fn line(text: impl std::fmt::Display) -> linkwatch::Result<()> {
-    writeln!(std::io::stdout().lock(), "{text}")?;
-    Ok(())
+    match writeln!(std::io::stdout().lock(), "{text}") {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => Ok(other?),
+    }
 }
 
 /// Writes a value as one line of JSON to stdout.
@@ -90,10 +93,24 @@ pub fn count(n: u64) -> String {
 
 /// A count with its noun, `1 link`, `2 links`.
 pub fn plural(n: u64, noun: &str) -> String {
-    if n == 1 {
-        format!("1 {noun}")
-    } else {
-        format!("{} {noun}s", count(n))
+    plural_of(n, noun, &format!("{noun}s"))
+}
+
+/// A count with its noun, `1 vertex`, `2 vertices`.
+pub fn plural_of(n: u64, one: &str, many: &str) -> String {
+    match n {
+        1 => format!("1 {one}"),
+        _ => format!("{} {many}", count(n)),
+    }
+}
+
+/// Says which curves are left out, where some are.
+pub fn warn_of_open_curves(name: &str, stats: &linkwatch::Stats) {
+    if stats.open_curves > 0 {
+        tracing::warn!(
+            "{name}: {} left out: linking numbers are defined for closed curves only",
+            plural(stats.open_curves, "open curve")
+        );
     }
 }
 

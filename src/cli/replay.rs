@@ -26,37 +26,35 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let in_recording = |e: Error| e.in_file(&args.recording);
     let mut reader = RecordingReader::open(&args.recording).map_err(in_recording)?;
-    let recorded_policy: Option<AbortOn> = reader
-        .metadata()
-        .get("abort_on")
-        .and_then(|a| a.parse().ok());
-    let judge = Judge {
-        abort_on: args.judge.abort_on.or(recorded_policy),
-        ..args.judge.clone()
-    };
     let title = format!("replay of {}", args.recording.display());
     let metadata = BTreeMap::from([("replay_of".to_owned(), args.recording.display().to_string())]);
-    let mut pending = None;
-    // The baseline comes before the first frame that was compared with it.
+    // The baseline comes before the first frame that was compared with it; rejected frames may come earlier.
     let mut baseline = None;
+    let mut before = Vec::new();
     while let Some(item) = reader.next_item().map_err(in_recording)? {
-        match item {
-            RecordedItem::Baseline(b) => {
-                baseline = Some((Arc::unwrap_or_clone(b.certificate), b.origin));
-                break;
-            }
-            other => {
-                pending = Some(other);
-                if matches!(pending, Some(RecordedItem::Frame(_))) {
-                    break;
-                }
-            }
+        if let RecordedItem::Baseline(b) = item {
+            baseline = Some((Arc::unwrap_or_clone(b.certificate), b.origin));
+            break;
+        }
+        let frame = matches!(item, RecordedItem::Frame(_));
+        before.push(item);
+        if frame {
+            break;
         }
     }
+    // Known once the first item was read.
+    let policy = reader.metadata().get("abort_on");
+    let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
+    let judge = Judge {
+        abort_on: args.judge.abort_on.or(recorded),
+        ..args.judge.clone()
+    };
+    args.sinks.refuse_to_overwrite(&args.recording)?;
     let mut replay = Replay {
         session: Session::new(&judge, &args.sinks, baseline, &title, metadata, json)?,
         // Another policy or baseline gives other verdicts, and is meant to.
-        compare: judge.abort_on == recorded_policy && judge.baseline.is_none(),
+        compare: judge.abort_on.unwrap_or_default() == recorded.unwrap_or_default()
+            && judge.baseline.is_none(),
         tally: Tally::default(),
         last: None,
         unlike: 0,
@@ -65,7 +63,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         .session
         .live()
         .note(format_args!("replaying {}", args.recording.display()));
-    if let Some(item) = pending {
+    for item in before {
         replay.take(item)?;
     }
     while let Some(item) = reader.next_item().map_err(in_recording)? {

@@ -12,6 +12,8 @@ use linkwatch::{
 #[cfg(feature = "rerun")]
 use linkwatch::{ViewerSink, ViewerTarget};
 use std::collections::{BTreeMap, BTreeSet};
+#[cfg(feature = "mcap")]
+use std::path::Path;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -77,6 +79,22 @@ pub struct Sinks {
 }
 
 impl Sinks {
+    /// Fails where a sink would overwrite the file that is being read.
+    #[cfg(feature = "mcap")]
+    pub fn refuse_to_overwrite(&self, input: &Path) -> Result<()> {
+        let same = |path: &PathBuf| {
+            let real = |p: &Path| p.canonicalize().ok();
+            real(path).is_some() && real(path) == real(input)
+        };
+        if self.record.as_ref().is_some_and(same) {
+            return Err(Error::Usage(format!(
+                "--record {} would overwrite the recording that is replayed",
+                input.display()
+            )));
+        }
+        Ok(())
+    }
+
     /// Opens what was asked for. `title` names the run in the viewer.
     fn open(&self, title: &str, metadata: &BTreeMap<String, String>) -> Result<Vec<SinkQueue>> {
         let queues = [self.open_recording(metadata)?, self.open_viewer(title)?];
@@ -149,6 +167,8 @@ pub struct Session {
     first_violation: Option<String>,
     tally: Tally,
     checks: Durations,
+    /// Curves left out of every verdict, once a frame was verified.
+    open_curves: Option<u64>,
 }
 
 impl Session {
@@ -188,6 +208,7 @@ impl Session {
             first_violation: None,
             tally: Tally::default(),
             checks: Durations::default(),
+            open_curves: None,
         })
     }
 
@@ -260,6 +281,10 @@ impl Session {
             self.begun = true;
         }
         if report.verdict != Verdict::Rejected {
+            if self.open_curves.is_none() {
+                output::warn_of_open_curves("the frames", &report.stats);
+                self.open_curves = Some(report.stats.open_curves);
+            }
             self.checks.add(check);
         }
         self.tell(&report, check)?;
@@ -387,6 +412,7 @@ impl Session {
                     "median_ms": median.as_secs_f64() * 1e3,
                     "max_ms": slowest.as_secs_f64() * 1e3,
                     "first_violation": self.first_violation,
+                    "open_curves": self.open_curves,
                 }
             }))?;
             return Ok(self.outcome);
@@ -401,6 +427,9 @@ impl Session {
         );
         if let Some(first) = &self.first_violation {
             line += &format!("\nfirst: {first}");
+        }
+        if let Some(n @ 1..) = self.open_curves {
+            line += &format!("\nnot verified: {}", plural(n, "open curve"));
         }
         for note in kept {
             line += &format!("\n{note}");

@@ -46,12 +46,29 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         "waiting for a simulator on service '{}'",
         args.service
     ));
+    let ended = watch(args, &mut sidecar, &mut session, &stop);
+    let counters = match &ended {
+        Ok(counters) => *counters,
+        Err(_) => sidecar.counters(),
+    };
+    // Whatever happened, what was verified so far is kept and summed up.
+    let outcome = session.finish(tally(counters))?;
+    ended.map(|_| outcome)
+}
+
+/// Watches one session to its end; returns what became of its frames.
+fn watch(
+    args: &Args,
+    sidecar: &mut Sidecar,
+    session: &mut Session,
+    stop: &AtomicBool,
+) -> Result<Counters> {
     let start = Instant::now();
     let mut current = None;
-    let counters = loop {
+    loop {
         if stop.load(Ordering::Relaxed) {
             session.live().note("stopped by a signal");
-            break sidecar.counters();
+            return Ok(sidecar.counters());
         }
         match sidecar.wait(TICK)? {
             Event::NewSession { session: id } if current.is_none() => {
@@ -64,13 +81,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                     .live()
                     .note("another simulator took over; start linkwatch again for it");
                 session.data_lost();
-                break sidecar.counters();
+                return Ok(sidecar.counters());
             }
             Event::Frame(frame) => {
                 let judged = session.judge(frame.seq(), frame.time(), |set| frame.ingest(set))?;
                 drop(frame);
-                sidecar.send_verdict(&judged.report, judged.check)?;
+                let sent = sidecar.send_verdict(&judged.report, judged.check);
                 session.publish(judged, tally(sidecar.counters()))?;
+                sent?;
             }
             Event::Unreadable(why) => {
                 tracing::warn!("something that is no frame was rejected: {why}");
@@ -92,25 +110,24 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                     "the simulator ended after {}",
                     plural(published, "frame")
                 ));
-                break counters;
+                return Ok(counters);
             }
             Event::SimulatorLost { counters, .. } => {
                 tracing::warn!(
                     "the simulator died without a word; frames that it published last may be lost"
                 );
                 session.data_lost();
-                break counters;
+                return Ok(counters);
             }
             Event::Idle => {
                 let waited = start.elapsed();
                 if current.is_none() && args.wait.is_some_and(|s| waited.as_secs_f64() > s) {
                     tracing::warn!("no simulator came");
-                    break Counters::default();
+                    return Ok(Counters::default());
                 }
             }
         }
-    };
-    session.finish(tally(counters))
+    }
 }
 
 fn tally(c: Counters) -> Tally {

@@ -90,8 +90,9 @@ impl Basis {
     /// Bezier form of the segment with control points `q` (for polylines `q[0]` and `q[1]`).
     ///
     /// Rounding: with `M` the largest coordinate of `q` and `u = 2^-53`, every coordinate of the result is
-    /// within `4 M u` of the exact one (B-spline: at most three additions, a doubling or quadrupling that is
-    /// exact, and a division; Catmull-Rom: one difference of at most `2M`, a division by six, one sum).
+    /// within `4 M u` of the exact one. B-spline ends: a sum of at most `5 M` and one of at most `6 M` round by
+    /// `11 M u`, a sixth of which is left, and the constant and its product by `M u` each. Inner points: one sum
+    /// of `3 M`, likewise. Catmull-Rom: a third of `2 M`, rounded three times, and a sum of at most `4/3 M`.
     pub(crate) fn bezier(self, q: &[Point; 4]) -> Bezier {
         let each = |f: &dyn Fn(usize) -> f64| [f(0), f(1), f(2)];
         match self {
@@ -101,19 +102,31 @@ impl Basis {
             }
             Basis::CatmullRom => [
                 q[1],
-                each(&|x| q[1][x] + (q[2][x] - q[0][x]) / 6.0),
-                each(&|x| q[2][x] - (q[3][x] - q[1][x]) / 6.0),
+                each(&|x| q[1][x] + (q[2][x] - q[0][x]) * SIXTH),
+                each(&|x| q[2][x] - (q[3][x] - q[1][x]) * SIXTH),
                 q[2],
             ],
             Basis::BSpline => [
-                each(&|x| (q[0][x] + 4.0 * q[1][x] + q[2][x]) / 6.0),
-                each(&|x| (2.0 * q[1][x] + q[2][x]) / 3.0),
-                each(&|x| (q[1][x] + 2.0 * q[2][x]) / 3.0),
-                each(&|x| (q[1][x] + 4.0 * q[2][x] + q[3][x]) / 6.0),
+                each(&|x| bspline_knot(q[0][x], q[1][x], q[2][x])),
+                each(&|x| (2.0 * q[1][x] + q[2][x]) * THIRD),
+                each(&|x| (q[1][x] + 2.0 * q[2][x]) * THIRD),
+                each(&|x| bspline_knot(q[1][x], q[2][x], q[3][x])),
             ],
             Basis::Bezier => *q,
         }
     }
+}
+
+/// One sixth, rounded.
+const SIXTH: f64 = 1.0 / 6.0;
+
+/// One third, rounded.
+const THIRD: f64 = 1.0 / 3.0;
+
+/// The point of a uniform cubic B-spline beside its control point `b`, on one axis.
+#[inline(always)]
+pub(crate) fn bspline_knot(a: f64, b: f64, c: f64) -> f64 {
+    (a + 4.0 * b + c) * SIXTH
 }
 
 /// A cubic segment by its four Bezier control points.
@@ -127,6 +140,31 @@ pub(crate) fn hull_bounds(p: &Bezier) -> Bounds {
     let fold =
         |f: fn(f64, f64) -> f64| [0, 1, 2].map(|x| f(f(p[0][x], p[1][x]), f(p[2][x], p[3][x])));
     (fold(f64::min), fold(f64::max))
+}
+
+/// Bounds of eight consecutive segments of a uniform cubic basis on one axis, from their eleven control points:
+/// the extremes of [`Basis::bezier`], by the same operations.
+#[inline(always)]
+pub(crate) fn uniform_bounds(basis: Basis, q: &[f64; 11]) -> ([f64; 8], [f64; 8]) {
+    let (mut lo, mut hi) = ([0.0; 8], [0.0; 8]);
+    for k in 0..8 {
+        let (q0, q1, q2, q3) = (q[k], q[k + 1], q[k + 2], q[k + 3]);
+        let b = if basis == Basis::BSpline {
+            [
+                bspline_knot(q0, q1, q2),
+                (2.0 * q1 + q2) * THIRD,
+                (q1 + 2.0 * q2) * THIRD,
+                bspline_knot(q1, q2, q3),
+            ]
+        } else {
+            [q1, q1 + (q2 - q0) * SIXTH, q2 - (q3 - q1) * SIXTH, q2]
+        };
+        let smaller = |a: f64, b: f64| if a < b { a } else { b };
+        let larger = |a: f64, b: f64| if a > b { a } else { b };
+        lo[k] = smaller(smaller(b[0], b[1]), smaller(b[2], b[3]));
+        hi[k] = larger(larger(b[0], b[1]), larger(b[2], b[3]));
+    }
+    (lo, hi)
 }
 
 /// The polar form of a cubic: control points of any sub-segment are its values at the ends.

@@ -62,6 +62,7 @@ impl BoxGroup {
     };
 
     /// The box of one lane.
+    #[inline(always)]
     pub fn lane(&self, i: usize) -> Box3 {
         Box3 {
             lo: [0, 1, 2].map(|x| self.lo[x][i]),
@@ -70,6 +71,7 @@ impl BoxGroup {
     }
 
     /// Sets the box of one lane.
+    #[inline(always)]
     pub fn set_lane(&mut self, i: usize, b: &Box3) {
         for x in 0..3 {
             self.lo[x][i] = b.lo[x];
@@ -78,6 +80,7 @@ impl BoxGroup {
     }
 
     /// Empties the lanes from `count` on.
+    #[inline(always)]
     pub fn clear_from(&mut self, count: usize) {
         for x in 0..3 {
             self.lo[x][count..].fill(f32::INFINITY);
@@ -86,6 +89,7 @@ impl BoxGroup {
     }
 
     /// The box around all eight.
+    #[inline(always)]
     pub fn bounds(&self) -> Box3 {
         let fold = |v: &[f32; LANES], pick: fn(f32, f32) -> f32| {
             let four = [0, 1, 2, 3].map(|i| pick(v[i], v[i + 4]));
@@ -99,49 +103,72 @@ impl BoxGroup {
 }
 
 /// The smaller of two numbers, neither of which is NaN (one instruction, unlike `f32::min`).
+#[inline(always)]
 pub(crate) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
 /// The larger of two numbers, neither of which is NaN.
+#[inline(always)]
 pub(crate) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The largest single-precision number that is not above `x`.
-pub(crate) fn round_down(x: f64) -> f32 {
-    let y = x as f32;
-    if f64::from(y) > x { y.next_down() } else { y }
+/// A finite single-precision number at or below `x`, or the least one where there is none.
+///
+/// The nearest single is off by at most `2^-24 |x|` (or `2^-150` where it is subnormal); twice that is taken off
+/// first, and the rounding of the subtraction in double precision is far below the difference.
+///
+/// Numbers beyond the range of singles saturate: boxes are only ever compared, and clamping is monotone, so no
+/// overlap is lost. Infinite bounds are kept for empty boxes alone.
+#[inline(always)]
+pub(crate) fn below(x: f64) -> f32 {
+    ((x - x.abs() * OUTWARD - TINY) as f32).clamp(f32::MIN, f32::MAX)
 }
 
-/// The smallest single-precision number that is not below `x`.
-pub(crate) fn round_up(x: f64) -> f32 {
-    let y = x as f32;
-    if f64::from(y) < x { y.next_up() } else { y }
+/// A finite single-precision number at or above `x`, likewise.
+#[inline(always)]
+pub(crate) fn above(x: f64) -> f32 {
+    ((x + x.abs() * OUTWARD + TINY) as f32).clamp(f32::MIN, f32::MAX)
 }
+
+/// `2^-23`.
+const OUTWARD: f64 = f32::EPSILON as f64;
+
+/// `2^-149`, the smallest single.
+const TINY: f64 = f64::from_bits((1023 - 149) << 52);
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn rounding_is_outward_at_the_ends_of_the_range() {
+    fn rounding_is_outward_and_saturates_at_the_ends_of_the_range() {
+        let top = f64::from(f32::MAX);
         for x in [
             0.1,
             -0.1,
             1e-300,
             -1e-300,
-            1e300,
-            -1e300,
+            1e-40,
+            -1e-45,
             0.0,
             1.0,
-            f64::from(f32::MAX) * 1.0000001,
+            0.999 * top,
+            -0.999 * top,
         ] {
-            assert!(f64::from(round_down(x)) <= x, "{x}");
-            assert!(f64::from(round_up(x)) >= x, "{x}");
+            assert!(f64::from(below(x)) <= x && x <= f64::from(above(x)), "{x}");
+            let width = f64::from(above(x)) - f64::from(below(x));
+            assert!(
+                width <= 4.0 * f64::from(f32::EPSILON) * x.abs() + 1e-44,
+                "{x}: {width}"
+            );
         }
-        assert_eq!(round_down(1.0), 1.0);
-        assert_eq!(round_up(1.0), 1.0);
+        // Infinite bounds would make a box overlap the empty one.
+        for x in [top, 1.001 * top, 1e60, f64::MAX] {
+            assert_eq!((above(x), below(-x)), (f32::MAX, f32::MIN));
+            assert!(below(x).is_finite() && above(-x).is_finite());
+        }
     }
 
     #[test]

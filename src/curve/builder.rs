@@ -62,6 +62,14 @@ impl CurveSetBuilder {
     /// Allocates for all of its points: compare `points` with the length of the data first.
     pub fn start_curve(&mut self, points: usize, closed: bool) -> Result<()> {
         self.check_complete()?;
+        // Counts are signed on the bus and in files.
+        if i32::try_from(points).is_err() {
+            return Err(Error::Count {
+                what: "points of a curve",
+                promised: points as u64,
+                available: i32::MAX as u64,
+            });
+        }
         let set = &mut self.set;
         let i = set.curves.len();
         let basis = set.basis;
@@ -75,14 +83,7 @@ impl CurveSetBuilder {
                 needed: basis.needs(closed),
             });
         };
-        // Before anything is allocated. Counts are signed on the bus and in files.
-        if i32::try_from(points).is_err() {
-            return Err(Error::Count {
-                what: "points of a curve",
-                promised: points as u64,
-                available: i32::MAX as u64,
-            });
-        }
+        // Before anything is allocated.
         let first = set.coordinates.len();
         if u32::try_from(first + slots).is_err() {
             return Err(Error::Count {

@@ -1,6 +1,7 @@
 //! Coordinates from outside, checked on their way into three arrays.
 
 use super::Point;
+use super::basis::bspline_knot;
 use crate::error::Result;
 use std::ops::Range;
 
@@ -71,9 +72,6 @@ pub(super) enum Coordinates {
     F64([Vec<f64>; 3]),
 }
 
-/// Largest magnitude, and smallest one other than zero (infinite where there is none, or nobody asks).
-pub(super) type Range64 = (f64, f64);
-
 /// A value that is not finite: point, axis, value.
 pub(super) type Bad = (usize, usize, f64);
 
@@ -129,11 +127,26 @@ impl Coordinates {
 
     /// Writes points from slot `at` on, reading and checking every value once. `positions` has the
     /// precision of these coordinates.
-    pub fn write(&mut self, at: usize, positions: Positions<'_>) -> Result<Range64, Bad> {
+    pub fn write(&mut self, at: usize, positions: Positions<'_>) -> Result<f64, Bad> {
         match (self, positions) {
             (Self::F32(dst), Positions::F32(src)) => scatter(dst, at, src),
             (Self::F64(dst), Positions::F64(src)) => scatter(dst, at, src),
             _ => unreachable!("callers compare the precision first"),
+        }
+    }
+
+    /// Slots from `first` on that hold the same point as the next one.
+    pub fn repeats(&self, first: usize, count: usize) -> usize {
+        fn count_in<T: Scalar + PartialEq>(v: &[Vec<T>; 3], first: usize, count: usize) -> usize {
+            let [x, y, z] = v.each_ref().map(|v| &v[first..first + count + 1]);
+            let same = |v: &[T], k: usize| v[k] == v[k + 1];
+            (0..count)
+                .filter(|&k| same(x, k) & same(y, k) & same(z, k))
+                .count()
+        }
+        match self {
+            Self::F32(v) => count_in(v, first, count),
+            Self::F64(v) => count_in(v, first, count),
         }
     }
 
@@ -147,65 +160,53 @@ impl Coordinates {
 }
 
 /// A coordinate type.
-trait Scalar: Copy + Into<f64> + Default {
+pub(super) trait Scalar: Copy + Into<f64> + Default {
     /// Bits of the largest finite magnitude.
     const MAX_BITS: u64;
-    /// Bits of the largest magnitude, and of the smallest other than zero where [`super::CurveSet::is_extreme`] asks
-    /// for it (all bits set where there is none).
-    fn magnitudes(values: &[Self]) -> (u64, u64);
-    /// The number with these bits; infinite for all bits set.
+    /// Bits of the largest magnitude.
+    fn largest(values: &[Self]) -> u64;
+    /// The number with these bits.
     fn from_magnitude(bits: u64) -> f64;
 }
 impl Scalar for f32 {
     const MAX_BITS: u64 = f32::MAX.to_bits() as u64;
-    fn magnitudes(values: &[Self]) -> (u64, u64) {
-        let max = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
-        (u64::from(max), u64::MAX)
+    fn largest(values: &[Self]) -> u64 {
+        let largest = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
+        u64::from(largest)
     }
     fn from_magnitude(bits: u64) -> f64 {
-        u32::try_from(bits).map_or(f64::INFINITY, |bits| f64::from(f32::from_bits(bits)))
+        f32::from_bits(bits as u32).into()
     }
 }
 impl Scalar for f64 {
     const MAX_BITS: u64 = f64::MAX.to_bits();
-    fn magnitudes(values: &[Self]) -> (u64, u64) {
-        let (max, min) = values.iter().fold((0, u64::MAX), |(max, min), v| {
-            let m = v.to_bits() << 1 >> 1;
-            // Zero wraps around to the end of the range, where it is no minimum.
-            (m.max(max), m.wrapping_sub(1).min(min))
-        });
-        (max, min.saturating_add(1))
+    fn largest(values: &[Self]) -> u64 {
+        values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m))
     }
     fn from_magnitude(bits: u64) -> f64 {
-        if bits == u64::MAX {
-            f64::INFINITY
-        } else {
-            f64::from_bits(bits)
-        }
+        f64::from_bits(bits)
     }
 }
 
 /// Points that [`scatter`] takes in one go: they stay in the first-level cache.
 const BLOCK: usize = 64;
 
-/// Spreads `x y z x y z ..` over three arrays. Returns the largest magnitude and the smallest one other than
-/// zero, or the first value that is not finite (point, axis, value).
+/// Spreads `x y z x y z ..` over three arrays. Returns the largest magnitude, or the first value that is not finite (point, axis, value).
 ///
 /// Magnitudes are compared as integers: the bits of a float without its sign grow with its magnitude, and
 /// those of infinities and NaN lie above all others. One maximum is both the range and the check.
-fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<Range64, Bad> {
+fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<f64, Bad> {
     let n = src.len() / 3;
     let [x, y, z] = dst;
     let (x, y, z) = (&mut x[at..at + n], &mut y[at..at + n], &mut z[at..at + n]);
-    let (mut max, mut min) = (0, u64::MAX);
+    let mut max = 0;
     let mut block = [T::default(); 3 * BLOCK];
     for (b, src) in src.chunks(3 * BLOCK).enumerate() {
         // Copied first: in shared memory a second read may give another value.
         let block = &mut block[..src.len()];
         block.copy_from_slice(src);
-        let (block_max, block_min) = T::magnitudes(block);
+        let block_max = T::largest(block);
         max = max.max(block_max);
-        min = min.min(block_min);
         let first = b * BLOCK;
         let len = block.len() / 3;
         let (x, y, z) = (
@@ -224,5 +225,68 @@ fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<Ran
             return Err((first + bad / 3, bad % 3, block[bad].into()));
         }
     }
-    Ok((T::from_magnitude(max), T::from_magnitude(min)))
+    Ok(T::from_magnitude(max))
+}
+
+/// The knots of one curve, for reading many of them: what is the same for all is decided once.
+#[derive(Clone, Copy)]
+pub(crate) enum Knots<'a> {
+    /// Single precision input.
+    F32(&'a [Vec<f32>; 3], Strided),
+    /// Double precision input.
+    F64(&'a [Vec<f64>; 3], Strided),
+    /// B-spline knots from single precision input.
+    ComputedF32(&'a [Vec<f32>; 3], Strided),
+    /// B-spline knots from double precision input.
+    ComputedF64(&'a [Vec<f64>; 3], Strided),
+}
+
+/// Where knots lie: first slot, and slots from one to the next.
+#[derive(Clone, Copy)]
+pub(crate) struct Strided {
+    first: usize,
+    stride: usize,
+}
+
+impl<'a> Knots<'a> {
+    pub(super) fn new(c: &'a Coordinates, first: usize, stride: usize, computed: bool) -> Self {
+        let at = Strided { first, stride };
+        match (c, computed) {
+            (Coordinates::F32(v), false) => Knots::F32(v, at),
+            (Coordinates::F64(v), false) => Knots::F64(v, at),
+            (Coordinates::F32(v), true) => Knots::ComputedF32(v, at),
+            (Coordinates::F64(v), true) => Knots::ComputedF64(v, at),
+        }
+    }
+
+    /// Coordinate `axis` of knot `s` and of the next one.
+    #[inline(always)]
+    pub fn edge(&self, s: u32, axis: usize) -> [f64; 2] {
+        let s = s as usize;
+        match self {
+            Knots::F32(v, at) => {
+                let k = at.first + s * at.stride;
+                [v[axis][k].into(), v[axis][k + at.stride].into()]
+            }
+            Knots::F64(v, at) => {
+                let k = at.first + s * at.stride;
+                [v[axis][k], v[axis][k + at.stride]]
+            }
+            Knots::ComputedF32(v, at) => {
+                let q = &v[axis][at.first + s..at.first + s + 4];
+                let q = [q[0], q[1], q[2], q[3]].map(f64::from);
+                [
+                    bspline_knot(q[0], q[1], q[2]),
+                    bspline_knot(q[1], q[2], q[3]),
+                ]
+            }
+            Knots::ComputedF64(v, at) => {
+                let q = &v[axis][at.first + s..at.first + s + 4];
+                [
+                    bspline_knot(q[0], q[1], q[2]),
+                    bspline_knot(q[1], q[2], q[3]),
+                ]
+            }
+        }
+    }
 }

@@ -1,7 +1,8 @@
 //! All curves of one frame, as a structure of arrays.
 
-use super::boxes::{BoxGroup, LANES, larger, round_down, round_up, smaller};
-use super::coordinates::Coordinates;
+use super::basis::{bspline_knot, uniform_bounds};
+use super::boxes::{BoxGroup, LANES, above, below, larger, smaller};
+use super::coordinates::{Coordinates, Knots, Scalar};
 use super::{Basis, Bezier, Point, Positions, Precision, hull_bounds, point_at};
 use crate::error::{Error, Result};
 
@@ -18,6 +19,10 @@ pub struct Curve {
     pub closed: bool,
 }
 
+/// Largest coordinate of a spline, `2^300`: the products of three differences of its points, which the
+/// discretization forms, then stay finite. (Polylines have no limit.)
+const SPLINE_RANGE: f64 = f64::from_bits((1023 + 300) << 52);
+
 /// All curves of one frame.
 ///
 /// Control points lie in three arrays, one an axis, curve after curve. A closed curve carries copies of its
@@ -33,8 +38,6 @@ pub struct CurveSet {
     pub(super) points: usize,
     /// Largest magnitude of any coordinate.
     max_abs: f64,
-    /// Smallest magnitude other than zero, where double precision asks for it.
-    min_abs: f64,
 }
 
 impl CurveSet {
@@ -46,7 +49,6 @@ impl CurveSet {
             coordinates: Coordinates::with_capacity(precision, slots),
             points: 0,
             max_abs: 0.0,
-            min_abs: f64::INFINITY,
         }
     }
 
@@ -69,7 +71,6 @@ impl CurveSet {
             });
         }
         self.max_abs = 0.0;
-        self.min_abs = f64::INFINITY;
         let mut at = 0;
         for i in 0..self.curves.len() {
             let end = at + 3 * self.curves[i].points as usize;
@@ -85,14 +86,20 @@ impl CurveSet {
         let c = self.curves[i];
         let at = c.first as usize + self.basis.lead(c.closed) + start;
         let written = self.coordinates.write(at, positions);
-        let (max_abs, min_abs) = written.map_err(|(point, axis, value)| Error::NotFinite {
+        let max_abs = written.map_err(|(point, axis, value)| Error::NotFinite {
             curve: i,
             point: start + point,
             axis: ['x', 'y', 'z'][axis],
             value,
         })?;
+        if !self.basis.is_polyline() && max_abs > SPLINE_RANGE {
+            return Err(Error::TooLarge {
+                curve: i,
+                found: max_abs,
+                limit: SPLINE_RANGE,
+            });
+        }
         self.max_abs = self.max_abs.max(max_abs);
-        self.min_abs = self.min_abs.min(min_abs);
         Ok(())
     }
 
@@ -166,19 +173,6 @@ impl CurveSet {
         self.max_abs
     }
 
-    /// Whether exponents are so extreme that floating-point predicates could overflow or underflow; exact
-    /// stages then work with big integers.
-    ///
-    /// Outside of `[2^-190, 2^300]`: a coordinate of at least `2^-190` is a multiple of `2^-242`, a point of
-    /// a split spline one of `2^-340` (three rounds of a product with a parameter of at most 31 bits), and
-    /// the product of three differences of at least `2^-1020`; at the other end it stays below `2^906`.
-    /// Single-precision input never reaches either end.
-    pub(crate) fn is_extreme(&self) -> bool {
-        const SMALLEST: f64 = f64::from_bits((1023 - 190) << 52);
-        const LARGEST: f64 = f64::from_bits((1023 + 300) << 52);
-        self.precision() == Precision::F64 && (self.min_abs < SMALLEST || self.max_abs > LARGEST)
-    }
-
     /// Distance by which computed points and boxes of splines may be off, an upper bound: boxes are padded
     /// by it. Zero for polylines, whose vertices are the input.
     ///
@@ -224,7 +218,7 @@ impl CurveSet {
             Basis::CatmullRom => self.at(slot + 1),
             Basis::BSpline => {
                 let (a, b, c) = (self.at(slot), self.at(slot + 1), self.at(slot + 2));
-                [0, 1, 2].map(|x| (a[x] + 4.0 * b[x] + c[x]) / 6.0)
+                [0, 1, 2].map(|x| bspline_knot(a[x], b[x], c[x]))
             }
         }
     }
@@ -281,46 +275,51 @@ impl CurveSet {
     /// Boxes of the segments `8 g .. 8 g + 8` of curve `i`; lanes past its end are empty.
     ///
     /// Each box contains the segment, its chord, and every point that the discretization may compute on it.
+    #[inline(always)]
     pub(crate) fn leaf_boxes(&self, i: usize, g: usize) -> BoxGroup {
-        let mut group = BoxGroup::EMPTY;
-        let first = self.slot(i, g * LANES);
-        match (&self.coordinates, self.basis) {
-            (Coordinates::F32(v), Basis::Polyline) => {
-                for (x, v) in v.iter().enumerate() {
-                    let p = &v[first..first + LANES + 1];
-                    for k in 0..LANES {
-                        group.lo[x][k] = smaller(p[k], p[k + 1]);
-                        group.hi[x][k] = larger(p[k], p[k + 1]);
-                    }
-                }
-            }
-            (Coordinates::F64(v), Basis::Polyline) => {
-                for (x, v) in v.iter().enumerate() {
-                    let p = &v[first..first + LANES + 1];
-                    for k in 0..LANES {
-                        group.lo[x][k] = round_down(p[k].min(p[k + 1]));
-                        group.hi[x][k] = round_up(p[k].max(p[k + 1]));
-                    }
-                }
-            }
-            _ => {
-                let pad = self.pad();
-                let count = (self.curves[i].segments as usize - g * LANES).min(LANES);
-                for k in 0..count {
-                    let b = self.segment(i, g * LANES + k);
-                    let (lo, hi) = hull_bounds(&b);
-                    for x in 0..3 {
-                        group.lo[x][k] = round_down(lo[x] - pad);
-                        group.hi[x][k] = round_up(hi[x] + pad);
-                    }
-                }
-            }
-        }
         let count = self.curves[i].segments as usize - g * LANES;
+        let first = self.slot(i, g * LANES);
+        let mut group = match self.basis {
+            Basis::Polyline => match &self.coordinates {
+                Coordinates::F32(v) => edge_boxes(v, first, smaller, larger),
+                Coordinates::F64(v) => edge_boxes(
+                    v,
+                    first,
+                    |p, q| below(if p < q { p } else { q }),
+                    |p, q| above(if p > q { p } else { q }),
+                ),
+            },
+            Basis::CatmullRom | Basis::BSpline => match &self.coordinates {
+                Coordinates::F32(v) => uniform_boxes(self.basis, v, first, self.pad()),
+                Coordinates::F64(v) => uniform_boxes(self.basis, v, first, self.pad()),
+            },
+            Basis::Bezier => self.bezier_boxes(i, g, count.min(LANES)),
+        };
         if count < LANES {
             group.clear_from(count);
         }
         group
+    }
+
+    fn bezier_boxes(&self, i: usize, g: usize, count: usize) -> BoxGroup {
+        let mut group = BoxGroup::EMPTY;
+        let pad = self.pad();
+        for k in 0..count {
+            let (lo, hi) = hull_bounds(&self.segment(i, g * LANES + k));
+            for x in 0..3 {
+                group.lo[x][k] = below(lo[x] - pad);
+                group.hi[x][k] = above(hi[x] + pad);
+            }
+        }
+        group
+    }
+
+    /// The knots of curve `i`, for reading many.
+    pub(crate) fn knots(&self, i: usize) -> Knots<'_> {
+        // Catmull-Rom segments start at the second point of their window.
+        let first = self.slot(i, 0) + usize::from(self.basis == Basis::CatmullRom);
+        let computed = self.basis == Basis::BSpline;
+        Knots::new(&self.coordinates, first, self.basis.stride(), computed)
     }
 
     /// Vertices of polyline `i` that repeat the one before them (its first one, around the end).
@@ -329,9 +328,8 @@ impl CurveSet {
             return 0;
         }
         let c = self.curves[i];
-        (0..c.segments as usize)
-            .filter(|&s| self.knot(i, s) == self.knot(i, s + 1))
-            .count()
+        self.coordinates
+            .repeats(c.first as usize, c.segments as usize)
     }
 
     /// Whether curve `i` has at least three distinct control points: a loop with fewer bounds nothing.
@@ -352,6 +350,44 @@ impl CurveSet {
         }
         false
     }
+}
+
+/// Boxes of eight edges of a polyline.
+#[inline(always)]
+fn edge_boxes<T: Copy>(
+    v: &[Vec<T>; 3],
+    first: usize,
+    lo: impl Fn(T, T) -> f32,
+    hi: impl Fn(T, T) -> f32,
+) -> BoxGroup {
+    let mut group = BoxGroup::EMPTY;
+    for (x, v) in v.iter().enumerate() {
+        let p = &v[first..first + LANES + 1];
+        for k in 0..LANES {
+            group.lo[x][k] = lo(p[k], p[k + 1]);
+            group.hi[x][k] = hi(p[k], p[k + 1]);
+        }
+    }
+    group
+}
+
+/// Boxes of eight segments of a uniform cubic basis.
+#[inline(always)]
+fn uniform_boxes<T: Scalar>(basis: Basis, v: &[Vec<T>; 3], first: usize, pad: f64) -> BoxGroup {
+    let mut group = BoxGroup::EMPTY;
+    for (x, v) in v.iter().enumerate() {
+        let window = &v[first..first + LANES + 3];
+        let mut q = [0.0; LANES + 3];
+        for (q, &p) in q.iter_mut().zip(window) {
+            *q = p.into();
+        }
+        let (lo, hi) = uniform_bounds(basis, &q);
+        for k in 0..LANES {
+            group.lo[x][k] = below(lo[k] - pad);
+            group.hi[x][k] = above(hi[k] + pad);
+        }
+    }
+    group
 }
 
 #[cfg(test)]

@@ -112,6 +112,8 @@ fn refine(set: &CurveSet, trees: &Trees, (i, j): Pair, margin: f64) -> Refined {
         let Some(first) = front.first() else { break };
         if level == MAX_LEVEL || front.len() > MAX_FRONT {
             out.too_close = Some([first[0].1, first[1].1]);
+            // They would prove nothing, and there may be millions.
+            out.splits.clear();
             break;
         }
         out.passes = level + 2;

@@ -43,7 +43,8 @@ pub(super) fn separation_margin(max_abs: f64, pad: f64) -> f64 {
 
 /// Whether the hulls, dilated by `margin`, lie on two sides of a plane with normal `n`.
 fn apart_along(a: &Bezier, b: &Bezier, n: Point, margin: f64) -> bool {
-    let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs());
+    // The constant covers underflow, of this product and of those below.
+    let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
     let extent = |p: &Bezier| {
         p.iter()
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &p| {

@@ -13,7 +13,7 @@
 //! where the vertex belongs to the upper loop. An edge that projects to a point gives 0 at both ends and so
 //! no crossing. Two edges that share a vertex get the same answer for it: no half-open bookkeeping.
 
-use super::predicates::{ORIENT2D_BOUND, ORIENT3D_BOUND, Predicates};
+use super::predicates::{ORIENT2D_BOUND, Predicates, UNDERFLOW, volume};
 use crate::curve::Point;
 
 /// What an upper and a lower segment do.
@@ -125,7 +125,7 @@ impl Batch {
 
     /// [`crossing`] for the first `count` lanes at once, by floating point alone: a lane counts only where
     /// the bounds of all determinants that it needs are met.
-    #[inline]
+    #[inline(always)]
     pub fn evaluate(&self, count: usize) -> BatchOutcome {
         let [a, b, c, d] = &self.ends;
         // 0: no crossing; 1, -1: crossing; 2: not decided.
@@ -133,7 +133,7 @@ impl Batch {
         let det = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
             let l = (p[0] - r[0]) * (q[1] - r[1]);
             let s = (p[1] - r[1]) * (q[0] - r[0]);
-            (l - s, ORIENT2D_BOUND * (l.abs() + s.abs()))
+            (l - s, ORIENT2D_BOUND * (l.abs() + s.abs()) + UNDERFLOW)
         };
         for k in 0..8 {
             let (pa, pb) = ([a[0][k], a[1][k]], [b[0][k], b[1][k]]);
@@ -151,22 +151,9 @@ impl Batch {
                 & (d_side.abs() > d_err)
                 & (a_side.abs() > a_err)
                 & (b_side.abs() > b_err);
-            let ad = [a[0][k] - d[0][k], a[1][k] - d[1][k], a[2][k] - d[2][k]];
-            let bd = [b[0][k] - d[0][k], b[1][k] - d[1][k], b[2][k] - d[2][k]];
-            let cd = [c[0][k] - d[0][k], c[1][k] - d[1][k], c[2][k] - d[2][k]];
-            let m = [
-                bd[0] * cd[1],
-                cd[0] * bd[1],
-                cd[0] * ad[1],
-                ad[0] * cd[1],
-                ad[0] * bd[1],
-                bd[0] * ad[1],
-            ];
-            let height = ad[2] * (m[0] - m[1]) + bd[2] * (m[2] - m[3]) + cd[2] * (m[4] - m[5]);
-            let permanent = (m[0].abs() + m[1].abs()) * ad[2].abs()
-                + (m[2].abs() + m[3].abs()) * bd[2].abs()
-                + (m[4].abs() + m[5].abs()) * cd[2].abs();
-            let sure_height = height.abs() > ORIENT3D_BOUND * permanent;
+            let end = |e: &[[f64; 8]; 3]| [e[0][k], e[1][k], e[2][k]];
+            let (height, bound) = volume([end(a), end(b), end(c), end(d)]);
+            let sure_height = height.abs() > bound;
             let left = d_side > 0.0;
             let over = (height < 0.0) == left;
             let value = if over { if left { 1 } else { -1 } } else { 0 };

@@ -23,11 +23,13 @@ pub(crate) struct RawFrame<'a> {
 pub(crate) fn ingest(frame: RawFrame<'_>, set: &mut Option<CurveSet>) -> Result<()> {
     match set {
         None => {
+            // Read once: in shared memory they could change between one look and the next.
+            let counts = frame.counts.to_vec();
             *set = Some(CurveSet::from_counts(
                 frame.basis,
-                frame.counts,
+                &counts,
                 frame.positions,
-            )?)
+            )?);
         }
         Some(set) => {
             same_layout(&frame, set)?;

@@ -2,10 +2,12 @@
 //!
 //! A curve is spatially coherent already, so its tree is implicit: node `g` of level `k` covers the segments
 //! `g 8^(k+1) .. (g+1) 8^(k+1)`, and its children are the nodes (at level 0: the segments)
-//! `8 g .. 8 g + 8` below. There is nothing to build or sort, only boxes to refit. The boxes of single
-//! segments are not stored: eight of them are computed from the coordinates wherever a leaf is visited, which
-//! costs a polyline no more than loading them.
+//! `8 g .. 8 g + 8` below. There is nothing to build or sort, only boxes to refit. The boxes of the edges of
+//! polylines are not stored: eight of them are computed from the coordinates wherever a leaf is visited, which
+//! costs no more than loading them. Those of spline segments are.
 
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
 use crate::curve::{Box3, BoxGroup, CurveSet, LANES};
 
 /// Levels of the deepest tree: `8^11 > 2^32` segments.
@@ -41,12 +43,14 @@ impl Node {
 /// Where the groups of one curve lie.
 #[derive(Clone, Copy, Debug)]
 struct Layout {
-    /// First group of each level from 1 on; `first[0]` is unused.
+    /// First group of each stored level.
     first: [u32; LEVELS],
     levels: u8,
-    /// Groups of all levels from 1 on.
+    /// Groups of all stored levels.
     groups: u32,
     segments: u32,
+    /// Whether level 0, the boxes of single segments, is stored.
+    leaves: bool,
 }
 
 /// The trees of all curves of a frame.
@@ -60,17 +64,16 @@ pub(crate) struct Trees {
 impl Trees {
     /// Refits all boxes to a frame. Allocates only where the curves are others than before.
     pub fn refit(&mut self, set: &CurveSet) {
-        let same = self.layouts.len() == set.len()
-            && self
-                .layouts
-                .iter()
-                .zip(set.curves())
-                .all(|(l, c)| l.segments == c.segments);
+        let same =
+            self.layouts.len() == set.len()
+                && self.layouts.iter().zip(set.curves()).all(|(l, c)| {
+                    l.segments == c.segments && l.leaves != set.basis().is_polyline()
+                });
         if !same {
             self.layouts.clear();
             let mut at = 0;
             for c in set.curves() {
-                let layout = Layout::new(c.segments, at);
+                let layout = Layout::new(c.segments, !set.basis().is_polyline(), at);
                 at += layout.groups;
                 self.layouts.push(layout);
             }
@@ -96,7 +99,7 @@ impl Trees {
     }
 
     /// Boxes of the children of a node of curve `i`; `leaf` is room for those that are not stored.
-    #[inline]
+    #[inline(always)]
     pub fn children<'a>(
         &'a self,
         set: &CurveSet,
@@ -104,7 +107,7 @@ impl Trees {
         node: Node,
         leaf: &'a mut BoxGroup,
     ) -> &'a BoxGroup {
-        if node.level == 0 {
+        if node.level == 0 && !self.layouts[i].leaves {
             *leaf = set.leaf_boxes(i, node.index as usize);
             leaf
         } else {
@@ -113,7 +116,7 @@ impl Trees {
     }
 
     /// The box of a node of curve `i`.
-    #[inline]
+    #[inline(always)]
     pub fn node_box(&self, i: usize, node: Node) -> Box3 {
         let layout = &self.layouts[i];
         if node.level + 1 == layout.levels {
@@ -132,11 +135,15 @@ impl Trees {
 }
 
 impl Layout {
-    fn new(segments: u32, mut at: u32) -> Layout {
+    fn new(segments: u32, leaves: bool, mut at: u32) -> Layout {
         let start = at;
         let mut first = [0; LEVELS];
         let mut levels = 1;
         let mut nodes = segments.div_ceil(LANES as u32);
+        if leaves {
+            first[0] = at;
+            at += nodes;
+        }
         while nodes > 1 {
             nodes = nodes.div_ceil(LANES as u32);
             first[levels] = at;
@@ -148,6 +155,7 @@ impl Layout {
             levels: levels as u8,
             groups: at - start,
             segments,
+            leaves,
         }
     }
 }
@@ -187,12 +195,43 @@ fn refit_range(
 
 /// Refits the tree of one curve; returns its root box.
 fn refit_curve(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
-    let leaves = (layout.segments as usize).div_ceil(LANES);
-    if leaves == 1 {
-        return set.leaf_boxes(i, 0).bounds();
+    #[cfg(target_arch = "x86_64")]
+    if Avx2::detect().is_some() {
+        #[expect(unsafe_code, reason = "vector instructions")]
+        // SAFETY: the processor has just been asked.
+        return unsafe { refit_curve_avx2(set, i, layout, groups) };
     }
-    let (mut below, mut level) = groups.split_at_mut(leaves.div_ceil(LANES));
-    fill(below, leaves, |g| set.leaf_boxes(i, g).bounds());
+    refit_curve_portable(set, i, layout, groups)
+}
+
+/// [`refit_curve_portable`], compiled with AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn refit_curve_avx2(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
+    refit_curve_portable(set, i, layout, groups)
+}
+
+#[inline(always)]
+fn refit_curve_portable(
+    set: &CurveSet,
+    i: usize,
+    layout: &Layout,
+    groups: &mut [BoxGroup],
+) -> Box3 {
+    let leaves = (layout.segments as usize).div_ceil(LANES);
+    let (stored, upper) = groups.split_at_mut(if layout.leaves { leaves } else { 0 });
+    for (g, group) in stored.iter_mut().enumerate() {
+        *group = set.leaf_boxes(i, g);
+    }
+    let leaf = |g: usize| match stored.get(g) {
+        Some(group) => group.bounds(),
+        None => set.leaf_boxes(i, g).bounds(),
+    };
+    if leaves == 1 {
+        return leaf(0);
+    }
+    let (mut below, mut level) = upper.split_at_mut(leaves.div_ceil(LANES));
+    fill(below, leaves, leaf);
     let mut root = below[0].bounds();
     while !level.is_empty() {
         let (next, rest) = level.split_at_mut(below.len().div_ceil(LANES));
@@ -204,6 +243,7 @@ fn refit_curve(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup
 }
 
 /// Puts `count` boxes into the lanes of consecutive groups.
+#[inline(always)]
 fn fill(groups: &mut [BoxGroup], count: usize, bounds: impl Fn(usize) -> Box3) {
     for (g, group) in groups.iter_mut().enumerate() {
         let lanes = (count - g * LANES).min(LANES);

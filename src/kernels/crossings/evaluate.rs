@@ -24,7 +24,7 @@ impl<'a> Count<'a> {
             set,
             curves,
             axis,
-            predicates: super::predicates(set),
+            predicates: Predicates::default(),
             sum: 0,
             contact: None,
             stats: Stats::default(),
@@ -63,7 +63,7 @@ impl<'a> Count<'a> {
         self.stats.overlaps += overlaps.len() as u64;
         // Three corners in one plane are common in contact only; exact calls made here are not the crossing
         // tests' and are not counted with them.
-        let mut predicates = super::predicates(self.set);
+        let mut predicates = Predicates::default();
         for &(s, t) in overlaps {
             let ((p0, p1), (q0, q1)) = (self.edge(0, s), self.edge(1, t));
             if segments_touch(p0, p1, q0, q1, &mut predicates) {
@@ -78,21 +78,20 @@ impl<'a> Count<'a> {
     }
 
     /// Adds whole segments.
+    #[inline(always)]
     pub fn add(&mut self, tests: &[(u32, u32)]) {
         self.stats.tests += tests.len() as u64;
-        if self.set.is_extreme() {
-            tests.iter().for_each(|&(s, t)| self.add_segments(s, t));
-            return;
-        }
         let axes = [(self.axis + 1) % 3, (self.axis + 2) % 3, self.axis];
         let mut batch = Batch::EMPTY;
+        let [upper, lower] = self.curves.map(|i| self.set.knots(i));
         for chunk in tests.chunks(8) {
             for (lane, &(s, t)) in chunk.iter().enumerate() {
-                let ((p0, p1), (q0, q1)) = (self.edge(0, s), self.edge(1, t));
-                for (end, p) in [p0, p1, q0, q1].iter().enumerate() {
-                    for (x, &axis) in axes.iter().enumerate() {
-                        batch.ends[end][x][lane] = p[axis];
-                    }
+                for (x, &axis) in axes.iter().enumerate() {
+                    let ([p0, p1], [q0, q1]) = (upper.edge(s, axis), lower.edge(t, axis));
+                    batch.ends[0][x][lane] = p0;
+                    batch.ends[1][x][lane] = p1;
+                    batch.ends[2][x][lane] = q0;
+                    batch.ends[3][x][lane] = q1;
                 }
             }
             let out = batch.evaluate(chunk.len());

@@ -26,9 +26,12 @@ use super::Linking;
 use crate::curve::Avx2;
 use crate::curve::{CurveSet, Lanes, Portable};
 use crate::discretize::{Splits, refine_pair};
-use crate::exact::Predicates;
 use crate::pairs::{Node, Pair, Trees, closest_of_segments};
 use crate::verdict::{DefectKind, Place, Stats};
+
+/// Candidates of one pair of splines at which it counts as too close: a tangle in which everything overlaps
+/// everything would fill the memory.
+const MAX_CANDIDATES: usize = 1 << 25;
 
 /// A direction of projection: an axis, and which of the two curves is counted when on top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,6 +137,7 @@ fn compute<L: Lanes>(
         ..
     } = scratch;
     candidates.clear();
+    let mut entangled = None;
     traverse::traverse(
         simd,
         scene,
@@ -148,11 +152,14 @@ fn compute<L: Lanes>(
                 count.touches(&c.overlaps);
                 count.add(&c.tests);
                 c.clear();
+            } else if c.tests.len() > MAX_CANDIDATES {
+                entangled = c.tests.first().map(|&(s, t)| [s, t]);
+                c.clear();
             }
         },
     );
-    let mut too_close = None;
-    if !polyline {
+    let mut too_close = entangled;
+    if !polyline && too_close.is_none() {
         splits.iter_mut().for_each(Splits::clear);
         count.stats.overlaps += candidates.overlaps.len() as u64;
         match refine_pair(scene.set, curves, &candidates.overlaps, splits) {
@@ -188,9 +195,4 @@ impl Scratch {
     pub fn take_stats(&mut self) -> Stats {
         std::mem::take(&mut self.stats)
     }
-}
-
-/// Predicates for a frame.
-fn predicates(set: &CurveSet) -> Predicates {
-    Predicates::new(set.is_extreme())
 }

@@ -80,6 +80,46 @@ fn random_splines_equal_finely_sampled_polygons_in_all_six_directions() {
     }
 }
 
+/// Powers of two scale every rounding with them, until numbers underflow; larger ones are refused.
+#[test]
+fn splines_of_any_scale_have_the_same_numbers() {
+    let mut state = 7u64;
+    let mut next = || {
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+    };
+    for basis in [Basis::CatmullRom, Basis::BSpline, Basis::Bezier] {
+        for n in [-5, -7, -11, -21] {
+            let counts = [n, n].map(|n| if basis == Basis::Bezier { 3 * n } else { n });
+            let xyz: Vec<f64> = (0..-3 * (counts[0] + counts[1])).map(|_| next()).collect();
+            let certify = |power: i32| {
+                let scaled: Vec<f64> = xyz.iter().map(|x| x * 2f64.powi(power)).collect();
+                let set = CurveSet::from_counts(basis, &counts, Positions::F64(&scaled))?;
+                Ok::<_, crate::Error>(Verifier::new(AbortOn::Never).certify(&set).0)
+            };
+            let want = certify(0).unwrap();
+            for power in [-200, -120, -40, 60, 126, 130, 200, 299] {
+                assert_eq!(
+                    certify(power).unwrap().links,
+                    want.links,
+                    "{basis:?} {n} 2^{power}"
+                );
+            }
+            // Too small to compute with: never another number, but perhaps none.
+            for power in [-1000, -600, -340] {
+                let found = certify(power).unwrap();
+                assert!(
+                    found.links == want.links || !found.undefined.is_empty(),
+                    "{basis:?} 2^{power}"
+                );
+            }
+            assert!(matches!(certify(303), Err(crate::Error::TooLarge { .. })));
+        }
+    }
+}
+
 #[test]
 fn touching_splines_are_too_close_and_say_where() {
     // Two closed curves through one common point.
