@@ -117,21 +117,25 @@ fn build(cargo: &std::ffi::OsStr, built: &Path) -> Result<()> {
         Some("debug") | None => "dev",
         Some(other) => other,
     };
-    // Together with the example and its features: then all that they share is built already.
-    let mut features = vec!["cli", "bus"];
-    features.extend(cfg!(feature = "mcap").then_some("mcap"));
-    features.extend(cfg!(feature = "rerun").then_some("rerun"));
+    // Together with the example and with its features: then all that they share is built already.
     let mut command = Command::new(cargo);
-    command.args([
-        "build",
-        "--quiet",
-        "--profile",
-        profile,
-        "--no-default-features",
-        "--features",
-    ]);
-    command.arg(features.join(","));
+    // What `cargo run` says about this package would look like a change to build scripts that ask for it, and
+    // half of all dependencies would be built again.
+    for (name, _) in std::env::vars_os() {
+        let text = name.to_string_lossy();
+        if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") || text == "CARGO"
+        {
+            command.env_remove(&name);
+        }
+    }
+    command.args(["build", "--quiet", "--profile", profile]);
     command.args(["--bin", "linkwatch", "--example", "chainmail"]);
+    if !cfg!(all(feature = "mcap", feature = "rerun")) {
+        let mut features = vec!["cli", "bus"];
+        features.extend(cfg!(feature = "mcap").then_some("mcap"));
+        features.extend(cfg!(feature = "rerun").then_some("rerun"));
+        command.args(["--no-default-features", "--features", &features.join(",")]);
+    }
     if let Some(root) = std::env::var_os("CARGO_MANIFEST_DIR") {
         command.current_dir(root);
     }
