@@ -135,73 +135,100 @@ fn expand<L: Lanes>(
         }
         if b.level > a.level {
             let own = trees.node_box(i, a);
-            let survivors = survivors(simd, &own, trees.children(set, j, b, &mut room_b));
-            each_lane(&survivors, mask, &mut counts, |k, m| {
-                next.push((a, b.child(k), m))
-            });
+            let alive = survivors(simd, &own, trees.children(set, j, b, &mut room_b));
+            let mut lanes = alive.count(mask, &mut counts);
+            while let Some((k, m)) = alive.next(&mut lanes, mask) {
+                next.push((a, b.child(k), m));
+            }
             continue;
         }
         // Rows: children of `a` against the whole of `b`, with the roles exchanged.
         let group_a = trees.children(set, i, a, &mut room_a);
-        let rows = swap_roles(&survivors(simd, &trees.node_box(j, b), group_a));
+        let rows = survivors(simd, &trees.node_box(j, b), group_a).swapped();
         if a.level > b.level {
-            each_lane(&rows, mask, &mut counts, |k, m| {
-                next.push((a.child(k), b, m))
-            });
+            let mut lanes = rows.count(mask, &mut counts);
+            while let Some((k, m)) = rows.next(&mut lanes, mask) {
+                next.push((a.child(k), b, m));
+            }
             continue;
         }
         let group_b = trees.children(set, j, b, &mut room_b);
-        let mut ignored = [0; 6];
-        each_lane(&rows, mask, &mut ignored, |k, m| {
-            let survivors = survivors(simd, &group_a.lane(k as usize), group_b);
-            each_lane(&survivors, m, &mut counts, |l, m| {
+        let mut row_lanes = rows.any(mask);
+        while let Some((k, m)) = rows.next(&mut row_lanes, mask) {
+            let alive = survivors(simd, &group_a.lane(k as usize), group_b);
+            let mut lanes = alive.count(m, &mut counts);
+            while let Some((l, m)) = alive.next(&mut lanes, m) {
                 next.push((a.child(k), b.child(l), m));
-            });
-        });
+            }
+        }
     }
     std::mem::swap(front, next);
     counts
 }
 
-/// For each direction, the lanes of `b` that overlap `a` in projection while the upper one is not wholly below.
+/// For each direction, the lanes that overlap in projection while the upper one is not wholly below.
+///
+/// No closures here and in [`expand`]: what is called through one is compiled without the vector instructions.
+#[derive(Clone, Copy)]
+struct Survivors([u32; 6]);
+
+/// The lanes of `b` that survive against `a`, the first curve.
 #[inline(always)]
-fn survivors<L: Lanes>(simd: L, a: &Box3, b: &BoxGroup) -> [u32; 6] {
-    let below = [0, 1, 2].map(|x| simd.greater(&b.lo[x], a.hi[x]));
-    let above = [0, 1, 2].map(|x| simd.less(&b.hi[x], a.lo[x]));
-    let overlap = [0, 1, 2].map(|x| !(below[x] | above[x]) & 0xff);
+fn survivors<L: Lanes>(simd: L, a: &Box3, b: &BoxGroup) -> Survivors {
+    let (mut below, mut above, mut overlap) = ([0; 3], [0; 3], [0; 3]);
+    for x in 0..3 {
+        below[x] = simd.greater(&b.lo[x], a.hi[x]);
+        above[x] = simd.less(&b.hi[x], a.lo[x]);
+        overlap[x] = !(below[x] | above[x]) & 0xff;
+    }
     let mut out = [0; 6];
     for w in 0..3 {
         let projected = overlap[(w + 1) % 3] & overlap[(w + 2) % 3];
         out[2 * w] = projected & !below[w];
         out[2 * w + 1] = projected & !above[w];
     }
-    out
+    Survivors(out)
 }
 
-/// The same masks with the other curve as the first.
-fn swap_roles(m: &[u32; 6]) -> [u32; 6] {
-    [m[1], m[0], m[3], m[2], m[5], m[4]]
-}
-
-/// Calls `f` with every lane that survives in some direction of `mask`, and those directions; counts them.
-#[inline(always)]
-fn each_lane(
-    survivors: &[u32; 6],
-    mask: Mask,
-    counts: &mut [u32; 6],
-    mut f: impl FnMut(u32, Mask),
-) {
-    let mut any = 0;
-    for (d, s) in survivors.iter().enumerate() {
-        if mask >> d & 1 != 0 {
-            any |= s;
-            counts[d] += s.count_ones();
-        }
+impl Survivors {
+    /// The same with the other curve as the first.
+    #[inline(always)]
+    fn swapped(self) -> Survivors {
+        let m = self.0;
+        Survivors([m[1], m[0], m[3], m[2], m[5], m[4]])
     }
-    while any != 0 {
-        let k = any.trailing_zeros();
-        any &= any - 1;
-        let directions = (0..6).fold(0, |m, d| m | ((survivors[d] >> k & 1) as Mask) << d);
-        f(k, directions & mask);
+
+    /// Lanes that survive in some direction of `mask`.
+    #[inline(always)]
+    fn any(&self, mask: Mask) -> u32 {
+        let mut any = 0;
+        for d in 0..6 {
+            any |= self.0[d] * u32::from(mask >> d & 1);
+        }
+        any
+    }
+
+    /// [`Survivors::any`], counting the lanes of each direction.
+    #[inline(always)]
+    fn count(&self, mask: Mask, counts: &mut [u32; 6]) -> u32 {
+        for d in 0..6 {
+            counts[d] += self.0[d].count_ones() * u32::from(mask >> d & 1);
+        }
+        self.any(mask)
+    }
+
+    /// Takes the next of `lanes`, with the directions of `mask` in which it survives.
+    #[inline(always)]
+    fn next(&self, lanes: &mut u32, mask: Mask) -> Option<(u32, Mask)> {
+        if *lanes == 0 {
+            return None;
+        }
+        let k = lanes.trailing_zeros();
+        *lanes &= *lanes - 1;
+        let mut directions = 0;
+        for d in 0..6 {
+            directions |= ((self.0[d] >> k & 1) as Mask) << d;
+        }
+        Some((k, directions & mask))
     }
 }

@@ -106,6 +106,7 @@ impl<'a> Count<'a> {
     }
 
     /// Adds segments of splines, each as the polyline that the pair's discretization made of it.
+    #[inline(always)]
     pub fn add_split(&mut self, tests: &[(u32, u32)], splits: &[Splits; 2]) {
         if splits.iter().all(Splits::is_empty) {
             return self.add(tests);

@@ -41,30 +41,37 @@ pub(super) fn traverse<L: Lanes>(
             let other = trees.node_box(under, u);
             let group = trees.children(set, over, t, &mut room_t);
             // The upper curve's children: in the way, and not wholly below the lower one.
-            let lanes = overlapping(simd, &other, group, w) & not_below(simd, group, &other, w);
+            let lanes = Shadow::of(&other, w).overlapping(simd, group, w)
+                & not_below(simd, group, other.lo[w], w);
             each_bit(lanes, |k| stack.push((t.child(k), u)));
             continue;
         }
         if u.level > t.level {
             let other = trees.node_box(over, t);
             let group = trees.children(set, under, u, &mut room_u);
-            let lanes = overlapping(simd, &other, group, w) & not_above(simd, group, &other, w);
+            let lanes = Shadow::of(&other, w).overlapping(simd, group, w)
+                & not_above(simd, group, other.hi[w], w);
             each_bit(lanes, |k| stack.push((t, u.child(k))));
             continue;
         }
         let group_t = trees.children(set, over, t, &mut room_t);
         let group_u = trees.children(set, under, u, &mut room_u);
         for k in 0..LANES as u32 {
-            let lane = group_t.lane(k as usize);
-            let lanes = overlapping(simd, &lane, group_u, w) & not_above(simd, group_u, &lane, w);
+            let shadow = Shadow::of_lane(group_t, k as usize, w);
+            let top = group_t.hi[w][k as usize];
+            let lanes = shadow.overlapping(simd, group_u, w) & not_above(simd, group_u, top, w);
             if t.level > 0 {
                 each_bit(lanes, |l| stack.push((t.child(k), u.child(l))));
                 continue;
             }
+            if lanes == 0 {
+                continue;
+            }
             each_bit(lanes, |l| {
-                candidates.tests.push((t.segment(k), u.segment(l)))
+                candidates.tests.push((t.segment(k), u.segment(l)));
             });
-            each_bit(lanes & not_below(simd, group_u, &lane, w), |l| {
+            let bottom = group_t.lo[w][k as usize];
+            each_bit(lanes & not_below(simd, group_u, bottom, w), |l| {
                 candidates.overlaps.push((t.segment(k), u.segment(l)));
             });
         }
@@ -75,27 +82,55 @@ pub(super) fn traverse<L: Lanes>(
     full(candidates);
 }
 
-/// Lanes that overlap a box in the projection along `w`.
-#[inline(always)]
-fn overlapping<L: Lanes>(lanes: L, b: &Box3, group: &BoxGroup, w: usize) -> u32 {
-    let (u, v) = ((w + 1) % 3, (w + 2) % 3);
-    let apart = lanes.greater(&group.lo[u], b.hi[u])
-        | lanes.less(&group.hi[u], b.lo[u])
-        | lanes.greater(&group.lo[v], b.hi[v])
-        | lanes.less(&group.hi[v], b.lo[v]);
-    !apart & 0xff
+/// The projection of a box along an axis. Kept in registers: a box in memory, written in parts and read whole, is
+/// what the processor waits for longest.
+#[derive(Clone, Copy)]
+struct Shadow {
+    lo: [f32; 2],
+    hi: [f32; 2],
 }
 
-/// Lanes that are not wholly below a box.
-#[inline(always)]
-fn not_below<L: Lanes>(lanes: L, group: &BoxGroup, b: &Box3, w: usize) -> u32 {
-    !lanes.less(&group.hi[w], b.lo[w]) & 0xff
+impl Shadow {
+    #[inline(always)]
+    fn of(b: &Box3, w: usize) -> Shadow {
+        let (u, v) = ((w + 1) % 3, (w + 2) % 3);
+        Shadow {
+            lo: [b.lo[u], b.lo[v]],
+            hi: [b.hi[u], b.hi[v]],
+        }
+    }
+
+    #[inline(always)]
+    fn of_lane(group: &BoxGroup, k: usize, w: usize) -> Shadow {
+        let (u, v) = ((w + 1) % 3, (w + 2) % 3);
+        Shadow {
+            lo: [group.lo[u][k], group.lo[v][k]],
+            hi: [group.hi[u][k], group.hi[v][k]],
+        }
+    }
+
+    /// Lanes that overlap it.
+    #[inline(always)]
+    fn overlapping<L: Lanes>(self, simd: L, group: &BoxGroup, w: usize) -> u32 {
+        let (u, v) = ((w + 1) % 3, (w + 2) % 3);
+        let apart = simd.greater(&group.lo[u], self.hi[0])
+            | simd.less(&group.hi[u], self.lo[0])
+            | simd.greater(&group.lo[v], self.hi[1])
+            | simd.less(&group.hi[v], self.lo[1]);
+        !apart & 0xff
+    }
 }
 
-/// Lanes that are not wholly above a box.
+/// Lanes whose top is not below a height.
 #[inline(always)]
-fn not_above<L: Lanes>(lanes: L, group: &BoxGroup, b: &Box3, w: usize) -> u32 {
-    !lanes.greater(&group.lo[w], b.hi[w]) & 0xff
+fn not_below<L: Lanes>(simd: L, group: &BoxGroup, height: f32, w: usize) -> u32 {
+    !simd.less(&group.hi[w], height) & 0xff
+}
+
+/// Lanes whose bottom is not above a height.
+#[inline(always)]
+fn not_above<L: Lanes>(simd: L, group: &BoxGroup, height: f32, w: usize) -> u32 {
+    !simd.greater(&group.lo[w], height) & 0xff
 }
 
 #[inline(always)]
