@@ -262,20 +262,24 @@ mod tests {
     /// Every node's box is the box of the segments that it covers, for all sizes around powers of eight.
     #[test]
     fn nodes_bound_their_segments_exactly() {
-        for n in [1, 2, 7, 8, 9, 63, 64, 65, 511, 512, 513, 4097] {
-            let xyz: Vec<f32> = (0..3 * n).map(|k| ((k * 7919) % 1013) as f32).collect();
-            let set = CurveSet::from_counts(
-                Basis::Polyline,
-                &[-n, -n],
-                Positions::F32(&[&xyz[..], &xyz].concat()),
-            )
-            .unwrap();
-            let mut trees = Trees::default();
-            trees.refit(&set);
-            for i in 0..2 {
-                check(&trees, &set, i, trees.root(i));
+        for basis in [Basis::Polyline, Basis::CatmullRom, Basis::BSpline] {
+            for n in [3, 4, 7, 8, 9, 63, 64, 65, 511, 512, 513, 4097] {
+                let xyz: Vec<f32> = (0..6 * n).map(|k| ((k * 7919) % 1013) as f32).collect();
+                let positions = Positions::F32(&xyz);
+                let set = CurveSet::from_counts(basis, &[-n, -n], positions).unwrap();
+                let mut trees = Trees::default();
+                trees.refit(&set);
+                for i in 0..2 {
+                    check(&trees, &set, i, trees.root(i));
+                }
+                // Polylines: an eighth of a box a segment, and an eighth of that, and so on.
+                let boxes = if basis.is_polyline() {
+                    n / 3
+                } else {
+                    5 * n / 2
+                } as usize;
+                assert!(trees.bytes() <= 1000 + 24 * boxes, "{basis:?} {n}");
             }
-            assert!(trees.bytes() <= 1000 + n as usize * 2 * 24 / 6);
         }
     }
 

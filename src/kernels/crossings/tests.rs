@@ -42,7 +42,15 @@ fn kernel(a: &Polygon, b: &Polygon, scale: f64, fixed: Option<Direction>) -> Lin
         set: &set,
         trees: &trees,
     };
-    linking_number(scene, (0, 1), fixed, &mut Scratch::default())
+    let (mut scratch, mut portable) = (Scratch::default(), Scratch::default());
+    let found = linking_number(scene, (0, 1), fixed, &mut scratch);
+    // With the processor's vector instructions and without, to the last count.
+    assert_eq!(
+        compute(Portable, scene, (0, 1), fixed, &mut portable),
+        found
+    );
+    assert_eq!(portable.take_stats(), scratch.take_stats());
+    found
 }
 
 /// Compares all six directions and the chosen one with the oracle; returns the number, or `None` on contact.
