@@ -195,6 +195,44 @@ fn a_pull_through_is_found_aborted_recorded_and_replayed_alike() {
     assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
     assert_eq!(replayed.reports(), live.reports());
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    if std::env::var_os("LINKWATCH_WRITE_RECORDINGS").is_some() {
+        std::fs::copy(&recording, recordings().join("squares.mcap")).unwrap();
+        let lines = live.reports().into_iter().map(|r| format!("{r}\n"));
+        std::fs::write(
+            recordings().join("squares.jsonl"),
+            lines.collect::<String>(),
+        )
+        .unwrap();
+    }
+}
+
+/// Recordings that are part of the project, with the reports that a replay must give.
+fn recordings() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings")
+}
+
+/// Recordings of earlier versions stay readable, and their verdicts stay what they were. Written anew by the test
+/// above where `LINKWATCH_WRITE_RECORDINGS` is set.
+#[test]
+fn kept_recordings_give_their_verdicts() {
+    let kept = std::fs::read_dir(recordings())
+        .unwrap()
+        .map(|e| e.unwrap().path());
+    let kept: Vec<PathBuf> = kept
+        .filter(|p| p.extension().is_some_and(|e| e == "mcap"))
+        .collect();
+    assert!(!kept.is_empty());
+    for recording in kept {
+        let expected = std::fs::read_to_string(recording.with_extension("jsonl")).unwrap();
+        let replayed = replay(&recording);
+        let expected = json_lines(&expected);
+        assert_eq!(
+            replayed.reports(),
+            expected.iter().collect::<Vec<_>>(),
+            "{recording:?}"
+        );
+        assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    }
 }
 
 #[test]
