@@ -211,8 +211,8 @@ impl Survivors {
     /// [`Survivors::any`], counting the lanes of each direction.
     #[inline(always)]
     fn count(&self, mask: Mask, counts: &mut [u32; 6]) -> u32 {
-        for d in 0..6 {
-            counts[d] += self.0[d].count_ones() * u32::from(mask >> d & 1);
+        for (d, (count, lanes)) in counts.iter_mut().zip(self.0).enumerate() {
+            *count += lanes.count_ones() * u32::from(mask >> d & 1);
         }
         self.any(mask)
     }
