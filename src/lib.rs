@@ -29,7 +29,7 @@ pub use bus::{
     Sidecar, SidecarOptions, VerdictMessage,
 };
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
-pub use curve::{Basis, Box3, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
+pub use curve::{Basis, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};

@@ -5,7 +5,7 @@ use super::message::{MessageKind, VerdictMessage};
 use super::service::{Endpoint, Ipc, Role, bus};
 use super::wire::{
     FLAG_ANNOUNCE, FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader,
-    LAYOUT_VERSION, VerdictWire, basis_code, payload_bytes, table_bytes,
+    LAYOUT_VERSION, VerdictWire, payload_bytes, table_bytes,
 };
 use crate::curve::{Basis, Positions, Precision};
 use crate::error::{Error, Result};
@@ -240,7 +240,7 @@ impl Client {
             time,
             n_points: layout.points as u64,
             n_curves: layout.curves as u32,
-            basis: basis_code(basis),
+            basis: basis.code(),
             coordinate_bytes: precision.bytes() as u32,
             ..self.header(0)
         };

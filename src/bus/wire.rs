@@ -109,11 +109,6 @@ pub(super) struct VerdictWire {
 const _: () = assert!(size_of::<FrameHeader>() == 64);
 const _: () = assert!(size_of::<VerdictWire>() == 384);
 
-/// The code of a basis on the wire.
-pub(super) fn basis_code(basis: Basis) -> u32 {
-    Basis::ALL.iter().position(|&b| b == basis).unwrap_or(0) as u32
-}
-
 /// Bytes of the counts of `curves` curves, with the padding behind them.
 pub(super) fn table_bytes(curves: usize) -> Option<usize> {
     curves

@@ -64,15 +64,15 @@ fn watch(
     stop: &AtomicBool,
 ) -> Result<Counters> {
     let start = Instant::now();
-    let mut current = None;
+    let mut met = false;
     loop {
         if stop.load(Ordering::Relaxed) {
             session.live().note("stopped by a signal");
             return Ok(sidecar.counters());
         }
         match sidecar.wait(TICK)? {
-            Event::NewSession { session: id } if current.is_none() => {
-                current = Some(id);
+            Event::NewSession { .. } if !met => {
+                met = true;
                 session.live().note("a simulator is here");
             }
             Event::NewSession { .. } => {
@@ -121,7 +121,7 @@ fn watch(
             }
             Event::Idle => {
                 let waited = start.elapsed();
-                if current.is_none() && args.wait.is_some_and(|s| waited.as_secs_f64() > s) {
+                if !met && args.wait.is_some_and(|s| waited.as_secs_f64() > s) {
                     tracing::warn!("no simulator came");
                     return Ok(Counters::default());
                 }

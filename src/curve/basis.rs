@@ -25,6 +25,12 @@ impl Basis {
         Basis::Bezier,
     ];
 
+    /// Place in [`Basis::ALL`]: the code on the wire.
+    #[cfg(any(feature = "bus", feature = "mcap"))]
+    pub(crate) fn code(self) -> u32 {
+        self as u32
+    }
+
     /// Segments of a curve of `points` control points, or `None` where the count does not fit the basis.
     ///
     /// A closed curve of a uniform basis has a segment for every control point. An open one has a segment

@@ -1,14 +1,12 @@
 //! Axis-aligned boxes, alone and eight at a time.
 
-use super::Point;
-
 /// Boxes in one [`BoxGroup`], and children of one tree node.
 pub(crate) const LANES: usize = 8;
 
 /// An axis-aligned box in single precision, closed; it always contains what it bounds (values are rounded
 /// outward where they are no single-precision numbers).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Box3 {
+pub(crate) struct Box3 {
     /// Smallest coordinates.
     pub lo: [f32; 3],
     /// Largest coordinates.
@@ -38,11 +36,6 @@ impl Box3 {
             sum += gap * gap;
         }
         sum * (1.0 - 1e-12)
-    }
-
-    /// Centre, for messages.
-    pub fn center(&self) -> Point {
-        [0, 1, 2].map(|x| 0.5 * (f64::from(self.lo[x]) + f64::from(self.hi[x])))
     }
 }
 

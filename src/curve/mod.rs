@@ -9,8 +9,7 @@ mod set;
 
 pub use basis::Basis;
 pub(crate) use basis::{Bezier, Bounds, hull_bounds, point_at, sub_segment};
-pub use boxes::Box3;
-pub(crate) use boxes::{BoxGroup, LANES};
+pub(crate) use boxes::{Box3, BoxGroup, LANES};
 pub use builder::CurveSetBuilder;
 pub use coordinates::{Positions, Precision};
 #[cfg(target_arch = "x86_64")]

@@ -406,7 +406,7 @@ mod tests {
         let b = set.leaf_boxes(0, 0);
         assert_eq!(b.lane(3).lo, [0.0, 0.0, 0.0]);
         assert_eq!(b.lane(3).hi, [0.0, 1.0, 0.0]);
-        assert_eq!(b.lane(4), crate::Box3::EMPTY);
+        assert_eq!(b.lane(4), crate::curve::Box3::EMPTY);
     }
 
     #[test]

@@ -8,11 +8,11 @@
 //! Cost: one box test for every pair of segments whose boxes overlap, and again for their halves. The pair-wise
 //! way ([`super::refine_pair`]) adds about a hundredth of the points on garments.
 
+use super::halving::{Halving, Splits, halve};
 use super::hulls::{boxes_apart, separation_margin, tight_bounds};
-use super::{MAX_FRONT, MAX_LEVEL};
-use crate::curve::{Basis, Bezier, Bounds, CurveSet, Positions, Precision, sub_segment};
+use crate::curve::{Basis, Bounds, CurveSet, Positions, Precision};
 use crate::error::Result;
-use crate::pairs::{Pair, Trees, overlapping_segments, potential_links};
+use crate::pairs::{Pair, Trees, closest_of_segments, overlapping_segments, potential_links};
 use crate::verdict::{Defect, DefectKind};
 use rayon::prelude::*;
 
@@ -29,9 +29,6 @@ pub struct Polylines {
     pub too_close: Vec<Defect>,
 }
 
-/// A piece of a segment: curve, segment, index among the `2^level` pieces.
-type Piece = (u32, u32, u64);
-
 /// Discretizes all curves of a frame (open ones into their chords).
 ///
 /// Errors: none of its own; the result has more points than `u32` can count only where the input nearly has.
@@ -45,31 +42,22 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
     let mut too_close = Vec::new();
     let mut splits: Vec<Vec<(u32, f64)>> = vec![Vec::new(); set.len()];
     if !set.basis().is_polyline() {
-        let refined: Vec<Refined> = pairs
+        let refined: Vec<(Halving, [Splits; 2])> = pairs
             .par_iter()
             .map(|&pair| refine(set, &trees, pair, margin))
             .collect();
-        for (&(i, j), r) in pairs.iter().zip(&refined) {
-            overlaps += r.overlaps;
-            passes = passes.max(r.passes);
-            for &(curve, segment, t) in &r.splits {
-                splits[curve as usize].push((segment, t));
+        for (&(i, j), (halving, pair_splits)) in pairs.iter().zip(&refined) {
+            overlaps += halving.overlaps;
+            passes = passes.max(halving.passes);
+            for (curve, own) in [i, j].into_iter().zip(pair_splits) {
+                splits[curve as usize].extend(&own.at);
             }
-            if let Some(segments) = r.too_close {
-                let (point, distance) = crate::pairs::closest_of_segments(
-                    set,
-                    (i as usize, segments[0]),
-                    (j as usize, segments[1]),
-                );
+            if let Some(segments) = halving.too_close {
                 too_close.push(Defect {
                     i,
                     j: Some(j),
                     kind: DefectKind::TooClose,
-                    place: crate::verdict::Place {
-                        segments,
-                        point,
-                        distance,
-                    },
+                    place: closest_of_segments(set, [i, j].map(|c| c as usize), segments),
                 });
             }
         }
@@ -86,67 +74,19 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
     })
 }
 
-/// What one pair asks for.
-struct Refined {
-    overlaps: usize,
-    passes: u32,
-    splits: Vec<(u32, u32, f64)>,
-    too_close: Option<[u32; 2]>,
-}
-
-fn refine(set: &CurveSet, trees: &Trees, (i, j): Pair, margin: f64) -> Refined {
-    let curves = [i, j];
-    let whole = |curve: u32, s: u32| set.segment(curve as usize, s as usize);
-    let mut front: Vec<[Piece; 2]> = overlapping_segments(set, trees, i as usize, j as usize)
-        .into_iter()
-        .filter(|&(s, t)| meet(&whole(i, s), &whole(j, t), margin))
-        .map(|(s, t)| [(i, s, 0), (j, t, 0)])
-        .collect();
-    let mut out = Refined {
-        overlaps: front.len(),
-        passes: 1,
-        splits: Vec::new(),
-        too_close: None,
-    };
-    for level in 0.. {
-        let Some(first) = front.first() else { break };
-        if level == MAX_LEVEL || front.len() > MAX_FRONT {
-            out.too_close = Some([first[0].1, first[1].1]);
-            // They would prove nothing, and there may be millions.
-            out.splits.clear();
-            break;
-        }
-        out.passes = level + 2;
-        let half = 0.5f64.powi(level as i32 + 1);
-        let mut next = Vec::new();
-        for pieces in &front {
-            let halves = [0, 1].map(|side| {
-                let (_, s, k) = pieces[side];
-                out.splits
-                    .push((curves[side], s, (2 * k + 1) as f64 * half));
-                let b = whole(curves[side], s);
-                [2 * k, 2 * k + 1].map(|k| {
-                    let bounds =
-                        tight_bounds(&sub_segment(&b, k as f64 * half, (k + 1) as f64 * half));
-                    ((curves[side], s, k), bounds)
-                })
-            });
-            for (p, a) in &halves[0] {
-                for (q, b) in &halves[1] {
-                    if !boxes_apart(a, b, margin) {
-                        next.push([*p, *q]);
-                    }
-                }
-            }
-        }
-        front = next;
+/// What one pair asks for; nothing where it stays too close.
+fn refine(set: &CurveSet, trees: &Trees, (i, j): Pair, margin: f64) -> (Halving, [Splits; 2]) {
+    let curves = [i as usize, j as usize];
+    let overlaps = overlapping_segments(set, trees, curves[0], curves[1]);
+    let mut splits = <[Splits; 2]>::default();
+    let apart = |a: &Bounds, b: &Bounds| boxes_apart(a, b, margin);
+    let volume = |b| tight_bounds(&b);
+    let halving = halve(set, curves, &overlaps, &mut splits, volume, apart);
+    if halving.too_close.is_some() {
+        // They would prove nothing, and there may be millions.
+        splits = Default::default();
     }
-    out
-}
-
-fn meet(a: &Bezier, b: &Bezier, margin: f64) -> bool {
-    let (a, b): (Bounds, Bounds) = (tight_bounds(a), tight_bounds(b));
-    !boxes_apart(&a, &b, margin)
+    (halving, splits)
 }
 
 /// The curves as polylines through all knots and splits.

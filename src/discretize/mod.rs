@@ -13,11 +13,13 @@
 //! Polylines go through neither.
 
 mod global;
+mod halving;
 mod hulls;
 mod pair;
 
 pub use global::{Polylines, homotopic_polylines};
-pub(crate) use pair::{Splits, refine_pair};
+pub(crate) use halving::Splits;
+pub(crate) use pair::refine_pair;
 
 /// Halvings of a segment after which a pair counts as too close: pieces are then `2^-30` of a segment, and
 /// their hulls, which flatten with the square of their length, thinner than coordinates can resolve.

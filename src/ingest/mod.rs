@@ -42,7 +42,7 @@ pub(crate) fn ingest(frame: RawFrame<'_>, set: &mut Option<CurveSet>) -> Result<
 fn same_layout(frame: &RawFrame<'_>, set: &CurveSet) -> Result<()> {
     let changed = |what, before, now| Err(Error::LayoutChanged { what, before, now });
     if frame.basis != set.basis() {
-        let code = |basis| Basis::ALL.iter().position(|&b| b == basis).unwrap_or(0) as u64;
+        let code = |basis: Basis| u64::from(basis.code());
         return changed("basis code", code(set.basis()), code(frame.basis));
     }
     if frame.counts.len() != set.len() {

@@ -53,13 +53,9 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
                         continue;
                     }
                     let (s, t) = (a.segment(k as u32), b.segment(l as u32));
-                    let (point, distance) = closest_of_segments(set, (i, s), (j, t));
-                    if distance < best.distance {
-                        best = Place {
-                            segments: [s, t],
-                            point,
-                            distance,
-                        };
+                    let place = closest_of_segments(set, [i, j], [s, t]);
+                    if place.distance < best.distance {
+                        best = place;
                     }
                 }
             }
@@ -72,12 +68,8 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
     best
 }
 
-/// Middle and length of the shortest connection of segment `s` of curve `i` and `t` of curve `j`.
-pub(crate) fn closest_of_segments(
-    set: &CurveSet,
-    (i, s): (usize, u32),
-    (j, t): (usize, u32),
-) -> (Point, f64) {
+/// Where two segments come closest, one of each curve.
+pub(crate) fn closest_of_segments(set: &CurveSet, [i, j]: [usize; 2], segments: [u32; 2]) -> Place {
     let chords = |i: usize, s: u32| {
         if set.basis().is_polyline() {
             return vec![set.knot(i, s as usize), set.knot(i, s as usize + 1)];
@@ -87,7 +79,7 @@ pub(crate) fn closest_of_segments(
             .map(|k| point_at(&b, k as f64 / CHORDS as f64))
             .collect()
     };
-    let (p, q) = (chords(i, s), chords(j, t));
+    let (p, q) = (chords(i, segments[0]), chords(j, segments[1]));
     let mut best = ([0.0; 3], f64::INFINITY);
     for a in p.windows(2) {
         for b in q.windows(2) {
@@ -97,7 +89,12 @@ pub(crate) fn closest_of_segments(
             }
         }
     }
-    best
+    let (point, distance) = best;
+    Place {
+        segments,
+        point,
+        distance,
+    }
 }
 
 /// Middle and length of the shortest connection of two straight segments.
@@ -162,15 +159,11 @@ mod tests {
             let mut want = f64::INFINITY;
             for s in 0..n as u32 {
                 for t in 0..n as u32 {
-                    want = want.min(closest_of_segments(&set, (0, s), (1, t)).1);
+                    want = want.min(closest_of_segments(&set, [0, 1], [s, t]).distance);
                 }
             }
             assert_eq!(found.distance, want, "{basis:?}");
-            let [s, t] = found.segments;
-            assert_eq!(
-                closest_of_segments(&set, (0, s), (1, t)),
-                (found.point, want)
-            );
+            assert_eq!(closest_of_segments(&set, [0, 1], found.segments), found);
         }
     }
 

@@ -44,7 +44,7 @@ impl<'a> Count<'a> {
     /// Work done.
     pub fn stats(&self) -> Stats {
         Stats {
-            exact: self.stats.exact + self.predicates.exact,
+            exact: self.predicates.exact,
             ..self.stats
         }
     }

@@ -27,7 +27,7 @@ use crate::curve::Avx2;
 use crate::curve::{CurveSet, Lanes, Portable};
 use crate::discretize::{Splits, refine_pair};
 use crate::pairs::{Node, Pair, Trees, closest_of_segments};
-use crate::verdict::{DefectKind, Place, Stats};
+use crate::verdict::{DefectKind, Stats};
 
 /// Candidates of one pair of splines at which it counts as too close: a tangle in which everything overlaps
 /// everything would fill the memory.
@@ -175,13 +175,7 @@ fn compute<L: Lanes>(
         if direction.second_over {
             segments.swap(0, 1);
         }
-        let (point, distance) = closest_of_segments(scene.set, (i, segments[0]), (j, segments[1]));
-        let place = Place {
-            segments,
-            point,
-            distance,
-        };
-        Linking::Undefined(kind, place)
+        Linking::Undefined(kind, closest_of_segments(scene.set, [i, j], segments))
     };
     match (too_close, count.contact()) {
         (Some(segments), _) => undefined(DefectKind::TooClose, segments),
