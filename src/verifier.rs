@@ -7,8 +7,8 @@ use crate::certificate::{Certificate, Link};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::kernels::Linking;
-use crate::kernels::crossings::{Scene, Scratch, linking_number};
-use crate::pairs::{Pair, Trees, closest_approach, potential_links};
+use crate::kernels::crossings::{Scene, Workspaces, linking_number};
+use crate::pairs::{LinkSearch, Pair, Trees, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -53,6 +53,11 @@ pub struct Verifier {
     abort_on: AbortOn,
     baseline: Option<Certificate>,
     trees: Trees,
+    search: LinkSearch,
+    parts: Vec<Part>,
+    workspaces: Workspaces,
+    /// Of the last frame.
+    certificate: Certificate,
     progress: Arc<Progress>,
     timings: Timings,
 }
@@ -91,18 +96,37 @@ impl Verifier {
     }
 
     /// All linking numbers of a frame.
-    pub fn certify(&mut self, set: &CurveSet) -> (Certificate, Stats) {
+    pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
+        let stats = self.compute(set);
+        (&self.certificate, stats)
+    }
+
+    /// Makes [`Verifier::certificate`] that of a frame.
+    fn compute(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
         self.trees.refit(set);
         let boxed = Instant::now();
-        let mut undefined = degenerate_curves(set);
-        let mut pairs = potential_links(self.trees.roots());
+        let Certificate {
+            curves,
+            links,
+            undefined,
+        } = &mut self.certificate;
+        *curves = set.len();
+        links.clear();
+        undefined.clear();
+        undefined.extend(degenerate_curves(set));
+        let pairs = self.search.find(self.trees.roots());
         if !undefined.is_empty() {
             let whole = |i: u32| undefined.binary_search_by_key(&i, |d| d.i).is_err();
             pairs.retain(|&(i, j)| whole(i) && whole(j));
         }
         let paired = Instant::now();
-        let parts = self.compute(set, &pairs);
+        let scene = Scene {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        };
+        compute_links(scene, pairs, &mut self.parts, &self.progress);
         let mut stats = Stats {
             curves: set.len() as u64,
             segments: set.segments() as u64,
@@ -113,10 +137,9 @@ impl Verifier {
                 .sum(),
             ..Stats::default()
         };
-        let mut links = Vec::new();
-        for part in parts {
-            links.extend(part.links);
-            undefined.extend(part.undefined);
+        for part in &self.parts {
+            links.extend_from_slice(&part.links);
+            undefined.extend_from_slice(&part.undefined);
             stats.add(&part.stats);
         }
         undefined.sort_by_key(|d| (d.i, d.j));
@@ -127,49 +150,7 @@ impl Verifier {
             links: end - paired,
             total: end - start,
         };
-        let certificate = Certificate {
-            curves: set.len(),
-            links,
-            undefined,
-        };
-        (certificate, stats)
-    }
-
-    /// The linking numbers of these pairs, in parts that follow one another in the order of the pairs.
-    fn compute(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Part> {
-        self.progress.done.store(0, Ordering::Relaxed);
-        self.progress
-            .total
-            .store(pairs.len() as u64, Ordering::Relaxed);
-        let scene = Scene {
-            set,
-            trees: &self.trees,
-        };
-        // Parts small enough to share out, large enough to be worth it; one pair may be a whole model.
-        let size = (pairs.len() / (32 * rayon::current_num_threads())).clamp(1, 256);
-        pairs
-            .par_chunks(size)
-            .map_init(Scratch::default, |scratch, chunk| {
-                let mut part = Part::default();
-                for &(i, j) in chunk {
-                    match linking_number(scene, (i, j), None, scratch) {
-                        Linking::Number(0) => {}
-                        Linking::Number(lambda) => part.links.push(Link { i, j, lambda }),
-                        Linking::Undefined(kind, place) => part.undefined.push(Defect {
-                            i,
-                            j: Some(j),
-                            kind,
-                            place,
-                        }),
-                    }
-                }
-                part.stats = scratch.take_stats();
-                self.progress
-                    .done
-                    .fetch_add(chunk.len() as u64, Ordering::Relaxed);
-                part
-            })
-            .collect()
+        stats
     }
 
     /// Verifies one frame. The first one becomes the baseline where there is none.
@@ -187,7 +168,8 @@ impl Verifier {
             return Err(Error::NothingClosed { curves: set.len() });
         }
         let start = Instant::now();
-        let (certificate, stats) = self.certify(set);
+        let stats = self.compute(set);
+        let certificate = &self.certificate;
         let baseline = self.baseline.get_or_insert_with(|| certificate.clone());
         let mut comparison = certificate.compare(baseline)?;
         let trees = &self.trees;
@@ -239,6 +221,44 @@ impl Verifier {
     }
 }
 
+/// The linking numbers of these pairs, in parts that follow one another in the order of the pairs.
+fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progress: &Progress) {
+    progress.done.store(0, Ordering::Relaxed);
+    progress.total.store(pairs.len() as u64, Ordering::Relaxed);
+    // Parts small enough to share out, large enough to be worth it. One pair may be a whole model; it shares
+    // itself out.
+    let size = (pairs.len() / (32 * rayon::current_num_threads())).clamp(1, 256);
+    let count = pairs.len().div_ceil(size);
+    parts.resize_with(count.max(parts.len()), Part::default);
+    parts.par_iter_mut().enumerate().for_each(|(k, part)| {
+        part.links.clear();
+        part.undefined.clear();
+        part.stats = Stats::default();
+        if k >= count {
+            return;
+        }
+        let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
+        let mut workspace = scene.workspaces.take();
+        for &(i, j) in pairs {
+            match linking_number(scene, (i, j), None, &mut workspace) {
+                Linking::Number(0) => {}
+                Linking::Number(lambda) => part.links.push(Link { i, j, lambda }),
+                Linking::Undefined(kind, place) => part.undefined.push(Defect {
+                    i,
+                    j: Some(j),
+                    kind,
+                    place,
+                }),
+            }
+        }
+        part.stats = workspace.take_stats();
+        scene.workspaces.put(workspace);
+        progress
+            .done
+            .fetch_add(pairs.len() as u64, Ordering::Relaxed);
+    });
+}
+
 /// What one task computed.
 #[derive(Debug, Default)]
 struct Part {
@@ -248,7 +268,7 @@ struct Part {
 }
 
 /// Closed curves that bound nothing, in order.
-fn degenerate_curves(set: &CurveSet) -> Vec<Defect> {
+fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
     (0..set.len())
         .filter(|&i| set.curve(i).closed && !set.has_three_distinct_points(i))
         .map(|i| Defect {
@@ -261,5 +281,4 @@ fn degenerate_curves(set: &CurveSet) -> Vec<Defect> {
                 distance: 0.0,
             },
         })
-        .collect()
 }

@@ -51,7 +51,10 @@ fn certify(path: &Path, how: Discretize) -> Result<Certified> {
     let name = path.display().to_string();
     let start = std::time::Instant::now();
     let (certificate, stats) = with_progress(&name, verifier.progress(), || match how {
-        Discretize::Pair => Ok(verifier.certify(&set)),
+        Discretize::Pair => {
+            let (certificate, stats) = verifier.certify(&set);
+            Ok((certificate.clone(), stats))
+        }
         Discretize::Algorithm3 => {
             let polylines = homotopic_polylines(&set)?;
             tracing::info!(
@@ -61,7 +64,8 @@ fn certify(path: &Path, how: Discretize) -> Result<Certified> {
                 count(polylines.overlaps as u64),
                 polylines.passes,
             );
-            let (mut certificate, stats) = verifier.certify(&polylines.curves);
+            let (certificate, stats) = verifier.certify(&polylines.curves);
+            let mut certificate = certificate.clone();
             certificate.withdraw(polylines.too_close);
             Ok::<_, linkwatch::Error>((certificate, stats))
         }

@@ -1,6 +1,7 @@
 //! Spline bases, and cubic segments in Bezier form.
 
 use super::Point;
+use std::ops::{Add, Mul, Sub};
 
 /// How control points become a curve. One basis holds for a whole [`crate::CurveSet`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
@@ -148,29 +149,69 @@ pub(crate) fn hull_bounds(p: &Bezier) -> Bounds {
     (fold(f64::min), fold(f64::max))
 }
 
+/// A floating-point type that bounds are computed in.
+pub(crate) trait Real:
+    Copy + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Default
+{
+    const TWO: Self;
+    const FOUR: Self;
+    /// One third, rounded.
+    const THIRD: Self;
+    /// One sixth, rounded.
+    const SIXTH: Self;
+}
+
+impl Real for f32 {
+    const TWO: f32 = 2.0;
+    const FOUR: f32 = 4.0;
+    const THIRD: f32 = 1.0 / 3.0;
+    const SIXTH: f32 = 1.0 / 6.0;
+}
+
+impl Real for f64 {
+    const TWO: f64 = 2.0;
+    const FOUR: f64 = 4.0;
+    const THIRD: f64 = THIRD;
+    const SIXTH: f64 = SIXTH;
+}
+
 /// Bounds of eight consecutive segments of a uniform cubic basis on one axis, from their eleven control points:
-/// the extremes of [`Basis::bezier`], by the same operations.
+/// the extremes of the Bezier control points, by the operations of [`Basis::bezier`].
 #[inline(always)]
-pub(crate) fn uniform_bounds(basis: Basis, q: &[f64; 11]) -> ([f64; 8], [f64; 8]) {
-    let (mut lo, mut hi) = ([0.0; 8], [0.0; 8]);
-    for k in 0..8 {
-        let (q0, q1, q2, q3) = (q[k], q[k + 1], q[k + 2], q[k + 3]);
-        let b = if basis == Basis::BSpline {
-            [
-                bspline_knot(q0, q1, q2),
-                (2.0 * q1 + q2) * THIRD,
-                (q1 + 2.0 * q2) * THIRD,
-                bspline_knot(q1, q2, q3),
-            ]
-        } else {
-            [q1, q1 + (q2 - q0) * SIXTH, q2 - (q3 - q1) * SIXTH, q2]
-        };
-        let smaller = |a: f64, b: f64| if a < b { a } else { b };
-        let larger = |a: f64, b: f64| if a > b { a } else { b };
-        lo[k] = smaller(smaller(b[0], b[1]), smaller(b[2], b[3]));
-        hi[k] = larger(larger(b[0], b[1]), larger(b[2], b[3]));
+pub(crate) fn uniform_bounds<T: Real>(basis: Basis, q: &[T; 11]) -> [[T; 8]; 2] {
+    if basis == Basis::BSpline {
+        bounds_by(q, bspline_hull)
+    } else {
+        bounds_by(q, catmull_rom_hull)
     }
-    (lo, hi)
+}
+
+#[inline(always)]
+fn bounds_by<T: Real>(q: &[T; 11], hull: impl Fn(T, T, T, T) -> [T; 4]) -> [[T; 8]; 2] {
+    let [mut lo, mut hi] = [[T::default(); 8]; 2];
+    for k in 0..8 {
+        let [a, b, c, d] = hull(q[k], q[k + 1], q[k + 2], q[k + 3]);
+        let smaller = |a: T, b: T| if a < b { a } else { b };
+        let larger = |a: T, b: T| if a > b { a } else { b };
+        lo[k] = smaller(smaller(a, b), smaller(c, d));
+        hi[k] = larger(larger(a, b), larger(c, d));
+    }
+    [lo, hi]
+}
+
+#[inline(always)]
+fn bspline_hull<T: Real>(q0: T, q1: T, q2: T, q3: T) -> [T; 4] {
+    [
+        (q0 + T::FOUR * q1 + q2) * T::SIXTH,
+        (T::TWO * q1 + q2) * T::THIRD,
+        (q1 + T::TWO * q2) * T::THIRD,
+        (q1 + T::FOUR * q2 + q3) * T::SIXTH,
+    ]
+}
+
+#[inline(always)]
+fn catmull_rom_hull<T: Real>(q0: T, q1: T, q2: T, q3: T) -> [T; 4] {
+    [q1, q1 + (q2 - q0) * T::SIXTH, q2 - (q3 - q1) * T::SIXTH, q2]
 }
 
 /// The polar form of a cubic: control points of any sub-segment are its values at the ends.

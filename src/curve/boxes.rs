@@ -21,8 +21,20 @@ impl Box3 {
     };
 
     /// Whether the closed boxes share a point.
+    #[cfg(test)]
     pub fn overlaps(&self, other: &Box3) -> bool {
         (0..3).all(|x| self.lo[x] <= other.hi[x] && other.lo[x] <= self.hi[x])
+    }
+
+    /// The box around both.
+    #[inline(always)]
+    pub fn union(&self, other: &Box3) -> Box3 {
+        let mut out = *self;
+        for x in 0..3 {
+            out.lo[x] = smaller(out.lo[x], other.lo[x]);
+            out.hi[x] = larger(out.hi[x], other.hi[x]);
+        }
+        out
     }
 
     /// Square of the distance between the boxes, a lower bound (rounded down generously) for what is in them.

@@ -228,65 +228,85 @@ fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<f64
     Ok(T::from_magnitude(max))
 }
 
-/// The knots of one curve, for reading many of them: what is the same for all is decided once.
+/// The knots of one curve in a frame `(u, v, w)`, for reading many of them: what is the same for all is decided once.
 #[derive(Clone, Copy)]
 pub(crate) enum Knots<'a> {
     /// Single precision input.
-    F32(&'a [Vec<f32>; 3], Strided),
+    F32(Given<'a, f32>),
     /// Double precision input.
-    F64(&'a [Vec<f64>; 3], Strided),
+    F64(Given<'a, f64>),
     /// B-spline knots from single precision input.
-    ComputedF32(&'a [Vec<f32>; 3], Strided),
+    ComputedF32(Computed<'a, f32>),
     /// B-spline knots from double precision input.
-    ComputedF64(&'a [Vec<f64>; 3], Strided),
+    ComputedF64(Computed<'a, f64>),
 }
 
-/// Where knots lie: first slot, and slots from one to the next.
+/// Knots that are control points.
 #[derive(Clone, Copy)]
-pub(crate) struct Strided {
-    first: usize,
+pub(crate) struct Given<'a, T> {
+    axes: [&'a [T]; 3],
+    /// Slots from one to the next.
     stride: usize,
 }
 
+/// Knots of a uniform B-spline.
+#[derive(Clone, Copy)]
+pub(crate) struct Computed<'a, T> {
+    axes: [&'a [T]; 3],
+}
+
 impl<'a> Knots<'a> {
-    pub(super) fn new(c: &'a Coordinates, first: usize, stride: usize, computed: bool) -> Self {
-        let at = Strided { first, stride };
-        match (c, computed) {
-            (Coordinates::F32(v), false) => Knots::F32(v, at),
-            (Coordinates::F64(v), false) => Knots::F64(v, at),
-            (Coordinates::F32(v), true) => Knots::ComputedF32(v, at),
-            (Coordinates::F64(v), true) => Knots::ComputedF64(v, at),
+    pub(super) fn new(
+        c: &'a Coordinates,
+        first: usize,
+        stride: usize,
+        computed: bool,
+        frame: [usize; 3],
+    ) -> Self {
+        match c {
+            Coordinates::F32(v) => {
+                let axes = frame.map(|x| &v[x][first..]);
+                if computed {
+                    Knots::ComputedF32(Computed { axes })
+                } else {
+                    Knots::F32(Given { axes, stride })
+                }
+            }
+            Coordinates::F64(v) => {
+                let axes = frame.map(|x| &v[x][first..]);
+                if computed {
+                    Knots::ComputedF64(Computed { axes })
+                } else {
+                    Knots::F64(Given { axes, stride })
+                }
+            }
         }
     }
+}
 
-    /// Coordinate `axis` of knot `s` and of the next one.
+/// Something that knots are read from.
+pub(crate) trait ReadKnots {
+    /// Coordinate `x` of the frame, of knot `s` and of the next one.
+    fn edge(&self, s: u32, x: usize) -> [f64; 2];
+}
+
+impl<T: Copy + Into<f64>> ReadKnots for Given<'_, T> {
     #[inline(always)]
-    pub fn edge(&self, s: u32, axis: usize) -> [f64; 2] {
-        let s = s as usize;
-        match self {
-            Knots::F32(v, at) => {
-                let k = at.first + s * at.stride;
-                [v[axis][k].into(), v[axis][k + at.stride].into()]
-            }
-            Knots::F64(v, at) => {
-                let k = at.first + s * at.stride;
-                [v[axis][k], v[axis][k + at.stride]]
-            }
-            Knots::ComputedF32(v, at) => {
-                let q = &v[axis][at.first + s..at.first + s + 4];
-                let q = [q[0], q[1], q[2], q[3]].map(f64::from);
-                [
-                    bspline_knot(q[0], q[1], q[2]),
-                    bspline_knot(q[1], q[2], q[3]),
-                ]
-            }
-            Knots::ComputedF64(v, at) => {
-                let q = &v[axis][at.first + s..at.first + s + 4];
-                [
-                    bspline_knot(q[0], q[1], q[2]),
-                    bspline_knot(q[1], q[2], q[3]),
-                ]
-            }
-        }
+    fn edge(&self, s: u32, x: usize) -> [f64; 2] {
+        let at = s as usize * self.stride;
+        let ends = &self.axes[x][at..=at + self.stride];
+        [ends[0].into(), ends[self.stride].into()]
+    }
+}
+
+impl<T: Copy + Into<f64>> ReadKnots for Computed<'_, T> {
+    #[inline(always)]
+    fn edge(&self, s: u32, x: usize) -> [f64; 2] {
+        let q = &self.axes[x][s as usize..s as usize + 4];
+        let q: [f64; 4] = [q[0].into(), q[1].into(), q[2].into(), q[3].into()];
+        [
+            bspline_knot(q[0], q[1], q[2]),
+            bspline_knot(q[1], q[2], q[3]),
+        ]
     }
 }

@@ -1,17 +1,44 @@
-//! Eight comparisons at once: one contract, a portable implementation and one for AVX2.
+//! Eight single-precision numbers at once: one contract, a portable implementation and one for AVX2.
 //!
 //! An implementation is a token. The one for AVX2 exists only where the processor has it, so that whoever
 //! holds it may use it. Code that takes a token is compiled once for each, inside a function that is allowed
-//! the instructions: everything between that function and the comparisons is `#[inline(always)]`.
+//! the instructions: everything between that function and the operations is `#[inline(always)]`, and no
+//! closure lies between them, because a closure is compiled without the instructions.
 
 use super::LANES;
 
-/// Comparisons of eight numbers with one. None of them is NaN.
+/// A row of eight lanes.
+type Row<T> = [T; LANES];
+
+/// Operations on eight lanes. No number among them is NaN.
 pub(crate) trait Lanes: Copy {
-    /// Lanes with `a < b`, a bit each.
-    fn less(self, a: &[f32; LANES], b: f32) -> u32;
-    /// Lanes with `a > b`, a bit each.
-    fn greater(self, a: &[f32; LANES], b: f32) -> u32;
+    /// Eight numbers.
+    type Floats: Copy;
+    /// Eight yes or no.
+    type Mask: Copy;
+    /// Eight unsigned integers.
+    type Words: Copy;
+
+    fn load(self, row: &Row<f32>) -> Self::Floats;
+    fn splat(self, x: f32) -> Self::Floats;
+    /// `a < b`.
+    fn less(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
+    fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Lanes that are set, a bit each.
+    fn bits(self, m: Self::Mask) -> u32;
+
+    fn splat_word(self, x: u32) -> Self::Words;
+    /// `words` in the lanes that `m` does not have, 0 in the others.
+    fn outside(self, m: Self::Mask, words: Self::Words) -> Self::Words;
+    fn or_words(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    fn and_words(self, a: Self::Words, b: Self::Words) -> Self::Words;
+    /// Lanes that are not 0, a bit each.
+    fn nonzero(self, words: Self::Words) -> u32;
+    fn store(self, words: Self::Words, to: &mut Row<u32>);
+    /// Writes the lanes of `words` whose bit is set, in their order; the rest of `to` gets any values.
+    fn store_packed(self, words: Self::Words, bits: u32, to: &mut Row<u32>);
+    /// `first`, `first + 1`, ..
+    fn count_from(self, first: u32) -> Self::Words;
 }
 
 /// For every processor.
@@ -19,51 +46,246 @@ pub(crate) trait Lanes: Copy {
 pub(crate) struct Portable;
 
 impl Lanes for Portable {
+    type Floats = Row<f32>;
+    type Mask = Row<u32>;
+    type Words = Row<u32>;
+
     #[inline(always)]
-    fn less(self, a: &[f32; LANES], b: f32) -> u32 {
-        (0..LANES).fold(0, |m, k| m | u32::from(a[k] < b) << k)
+    fn load(self, row: &Row<f32>) -> Row<f32> {
+        *row
     }
 
     #[inline(always)]
-    fn greater(self, a: &[f32; LANES], b: f32) -> u32 {
-        (0..LANES).fold(0, |m, k| m | u32::from(a[k] > b) << k)
+    fn splat(self, x: f32) -> Row<f32> {
+        [x; LANES]
     }
-}
 
-/// For processors with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Avx2(());
-
-#[cfg(target_arch = "x86_64")]
-impl Avx2 {
-    /// The token, where the processor has the instructions.
-    pub fn detect() -> Option<Avx2> {
-        std::arch::is_x86_feature_detected!("avx2").then_some(Avx2(()))
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[expect(unsafe_code, reason = "vector instructions")]
-impl Lanes for Avx2 {
     #[inline(always)]
-    fn less(self, a: &[f32; LANES], b: f32) -> u32 {
-        use std::arch::x86_64::*;
-        // SAFETY: the token exists only where AVX2 was detected; the load reads the eight numbers of `a` and
-        // needs no alignment.
-        unsafe {
-            let a = _mm256_loadu_ps(a.as_ptr());
-            _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, _mm256_set1_ps(b))) as u32
+    fn less(self, a: Row<f32>, b: Row<f32>) -> Row<u32> {
+        let mut m = [0; LANES];
+        for (m, (a, b)) in m.iter_mut().zip(a.iter().zip(b)) {
+            *m = if *a < b { u32::MAX } else { 0 };
+        }
+        m
+    }
+
+    #[inline(always)]
+    fn or(self, a: Row<u32>, b: Row<u32>) -> Row<u32> {
+        self.or_words(a, b)
+    }
+
+    #[inline(always)]
+    fn bits(self, m: Row<u32>) -> u32 {
+        self.nonzero(m)
+    }
+
+    #[inline(always)]
+    fn splat_word(self, x: u32) -> Row<u32> {
+        [x; LANES]
+    }
+
+    #[inline(always)]
+    fn outside(self, m: Row<u32>, words: Row<u32>) -> Row<u32> {
+        let mut out = words;
+        for (out, m) in out.iter_mut().zip(m) {
+            *out &= !m;
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn or_words(self, a: Row<u32>, b: Row<u32>) -> Row<u32> {
+        let mut out = a;
+        for (out, b) in out.iter_mut().zip(b) {
+            *out |= b;
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn and_words(self, a: Row<u32>, b: Row<u32>) -> Row<u32> {
+        let mut out = a;
+        for (out, b) in out.iter_mut().zip(b) {
+            *out &= b;
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn nonzero(self, words: Row<u32>) -> u32 {
+        let mut bits = 0;
+        for (k, w) in words.into_iter().enumerate() {
+            bits |= u32::from(w != 0) << k;
+        }
+        bits
+    }
+
+    #[inline(always)]
+    fn store(self, words: Row<u32>, to: &mut Row<u32>) {
+        *to = words;
+    }
+
+    #[inline(always)]
+    fn store_packed(self, words: Row<u32>, bits: u32, to: &mut Row<u32>) {
+        let mut at = 0;
+        for (k, w) in words.into_iter().enumerate() {
+            if bits >> k & 1 != 0 {
+                to[at] = w;
+                at += 1;
+            }
         }
     }
 
     #[inline(always)]
-    fn greater(self, a: &[f32; LANES], b: f32) -> u32 {
-        use std::arch::x86_64::*;
-        // SAFETY: as in `less`.
-        unsafe {
-            let a = _mm256_loadu_ps(a.as_ptr());
-            _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(a, _mm256_set1_ps(b))) as u32
+    fn count_from(self, first: u32) -> Row<u32> {
+        let mut out = [first; LANES];
+        for (k, out) in out.iter_mut().enumerate() {
+            *out += k as u32;
+        }
+        out
+    }
+}
+
+/// For every set of lanes, their numbers in order.
+const PACKED: [[u8; LANES]; 256] = {
+    let mut table = [[0; LANES]; 256];
+    let mut bits = 0;
+    while bits < 256 {
+        let (mut k, mut at) = (0, 0);
+        while k < LANES {
+            if bits >> k & 1 != 0 {
+                table[bits][at] = k as u8;
+                at += 1;
+            }
+            k += 1;
+        }
+        bits += 1;
+    }
+    table
+};
+
+/// For processors with AVX2.
+#[cfg(target_arch = "x86_64")]
+pub(crate) use avx2::Avx2;
+
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "vector instructions")]
+mod avx2 {
+    use super::{LANES, Lanes, PACKED, Row};
+    use std::arch::x86_64::*;
+
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct Avx2(());
+
+    impl Avx2 {
+        /// The token, where the processor has the instructions.
+        pub fn detect() -> Option<Avx2> {
+            std::arch::is_x86_feature_detected!("avx2").then_some(Avx2(()))
+        }
+    }
+
+    // Every operation is safe because the token exists only where AVX2 was detected. Loads and stores go through
+    // references to eight elements and need no alignment.
+    impl Lanes for Avx2 {
+        type Floats = __m256;
+        type Mask = __m256;
+        type Words = __m256i;
+
+        #[inline(always)]
+        fn load(self, row: &Row<f32>) -> __m256 {
+            // SAFETY: AVX2 is there; eight numbers are read.
+            unsafe { _mm256_loadu_ps(row.as_ptr()) }
+        }
+
+        #[inline(always)]
+        fn splat(self, x: f32) -> __m256 {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_set1_ps(x) }
+        }
+
+        #[inline(always)]
+        fn less(self, a: __m256, b: __m256) -> __m256 {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
+        }
+
+        #[inline(always)]
+        fn or(self, a: __m256, b: __m256) -> __m256 {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_or_ps(a, b) }
+        }
+
+        #[inline(always)]
+        fn bits(self, m: __m256) -> u32 {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_movemask_ps(m) as u32 }
+        }
+
+        #[inline(always)]
+        fn splat_word(self, x: u32) -> __m256i {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_set1_epi32(x as i32) }
+        }
+
+        #[inline(always)]
+        fn outside(self, m: __m256, words: __m256i) -> __m256i {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_andnot_si256(_mm256_castps_si256(m), words) }
+        }
+
+        #[inline(always)]
+        fn or_words(self, a: __m256i, b: __m256i) -> __m256i {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_or_si256(a, b) }
+        }
+
+        #[inline(always)]
+        fn and_words(self, a: __m256i, b: __m256i) -> __m256i {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_and_si256(a, b) }
+        }
+
+        #[inline(always)]
+        fn nonzero(self, words: __m256i) -> u32 {
+            // SAFETY: AVX2 is there.
+            unsafe {
+                let zero = _mm256_cmpeq_epi32(words, _mm256_setzero_si256());
+                !_mm256_movemask_ps(_mm256_castsi256_ps(zero)) as u32 & 0xff
+            }
+        }
+
+        #[inline(always)]
+        fn store(self, words: __m256i, to: &mut Row<u32>) {
+            // SAFETY: AVX2 is there; eight words are written.
+            unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), words) }
+        }
+
+        #[inline(always)]
+        fn store_packed(self, words: __m256i, bits: u32, to: &mut Row<u32>) {
+            let order = &PACKED[(bits & 0xff) as usize];
+            // SAFETY: AVX2 is there; eight bytes are read and eight words written.
+            unsafe {
+                let order = _mm256_cvtepu8_epi32(_mm_loadl_epi64(order.as_ptr().cast()));
+                self.store(_mm256_permutevar8x32_epi32(words, order), to);
+            }
+        }
+
+        #[inline(always)]
+        fn count_from(self, first: u32) -> __m256i {
+            const STEPS: Row<u32> = {
+                let mut steps = [0; LANES];
+                let mut k = 0;
+                while k < LANES {
+                    steps[k] = k as u32;
+                    k += 1;
+                }
+                steps
+            };
+            // SAFETY: AVX2 is there; eight words are read.
+            unsafe {
+                let steps = _mm256_loadu_si256(STEPS.as_ptr().cast());
+                _mm256_add_epi32(_mm256_set1_epi32(first as i32), steps)
+            }
         }
     }
 }
@@ -72,37 +294,63 @@ impl Lanes for Avx2 {
 mod tests {
     use super::*;
 
-    fn check(lanes: impl Lanes) {
-        let special = [
-            0.0,
-            -0.0,
-            1.0,
-            -1.0,
-            f32::MIN_POSITIVE / 4.0,
-            f32::MAX,
-            f32::INFINITY,
-            f32::NEG_INFINITY,
-        ];
+    /// Numbers that compare in every way.
+    const SPECIAL: Row<f32> = [
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        f32::MIN_POSITIVE / 4.0,
+        f32::MAX,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+    ];
+
+    fn words<L: Lanes>(lanes: L, w: L::Words) -> Row<u32> {
+        let mut out = [7; LANES];
+        lanes.store(w, &mut out);
+        out
+    }
+
+    fn check<L: Lanes>(lanes: L) {
         for shift in 0..LANES {
-            let mut a = special;
+            let mut a = SPECIAL;
             a.rotate_left(shift);
-            for b in special {
+            for b in SPECIAL {
+                let less = lanes.less(lanes.load(&a), lanes.splat(b));
+                let greater = lanes.less(lanes.splat(b), lanes.load(&a));
+                let either = lanes.bits(lanes.or(less, greater));
+                let bits = lanes.bits(less);
+                let outside = words(lanes, lanes.outside(less, lanes.count_from(1)));
                 for k in 0..LANES {
-                    assert_eq!(lanes.less(&a, b) >> k & 1 == 1, a[k] < b, "{} < {b}", a[k]);
-                    assert_eq!(
-                        lanes.greater(&a, b) >> k & 1 == 1,
-                        a[k] > b,
-                        "{} > {b}",
-                        a[k]
-                    );
+                    assert_eq!(bits >> k & 1 == 1, a[k] < b, "{} < {b}", a[k]);
+                    assert_eq!(either >> k & 1 == 1, a[k] != b, "{} != {b}", a[k]);
+                    assert_eq!(outside[k], if a[k] < b { 0 } else { k as u32 + 1 });
                 }
-                assert!(lanes.less(&a, b) < 256 && lanes.greater(&a, b) < 256);
+                assert!(bits < 256 && either < 256);
             }
+        }
+        let (five, count) = (lanes.splat_word(5), lanes.count_from(0));
+        assert_eq!(
+            words(lanes, lanes.or_words(five, count)),
+            [5, 5, 7, 7, 5, 5, 7, 7]
+        );
+        let both = lanes.and_words(five, count);
+        assert_eq!(words(lanes, both), [0, 1, 0, 1, 4, 5, 4, 5]);
+        assert_eq!(lanes.nonzero(both), 0b1111_1010);
+        for bits in 0..256 {
+            let mut packed = [99; LANES];
+            lanes.store_packed(lanes.count_from(40), bits, &mut packed);
+            let want: Vec<u32> = (0..8)
+                .filter(|k| bits >> k & 1 == 1)
+                .map(|k| 40 + k)
+                .collect();
+            assert_eq!(packed[..want.len()], want);
         }
     }
 
     #[test]
-    fn every_implementation_compares_alike() {
+    fn every_implementation_computes_alike() {
         check(Portable);
         #[cfg(target_arch = "x86_64")]
         match Avx2::detect() {

@@ -8,9 +8,10 @@ mod lanes;
 mod set;
 
 pub use basis::Basis;
-pub(crate) use basis::{Bezier, Bounds, hull_bounds, point_at, sub_segment};
+pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
 pub(crate) use boxes::{Box3, BoxGroup, LANES};
 pub use builder::CurveSetBuilder;
+pub(crate) use coordinates::{Knots, ReadKnots};
 pub use coordinates::{Positions, Precision};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use lanes::Avx2;

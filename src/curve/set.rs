@@ -1,9 +1,10 @@
 //! All curves of one frame, as a structure of arrays.
 
-use super::basis::{bspline_knot, uniform_bounds};
+use super::basis::hull_bounds;
+use super::basis::{Real, bspline_knot, uniform_bounds};
 use super::boxes::{BoxGroup, LANES, above, below, larger, smaller};
-use super::coordinates::{Coordinates, Knots, Scalar};
-use super::{Basis, Bezier, Point, Positions, Precision, hull_bounds, point_at};
+use super::coordinates::{Coordinates, Knots};
+use super::{Basis, Bezier, Point, Positions, Precision, point_at};
 use crate::error::{Error, Result};
 
 /// One curve of a [`CurveSet`]: its size and where its control points lie.
@@ -190,6 +191,21 @@ impl CurveSet {
         }
     }
 
+    /// What boxes of uniform splines are padded by when they are computed in single precision; none where
+    /// that could overflow.
+    ///
+    /// With `M` the largest coordinate and `u = 2^-24`, the operations of [`Basis::bezier`] in single precision
+    /// err by less than `4 M u`, as shown there. The padded bound is of magnitude `5/3 M + pad` at most and
+    /// rounds by `1.7 M u`; points that the discretization computes are within `M 2^-48` of the curve (see
+    /// [`CurveSet::pad`]). That is below `6 M u`; `8 M u = M 2^-21` is taken. The constant covers underflow: each
+    /// of the few products is off by `2^-150` at most.
+    fn single_pad(&self) -> Option<f32> {
+        const LARGEST: f64 = f64::from_bits((1023 + 120) << 52);
+        const SHARE: f64 = f64::from_bits((1023 - 21) << 52);
+        const TINY: f64 = f64::from_bits((1023 - 140) << 52);
+        (self.max_abs <= LARGEST).then_some((self.max_abs * SHARE + TINY) as f32)
+    }
+
     /// The slot where segment `s` of curve `i` starts.
     fn slot(&self, i: usize, s: usize) -> usize {
         self.curves[i].first as usize + s * self.basis.stride()
@@ -290,8 +306,13 @@ impl CurveSet {
                 ),
             },
             Basis::CatmullRom | Basis::BSpline => match &self.coordinates {
-                Coordinates::F32(v) => uniform_boxes(self.basis, v, first, self.pad()),
-                Coordinates::F64(v) => uniform_boxes(self.basis, v, first, self.pad()),
+                Coordinates::F32(v) => match self.single_pad() {
+                    Some(pad) => {
+                        uniform_boxes(self.basis, v, first, |lo: f32| lo - pad, |hi: f32| hi + pad)
+                    }
+                    None => self.wide_boxes(v, first),
+                },
+                Coordinates::F64(v) => self.wide_boxes(v, first),
             },
             Basis::Bezier => self.bezier_boxes(i, g, count.min(LANES)),
         };
@@ -299,6 +320,19 @@ impl CurveSet {
             group.clear_from(count);
         }
         group
+    }
+
+    /// Boxes of eight segments of a uniform cubic basis, computed in double precision.
+    #[inline(always)]
+    fn wide_boxes<T: Copy + Into<f64>>(&self, v: &[Vec<T>; 3], first: usize) -> BoxGroup {
+        let pad = self.pad();
+        uniform_boxes::<T, f64>(
+            self.basis,
+            v,
+            first,
+            |lo| below(lo - pad),
+            |hi| above(hi + pad),
+        )
     }
 
     fn bezier_boxes(&self, i: usize, g: usize, count: usize) -> BoxGroup {
@@ -314,12 +348,19 @@ impl CurveSet {
         group
     }
 
-    /// The knots of curve `i`, for reading many.
-    pub(crate) fn knots(&self, i: usize) -> Knots<'_> {
+    /// The knots of curve `i`, for reading many, with the axis `w` as the last of the frame.
+    pub(crate) fn knots(&self, i: usize, w: usize) -> Knots<'_> {
         // Catmull-Rom segments start at the second point of their window.
         let first = self.slot(i, 0) + usize::from(self.basis == Basis::CatmullRom);
         let computed = self.basis == Basis::BSpline;
-        Knots::new(&self.coordinates, first, self.basis.stride(), computed)
+        let frame = [(w + 1) % 3, (w + 2) % 3, w];
+        Knots::new(
+            &self.coordinates,
+            first,
+            self.basis.stride(),
+            computed,
+            frame,
+        )
     }
 
     /// Vertices of polyline `i` that repeat the one before them (its first one, around the end).
@@ -371,20 +412,26 @@ fn edge_boxes<T: Copy>(
     group
 }
 
-/// Boxes of eight segments of a uniform cubic basis.
+/// Boxes of eight segments of a uniform cubic basis, computed in the type `R`.
 #[inline(always)]
-fn uniform_boxes<T: Scalar>(basis: Basis, v: &[Vec<T>; 3], first: usize, pad: f64) -> BoxGroup {
+fn uniform_boxes<T: Copy + Into<R>, R: Real>(
+    basis: Basis,
+    v: &[Vec<T>; 3],
+    first: usize,
+    below: impl Fn(R) -> f32,
+    above: impl Fn(R) -> f32,
+) -> BoxGroup {
     let mut group = BoxGroup::EMPTY;
     for (x, v) in v.iter().enumerate() {
         let window = &v[first..first + LANES + 3];
-        let mut q = [0.0; LANES + 3];
+        let mut q = [R::default(); LANES + 3];
         for (q, &p) in q.iter_mut().zip(window) {
             *q = p.into();
         }
-        let (lo, hi) = uniform_bounds(basis, &q);
+        let [lo, hi] = uniform_bounds(basis, &q);
         for k in 0..LANES {
-            group.lo[x][k] = below(lo[k] - pad);
-            group.hi[x][k] = above(hi[k] + pad);
+            group.lo[x][k] = below(lo[k]);
+            group.hi[x][k] = above(hi[k]);
         }
     }
     group

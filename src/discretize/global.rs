@@ -6,13 +6,14 @@
 //! boxes are padded by the rounding bound.
 //!
 //! Cost: one box test for every pair of segments whose boxes overlap, and again for their halves. The pair-wise
-//! way ([`super::refine_pair`]) adds about a hundredth of the points on garments.
+//! way ([`super::Separation`]) adds about a hundredth of the points on garments.
 
-use super::halving::{Halving, Splits, halve};
+use super::MAX_LEVEL;
+use super::halving::Halving;
 use super::hulls::{boxes_apart, separation_margin, tight_bounds};
 use crate::curve::{Basis, Bounds, CurveSet, Positions, Precision};
 use crate::error::Result;
-use crate::pairs::{Pair, Trees, closest_of_segments, overlapping_segments, potential_links};
+use crate::pairs::{LinkSearch, Pair, Trees, closest_of_segments, overlapping_segments};
 use crate::verdict::{Defect, DefectKind};
 use rayon::prelude::*;
 
@@ -35,24 +36,27 @@ pub struct Polylines {
 pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
     let mut trees = Trees::default();
     trees.refit(set);
-    let pairs = potential_links(trees.roots());
+    let mut search = LinkSearch::default();
+    let pairs = &*search.find(trees.roots());
     let margin = separation_margin(set.max_abs(), set.pad());
     let mut overlaps = 0;
     let mut passes = 1;
     let mut too_close = Vec::new();
     let mut splits: Vec<Vec<(u32, f64)>> = vec![Vec::new(); set.len()];
     if !set.basis().is_polyline() {
-        let refined: Vec<(Halving, [Splits; 2])> = pairs
+        let refined: Vec<Refined> = pairs
             .par_iter()
-            .map(|&pair| refine(set, &trees, pair, margin))
+            .map_init(Halving::default, |halving, &pair| {
+                refine(set, &trees, pair, margin, halving)
+            })
             .collect();
-        for (&(i, j), (halving, pair_splits)) in pairs.iter().zip(&refined) {
-            overlaps += halving.overlaps;
-            passes = passes.max(halving.passes);
-            for (curve, own) in [i, j].into_iter().zip(pair_splits) {
-                splits[curve as usize].extend(&own.at);
+        for (&(i, j), refined) in pairs.iter().zip(&refined) {
+            overlaps += refined.overlaps;
+            passes = passes.max(refined.passes);
+            for (curve, own) in [i, j].into_iter().zip(&refined.splits) {
+                splits[curve as usize].extend(own);
             }
-            if let Some(segments) = halving.too_close {
+            if let Some(segments) = refined.too_close {
                 too_close.push(Defect {
                     i,
                     j: Some(j),
@@ -74,19 +78,40 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
     })
 }
 
-/// What one pair asks for; nothing where it stays too close.
-fn refine(set: &CurveSet, trees: &Trees, (i, j): Pair, margin: f64) -> (Halving, [Splits; 2]) {
+/// What one pair asks for.
+struct Refined {
+    /// Segment pairs whose tight boxes overlap.
+    overlaps: usize,
+    passes: u32,
+    /// Splits of both curves; none where the pair stays too close.
+    splits: [Vec<(u32, f64)>; 2],
+    too_close: Option<[u32; 2]>,
+}
+
+fn refine(
+    set: &CurveSet,
+    trees: &Trees,
+    (i, j): Pair,
+    margin: f64,
+    halving: &mut Halving,
+) -> Refined {
     let curves = [i as usize, j as usize];
-    let overlaps = overlapping_segments(set, trees, curves[0], curves[1]);
-    let mut splits = <[Splits; 2]>::default();
     let apart = |a: &Bounds, b: &Bounds| boxes_apart(a, b, margin);
-    let volume = |b| tight_bounds(&b);
-    let halving = halve(set, curves, &overlaps, &mut splits, volume, apart);
-    if halving.too_close.is_some() {
-        // They would prove nothing, and there may be millions.
-        splits = Default::default();
+    let mut meeting = overlapping_segments(set, trees, curves[0], curves[1]);
+    let whole = |i: usize, s: u32| tight_bounds(&set.segment(i, s as usize));
+    meeting.retain(|&(s, t)| !apart(&whole(curves[0], s), &whole(curves[1], t)));
+    let outcome = halving.halve(set, curves, &meeting, tight_bounds, apart);
+    // Splits of a pair that stays too close would prove nothing, and there may be millions.
+    let splits = match outcome {
+        Ok(_) => halving.splits.each_ref().map(|s| s.at.clone()),
+        Err(_) => Default::default(),
+    };
+    Refined {
+        overlaps: meeting.len(),
+        passes: 1 + outcome.unwrap_or(MAX_LEVEL),
+        splits,
+        too_close: outcome.err(),
     }
-    (halving, splits)
 }
 
 /// The curves as polylines through all knots and splits.

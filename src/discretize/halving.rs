@@ -4,18 +4,15 @@ use super::{MAX_FRONT, MAX_LEVEL};
 use crate::curve::{Bezier, CurveSet, Point, point_at, sub_segment};
 
 /// Parameters at which segments of one curve are split, as the pair needs it.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Splits {
     /// Segment and parameter, sorted.
     pub at: Vec<(u32, f64)>,
+    /// A bit for every segment that is split.
+    marked: Vec<u64>,
 }
 
 impl Splits {
-    /// Whether no segment is split.
-    pub fn is_empty(&self) -> bool {
-        self.at.is_empty()
-    }
-
     /// Number of points added.
     pub fn len(&self) -> usize {
         self.at.len()
@@ -23,7 +20,23 @@ impl Splits {
 
     /// Forgets all splits.
     pub fn clear(&mut self) {
+        for &(segment, _) in &self.at {
+            if let Some(word) = self.marked.get_mut(segment as usize / 64) {
+                *word = 0;
+            }
+        }
         self.at.clear();
+    }
+
+    /// Marks what is split, of a curve of `segments`, for [`Splits::splits`].
+    fn mark(&mut self, segments: u32) {
+        let words = segments.div_ceil(64) as usize;
+        if self.marked.len() < words {
+            self.marked.resize(words, 0);
+        }
+        for &(segment, _) in &self.at {
+            self.marked[segment as usize / 64] |= 1 << (segment % 64);
+        }
     }
 
     fn sort(&mut self) {
@@ -39,8 +52,10 @@ impl Splits {
     }
 
     /// Whether a segment is split.
+    #[inline(always)]
     pub fn splits(&self, segment: u32) -> bool {
-        !self.of(segment).is_empty()
+        let word = self.marked.get(segment as usize / 64);
+        word.is_some_and(|word| word >> (segment % 64) & 1 != 0)
     }
 
     /// The vertices that stand for segment `s` of curve `i`, ends included.
@@ -56,84 +71,85 @@ impl Splits {
     }
 }
 
-/// What halving came to.
-pub(super) struct Halving {
-    /// Segment pairs whose volumes met at the start.
-    pub overlaps: usize,
-    /// Rounds, the first look included.
-    pub passes: u32,
-    /// Two segments that stayed too close, where some did. The splits prove nothing then.
-    pub too_close: Option<[u32; 2]>,
-}
-
 /// Two pieces whose volumes meet: segment and index of the piece at the current level, for both curves.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Overlap {
     segments: [u32; 2],
     pieces: [u64; 2],
 }
 
-/// Splits segments of two curves until the volumes of no two pieces meet.
-///
-/// `overlaps` lists the segment pairs to look at; `volume` gives a convex set that contains a piece, and
-/// `apart` tells whether two of them are apart beyond rounding.
-pub(super) fn halve<V>(
-    set: &CurveSet,
-    curves: [usize; 2],
-    overlaps: &[(u32, u32)],
-    splits: &mut [Splits; 2],
-    volume: impl Fn(Bezier) -> V,
-    apart: impl Fn(&V, &V) -> bool,
-) -> Halving {
-    splits.iter_mut().for_each(Splits::clear);
-    let whole = |side: usize, s: u32| set.segment(curves[side], s as usize);
-    let mut front: Vec<Overlap> = overlaps
-        .iter()
-        .filter(|&&(s, t)| !apart(&volume(whole(0, s)), &volume(whole(1, t))))
-        .map(|&(s, t)| Overlap {
+/// Buffers of halving, and its result.
+#[derive(Debug, Default)]
+pub(crate) struct Halving {
+    /// Where both curves are split.
+    pub splits: [Splits; 2],
+    front: Vec<Overlap>,
+    next: Vec<Overlap>,
+}
+
+impl Halving {
+    /// Splits segments of two curves until the volumes of no two pieces meet; returns the rounds that it took, or
+    /// two segments that stay too close (the splits prove nothing then).
+    ///
+    /// `meeting` lists all segment pairs whose volumes meet; `volume` gives a convex set that contains a piece,
+    /// and `apart` tells whether two of them are apart beyond rounding.
+    pub(super) fn halve<V>(
+        &mut self,
+        set: &CurveSet,
+        curves: [usize; 2],
+        meeting: &[(u32, u32)],
+        volume: impl Fn(&Bezier) -> V,
+        apart: impl Fn(&V, &V) -> bool,
+    ) -> Result<u32, [u32; 2]> {
+        let Halving {
+            splits,
+            front,
+            next,
+        } = self;
+        splits.iter_mut().for_each(Splits::clear);
+        front.clear();
+        front.extend(meeting.iter().map(|&(s, t)| Overlap {
             segments: [s, t],
             pieces: [0, 0],
-        })
-        .collect();
-    let mut out = Halving {
-        overlaps: front.len(),
-        passes: 1,
-        too_close: None,
-    };
-    for level in 0.. {
-        let Some(first) = front.first() else { break };
-        if level == MAX_LEVEL || front.len() > MAX_FRONT {
-            out.too_close = Some(first.segments);
-            break;
-        }
-        out.passes += 1;
-        // Length of a half in the parameter of the whole segment: a power of two, so products are exact.
-        let half = 0.5f64.powi(level as i32 + 1);
-        let mut next = Vec::new();
-        for o in &front {
-            let halves = [0, 1].map(|side| {
-                let (s, piece) = (o.segments[side], o.pieces[side]);
-                splits[side].at.push((s, (2 * piece + 1) as f64 * half));
-                let b = whole(side, s);
-                [2 * piece, 2 * piece + 1].map(|k| {
-                    let part = sub_segment(&b, k as f64 * half, (k + 1) as f64 * half);
-                    (k, volume(part))
-                })
-            });
-            for (k, a) in &halves[0] {
-                for (l, b) in &halves[1] {
-                    if !apart(a, b) {
-                        next.push(Overlap {
-                            segments: o.segments,
-                            pieces: [*k, *l],
-                        });
+        }));
+        let mut rounds = 0;
+        while !front.is_empty() {
+            if rounds == MAX_LEVEL || front.len() > MAX_FRONT {
+                // The least one, whatever the order in which they were found.
+                return Err(front.iter().min().map_or([0, 0], |o| o.segments));
+            }
+            // Length of a half in the parameter of the whole segment: a power of two, so products are exact.
+            let half = 0.5f64.powi(rounds as i32 + 1);
+            rounds += 1;
+            next.clear();
+            for o in front.iter() {
+                let halves = [0, 1].map(|side| {
+                    let (s, piece) = (o.segments[side], o.pieces[side]);
+                    splits[side].at.push((s, (2 * piece + 1) as f64 * half));
+                    let b = set.segment(curves[side], s as usize);
+                    [2 * piece, 2 * piece + 1].map(|k| {
+                        let part = sub_segment(&b, k as f64 * half, (k + 1) as f64 * half);
+                        (k, volume(&part))
+                    })
+                });
+                for (k, a) in &halves[0] {
+                    for (l, b) in &halves[1] {
+                        if !apart(a, b) {
+                            next.push(Overlap {
+                                segments: o.segments,
+                                pieces: [*k, *l],
+                            });
+                        }
                     }
                 }
             }
+            // A piece that overlaps several others was split once for each.
+            splits.iter_mut().for_each(Splits::sort);
+            std::mem::swap(front, next);
         }
-        // A piece that overlaps several others was split once for each.
-        splits.iter_mut().for_each(Splits::sort);
-        front = next;
+        for (splits, curve) in splits.iter_mut().zip(curves) {
+            splits.mark(set.curve(curve).segments);
+        }
+        Ok(rounds)
     }
-    out
 }

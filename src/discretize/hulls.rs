@@ -1,60 +1,128 @@
 //! Are the convex hulls of two cubic segments apart, by more than rounding can hide?
 
-use crate::curve::{Bezier, Bounds, Point, hull_bounds};
+use crate::curve::{Bezier, Bounds, Point};
 
-/// Whether some tested axis separates the hulls, each of them dilated by `margin` in the maximum norm.
-///
-/// "No" means not known. `margin` bounds how far computed control points and computed curve points lie from
-/// the true ones; see [`separation_margin`] for what it must cover beyond that.
-pub(super) fn separated(a: &Bezier, b: &Bezier, margin: f64) -> bool {
-    if boxes_apart(&hull_bounds(a), &hull_bounds(b), margin) {
-        return true;
-    }
-    let (da, db) = (sub(a[3], a[0]), sub(b[3], b[0]));
-    // Strands that cross at an angle: the common normal of the chords.
-    if apart_along(a, b, cross(da, db), margin) {
-        return true;
-    }
-    let sum = |p: &Bezier| [0, 1, 2].map(|x| p[0][x] + p[1][x] + p[2][x] + p[3][x]);
-    let between = sub(sum(b), sum(a));
-    if apart_along(a, b, between, margin) {
-        return true;
-    }
-    // Nearly parallel strands: the way from one to the other, made orthogonal to a chord.
-    [da, db].into_iter().any(|d| {
-        let length_sq = dot(d, d);
-        length_sq > 0.0 && {
-            let c = dot(between, d) / length_sq;
-            apart_along(a, b, [0, 1, 2].map(|x| between[x] - c * d[x]), margin)
+/// The convex hull of a cubic segment, by its control points: `points[axis][k]`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hull {
+    points: [[f64; 4]; 3],
+}
+
+impl Hull {
+    #[inline(always)]
+    pub fn new(p: &Bezier) -> Hull {
+        let mut points = [[0.0; 4]; 3];
+        for k in 0..4 {
+            for x in 0..3 {
+                points[x][k] = p[k][x];
+            }
         }
-    })
+        Hull { points }
+    }
+
+    /// The vector from the start to the end.
+    #[inline(always)]
+    fn chord(&self) -> Point {
+        let [x, y, z] = &self.points;
+        [x[3] - x[0], y[3] - y[0], z[3] - z[0]]
+    }
+
+    #[inline(always)]
+    fn sum(&self) -> Point {
+        let [x, y, z] = &self.points;
+        let sum = |v: &[f64; 4]| (v[0] + v[1]) + (v[2] + v[3]);
+        [sum(x), sum(y), sum(z)]
+    }
+
+    /// Whether some tested axis separates the hulls, each of them dilated by `margin` in the maximum norm.
+    ///
+    /// "No" means not known. `margin` bounds how far computed control points and computed curve points lie from
+    /// the true ones; see [`separation_margin`] for what it must cover beyond that.
+    #[inline(always)]
+    pub fn separated(&self, other: &Hull, margin: f64) -> bool {
+        let (da, db) = (self.chord(), other.chord());
+        // Strands that cross at an angle: the common normal of the chords.
+        if self.apart_along(other, cross(da, db), margin) {
+            return true;
+        }
+        let between = sub(other.sum(), self.sum());
+        if self.apart_along(other, between, margin) {
+            return true;
+        }
+        // Nearly parallel strands: the way from one to the other, made orthogonal to a chord.
+        for d in [da, db] {
+            let length_sq = dot(d, d);
+            if length_sq > 0.0 {
+                let c = dot(between, d) / length_sq;
+                let normal = [
+                    between[0] - c * d[0],
+                    between[1] - c * d[1],
+                    between[2] - c * d[2],
+                ];
+                if self.apart_along(other, normal, margin) {
+                    return true;
+                }
+            }
+        }
+        self.boxes_apart(other, margin)
+    }
+
+    /// Whether the hulls, dilated by `margin`, lie on two sides of a plane with normal `n`.
+    #[inline(always)]
+    fn apart_along(&self, other: &Hull, n: Point, margin: f64) -> bool {
+        // The constant covers underflow, of this product and of those below.
+        let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
+        let origin = [self.points[0][0], self.points[1][0], self.points[2][0]];
+        let [a_lo, a_hi] = extent(&self.heights(origin, n));
+        let [b_lo, b_hi] = extent(&other.heights(origin, n));
+        // Strict: a normal of zero separates nothing.
+        (a_hi + slack < b_lo) | (b_hi + slack < a_lo)
+    }
+
+    /// `n . (p - origin)` for all control points.
+    #[inline(always)]
+    fn heights(&self, origin: Point, n: Point) -> [f64; 4] {
+        let [x, y, z] = &self.points;
+        let mut out = [0.0; 4];
+        for k in 0..4 {
+            out[k] =
+                (x[k] - origin[0]) * n[0] + (y[k] - origin[1]) * n[1] + (z[k] - origin[2]) * n[2];
+        }
+        out
+    }
+
+    /// Whether the boxes are more than `2 margin` apart along an axis.
+    #[inline(always)]
+    fn boxes_apart(&self, other: &Hull, margin: f64) -> bool {
+        let mut apart = false;
+        for (a, b) in self.points.iter().zip(&other.points) {
+            let ([a_lo, a_hi], [b_lo, b_hi]) = (extent(a), extent(b));
+            apart |= (a_hi + 2.0 * margin < b_lo) | (b_hi + 2.0 * margin < a_lo);
+        }
+        apart
+    }
+}
+
+/// The smallest and the largest of four numbers, none of which is NaN.
+#[inline(always)]
+fn extent(v: &[f64; 4]) -> [f64; 2] {
+    let smaller = |a: f64, b: f64| if a < b { a } else { b };
+    let larger = |a: f64, b: f64| if a > b { a } else { b };
+    [
+        smaller(smaller(v[0], v[1]), smaller(v[2], v[3])),
+        larger(larger(v[0], v[1]), larger(v[2], v[3])),
+    ]
 }
 
 /// The margin for hulls whose control points are at most `max_abs` in magnitude times 5/3, and computed
 /// within [`crate::CurveSet::pad`].
 ///
-/// With `M = 5/3 max_abs` and `u = 2^-53`, [`apart_along`] computes `n . (p - o)` with an error of at most
+/// With `M = 5/3 max_abs` and `u = 2^-53`, [`Hull::apart_along`] computes `n . (p - o)` with an error of at most
 /// `|n|_1 (2 M u + 3 * 2 M u (1 + u)^3)`: the difference is at most `2 M` and rounds once, the scalar product
 /// of three terms at most three times each. Twice that for the two sides, and the pads of both hulls; `32 M u`
 /// covers the first, the pad itself (`29 M u` at most, see there) the second.
 pub(super) fn separation_margin(max_abs: f64, pad: f64) -> f64 {
     pad + max_abs * f64::from_bits((1023 - 47) << 52)
-}
-
-/// Whether the hulls, dilated by `margin`, lie on two sides of a plane with normal `n`.
-fn apart_along(a: &Bezier, b: &Bezier, n: Point, margin: f64) -> bool {
-    // The constant covers underflow, of this product and of those below.
-    let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
-    let extent = |p: &Bezier| {
-        p.iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), &p| {
-                let t = dot(sub(p, a[0]), n);
-                (lo.min(t), hi.max(t))
-            })
-    };
-    let ((a_lo, a_hi), (b_lo, b_hi)) = (extent(a), extent(b));
-    // Strict: a normal of zero separates nothing.
-    a_hi + slack < b_lo || b_hi + slack < a_lo
 }
 
 /// The box of the curve itself, within rounding: its ends and its extremes.
@@ -95,14 +163,17 @@ pub(super) fn boxes_apart(a: &Bounds, b: &Bounds, margin: f64) -> bool {
     (0..3).any(|x| a.1[x] + 2.0 * margin < b.0[x] || b.1[x] + 2.0 * margin < a.0[x])
 }
 
+#[inline(always)]
 fn sub(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
+#[inline(always)]
 fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+#[inline(always)]
 fn cross(a: Point, b: Point) -> Point {
     [
         a[1] * b[2] - a[2] * b[1],
@@ -116,6 +187,10 @@ mod tests {
     use super::*;
     use crate::curve::point_at;
     use proptest::prelude::*;
+
+    fn separated(a: &Bezier, b: &Bezier, margin: f64) -> bool {
+        Hull::new(a).separated(&Hull::new(b), margin)
+    }
 
     fn bezier() -> impl Strategy<Value = Bezier> {
         prop::array::uniform4(prop::array::uniform3(-1.0f64..1.0))

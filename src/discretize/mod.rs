@@ -5,7 +5,7 @@
 //! the volumes are convex). So pieces are halved until no two volumes of different curves meet.
 //!
 //! Two ways, with the same linking numbers:
-//! - [`refine_pair`]: within one pair of curves, lazily, only where their boxes overlap in space; volumes are
+//! - [`Separation`]: within one pair of curves, lazily, only where their boxes overlap in space; volumes are
 //!   the hulls of the Bezier control points. What the crossing kernel uses.
 //! - [`homotopic_polylines`]: Algorithm 3 as published, for all pairs at once, with tight boxes; gives
 //!   polylines that stand alone.
@@ -18,8 +18,8 @@ mod hulls;
 mod pair;
 
 pub use global::{Polylines, homotopic_polylines};
-pub(crate) use halving::Splits;
-pub(crate) use pair::refine_pair;
+pub(crate) use halving::{Halving, Splits};
+pub(crate) use pair::Separation;
 
 /// Halvings of a segment after which a pair counts as too close: pieces are then `2^-30` of a segment, and
 /// their hulls, which flatten with the square of their length, thinner than coordinates can resolve.

@@ -1,24 +1,47 @@
 //! Discretization of one pair of curves, only where they come near one another.
 
-use super::halving::{Splits, halve};
-use super::hulls::{separated, separation_margin};
-use crate::curve::{Bezier, CurveSet};
+use super::halving::Halving;
+use super::hulls::{Hull, separation_margin};
+use crate::curve::CurveSet;
 
-/// Splits segments of the curves `i` and `j` until no two pieces' hulls meet.
-///
-/// `overlaps` lists all segment pairs whose boxes meet in space; all others are apart already. Every piece of
-/// a split segment takes part in the final polyline of the pair, so candidates are evaluated only after this.
-/// On `Err`, the two segments that stay too close.
-pub(crate) fn refine_pair(
-    set: &CurveSet,
+/// Are the hulls of two segments apart?
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Separation<'a> {
+    set: &'a CurveSet,
     curves: [usize; 2],
-    overlaps: &[(u32, u32)],
-    splits: &mut [Splits; 2],
-) -> Result<(), [u32; 2]> {
-    let margin = separation_margin(set.max_abs(), set.pad());
-    let apart = |a: &Bezier, b: &Bezier| separated(a, b, margin);
-    match halve(set, curves, overlaps, splits, |b| b, apart).too_close {
-        None => Ok(()),
-        Some(segments) => Err(segments),
+    margin: f64,
+}
+
+impl<'a> Separation<'a> {
+    pub fn new(set: &'a CurveSet, curves: [usize; 2]) -> Self {
+        Separation {
+            set,
+            curves,
+            margin: separation_margin(set.max_abs(), set.pad()),
+        }
+    }
+
+    /// Keeps the segment pairs whose hulls are not known to be apart, and adds them to `close`.
+    #[inline(always)]
+    pub fn add_close(&self, pairs: &[(u32, u32)], close: &mut Vec<(u32, u32)>) {
+        for &(s, t) in pairs {
+            let a = Hull::new(&self.set.segment(self.curves[0], s as usize));
+            let b = Hull::new(&self.set.segment(self.curves[1], t as usize));
+            if !a.separated(&b, self.margin) {
+                close.push((s, t));
+            }
+        }
+    }
+
+    /// Splits segments until no two pieces' hulls meet.
+    ///
+    /// `close` lists all segment pairs whose hulls meet. Every piece of a split segment takes part in the final
+    /// polyline of the pair, so candidates are evaluated only after this. On `Err`, the two segments that stay too
+    /// close.
+    pub fn refine(&self, close: &[(u32, u32)], halving: &mut Halving) -> Result<(), [u32; 2]> {
+        let apart = |a: &Hull, b: &Hull| a.separated(b, self.margin);
+        halving
+            .halve(self.set, self.curves, close, Hull::new, apart)
+            .map(drop)
     }
 }

@@ -119,17 +119,23 @@ pub(crate) struct BatchOutcome {
 }
 
 impl Batch {
-    pub const EMPTY: Batch = Batch {
-        ends: [[[0.0; 8]; 3]; 4],
+    /// Segments that surely do not cross, in all lanes.
+    pub const APART: Batch = Batch {
+        ends: [
+            [[0.0; 8], [0.0; 8], [0.0; 8]],
+            [[1.0; 8], [0.0; 8], [0.0; 8]],
+            [[0.0; 8], [1.0; 8], [0.0; 8]],
+            [[1.0; 8], [1.0; 8], [0.0; 8]],
+        ],
     };
 
-    /// [`crossing`] for the first `count` lanes at once, by floating point alone: a lane counts only where
-    /// the bounds of all determinants that it needs are met.
+    /// [`crossing`] for eight at once, by floating point alone: a lane counts only where the bounds of all
+    /// determinants that it needs are met.
     #[inline(always)]
-    pub fn evaluate(&self, count: usize) -> BatchOutcome {
+    pub fn evaluate(&self) -> BatchOutcome {
         let [a, b, c, d] = &self.ends;
-        // 0: no crossing; 1, -1: crossing; 2: not decided.
-        let mut lanes = [0i64; 8];
+        // Signs, and all bits set where undecided.
+        let (mut signs, mut undecided) = ([0i64; 8], [0i64; 8]);
         let det = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
             let l = (p[0] - r[0]) * (q[1] - r[1]);
             let s = (p[1] - r[1]) * (q[0] - r[0]);
@@ -156,31 +162,32 @@ impl Batch {
             let sure_height = height.abs() > bound;
             let left = d_side > 0.0;
             let over = (height < 0.0) == left;
-            let value = if over { if left { 1 } else { -1 } } else { 0 };
-            lanes[k] = if none {
+            let sign = if left { 1 } else { -1 };
+            signs[k] = if !none & sure & sure_height & over {
+                sign
+            } else {
                 0
-            } else if sure & sure_height {
-                value
-            } else {
-                2
             };
+            undecided[k] = if !none & !(sure & sure_height) { -1 } else { 0 };
         }
-        let mut out = BatchOutcome::default();
-        for (k, &lane) in lanes.iter().enumerate().take(count) {
-            if lane == 2 {
-                out.undecided |= 1 << k;
-            } else {
-                out.sum += lane as i32;
-                out.crossings += u32::from(lane != 0);
-            }
+        let (mut sum, mut crossings, mut mask) = (0, 0, 0);
+        for k in 0..8 {
+            sum += signs[k];
+            crossings += signs[k] & 1;
+            mask |= undecided[k] & (1 << k);
         }
-        out
+        BatchOutcome {
+            sum: sum as i32,
+            crossings: crossings as u32,
+            undecided: mask as u32,
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exact::segments_touch;
 
     #[test]
     fn a_cross_counts_once_from_either_side() {
@@ -239,43 +246,40 @@ mod tests {
         };
         let (mut decided, mut open) = (0, 0);
         for _ in 0..4000 {
-            let mut batch = Batch::EMPTY;
+            let mut batch = Batch::APART;
             for end in &mut batch.ends {
                 for axis in end {
                     axis.fill_with(&mut next);
                 }
             }
             for w in 0..3 {
-                // Lane 0 in the frame of direction w.
-                let point = |e: usize| {
-                    let mut p = [0.0; 3];
-                    for x in 0..3 {
-                        p[(w + 1 + x) % 3] = batch.ends[e][x][0];
+                let out = batch.evaluate();
+                let (mut sum, mut crossings) = (0, 0);
+                for lane in 0..8 {
+                    if out.undecided >> lane & 1 != 0 {
+                        open += 1;
+                        continue;
                     }
-                    p
-                };
-                let out = batch.evaluate(1);
-                let single = crossing(
-                    point(0),
-                    point(1),
-                    point(2),
-                    point(3),
-                    w,
-                    &mut Predicates::default(),
-                );
-                if out.undecided != 0 {
-                    open += 1;
-                    continue;
+                    decided += 1;
+                    // The frame of direction w.
+                    let [p0, p1, q0, q1] = batch.ends.map(|end| {
+                        let mut p = [0.0; 3];
+                        for x in 0..3 {
+                            p[(w + 1 + x) % 3] = end[x][lane];
+                        }
+                        p
+                    });
+                    match crossing(p0, p1, q0, q1, w, &mut Predicates::default()) {
+                        Crossing::Over(s) => (sum, crossings) = (sum + s, crossings + 1),
+                        Crossing::None => {}
+                        Crossing::Contact => panic!("the batch decided a contact"),
+                    }
+                    let touch = segments_touch(p0, p1, q0, q1, &mut Predicates::default());
+                    assert!(!touch, "segments that touch are left to exact arithmetic");
                 }
-                decided += 1;
-                let want = match single {
-                    Crossing::Over(s) => s,
-                    Crossing::None => 0,
-                    Crossing::Contact => panic!("the batch decided a contact"),
-                };
-                assert_eq!(out.sum, want);
+                assert_eq!((out.sum, out.crossings), (sum, crossings));
             }
         }
-        assert!(decided > 4000 && open > 400, "{decided} {open}");
+        assert!(decided > 30_000 && open > 3_000, "{decided} {open}");
     }
 }

@@ -17,7 +17,8 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
         point: set.knot(i, 0),
         distance: f64::INFINITY,
     };
-    let mut stack = vec![(0.0, trees.root(i), trees.root(j))];
+    let (first, second) = (trees.of(set, i), trees.of(set, j));
+    let mut stack = vec![(0.0, first.root(), second.root())];
     let (mut room_a, mut room_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
     let mut next: Vec<(f64, Node, Node)> = Vec::new();
     while let Some((bound_sq, a, b)) = stack.pop() {
@@ -26,22 +27,22 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
         }
         next.clear();
         if a.level > b.level {
-            let other = trees.node_box(j, b);
-            let group = trees.children(set, i, a, &mut room_a);
+            let other = second.node_box(b);
+            let group = first.children(a, &mut room_a);
             next.extend((0..8).map(|k| {
                 let gap = group.lane(k).dist_sq_below(&other);
                 (gap, a.child(k as u32), b)
             }));
         } else if b.level > a.level {
-            let other = trees.node_box(i, a);
-            let group = trees.children(set, j, b, &mut room_b);
+            let other = first.node_box(a);
+            let group = second.children(b, &mut room_b);
             next.extend((0..8).map(|k| {
                 let gap = group.lane(k).dist_sq_below(&other);
                 (gap, a, b.child(k as u32))
             }));
         } else {
-            let group_a = trees.children(set, i, a, &mut room_a);
-            let group_b = trees.children(set, j, b, &mut room_b);
+            let group_a = first.children(a, &mut room_a);
+            let group_b = second.children(b, &mut room_b);
             for k in 0..8 {
                 for l in 0..8 {
                     let gap = group_a.lane(k).dist_sq_below(&group_b.lane(l));
@@ -52,7 +53,7 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
                         next.push((gap, a.child(k as u32), b.child(l as u32)));
                         continue;
                     }
-                    let (s, t) = (a.segment(k as u32), b.segment(l as u32));
+                    let (s, t) = (a.lane(k as u32), b.lane(l as u32));
                     let place = closest_of_segments(set, [i, j], [s, t]);
                     if place.distance < best.distance {
                         best = place;

@@ -6,6 +6,7 @@
 #[cfg(test)]
 mod brute;
 mod closest;
+mod descent;
 mod overlaps;
 mod sweep;
 mod trees;
@@ -13,9 +14,10 @@ mod trees;
 #[cfg(test)]
 pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{closest_approach, closest_of_segments};
+pub(crate) use descent::{Visitor, descend};
 pub(crate) use overlaps::overlapping_segments;
-pub(crate) use sweep::potential_links;
-pub(crate) use trees::{Node, Trees};
+pub(crate) use sweep::LinkSearch;
+pub(crate) use trees::{CurveTree, Node, Trees};
 
 /// A pair of curves, `i < j`.
 pub(crate) type Pair = (u32, u32);

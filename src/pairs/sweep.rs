@@ -13,21 +13,45 @@ use std::ops::Range;
 /// Boxes swept by one task.
 const CHUNK: usize = 512;
 
-/// All pairs of overlapping boxes, sorted. Empty boxes overlap nothing.
-pub(crate) fn potential_links(boxes: &[Box3]) -> Vec<Pair> {
-    let sweep = Sweep::new(boxes);
-    let parts: Vec<Vec<Pair>> = (0..sweep.order.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|c| sweep.run(c * CHUNK..((c + 1) * CHUNK).min(sweep.order.len())))
-        .collect();
-    let mut pairs = parts.concat();
-    pairs.par_sort_unstable();
-    pairs
+/// The search for potential links. Its buffers serve every frame.
+#[derive(Debug, Default)]
+pub(crate) struct LinkSearch {
+    sweep: Sweep,
+    /// What each task found.
+    parts: Vec<Vec<Pair>>,
+    pairs: Vec<Pair>,
+}
+
+impl LinkSearch {
+    /// All pairs of overlapping boxes, sorted. Empty boxes overlap nothing.
+    pub fn find(&mut self, boxes: &[Box3]) -> &mut Vec<Pair> {
+        let LinkSearch {
+            sweep,
+            parts,
+            pairs,
+        } = self;
+        sweep.fill(boxes);
+        let n = sweep.order.len();
+        parts.resize_with(n.div_ceil(CHUNK).max(parts.len()), Vec::new);
+        parts.par_iter_mut().enumerate().for_each(|(c, part)| {
+            part.clear();
+            sweep.run((c * CHUNK).min(n)..((c + 1) * CHUNK).min(n), part);
+        });
+        pairs.clear();
+        for part in parts.iter() {
+            pairs.extend_from_slice(part);
+        }
+        pairs.par_sort_unstable_by_key(|&(i, j)| u64::from(i) << 32 | u64::from(j));
+        pairs
+    }
 }
 
 /// Boxes sorted along an axis, structure of arrays. Each array ends in values that overlap nothing, so that eight
 /// may be read from everywhere.
+#[derive(Debug, Default)]
 struct Sweep {
+    /// Lower ends in an order-preserving form, each above the number of its box.
+    keys: Vec<u64>,
     /// Numbers of the boxes, in the order of their lower ends.
     order: Vec<u32>,
     /// Bounds along the axis, and along the two others.
@@ -36,77 +60,106 @@ struct Sweep {
 }
 
 impl Sweep {
-    fn new(boxes: &[Box3]) -> Sweep {
+    fn fill(&mut self, boxes: &[Box3]) {
         let axis = widest_axis(boxes);
-        let mut keys: Vec<(f32, u32)> = (0..boxes.len() as u32)
-            .filter(|&i| boxes[i as usize] != Box3::EMPTY)
-            .map(|i| (boxes[i as usize].lo[axis], i))
-            .collect();
-        keys.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let order: Vec<u32> = keys.iter().map(|k| k.1).collect();
-        let column = |of: &dyn Fn(&Box3) -> f32, end: f32| -> Vec<f32> {
-            let values = order.iter().map(|&i| of(&boxes[i as usize]));
-            values.chain([end; LANES]).collect()
-        };
-        let axes = [axis, (axis + 1) % 3, (axis + 2) % 3];
-        Sweep {
-            lo: axes.map(|x| column(&|b| b.lo[x], f32::INFINITY)),
-            hi: axes.map(|x| column(&|b| b.hi[x], f32::NEG_INFINITY)),
+        let Sweep {
+            keys,
             order,
+            lo,
+            hi,
+        } = self;
+        keys.clear();
+        let some = boxes.iter().enumerate().filter(|&(_, b)| *b != Box3::EMPTY);
+        keys.extend(some.map(|(i, b)| u64::from(ordered_bits(b.lo[axis])) << 32 | i as u64));
+        keys.par_sort_unstable();
+        order.clear();
+        order.extend(keys.iter().map(|&key| key as u32));
+        for (k, x) in [axis, (axis + 1) % 3, (axis + 2) % 3]
+            .into_iter()
+            .enumerate()
+        {
+            for (column, end) in [(&mut lo[k], f32::INFINITY), (&mut hi[k], f32::NEG_INFINITY)] {
+                let lower = end > 0.0;
+                column.clear();
+                column.extend(order.iter().map(|&i| {
+                    let b = &boxes[i as usize];
+                    if lower { b.lo[x] } else { b.hi[x] }
+                }));
+                column.extend([end; LANES]);
+            }
         }
     }
 
     /// Pairs whose first box in the order is in `range`.
-    fn run(&self, range: Range<usize>) -> Vec<Pair> {
+    fn run(&self, range: Range<usize>, found: &mut Vec<Pair>) {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
             // SAFETY: the token says that the processor has them.
-            return unsafe { self.run_avx2(avx2, range) };
+            return unsafe { self.run_avx2(avx2, range, found) };
         }
-        self.run_with(Portable, range)
+        self.run_with(Portable, range, found)
     }
 
     /// [`Sweep::run_with`], compiled with AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn run_avx2(&self, avx2: Avx2, range: Range<usize>) -> Vec<Pair> {
-        self.run_with(avx2, range)
+    fn run_avx2(&self, avx2: Avx2, range: Range<usize>, found: &mut Vec<Pair>) {
+        self.run_with(avx2, range, found)
     }
 
     #[inline(always)]
-    fn run_with<L: Lanes>(&self, simd: L, range: Range<usize>) -> Vec<Pair> {
-        let mut found = Vec::new();
+    fn run_with<L: Lanes>(&self, simd: L, range: Range<usize>, found: &mut Vec<Pair>) {
         for k in range {
             let i = self.order[k];
+            let (end, lo1, hi1, lo2, hi2) = (
+                simd.splat(self.hi[0][k]),
+                simd.splat(self.lo[1][k]),
+                simd.splat(self.hi[1][k]),
+                simd.splat(self.lo[2][k]),
+                simd.splat(self.hi[2][k]),
+            );
             let mut at = k + 1;
             // Until the sweep has passed the box. The end of the array is beyond every box.
-            while self.lo[0][at] <= self.hi[0][k] {
-                let eight = |v: &Vec<f32>| -> [f32; LANES] {
-                    let mut out = [0.0; LANES];
-                    out.copy_from_slice(&v[at..at + LANES]);
-                    out
-                };
-                let (lo0, lo1, lo2) = (eight(&self.lo[0]), eight(&self.lo[1]), eight(&self.lo[2]));
-                let (hi1, hi2) = (eight(&self.hi[1]), eight(&self.hi[2]));
-                let apart = simd.greater(&lo0, self.hi[0][k])
-                    | simd.greater(&lo1, self.hi[1][k])
-                    | simd.less(&hi1, self.lo[1][k])
-                    | simd.greater(&lo2, self.hi[2][k])
-                    | simd.less(&hi2, self.lo[2][k]);
-                let mut lanes = !apart & 0xff;
+            while at < self.order.len() && self.lo[0][at] <= self.hi[0][k] {
+                let first = simd.less(end, eight(simd, &self.lo[0], at));
+                let second = simd.or(
+                    simd.less(hi1, eight(simd, &self.lo[1], at)),
+                    simd.less(eight(simd, &self.hi[1], at), lo1),
+                );
+                let third = simd.or(
+                    simd.less(hi2, eight(simd, &self.lo[2], at)),
+                    simd.less(eight(simd, &self.hi[2], at), lo2),
+                );
+                let mut lanes = !simd.bits(simd.or(simd.or(first, second), third)) & 0xff;
                 while lanes != 0 {
                     let j = self.order[at + lanes.trailing_zeros() as usize];
                     lanes &= lanes - 1;
                     found.push((i.min(j), i.max(j)));
                 }
                 at += LANES;
-                if at >= self.order.len() {
-                    break;
-                }
             }
         }
-        found
+    }
+}
+
+/// Eight numbers from `at` on.
+#[inline(always)]
+fn eight<L: Lanes>(simd: L, v: &[f32], at: usize) -> L::Floats {
+    match v[at..].first_chunk() {
+        Some(row) => simd.load(row),
+        None => simd.splat(f32::INFINITY),
+    }
+}
+
+/// The bits of a number that is not NaN, changed so that they compare as the numbers do.
+fn ordered_bits(x: f32) -> u32 {
+    // Zeros are one number.
+    let bits = (x + 0.0).to_bits();
+    if bits >> 31 == 0 {
+        bits | 1 << 31
+    } else {
+        !bits
     }
 }
 
@@ -152,11 +205,21 @@ mod tests {
                 Box3 { lo, hi: [0, 1, 2].map(|x| lo[x] + f32::from(size[x])) }
             }).collect();
             let want = potential_links_brute(&boxes);
-            prop_assert_eq!(&potential_links(&boxes), &want);
-            let sweep = Sweep::new(&boxes);
-            let mut portable = sweep.run_with(Portable, 0..sweep.order.len());
+            let mut search = LinkSearch::default();
+            // The buffers of another scene leave no trace.
+            search.find(&[Box3 { lo: [-1.0; 3], hi: [100.0; 3] }; 700]);
+            prop_assert_eq!(&*search.find(&boxes), &want);
+            let mut portable = Vec::new();
+            search.sweep.run_with(Portable, 0..search.sweep.order.len(), &mut portable);
             portable.sort_unstable();
             prop_assert_eq!(&portable, &want);
         }
+    }
+
+    #[test]
+    fn ordered_bits_are_in_order() {
+        let numbers = [f32::MIN, -1.5, -1.0, -1e-45, 0.0, 1e-45, 1.0, 1.5, f32::MAX];
+        assert!(numbers.is_sorted_by_key(|&x| ordered_bits(x)));
+        assert_eq!(ordered_bits(-0.0), ordered_bits(0.0));
     }
 }

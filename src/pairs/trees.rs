@@ -29,13 +29,13 @@ impl Node {
     pub fn child(self, k: u32) -> Node {
         Node {
             level: self.level - 1,
-            index: self.index * LANES as u32 + k,
+            index: self.lane(k),
         }
     }
 
-    /// The segment in lane `k` of a leaf.
+    /// The number of what is in lane `k`: of a child among the nodes one level below, of a segment in a leaf.
     #[inline]
-    pub fn segment(self, k: u32) -> u32 {
+    pub fn lane(self, k: u32) -> u32 {
         self.index * LANES as u32 + k
     }
 }
@@ -90,47 +90,67 @@ impl Trees {
         &self.roots
     }
 
-    /// The root of curve `i`.
-    pub fn root(&self, i: usize) -> Node {
-        Node {
-            level: self.layouts[i].levels - 1,
-            index: 0,
+    /// The tree of curve `i`, which is closed.
+    pub fn of<'a>(&'a self, set: &'a CurveSet, i: usize) -> CurveTree<'a> {
+        CurveTree {
+            set,
+            curve: i,
+            layout: &self.layouts[i],
+            groups: &self.groups,
+            bounds: self.roots[i],
         }
-    }
-
-    /// Boxes of the children of a node of curve `i`; `leaf` is room for those that are not stored.
-    #[inline(always)]
-    pub fn children<'a>(
-        &'a self,
-        set: &CurveSet,
-        i: usize,
-        node: Node,
-        leaf: &'a mut BoxGroup,
-    ) -> &'a BoxGroup {
-        if node.level == 0 && !self.layouts[i].leaves {
-            *leaf = set.leaf_boxes(i, node.index as usize);
-            leaf
-        } else {
-            &self.groups[(self.layouts[i].first[node.level as usize] + node.index) as usize]
-        }
-    }
-
-    /// The box of a node of curve `i`.
-    #[inline(always)]
-    pub fn node_box(&self, i: usize, node: Node) -> Box3 {
-        let layout = &self.layouts[i];
-        if node.level + 1 == layout.levels {
-            return self.roots[i];
-        }
-        let lanes = LANES as u32;
-        let parent = layout.first[node.level as usize + 1] + node.index / lanes;
-        self.groups[parent as usize].lane((node.index % lanes) as usize)
     }
 
     /// Bytes of the stored boxes.
     #[cfg(test)]
     fn bytes(&self) -> usize {
         size_of_val(&self.groups[..]) + size_of_val(&self.roots[..])
+    }
+}
+
+/// The tree of one curve.
+#[derive(Clone, Copy)]
+pub(crate) struct CurveTree<'a> {
+    set: &'a CurveSet,
+    curve: usize,
+    layout: &'a Layout,
+    groups: &'a [BoxGroup],
+    /// The box around the curve.
+    pub bounds: Box3,
+}
+
+impl<'a> CurveTree<'a> {
+    /// The root.
+    pub fn root(&self) -> Node {
+        Node {
+            level: self.layout.levels - 1,
+            index: 0,
+        }
+    }
+
+    /// Boxes of the children of a node; `leaf` is room for those that are not stored.
+    #[inline(always)]
+    pub fn children<'b>(&self, node: Node, leaf: &'b mut BoxGroup) -> &'b BoxGroup
+    where
+        'a: 'b,
+    {
+        if node.level == 0 && !self.layout.leaves {
+            *leaf = self.set.leaf_boxes(self.curve, node.index as usize);
+            leaf
+        } else {
+            &self.groups[(self.layout.first[node.level as usize] + node.index) as usize]
+        }
+    }
+
+    /// The box of a node.
+    #[inline(always)]
+    pub fn node_box(&self, node: Node) -> Box3 {
+        if node.level + 1 == self.layout.levels {
+            return self.bounds;
+        }
+        let lanes = LANES as u32;
+        let parent = self.layout.first[node.level as usize + 1] + node.index / lanes;
+        self.groups[parent as usize].lane((node.index % lanes) as usize)
     }
 }
 
@@ -195,44 +215,19 @@ fn refit_range(
 
 /// Refits the tree of one curve; returns its root box.
 fn refit_curve(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
-    #[cfg(target_arch = "x86_64")]
-    if Avx2::detect().is_some() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the processor has just been asked.
-        return unsafe { refit_curve_avx2(set, i, layout, groups) };
-    }
-    refit_curve_portable(set, i, layout, groups)
-}
-
-/// [`refit_curve_portable`], compiled with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn refit_curve_avx2(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
-    refit_curve_portable(set, i, layout, groups)
-}
-
-#[inline(always)]
-fn refit_curve_portable(
-    set: &CurveSet,
-    i: usize,
-    layout: &Layout,
-    groups: &mut [BoxGroup],
-) -> Box3 {
     let leaves = (layout.segments as usize).div_ceil(LANES);
     let (stored, upper) = groups.split_at_mut(if layout.leaves { leaves } else { 0 });
-    for (g, group) in stored.iter_mut().enumerate() {
-        *group = set.leaf_boxes(i, g);
-    }
-    let leaf = |g: usize| match stored.get(g) {
-        Some(group) => group.bounds(),
-        None => set.leaf_boxes(i, g).bounds(),
+    let (mut below, mut level) =
+        upper.split_at_mut(leaves.div_ceil(LANES) * usize::from(leaves > 1));
+    let strip = Strip {
+        set,
+        i,
+        first: 0,
+        leaves,
+        below: &mut *below,
+        stored,
     };
-    if leaves == 1 {
-        return leaf(0);
-    }
-    let (mut below, mut level) = upper.split_at_mut(leaves.div_ceil(LANES));
-    fill(below, leaves, leaf);
-    let mut root = below[0].bounds();
+    let mut root = strip.refit();
     while !level.is_empty() {
         let (next, rest) = level.split_at_mut(below.len().div_ceil(LANES));
         fill(next, below.len(), |g| below[g].bounds());
@@ -240,6 +235,106 @@ fn refit_curve_portable(
         (below, level) = (next, rest);
     }
     root
+}
+
+/// Consecutive leaves of a curve, with the groups above them.
+struct Strip<'a> {
+    set: &'a CurveSet,
+    /// The curve.
+    i: usize,
+    /// First leaf.
+    first: usize,
+    leaves: usize,
+    /// Groups whose lanes are the leaves; none above a single leaf.
+    below: &'a mut [BoxGroup],
+    /// The leaves themselves, where they are stored.
+    stored: &'a mut [BoxGroup],
+}
+
+impl Strip<'_> {
+    /// Refits the leaves and the level above; halves the strip while it is worth a task of its own. Returns the
+    /// box around it.
+    fn refit(self) -> Box3 {
+        if self.leaves * LANES <= GRAIN {
+            return self.refit_part();
+        }
+        let mid = self.below.len() / 2;
+        let Strip {
+            set,
+            i,
+            first,
+            leaves,
+            below,
+            stored,
+        } = self;
+        let left_leaves = mid * LANES;
+        let (left_below, right_below) = below.split_at_mut(mid);
+        let (left_stored, right_stored) = stored.split_at_mut(left_leaves.min(stored.len()));
+        let left = Strip {
+            set,
+            i,
+            first,
+            leaves: left_leaves,
+            below: left_below,
+            stored: left_stored,
+        };
+        let right = Strip {
+            set,
+            i,
+            first: first + left_leaves,
+            leaves: leaves - left_leaves,
+            below: right_below,
+            stored: right_stored,
+        };
+        let (a, b) = rayon::join(|| left.refit(), || right.refit());
+        a.union(&b)
+    }
+
+    fn refit_part(self) -> Box3 {
+        #[cfg(target_arch = "x86_64")]
+        if Avx2::detect().is_some() {
+            #[expect(unsafe_code, reason = "vector instructions")]
+            // SAFETY: the processor has just been asked.
+            return unsafe { self.refit_part_avx2() };
+        }
+        self.refit_part_portable()
+    }
+
+    /// [`Strip::refit_part_portable`], compiled with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn refit_part_avx2(self) -> Box3 {
+        self.refit_part_portable()
+    }
+
+    #[inline(always)]
+    fn refit_part_portable(self) -> Box3 {
+        let Strip {
+            set,
+            i,
+            first,
+            leaves,
+            below,
+            stored,
+        } = self;
+        let store = !stored.is_empty();
+        let mut around = Box3::EMPTY;
+        for g in 0..leaves {
+            let leaf = set.leaf_boxes(i, first + g);
+            if store {
+                stored[g] = leaf;
+            }
+            let bounds = leaf.bounds();
+            around = around.union(&bounds);
+            if let Some(group) = below.get_mut(g / LANES) {
+                group.set_lane(g % LANES, &bounds);
+            }
+        }
+        if let Some(last) = below.last_mut().filter(|_| leaves % LANES > 0) {
+            last.clear_from(leaves % LANES);
+        }
+        around
+    }
 }
 
 /// Puts `count` boxes into the lanes of consecutive groups.
@@ -263,14 +358,15 @@ mod tests {
     #[test]
     fn nodes_bound_their_segments_exactly() {
         for basis in [Basis::Polyline, Basis::CatmullRom, Basis::BSpline] {
-            for n in [3, 4, 7, 8, 9, 63, 64, 65, 511, 512, 513, 4097] {
+            for n in [3, 4, 7, 8, 9, 63, 64, 65, 511, 512, 513, 4097, 70_001] {
                 let xyz: Vec<f32> = (0..6 * n).map(|k| ((k * 7919) % 1013) as f32).collect();
                 let positions = Positions::F32(&xyz);
                 let set = CurveSet::from_counts(basis, &[-n, -n], positions).unwrap();
                 let mut trees = Trees::default();
                 trees.refit(&set);
                 for i in 0..2 {
-                    check(&trees, &set, i, trees.root(i));
+                    let tree = trees.of(&set, i);
+                    check(tree, n as u32, tree.root());
                 }
                 // Polylines: an eighth of a box a segment, and an eighth of that, and so on.
                 let boxes = if basis.is_polyline() {
@@ -283,18 +379,17 @@ mod tests {
         }
     }
 
-    fn check(trees: &Trees, set: &CurveSet, i: usize, node: Node) {
+    fn check(tree: CurveTree<'_>, n: u32, node: Node) {
         let mut room = BoxGroup::EMPTY;
-        let group = *trees.children(set, i, node, &mut room);
-        assert_eq!(group.bounds(), trees.node_box(i, node));
-        let n = set.curve(i).segments;
+        let group = *tree.children(node, &mut room);
+        assert_eq!(group.bounds(), tree.node_box(node));
         for k in 0..LANES as u32 {
             let span = (LANES as u32).pow(u32::from(node.level));
             let empty = (node.index * LANES as u32 + k) * span >= n;
             assert_eq!(empty, group.lane(k as usize) == Box3::EMPTY);
             if node.level > 0 && !empty {
-                assert_eq!(group.lane(k as usize), trees.node_box(i, node.child(k)));
-                check(trees, set, i, node.child(k));
+                assert_eq!(group.lane(k as usize), tree.node_box(node.child(k)));
+                check(tree, n, node.child(k));
             }
         }
     }

@@ -1,36 +1,34 @@
 //! Candidates to a number: eight at a time in floating point, one by one exactly where that cannot decide.
 
-use crate::curve::{CurveSet, Point};
+use super::gather::Task;
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use crate::curve::{Knots, Point, ReadKnots};
 use crate::discretize::Splits;
 use crate::exact::{Batch, Crossing, Predicates, crossing, segments_touch};
 use crate::verdict::Stats;
 
-/// The signed count of one pair of curves, in one direction.
-pub(super) struct Count<'a> {
-    set: &'a CurveSet,
-    /// Upper and lower curve.
-    curves: [usize; 2],
-    axis: usize,
-    predicates: Predicates,
+/// Candidates that are worth a task of their own.
+const GRAIN: usize = 1 << 14;
+
+/// The signed count of one pair of curves, in one direction, or of a part of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tally {
     sum: i64,
     /// First pair of segments that touch.
     contact: Option<[u32; 2]>,
+    predicates: Predicates,
     pub stats: Stats,
 }
 
-impl<'a> Count<'a> {
-    pub fn new(set: &'a CurveSet, curves: [usize; 2], axis: usize) -> Self {
-        Count {
-            set,
-            curves,
-            axis,
-            predicates: Predicates::default(),
-            sum: 0,
-            contact: None,
-            stats: Stats::default(),
-        }
-    }
+/// Buffers for the polylines that stand for two segments.
+#[derive(Debug, Default)]
+pub(super) struct Polylines {
+    upper: Vec<Point>,
+    lower: Vec<Point>,
+}
 
+impl Tally {
     /// The sum of the signs so far.
     pub fn sum(&self) -> i64 {
         self.sum
@@ -49,26 +47,13 @@ impl<'a> Count<'a> {
         }
     }
 
-    fn edge(&self, side: usize, s: u32) -> (Point, Point) {
-        let i = self.curves[side];
-        (
-            self.set.knot(i, s as usize),
-            self.set.knot(i, s as usize + 1),
-        )
-    }
-
-    /// Looks for contact among polyline segments whose boxes overlap. A contact at a vertex is invisible to
-    /// the crossing test, which resolves ties by a translation.
-    pub fn touches(&mut self, overlaps: &[(u32, u32)]) {
-        self.stats.overlaps += overlaps.len() as u64;
-        // Three corners in one plane are common in contact only; exact calls made here are not the crossing
-        // tests' and are not counted with them.
-        let mut predicates = Predicates::default();
-        for &(s, t) in overlaps {
-            let ((p0, p1), (q0, q1)) = (self.edge(0, s), self.edge(1, t));
-            if segments_touch(p0, p1, q0, q1, &mut predicates) {
-                self.found_contact([s, t]);
-            }
+    /// Adds another part of the same pair.
+    pub fn merge(&mut self, other: &Tally) {
+        self.sum += other.sum;
+        self.predicates.exact += other.predicates.exact;
+        self.stats.add(&other.stats);
+        if let Some(segments) = other.contact {
+            self.found_contact(segments);
         }
     }
 
@@ -77,62 +62,145 @@ impl<'a> Count<'a> {
         self.contact = Some(self.contact.map_or(segments, |c| c.min(segments)));
     }
 
+    /// Adds whole segments, in parts that are shared out.
+    pub fn add_shared(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
+        if tests.len() > GRAIN {
+            let (left, right) = tests.split_at(tests.len() / 2);
+            let mut other = Tally::default();
+            rayon::join(
+                || self.add_shared(task, left),
+                || other.add_shared(task, right),
+            );
+            return self.merge(&other);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if Avx2::detect().is_some() {
+            #[expect(unsafe_code, reason = "vector instructions")]
+            // SAFETY: the processor has just been asked.
+            return unsafe { self.add_avx2(task, tests) };
+        }
+        self.add(task, tests);
+    }
+
+    /// [`Tally::add`], compiled with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn add_avx2(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
+        self.add(task, tests);
+    }
+
     /// Adds whole segments.
     #[inline(always)]
-    pub fn add(&mut self, tests: &[(u32, u32)]) {
+    pub fn add(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
+        let [upper, lower] = task.curves.map(|i| task.scene.set.knots(i, task.axis));
+        match (upper, lower) {
+            (Knots::F32(p), Knots::F32(q)) => self.add_knots(task, p, q, tests),
+            (Knots::F64(p), Knots::F64(q)) => self.add_knots(task, p, q, tests),
+            (Knots::ComputedF32(p), Knots::ComputedF32(q)) => self.add_knots(task, p, q, tests),
+            (Knots::ComputedF64(p), Knots::ComputedF64(q)) => self.add_knots(task, p, q, tests),
+            _ => unreachable!("the curves of a set have one basis and one precision"),
+        }
+    }
+
+    #[inline(always)]
+    fn add_knots<K: ReadKnots>(
+        &mut self,
+        task: &Task<'_>,
+        upper: K,
+        lower: K,
+        tests: &[(u32, u32)],
+    ) {
         self.stats.tests += tests.len() as u64;
-        let axes = [(self.axis + 1) % 3, (self.axis + 2) % 3, self.axis];
-        let mut batch = Batch::EMPTY;
-        let [upper, lower] = self.curves.map(|i| self.set.knots(i));
+        let mut batch = Batch::APART;
         for chunk in tests.chunks(8) {
+            if chunk.len() < 8 {
+                batch = Batch::APART;
+            }
             for (lane, &(s, t)) in chunk.iter().enumerate() {
-                for (x, &axis) in axes.iter().enumerate() {
-                    let ([p0, p1], [q0, q1]) = (upper.edge(s, axis), lower.edge(t, axis));
+                for x in 0..3 {
+                    let ([p0, p1], [q0, q1]) = (upper.edge(s, x), lower.edge(t, x));
                     batch.ends[0][x][lane] = p0;
                     batch.ends[1][x][lane] = p1;
                     batch.ends[2][x][lane] = q0;
                     batch.ends[3][x][lane] = q1;
                 }
             }
-            let out = batch.evaluate(chunk.len());
+            let out = batch.evaluate();
             self.sum += i64::from(out.sum);
             self.stats.crossings += u64::from(out.crossings);
-            for (lane, &(s, t)) in chunk.iter().enumerate() {
-                if out.undecided >> lane & 1 != 0 {
-                    self.add_segments(s, t);
+            if out.undecided != 0 {
+                for (lane, &(s, t)) in chunk.iter().enumerate() {
+                    if out.undecided >> lane & 1 != 0 {
+                        self.decide(task, s, t);
+                    }
                 }
             }
         }
     }
 
-    /// Adds segments of splines, each as the polyline that the pair's discretization made of it.
-    #[inline(always)]
-    pub fn add_split(&mut self, tests: &[(u32, u32)], splits: &[Splits; 2]) {
-        if splits.iter().all(Splits::is_empty) {
-            return self.add(tests);
+    /// Adds segments that floating point could not decide.
+    ///
+    /// All that touch are among these. A contact at a vertex is invisible to the crossing test, which resolves
+    /// ties by a translation; but segments that touch lie in one plane and their shadows meet, so floating point
+    /// neither proves that they are not in one plane nor that one of them lies on one side of the other.
+    #[cold]
+    #[inline(never)]
+    fn decide(&mut self, task: &Task<'_>, s: u32, t: u32) {
+        let set = task.scene.set;
+        let edge = |side: usize, s: u32| {
+            let (i, s) = (task.curves[side], s as usize);
+            (set.knot(i, s), set.knot(i, s + 1))
+        };
+        let (p, q) = (edge(0, s), edge(1, t));
+        self.add_edges(p, q, task.axis, [s, t]);
+        // Exact calls made here are not the crossing tests' and are not counted with them. The chords of splines
+        // that share a point are too close, which the discretization says.
+        if set.basis().is_polyline()
+            && segments_touch(p.0, p.1, q.0, q.1, &mut Predicates::default())
+        {
+            self.found_contact([s, t]);
         }
-        let is_split = |&(s, t): &(u32, u32)| splits[0].splits(s) || splits[1].splits(t);
-        let whole: Vec<_> = tests.iter().copied().filter(|p| !is_split(p)).collect();
-        self.add(&whole);
-        let (mut upper, mut lower) = (Vec::new(), Vec::new());
-        for &(s, t) in tests.iter().filter(|p| is_split(p)) {
-            splits[0].polyline(self.set, self.curves[0], s, &mut upper);
-            splits[1].polyline(self.set, self.curves[1], t, &mut lower);
+    }
+
+    /// Adds segments of splines, each as the polyline that the pair's discretization made of it. The list of tests
+    /// is used up.
+    pub fn add_split(
+        &mut self,
+        task: &Task<'_>,
+        tests: &mut Vec<(u32, u32)>,
+        splits: &[Splits; 2],
+        polylines: &mut Polylines,
+    ) {
+        let Polylines { upper, lower } = polylines;
+        let set = task.scene.set;
+        let mut last = None;
+        tests.retain(|&(s, t)| {
+            if !splits[0].splits(s) && !splits[1].splits(t) {
+                return true;
+            }
+            if last != Some(s) {
+                splits[0].polyline(set, task.curves[0], s, upper);
+                last = Some(s);
+            }
+            splits[1].polyline(set, task.curves[1], t, lower);
             for p in upper.windows(2) {
                 for q in lower.windows(2) {
-                    self.stats.tests += 1;
-                    self.add_edges((p[0], p[1]), (q[0], q[1]), [s, t]);
+                    let (p, q) = ((p[0], p[1]), (q[0], q[1]));
+                    if may_cross(p, q, task.axis) {
+                        self.stats.tests += 1;
+                        self.add_edges(p, q, task.axis, [s, t]);
+                    }
                 }
             }
-        }
+            false
+        });
+        let added = splits[0].len() + splits[1].len();
+        self.stats.refined += added as u64;
+        self.add_shared(task, tests);
     }
 
-    fn add_segments(&mut self, s: u32, t: u32) {
-        self.add_edges(self.edge(0, s), self.edge(1, t), [s, t]);
-    }
-
-    fn add_edges(&mut self, p: (Point, Point), q: (Point, Point), segments: [u32; 2]) {
-        match crossing(p.0, p.1, q.0, q.1, self.axis, &mut self.predicates) {
+    fn add_edges(&mut self, p: (Point, Point), q: (Point, Point), axis: usize, segments: [u32; 2]) {
+        match crossing(p.0, p.1, q.0, q.1, axis, &mut self.predicates) {
             Crossing::None => {}
             Crossing::Over(sign) => {
                 self.sum += i64::from(sign);
@@ -141,4 +209,15 @@ impl<'a> Count<'a> {
             Crossing::Contact => self.found_contact(segments),
         }
     }
+}
+
+/// Whether the shadows' boxes overlap and the upper edge is not wholly below.
+///
+/// Ties count as overlap: the translation that breaks them is smaller than every gap.
+fn may_cross(p: (Point, Point), q: (Point, Point), w: usize) -> bool {
+    let (u, v) = ((w + 1) % 3, (w + 2) % 3);
+    let overlap = |x: usize| {
+        p.0[x].min(p.1[x]) <= q.0[x].max(q.1[x]) && q.0[x].min(q.1[x]) <= p.0[x].max(p.1[x])
+    };
+    overlap(u) && overlap(v) && p.0[w].max(p.1[w]) >= q.0[w].min(q.1[w])
 }

@@ -4,7 +4,7 @@
 //! axis instead of a rotated frame, so that exact predicates apply to the input itself and degenerate views
 //! are decided by a proven rule ([`crate::exact`]) instead of a retry; only crossings where the first loop is
 //! on top are counted, so no factor 1/2 and everything wholly below is culled in space; the best of six
-//! directions for every pair ([`direction`]); trees over both loops ([`traverse`]).
+//! directions for every pair ([`direction`]); trees over both loops ([`gather`]).
 //!
 //! Cost: near-linear in segments and crossings for curves that are spatially coherent. Beaten by summation
 //! where crossings in every direction are far more than segments.
@@ -14,24 +14,21 @@
 
 mod direction;
 mod evaluate;
+mod gather;
 #[cfg(test)]
 mod spline_tests;
 #[cfg(test)]
 mod tests;
-mod traverse;
 
-use self::traverse::Candidates;
+use self::evaluate::Tally;
 use super::Linking;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
 use crate::curve::{CurveSet, Lanes, Portable};
-use crate::discretize::{Splits, refine_pair};
-use crate::pairs::{Node, Pair, Trees, closest_of_segments};
+use crate::discretize::Halving;
+use crate::pairs::{Node, Pair, Trees, closest_approach, closest_of_segments};
 use crate::verdict::{DefectKind, Stats};
-
-/// Candidates of one pair of splines at which it counts as too close: a tangle in which everything overlaps
-/// everything would fill the memory.
-const MAX_CANDIDATES: usize = 1 << 25;
+use std::sync::{Mutex, PoisonError};
 
 /// A direction of projection: an axis, and which of the two curves is counted when on top.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +53,15 @@ impl Direction {
     const fn new(axis: usize, second_over: bool) -> Self {
         Direction { axis, second_over }
     }
+
+    /// What belongs to the upper curve first.
+    fn upper_first<T>(self, first: T, second: T) -> (T, T) {
+        if self.second_over {
+            (second, first)
+        } else {
+            (first, second)
+        }
+    }
 }
 
 /// What a pair is computed from: curves and their trees, of one frame.
@@ -63,20 +69,51 @@ impl Direction {
 pub(crate) struct Scene<'a> {
     pub set: &'a CurveSet,
     pub trees: &'a Trees,
+    pub workspaces: &'a Workspaces,
 }
 
-/// Buffers of one thread. Reused from pair to pair and frame to frame.
+/// Buffers that wait for a task. They serve every pair of every frame.
 #[derive(Debug, Default)]
-pub(crate) struct Scratch {
-    /// Node pairs of the coarse pass: first curve, second curve, directions in which they overlap.
-    front: Vec<(Node, Node, u8)>,
-    next: Vec<(Node, Node, u8)>,
+pub(crate) struct Workspaces {
+    idle: Mutex<Vec<Box<Workspace>>>,
+}
+
+impl Workspaces {
+    /// Buffers, which the caller gives back.
+    pub fn take(&self) -> Box<Workspace> {
+        self.lock().pop().unwrap_or_default()
+    }
+
+    /// Gives buffers back.
+    pub fn put(&self, workspace: Box<Workspace>) {
+        self.lock().push(workspace);
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Box<Workspace>>> {
+        // A task that panicked holds no lock: the list is whole.
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Buffers of one task.
+#[derive(Debug, Default)]
+pub(crate) struct Workspace {
+    fronts: direction::Fronts,
     /// Node pairs to visit: upper curve, lower curve.
     stack: Vec<(Node, Node)>,
-    candidates: Candidates,
-    splits: [Splits; 2],
+    found: gather::Found,
+    tally: Tally,
+    halving: Halving,
+    polylines: evaluate::Polylines,
     /// Work done since the caller last took it.
     pub stats: Stats,
+}
+
+impl Workspace {
+    /// Takes the counts of the work done so far.
+    pub fn take_stats(&mut self) -> Stats {
+        std::mem::take(&mut self.stats)
+    }
 }
 
 /// Linking number of the curves `i` and `j`; `fixed` leaves no choice of the direction.
@@ -84,15 +121,15 @@ pub(crate) fn linking_number(
     scene: Scene<'_>,
     pair: Pair,
     fixed: Option<Direction>,
-    scratch: &mut Scratch,
+    workspace: &mut Workspace,
 ) -> Linking {
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = Avx2::detect() {
         #[expect(unsafe_code, reason = "vector instructions")]
         // SAFETY: the token says that the processor has them.
-        return unsafe { with_avx2(avx2, scene, pair, fixed, scratch) };
+        return unsafe { with_avx2(avx2, scene, pair, fixed, workspace) };
     }
-    compute(Portable, scene, pair, fixed, scratch)
+    compute(Portable, scene, pair, fixed, workspace)
 }
 
 /// [`compute`], compiled with AVX2.
@@ -103,9 +140,9 @@ fn with_avx2(
     scene: Scene<'_>,
     pair: Pair,
     fixed: Option<Direction>,
-    scratch: &mut Scratch,
+    workspace: &mut Workspace,
 ) -> Linking {
-    compute(avx2, scene, pair, fixed, scratch)
+    compute(avx2, scene, pair, fixed, workspace)
 }
 
 #[inline(always)]
@@ -114,79 +151,39 @@ fn compute<L: Lanes>(
     scene: Scene<'_>,
     (i, j): Pair,
     fixed: Option<Direction>,
-    scratch: &mut Scratch,
+    workspace: &mut Workspace,
 ) -> Linking {
-    scratch.stats.potential_links += 1;
+    workspace.stats.potential_links += 1;
     let [i, j] = [i as usize, j as usize];
-    let Some(direction) = direction::choose(simd, scene, i, j, fixed, scratch) else {
-        scratch.stats.separated += 1;
+    let Scene { set, trees, .. } = scene;
+    let both = [trees.of(set, i), trees.of(set, j)];
+    let Workspace { fronts, stack, .. } = workspace;
+    let Some(direction) = direction::choose(simd, both, fixed, fronts, stack) else {
+        workspace.stats.separated += 1;
         return Linking::Number(0);
     };
-    // From here on the first curve of everything is the one on top.
-    let curves = if direction.second_over {
-        [j, i]
-    } else {
-        [i, j]
-    };
-    let mut count = evaluate::Count::new(scene.set, curves, direction.axis);
-    let polyline = scene.set.basis().is_polyline();
-    let Scratch {
-        stack,
-        candidates,
-        splits,
-        ..
-    } = scratch;
-    candidates.clear();
-    let mut entangled = None;
-    traverse::traverse(
-        simd,
-        scene,
-        curves,
-        direction.axis,
-        stack,
-        candidates,
-        |c| {
-            // Polylines are evaluated as they come, so the list of candidates stays short however many there
-            // are. Splines wait for their final polylines.
-            if polyline {
-                count.touches(&c.overlaps);
-                count.add(&c.tests);
-                c.clear();
-            } else if c.tests.len() > MAX_CANDIDATES {
-                entangled = c.tests.first().map(|&(s, t)| [s, t]);
-                c.clear();
-            }
-        },
-    );
-    let mut too_close = entangled;
-    if !polyline && too_close.is_none() {
-        splits.iter_mut().for_each(Splits::clear);
-        count.stats.overlaps += candidates.overlaps.len() as u64;
-        match refine_pair(scene.set, curves, &candidates.overlaps, splits) {
-            Ok(()) => {
-                count.stats.refined += (splits[0].len() + splits[1].len()) as u64;
-                count.add_split(&candidates.tests, splits);
-            }
-            Err(segments) => too_close = Some(segments),
-        }
+    let (upper, lower) = direction.upper_first(i, j);
+    let task = gather::Task::new(scene, [upper, lower], direction.axis);
+    workspace.tally = Tally::default();
+    workspace.found.clear();
+    gather::gather(simd, &task, workspace);
+    let entangled = task.entangled();
+    let mut too_close = None;
+    if !set.basis().is_polyline() && !entangled {
+        too_close = task.finish_splines(workspace).err();
     }
-    scratch.stats.add(&count.stats());
-    let undefined = |kind, mut segments: [u32; 2]| {
-        if direction.second_over {
-            segments.swap(0, 1);
-        }
-        Linking::Undefined(kind, closest_of_segments(scene.set, [i, j], segments))
+    let tally = &workspace.tally;
+    workspace.stats.add(&tally.stats());
+    let undefined = |kind, [s, t]: [u32; 2]| {
+        let (s, t) = direction.upper_first(s, t);
+        Linking::Undefined(kind, closest_of_segments(set, [i, j], [s, t]))
     };
-    match (too_close, count.contact()) {
+    match (too_close, tally.contact()) {
+        _ if entangled => {
+            Linking::Undefined(DefectKind::TooClose, closest_approach(set, trees, i, j))
+        }
         (Some(segments), _) => undefined(DefectKind::TooClose, segments),
         (None, Some(segments)) => undefined(DefectKind::Contact, segments),
-        (None, None) => Linking::Number(count.sum()),
-    }
-}
-
-impl Scratch {
-    /// Takes the counts of the work done so far.
-    pub fn take_stats(&mut self) -> Stats {
-        std::mem::take(&mut self.stats)
+        (None, None) => Linking::Number(tally.sum()),
     }
 }

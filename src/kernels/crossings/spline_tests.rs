@@ -42,15 +42,16 @@ fn random_splines_equal_finely_sampled_polygons_in_all_six_directions() {
             let scene = Scene {
                 set: &set,
                 trees: &trees,
+                workspaces: &Workspaces::default(),
             };
             let want = |samples| {
                 oracle::linking_number(&sampled(&set, 0, samples), &sampled(&set, 1, samples))
                     .expect("random curves do not touch")
             };
-            let mut scratch = Scratch::default();
+            let mut workspace = Workspace::default();
             let mut expected = want(SAMPLES[0]);
             for fixed in Direction::ALL.map(Some).into_iter().chain([None]) {
-                let found = linking_number(scene, (0, 1), fixed, &mut scratch);
+                let found = linking_number(scene, (0, 1), fixed, &mut workspace);
                 if found != Linking::Number(expected) {
                     expected = want(SAMPLES[1]);
                 }
@@ -60,7 +61,7 @@ fn random_splines_equal_finely_sampled_polygons_in_all_six_directions() {
                     "{basis:?} {fixed:?} {xyz:?}"
                 );
             }
-            refined += scratch.take_stats().refined;
+            refined += workspace.take_stats().refined;
             linked += usize::from(expected != 0);
             let control =
                 CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
@@ -70,7 +71,7 @@ fn random_splines_equal_finely_sampled_polygons_in_all_six_directions() {
                 usize::from(lambda(&verifier.certify(&control).0.links) != expected);
             let polylines = homotopic_polylines(&set).unwrap();
             assert!(polylines.too_close.is_empty());
-            let certificate = verifier.certify(&polylines.curves).0;
+            let certificate = verifier.certify(&polylines.curves).0.clone();
             assert_eq!(lambda(&certificate.links), expected, "Algorithm 3");
         }
         println!(
@@ -97,7 +98,7 @@ fn splines_of_any_scale_have_the_same_numbers() {
             let certify = |power: i32| {
                 let scaled: Vec<f64> = xyz.iter().map(|x| x * 2f64.powi(power)).collect();
                 let set = CurveSet::from_counts(basis, &counts, Positions::F64(&scaled))?;
-                Ok::<_, crate::Error>(Verifier::new(AbortOn::Never).certify(&set).0)
+                Ok::<_, crate::Error>(Verifier::new(AbortOn::Never).certify(&set).0.clone())
             };
             let want = certify(0).unwrap();
             for power in [-200, -120, -40, 60, 126, 130, 200, 299] {
@@ -127,7 +128,8 @@ fn touching_splines_are_too_close_and_say_where() {
     let b = [[0., 0., 0.], [-1., 0., 0.], [-1., 0., 1.], [0., 0., 1.]];
     let xyz: Vec<f32> = a.iter().chain(&b).flatten().copied().collect();
     let set = CurveSet::from_counts(Basis::CatmullRom, &[-4, -4], Positions::F32(&xyz)).unwrap();
-    let (certificate, _) = Verifier::new(AbortOn::Any).certify(&set);
+    let mut verifier = Verifier::new(AbortOn::Any);
+    let (certificate, _) = verifier.certify(&set);
     let [defect] = certificate.undefined[..] else {
         panic!("{certificate:?}")
     };
@@ -155,7 +157,8 @@ fn identical_and_parallel_splines_end_in_bounded_time() {
     for (gap, kind) in cases {
         let xyz: Vec<f64> = ring(0.0).chain(ring(gap)).collect();
         let set = CurveSet::from_counts(Basis::BSpline, &[-64, -64], Positions::F64(&xyz)).unwrap();
-        let (certificate, _) = Verifier::new(AbortOn::Any).certify(&set);
+        let mut verifier = Verifier::new(AbortOn::Any);
+        let (certificate, _) = verifier.certify(&set);
         assert_eq!(
             certificate.undefined.first().map(|d| d.kind),
             kind,

@@ -41,15 +41,16 @@ fn kernel(a: &Polygon, b: &Polygon, scale: f64, fixed: Option<Direction>) -> Lin
     let scene = Scene {
         set: &set,
         trees: &trees,
+        workspaces: &Workspaces::default(),
     };
-    let (mut scratch, mut portable) = (Scratch::default(), Scratch::default());
-    let found = linking_number(scene, (0, 1), fixed, &mut scratch);
+    let (mut workspace, mut portable) = (Workspace::default(), Workspace::default());
+    let found = linking_number(scene, (0, 1), fixed, &mut workspace);
     // With the processor's vector instructions and without, to the last count.
     assert_eq!(
         compute(Portable, scene, (0, 1), fixed, &mut portable),
         found
     );
-    assert_eq!(portable.take_stats(), scratch.take_stats());
+    assert_eq!(portable.take_stats(), workspace.take_stats());
     found
 }
 
@@ -181,13 +182,14 @@ fn a_generic_link_needs_no_exact_arithmetic_and_a_lattice_does() {
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
         let mut trees = Trees::default();
         trees.refit(&set);
-        let mut scratch = Scratch::default();
+        let mut workspace = Workspace::default();
         let scene = Scene {
             set: &set,
             trees: &trees,
+            workspaces: &Workspaces::default(),
         };
-        linking_number(scene, (0, 1), None, &mut scratch);
-        scratch.take_stats().exact
+        linking_number(scene, (0, 1), None, &mut workspace);
+        workspace.take_stats().exact
     };
     let [a, b] = winding(7, 512, 0.1);
     assert_eq!(exact(&a, &b), 0);
