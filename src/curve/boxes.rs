@@ -26,17 +26,6 @@ impl Box3 {
         (0..3).all(|x| self.lo[x] <= other.hi[x] && other.lo[x] <= self.hi[x])
     }
 
-    /// The box around both.
-    #[inline(always)]
-    pub fn union(&self, other: &Box3) -> Box3 {
-        let mut out = *self;
-        for x in 0..3 {
-            out.lo[x] = smaller(out.lo[x], other.lo[x]);
-            out.hi[x] = larger(out.hi[x], other.hi[x]);
-        }
-        out
-    }
-
     /// Square of the distance between the boxes, a lower bound (rounded down generously) for what is in them.
     pub(crate) fn dist_sq_below(&self, other: &Box3) -> f64 {
         let mut sum = 0.0;
@@ -72,15 +61,6 @@ impl BoxGroup {
         Box3 {
             lo: [0, 1, 2].map(|x| self.lo[x][i]),
             hi: [0, 1, 2].map(|x| self.hi[x][i]),
-        }
-    }
-
-    /// Sets the box of one lane.
-    #[inline(always)]
-    pub fn set_lane(&mut self, i: usize, b: &Box3) {
-        for x in 0..3 {
-            self.lo[x][i] = b.lo[x];
-            self.hi[x][i] = b.hi[x];
         }
     }
 

@@ -20,12 +20,17 @@ pub(crate) trait Lanes: Copy {
     type Words: Copy;
 
     fn load(self, row: &Row<f32>) -> Self::Floats;
+    fn store_floats(self, x: Self::Floats, to: &mut Row<f32>);
     fn splat(self, x: f32) -> Self::Floats;
     /// `a < b`.
     fn less(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// Lanes that are set, a bit each.
     fn bits(self, m: Self::Mask) -> u32;
+    /// The least number of each row.
+    fn least(self, rows: [Self::Floats; LANES]) -> Self::Floats;
+    /// The greatest number of each row.
+    fn greatest(self, rows: [Self::Floats; LANES]) -> Self::Floats;
 
     fn splat_word(self, x: u32) -> Self::Words;
     /// `words` in the lanes that `m` does not have, 0 in the others.
@@ -35,8 +40,10 @@ pub(crate) trait Lanes: Copy {
     /// Lanes that are not 0, a bit each.
     fn nonzero(self, words: Self::Words) -> u32;
     fn store(self, words: Self::Words, to: &mut Row<u32>);
-    /// Writes the lanes of `words` whose bit is set, in their order; the rest of `to` gets any values.
-    fn store_packed(self, words: Self::Words, bits: u32, to: &mut Row<u32>);
+    /// The order in which [`Lanes::permute`] puts the lanes with a bit first; the others follow in any order.
+    fn packed(self, bits: u32) -> Self::Words;
+    /// For every lane, the lane of `words` that `order` says.
+    fn permute(self, words: Self::Words, order: Self::Words) -> Self::Words;
     /// `first`, `first + 1`, ..
     fn count_from(self, first: u32) -> Self::Words;
 }
@@ -126,14 +133,48 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn store_packed(self, words: Row<u32>, bits: u32, to: &mut Row<u32>) {
-        let mut at = 0;
-        for (k, w) in words.into_iter().enumerate() {
-            if bits >> k & 1 != 0 {
-                to[at] = w;
-                at += 1;
+    fn packed(self, bits: u32) -> Row<u32> {
+        let mut order = [0; LANES];
+        for (to, from) in order.iter_mut().zip(PACKED[(bits & 0xff) as usize]) {
+            *to = from.into();
+        }
+        order
+    }
+
+    #[inline(always)]
+    fn permute(self, words: Row<u32>, order: Row<u32>) -> Row<u32> {
+        let mut out = words;
+        for (to, from) in out.iter_mut().zip(order) {
+            *to = words[from as usize % LANES];
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn least(self, rows: [Row<f32>; LANES]) -> Row<f32> {
+        let mut out = [f32::INFINITY; LANES];
+        for (out, row) in out.iter_mut().zip(rows) {
+            for x in row {
+                *out = if x < *out { x } else { *out };
             }
         }
+        out
+    }
+
+    #[inline(always)]
+    fn greatest(self, rows: [Row<f32>; LANES]) -> Row<f32> {
+        let mut out = [f32::NEG_INFINITY; LANES];
+        for (out, row) in out.iter_mut().zip(rows) {
+            for x in row {
+                *out = if x > *out { x } else { *out };
+            }
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn store_floats(self, x: Row<f32>, to: &mut Row<f32>) {
+        *to = x;
     }
 
     #[inline(always)]
@@ -174,13 +215,47 @@ mod avx2 {
     use super::{LANES, Lanes, PACKED, Row};
     use std::arch::x86_64::*;
 
+    /// The fold of each of eight rows, by three rounds of pairs. (A macro, because a function could not be given
+    /// the operation without a closure.)
+    macro_rules! fold_rows {
+        ($rows:expr, $pick:ident) => {{
+            let [a, b, c, d, e, f, g, h] = $rows;
+            // Of two rows: the folds of their lanes 0 and 2, and 1 and 3, side by side in each half.
+            let ab = fold_rows!(@two a, b, $pick);
+            let cd = fold_rows!(@two c, d, $pick);
+            let ef = fold_rows!(@two e, f, $pick);
+            let gh = fold_rows!(@two g, h, $pick);
+            let abcd = fold_rows!(@four ab, cd, $pick);
+            let efgh = fold_rows!(@four ef, gh, $pick);
+            $pick(
+                _mm256_permute2f128_ps::<0x20>(abcd, efgh),
+                _mm256_permute2f128_ps::<0x31>(abcd, efgh),
+            )
+        }};
+        (@two $p:expr, $q:expr, $pick:ident) => {{
+            let (p, q) = ($p, $q);
+            $pick(_mm256_unpacklo_ps(p, q), _mm256_unpackhi_ps(p, q))
+        }};
+        (@four $p:expr, $q:expr, $pick:ident) => {{
+            let (p, q) = (_mm256_castps_pd($p), _mm256_castps_pd($q));
+            $pick(
+                _mm256_castpd_ps(_mm256_unpacklo_pd(p, q)),
+                _mm256_castpd_ps(_mm256_unpackhi_pd(p, q)),
+            )
+        }};
+    }
+
     #[derive(Clone, Copy, Debug)]
     pub(crate) struct Avx2(());
 
     impl Avx2 {
-        /// The token, where the processor has the instructions.
+        /// The token, where the processor has AVX2 and the instructions for bits that came with it.
         pub fn detect() -> Option<Avx2> {
-            std::arch::is_x86_feature_detected!("avx2").then_some(Avx2(()))
+            let all = std::arch::is_x86_feature_detected!("avx2")
+                && std::arch::is_x86_feature_detected!("bmi1")
+                && std::arch::is_x86_feature_detected!("bmi2")
+                && std::arch::is_x86_feature_detected!("popcnt");
+            all.then_some(Avx2(()))
         }
     }
 
@@ -261,13 +336,34 @@ mod avx2 {
         }
 
         #[inline(always)]
-        fn store_packed(self, words: __m256i, bits: u32, to: &mut Row<u32>) {
+        fn packed(self, bits: u32) -> __m256i {
             let order = &PACKED[(bits & 0xff) as usize];
-            // SAFETY: AVX2 is there; eight bytes are read and eight words written.
-            unsafe {
-                let order = _mm256_cvtepu8_epi32(_mm_loadl_epi64(order.as_ptr().cast()));
-                self.store(_mm256_permutevar8x32_epi32(words, order), to);
-            }
+            // SAFETY: AVX2 is there; eight bytes are read.
+            unsafe { _mm256_cvtepu8_epi32(_mm_loadl_epi64(order.as_ptr().cast())) }
+        }
+
+        #[inline(always)]
+        fn permute(self, words: __m256i, order: __m256i) -> __m256i {
+            // SAFETY: AVX2 is there.
+            unsafe { _mm256_permutevar8x32_epi32(words, order) }
+        }
+
+        #[inline(always)]
+        fn least(self, rows: [__m256; LANES]) -> __m256 {
+            // SAFETY: AVX2 is there.
+            unsafe { fold_rows!(rows, _mm256_min_ps) }
+        }
+
+        #[inline(always)]
+        fn greatest(self, rows: [__m256; LANES]) -> __m256 {
+            // SAFETY: AVX2 is there.
+            unsafe { fold_rows!(rows, _mm256_max_ps) }
+        }
+
+        #[inline(always)]
+        fn store_floats(self, x: __m256, to: &mut Row<f32>) {
+            // SAFETY: AVX2 is there; eight numbers are written.
+            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), x) }
         }
 
         #[inline(always)]
@@ -339,14 +435,34 @@ mod tests {
         assert_eq!(words(lanes, both), [0, 1, 0, 1, 4, 5, 4, 5]);
         assert_eq!(lanes.nonzero(both), 0b1111_1010);
         for bits in 0..256 {
-            let mut packed = [99; LANES];
-            lanes.store_packed(lanes.count_from(40), bits, &mut packed);
+            let packed = words(
+                lanes,
+                lanes.permute(lanes.count_from(40), lanes.packed(bits)),
+            );
             let want: Vec<u32> = (0..8)
                 .filter(|k| bits >> k & 1 == 1)
                 .map(|k| 40 + k)
                 .collect();
             assert_eq!(packed[..want.len()], want);
         }
+        let mut rows = [[0.0; LANES]; LANES];
+        for (k, row) in rows.iter_mut().enumerate() {
+            for (l, x) in row.iter_mut().enumerate() {
+                *x = ((k * 31 + l * 17 + k * l * 5) % 64) as f32 - 32.0;
+            }
+        }
+        let loaded = rows.each_ref().map(|row| lanes.load(row));
+        let [mut least, mut greatest] = [[0.0; LANES]; 2];
+        lanes.store_floats(lanes.least(loaded), &mut least);
+        lanes.store_floats(lanes.greatest(loaded), &mut greatest);
+        assert_eq!(
+            least,
+            rows.map(|row| row.into_iter().fold(f32::MAX, f32::min))
+        );
+        assert_eq!(
+            greatest,
+            rows.map(|row| row.into_iter().fold(f32::MIN, f32::max))
+        );
     }
 
     #[test]

@@ -103,7 +103,7 @@ impl Sweep {
 
     /// [`Sweep::run_with`], compiled with AVX2.
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
     fn run_avx2(&self, avx2: Avx2, range: Range<usize>, found: &mut Vec<Pair>) {
         self.run_with(avx2, range, found)
     }

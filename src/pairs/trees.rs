@@ -8,7 +8,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Box3, BoxGroup, CurveSet, LANES};
+use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Portable};
 
 /// Levels of the deepest tree: `8^11 > 2^32` segments.
 const LEVELS: usize = 11;
@@ -24,6 +24,11 @@ pub(crate) struct Node {
 }
 
 impl Node {
+    #[inline]
+    pub fn new(level: u8, index: u32) -> Node {
+        Node { level, index }
+    }
+
     /// The child in lane `k`; of a level 0 node there are none.
     #[inline]
     pub fn child(self, k: u32) -> Node {
@@ -217,8 +222,12 @@ fn refit_range(
 fn refit_curve(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
     let leaves = (layout.segments as usize).div_ceil(LANES);
     let (stored, upper) = groups.split_at_mut(if layout.leaves { leaves } else { 0 });
-    let (mut below, mut level) =
-        upper.split_at_mut(leaves.div_ceil(LANES) * usize::from(leaves > 1));
+    if leaves == 1 {
+        let leaf = set.leaf_boxes(i, 0);
+        stored.fill(leaf);
+        return leaf.bounds();
+    }
+    let (mut below, mut level) = upper.split_at_mut(leaves.div_ceil(LANES));
     let strip = Strip {
         set,
         i,
@@ -227,14 +236,13 @@ fn refit_curve(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup
         below: &mut *below,
         stored,
     };
-    let mut root = strip.refit();
+    strip.refit();
     while !level.is_empty() {
         let (next, rest) = level.split_at_mut(below.len().div_ceil(LANES));
-        fill(next, below.len(), |g| below[g].bounds());
-        root = next[0].bounds();
+        raise(below, next);
         (below, level) = (next, rest);
     }
-    root
+    below[0].bounds()
 }
 
 /// Consecutive leaves of a curve, with the groups above them.
@@ -245,16 +253,15 @@ struct Strip<'a> {
     /// First leaf.
     first: usize,
     leaves: usize,
-    /// Groups whose lanes are the leaves; none above a single leaf.
+    /// Groups whose lanes are the leaves.
     below: &'a mut [BoxGroup],
     /// The leaves themselves, where they are stored.
     stored: &'a mut [BoxGroup],
 }
 
 impl Strip<'_> {
-    /// Refits the leaves and the level above; halves the strip while it is worth a task of its own. Returns the
-    /// box around it.
-    fn refit(self) -> Box3 {
+    /// Refits the leaves and the level above; halves the strip while it is worth a task of its own.
+    fn refit(self) {
         if self.leaves * LANES <= GRAIN {
             return self.refit_part();
         }
@@ -286,67 +293,106 @@ impl Strip<'_> {
             below: right_below,
             stored: right_stored,
         };
-        let (a, b) = rayon::join(|| left.refit(), || right.refit());
-        a.union(&b)
+        rayon::join(|| left.refit(), || right.refit());
     }
 
-    fn refit_part(self) -> Box3 {
+    fn refit_part(self) {
         #[cfg(target_arch = "x86_64")]
-        if Avx2::detect().is_some() {
+        if let Some(avx2) = Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the processor has just been asked.
-            return unsafe { self.refit_part_avx2() };
+            // SAFETY: the token says that the processor has them.
+            return unsafe { self.refit_part_avx2(avx2) };
         }
-        self.refit_part_portable()
+        self.refit_part_with(Portable)
     }
 
-    /// [`Strip::refit_part_portable`], compiled with AVX2.
+    /// [`Strip::refit_part_with`], compiled with AVX2.
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn refit_part_avx2(self) -> Box3 {
-        self.refit_part_portable()
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+    fn refit_part_avx2(self, avx2: Avx2) {
+        self.refit_part_with(avx2)
     }
 
     #[inline(always)]
-    fn refit_part_portable(self) -> Box3 {
-        let Strip {
-            set,
-            i,
-            first,
-            leaves,
-            below,
-            stored,
-        } = self;
-        let store = !stored.is_empty();
-        let mut around = Box3::EMPTY;
-        for g in 0..leaves {
-            let leaf = set.leaf_boxes(i, first + g);
-            if store {
-                stored[g] = leaf;
+    fn refit_part_with<L: Lanes>(self, simd: L) {
+        let mut eight = [BoxGroup::EMPTY; LANES];
+        for (k, group) in self.below.iter_mut().enumerate() {
+            let at = k * LANES;
+            let count = (self.leaves - at).min(LANES);
+            for (g, leaf) in eight[..count].iter_mut().enumerate() {
+                *leaf = self.set.leaf_boxes(self.i, self.first + at + g);
             }
-            let bounds = leaf.bounds();
-            around = around.union(&bounds);
-            if let Some(group) = below.get_mut(g / LANES) {
-                group.set_lane(g % LANES, &bounds);
+            eight[count..].fill(BoxGroup::EMPTY);
+            if !self.stored.is_empty() {
+                self.stored[at..at + count].copy_from_slice(&eight[..count]);
             }
+            *group = bounds_of_eight(simd, &eight);
         }
-        if let Some(last) = below.last_mut().filter(|_| leaves % LANES > 0) {
-            last.clear_from(leaves % LANES);
-        }
-        around
     }
 }
 
-/// Puts `count` boxes into the lanes of consecutive groups.
-#[inline(always)]
-fn fill(groups: &mut [BoxGroup], count: usize, bounds: impl Fn(usize) -> Box3) {
-    for (g, group) in groups.iter_mut().enumerate() {
-        let lanes = (count - g * LANES).min(LANES);
-        for k in 0..lanes {
-            group.set_lane(k, &bounds(g * LANES + k));
-        }
-        group.clear_from(lanes);
+/// Refits a level from the one below.
+fn raise(below: &[BoxGroup], level: &mut [BoxGroup]) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(avx2) = Avx2::detect() {
+        #[expect(unsafe_code, reason = "vector instructions")]
+        // SAFETY: the token says that the processor has them.
+        return unsafe { raise_avx2(avx2, below, level) };
     }
+    raise_with(Portable, below, level)
+}
+
+/// [`raise_with`], compiled with AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+fn raise_avx2(avx2: Avx2, below: &[BoxGroup], level: &mut [BoxGroup]) {
+    raise_with(avx2, below, level)
+}
+
+#[inline(always)]
+fn raise_with<L: Lanes>(simd: L, below: &[BoxGroup], level: &mut [BoxGroup]) {
+    for (groups, parent) in below.chunks(LANES).zip(level) {
+        *parent = match groups.try_into() {
+            Ok(eight) => bounds_of_eight(simd, eight),
+            Err(_) => {
+                let mut eight = [BoxGroup::EMPTY; LANES];
+                eight[..groups.len()].copy_from_slice(groups);
+                bounds_of_eight(simd, &eight)
+            }
+        };
+    }
+}
+
+/// The boxes around eight groups.
+#[inline(always)]
+fn bounds_of_eight<L: Lanes>(simd: L, groups: &[BoxGroup; LANES]) -> BoxGroup {
+    let mut out = BoxGroup::EMPTY;
+    let [a, b, c, d, e, f, g, h] = groups;
+    for x in 0..3 {
+        let lo = [
+            simd.load(&a.lo[x]),
+            simd.load(&b.lo[x]),
+            simd.load(&c.lo[x]),
+            simd.load(&d.lo[x]),
+            simd.load(&e.lo[x]),
+            simd.load(&f.lo[x]),
+            simd.load(&g.lo[x]),
+            simd.load(&h.lo[x]),
+        ];
+        simd.store_floats(simd.least(lo), &mut out.lo[x]);
+        let hi = [
+            simd.load(&a.hi[x]),
+            simd.load(&b.hi[x]),
+            simd.load(&c.hi[x]),
+            simd.load(&d.hi[x]),
+            simd.load(&e.hi[x]),
+            simd.load(&f.hi[x]),
+            simd.load(&g.hi[x]),
+            simd.load(&h.hi[x]),
+        ];
+        simd.store_floats(simd.greatest(hi), &mut out.hi[x]);
+    }
+    out
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use super::Direction;
 use crate::curve::{Box3, BoxGroup, LANES, Lanes};
-use crate::pairs::{CurveTree, Node};
+use crate::pairs::{Agenda, CurveTree, Node};
 
 /// Node pairs at which the pass has seen enough to choose.
 const ENOUGH: usize = 192;
@@ -33,7 +33,7 @@ struct Front {
     directions: Vec<Directions>,
 }
 
-/// The direction to count in, with the node pairs to start from on `stack` (upper curve first), or `None` where the
+/// The direction to count in, with the node pairs to start from on the agenda (upper curve first), or `None` where the
 /// curves are proven to be unlinked.
 #[inline(always)]
 pub(super) fn choose<L: Lanes>(
@@ -41,27 +41,31 @@ pub(super) fn choose<L: Lanes>(
     [a, b]: [CurveTree<'_>; 2],
     fixed: Option<Direction>,
     fronts: &mut Fronts,
-    stack: &mut Vec<(Node, Node)>,
+    agenda: &mut Agenda,
 ) -> Option<Direction> {
-    stack.clear();
+    agenda.clear();
     let (root_a, root_b) = (a.root(), b.root());
     let small = root_a.level <= 1 && root_b.level <= 1;
     if fixed.is_some() || small {
         let direction = fixed.unwrap_or_else(|| guess(&a.bounds, &b.bounds));
-        stack.push(direction.upper_first(root_a, root_b));
+        let (upper, lower) = direction.upper_first(root_a, root_b);
+        agenda.push(upper, lower);
         return Some(direction);
     }
     let Fronts { now, next } = fronts;
     let mut levels = [root_a.level, root_b.level];
     let mut alive = ALL;
-    now.reset(ALL);
-    loop {
-        expand(simd, [a, b], levels, alive, now, next);
-        std::mem::swap(now, next);
-        let deepest = levels[0].max(levels[1]);
-        for level in &mut levels {
-            *level -= u8::from(*level == deepest);
+    now.reset();
+    while !alive.is_power_of_two() && now.len <= ENOUGH && levels != [0, 0] {
+        next.make_room(now.len);
+        if levels[0] >= levels[1] {
+            expand::<L, false>(simd, [a, b], levels, now, next);
+            levels[0] -= 1;
+        } else {
+            expand::<L, true>(simd, [a, b], levels, now, next);
+            levels[1] -= 1;
         }
+        std::mem::swap(now, next);
         let counts = now.counts();
         let fewest = fewest(&counts, alive);
         if fewest == 0 {
@@ -70,18 +74,15 @@ pub(super) fn choose<L: Lanes>(
         for (d, count) in counts.iter().enumerate() {
             alive &= !(u32::from(*count != fewest) << d);
         }
-        if alive.is_power_of_two() || now.len > ENOUGH || levels == [0, 0] {
-            break;
-        }
+        now.keep(alive);
     }
     let best = alive.trailing_zeros();
+    now.keep(1 << best);
     let direction = Direction::ALL[best as usize];
-    for k in 0..now.len {
-        if now.directions[k] >> best & 1 != 0 {
-            let node = |level: u8, index: u32| Node { level, index };
-            let first = node(levels[0], now.first[k]);
-            stack.push(direction.upper_first(first, node(levels[1], now.second[k])));
-        }
+    for (&first, &second) in now.first[..now.len].iter().zip(&now.second) {
+        let nodes = [Node::new(levels[0], first), Node::new(levels[1], second)];
+        let (upper, lower) = direction.upper_first(nodes[0], nodes[1]);
+        agenda.push(upper, lower);
     }
     Some(direction)
 }
@@ -93,38 +94,34 @@ fn fewest(counts: &[u32; 6], alive: Directions) -> u32 {
 
 impl Front {
     /// The two roots alone.
-    fn reset(&mut self, directions: Directions) {
-        self.make_room();
+    fn reset(&mut self) {
+        self.make_room(1);
         self.len = 1;
-        (self.first[0], self.second[0], self.directions[0]) = (0, 0, directions);
+        (self.first[0], self.second[0], self.directions[0]) = (0, 0, ALL);
     }
 
-    /// Room for the children of one more node pair.
-    #[inline(always)]
-    fn make_room(&mut self) {
-        let needed = self.len + LANES * LANES + LANES;
+    /// Nothing, with room for the children of `parents` node pairs.
+    fn make_room(&mut self, parents: usize) {
+        let needed = LANES * (parents + 1);
         if self.first.len() < needed {
             for v in [&mut self.first, &mut self.second, &mut self.directions] {
                 v.resize(2 * needed, 0);
             }
         }
+        self.len = 0;
     }
 
-    /// Adds those of eight node pairs that survive in some direction.
-    #[inline(always)]
-    fn push<L: Lanes>(&mut self, simd: L, first: L::Words, second: L::Words, directions: L::Words) {
-        let survive = simd.nonzero(directions);
-        let at = self.len..self.len + LANES;
-        for (to, words) in [
-            (&mut self.first, first),
-            (&mut self.second, second),
-            (&mut self.directions, directions),
-        ] {
-            if let Ok(to) = (&mut to[at.clone()]).try_into() {
-                simd.store_packed(words, survive, to);
-            }
+    /// Keeps the node pairs that overlap in one of `alive`, in no other directions.
+    fn keep(&mut self, alive: Directions) {
+        let mut len = 0;
+        for k in 0..self.len {
+            let directions = self.directions[k] & alive;
+            self.first[len] = self.first[k];
+            self.second[len] = self.second[k];
+            self.directions[len] = directions;
+            len += usize::from(directions != 0);
         }
-        self.len += survive.count_ones() as usize;
+        self.len = len;
     }
 
     /// Node pairs of each direction.
@@ -179,55 +176,51 @@ fn guess(a: &Box3, b: &Box3) -> Direction {
     }
 }
 
-/// One breadth-first step in the directions that are alive: the deeper of both trees, or both where they are
-/// equally deep, go down one level.
+/// One breadth-first step: the nodes of one curve, the second where `SECOND`, go down one level.
 #[inline(always)]
-fn expand<L: Lanes>(
+fn expand<L: Lanes, const SECOND: bool>(
     simd: L,
     [a, b]: [CurveTree<'_>; 2],
     levels: [u8; 2],
-    alive: Directions,
     now: &Front,
     next: &mut Front,
 ) {
-    let (mut room_a, mut room_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
-    next.len = 0;
-    for k in 0..now.len {
-        let directions = now.directions[k] & alive;
-        if directions == 0 {
-            continue;
-        }
-        next.make_room();
-        let [first, second] = [(levels[0], now.first[k]), (levels[1], now.second[k])]
-            .map(|(level, index)| Node { level, index });
-        if levels[1] > levels[0] {
-            let group = b.children(second, &mut room_b);
-            let words = survivors::<L, false>(simd, &a.node_box(first), group, directions);
-            let children = simd.count_from(second.lane(0));
-            next.push(simd, simd.splat_word(first.index), children, words);
-            continue;
-        }
-        let group_a = a.children(first, &mut room_a);
-        let words = survivors::<L, true>(simd, &b.node_box(second), group_a, directions);
-        if levels[0] > levels[1] {
-            let children = simd.count_from(first.lane(0));
-            next.push(simd, children, simd.splat_word(second.index), words);
-            continue;
-        }
-        // Only children of the first that overlap the whole of the second.
-        let mut rows = simd.nonzero(words);
-        let mut row_directions = [0; LANES];
-        simd.store(words, &mut row_directions);
-        let group_b = b.children(second, &mut room_b);
-        let children = simd.count_from(second.lane(0));
-        while rows != 0 {
-            let k = rows.trailing_zeros();
-            rows &= rows - 1;
-            let own = group_a.lane(k as usize);
-            let words = survivors::<L, false>(simd, &own, group_b, row_directions[k as usize]);
-            next.push(simd, simd.splat_word(first.lane(k)), children, words);
-        }
+    let mut room = BoxGroup::EMPTY;
+    let mut len = 0;
+    let (first, second) = (&mut next.first[..], &mut next.second[..]);
+    let (overlap, n) = (&mut next.directions[..], now.len);
+    for ((&i, &j), &directions) in now.first[..n].iter().zip(&now.second).zip(&now.directions) {
+        let nodes = [Node::new(levels[0], i), Node::new(levels[1], j)];
+        let words = if SECOND {
+            let group = b.children(nodes[1], &mut room);
+            survivors::<L, false>(simd, &a.node_box(nodes[0]), group, directions)
+        } else {
+            let group = a.children(nodes[0], &mut room);
+            survivors::<L, true>(simd, &b.node_box(nodes[1]), group, directions)
+        };
+        let children = simd.count_from(nodes[usize::from(SECOND)].lane(0));
+        let (first, second, overlap) = (
+            first[len..].first_chunk_mut(),
+            second[len..].first_chunk_mut(),
+            overlap[len..].first_chunk_mut(),
+        );
+        let (Some(first), Some(second), Some(overlap)) = (first, second, overlap) else {
+            unreachable!("the next front has room for the children of this one");
+        };
+        // Those that survive in some direction, one after the other.
+        let survive = simd.nonzero(words);
+        let order = simd.packed(survive);
+        let (moved, kept) = if SECOND {
+            (second, first)
+        } else {
+            (first, second)
+        };
+        simd.store(simd.permute(children, order), moved);
+        simd.store(simd.splat_word(if SECOND { i } else { j }), kept);
+        simd.store(simd.permute(words, order), overlap);
+        len += survive.count_ones() as usize;
     }
+    next.len = len;
 }
 
 /// For each lane of `group`, those of `directions` in which it overlaps the box `one` in projection while the upper

@@ -84,7 +84,7 @@ impl Tally {
 
     /// [`Tally::add`], compiled with AVX2.
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
     fn add_avx2(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
         self.add(task, tests);
     }
@@ -162,8 +162,8 @@ impl Tally {
         }
     }
 
-    /// Adds segments of splines, each as the polyline that the pair's discretization made of it. The list of tests
-    /// is used up.
+    /// Adds those segments of splines that the pair's discretization split, each as the polyline that it became, and
+    /// takes them out of the list.
     pub fn add_split(
         &mut self,
         task: &Task<'_>,
@@ -196,7 +196,6 @@ impl Tally {
         });
         let added = splits[0].len() + splits[1].len();
         self.stats.refined += added as u64;
-        self.add_shared(task, tests);
     }
 
     fn add_edges(&mut self, p: (Point, Point), q: (Point, Point), axis: usize, segments: [u32; 2]) {

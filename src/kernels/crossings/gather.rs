@@ -7,84 +7,39 @@ use super::evaluate::Tally;
 use super::{Scene, Workspace};
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{BoxGroup, Lanes, Portable};
+use crate::curve::{Lanes, Portable};
 use crate::discretize::Separation;
-use crate::pairs::{Node, Visitor, descend};
+use crate::pairs::{Query, SegmentPairs, descend};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Candidates at which they are looked at.
 const BATCH: usize = 4096;
 
 /// Node pairs after which candidates are looked at, however few.
-const STEPS: u32 = 4096;
+const STEPS: usize = 4096;
 
 /// Rounds of these after which a task shares out what is left: some tenths of a millisecond.
-const ROUNDS: u32 = 3;
+const ROUNDS: usize = 3;
 
 /// Candidates of one pair of splines at which it counts as too close: a tangle in which everything overlaps
 /// everything would fill the memory.
 const MAX_CANDIDATES: usize = 1 << 25;
 
-/// Pairs of segments, upper curve first.
+/// Candidates of a pair, upper curve first.
 #[derive(Debug, Default)]
-pub(super) struct Found {
-    /// Whether those that meet are wanted.
-    splines: bool,
-    /// Overlap in projection, and the upper one is not wholly below: to be tested for a crossing.
-    pub tests: Vec<(u32, u32)>,
-    /// Those of them whose boxes overlap in space as well: they may be too close to discretize.
-    meeting: Vec<(u32, u32)>,
-    /// Those of them whose hulls are not known to be apart.
-    pub close: Vec<(u32, u32)>,
-    /// How many of the tests have been counted.
-    counted: usize,
+pub(super) struct Candidates {
+    /// Overlap in projection, and the upper one is not wholly below: to be tested for a crossing. Those of them
+    /// whose boxes overlap in space may be too close to discretize.
+    found: SegmentPairs,
+    /// Those of them that are, as far as their hulls tell.
+    close: Vec<(u32, u32)>,
 }
 
-impl Found {
+impl Candidates {
     pub fn clear(&mut self) {
-        self.tests.clear();
-        self.meeting.clear();
+        self.found.all.clear();
+        self.found.meeting.clear();
         self.close.clear();
-        self.counted = 0;
-    }
-}
-
-impl Visitor for Found {
-    const IN_SPACE: bool = false;
-
-    #[inline(always)]
-    fn full(&self) -> bool {
-        self.tests.len() - self.counted >= BATCH
-    }
-
-    #[inline(always)]
-    fn visit<L: Lanes>(
-        &mut self,
-        simd: L,
-        [t, u]: [Node; 2],
-        [group_t, group_u]: [&BoxGroup; 2],
-        w: usize,
-        mut pairs: u64,
-    ) {
-        if self.splines {
-            let top = simd.load(&group_u.hi[w]);
-            let mut meeting = 0u64;
-            for k in 0..8 {
-                let above = simd.bits(simd.less(top, simd.splat(group_t.lo[w][k])));
-                meeting |= u64::from(!above & 0xff) << (8 * k);
-            }
-            meeting &= pairs;
-            while meeting != 0 {
-                let bit = meeting.trailing_zeros();
-                meeting &= meeting - 1;
-                self.meeting.push((t.lane(bit / 8), u.lane(bit % 8)));
-            }
-        }
-        while pairs != 0 {
-            let bit = pairs.trailing_zeros();
-            pairs &= pairs - 1;
-            self.tests.push((t.lane(bit / 8), u.lane(bit % 8)));
-        }
     }
 }
 
@@ -119,58 +74,62 @@ impl<'a> Task<'a> {
     /// the lower curve that are too close.
     pub fn finish_splines(&self, workspace: &mut Workspace) -> Result<(), [u32; 2]> {
         let Workspace {
-            found,
+            candidates,
             tally,
             halving,
             polylines,
             ..
         } = workspace;
-        if found.close.is_empty() {
-            tally.add_shared(self, &found.tests);
-            return Ok(());
+        let tests = &mut candidates.found.all;
+        if !candidates.close.is_empty() {
+            self.separation.refine(&candidates.close, halving)?;
+            tally.add_split(self, tests, &halving.splits, polylines);
         }
-        self.separation.refine(&found.close, halving)?;
-        tally.add_split(self, &mut found.tests, &halving.splits, polylines);
+        tally.add_shared(self, tests);
         Ok(())
     }
 }
 
-/// Visits everything below the node pairs on the workspace's stack. The sum of polylines is complete then; the
-/// candidates of splines are in `found`.
+/// Visits everything below the node pairs of the workspace's agenda. The sum of polylines is complete then; the
+/// candidates of splines are waiting.
 #[inline(always)]
 pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspace) {
     let Scene { set, trees, .. } = task.scene;
     let both = task.curves.map(|i| trees.of(set, i));
     let splines = !set.basis().is_polyline();
+    let query = Query {
+        w: task.axis,
+        meeting: splines,
+    };
     let Workspace {
-        stack,
-        found,
+        agenda,
+        candidates,
         tally,
         ..
     } = &mut *workspace;
-    found.splines = splines;
+    let Candidates { found, close } = candidates;
     for round in 0.. {
-        if round >= ROUNDS && stack.len() > 1 {
+        if round >= ROUNDS && agenda.len() > 1 {
             return share(task, workspace);
         }
-        descend(simd, both, task.axis, stack, found, STEPS);
+        let known = found.all.len();
+        descend::<L, false>(simd, both, query, agenda, found, (STEPS, known + BATCH));
         if splines {
             // Splines wait for their final polylines.
             tally.stats.overlaps += found.meeting.len() as u64;
-            task.separation.add_close(&found.meeting, &mut found.close);
+            task.separation.add_close(&found.meeting, close);
             found.meeting.clear();
-            let new = found.tests.len() - found.counted;
-            found.counted = found.tests.len();
+            let new = found.all.len() - known;
             task.waiting.fetch_add(new, Ordering::Relaxed);
             if task.entangled() {
-                stack.clear();
+                agenda.clear();
             }
         } else {
             // Polylines are evaluated as they come, so the list stays short however many there are.
-            tally.add(task, &found.tests);
-            found.tests.clear();
+            tally.add(task, &found.all);
+            found.all.clear();
         }
-        if stack.is_empty() {
+        if agenda.is_empty() {
             return;
         }
     }
@@ -183,21 +142,13 @@ fn share(task: &Task<'_>, workspace: &mut Workspace) {
     let workspaces = task.scene.workspaces;
     let mut other = workspaces.take();
     other.tally = Tally::default();
-    other.found.clear();
-    other.stack.clear();
-    // Every second one: node pairs at the bottom have more below them.
-    let mut k = 0;
-    workspace.stack.retain(|&pair| {
-        k += 1;
-        if k % 2 == 0 {
-            other.stack.push(pair);
-        }
-        k % 2 == 1
-    });
+    other.candidates.clear();
+    workspace.agenda.share(&mut other.agenda);
     rayon::join(|| resume(task, workspace), || resume(task, &mut other));
     workspace.tally.merge(&other.tally);
-    workspace.found.tests.append(&mut other.found.tests);
-    workspace.found.close.append(&mut other.found.close);
+    let (own, others) = (&mut workspace.candidates, &mut other.candidates);
+    own.found.all.append(&mut others.found.all);
+    own.close.append(&mut others.close);
     workspaces.put(other);
 }
 
@@ -214,7 +165,7 @@ fn resume(task: &Task<'_>, workspace: &mut Workspace) {
 
 /// [`gather`], compiled with AVX2.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
 fn resume_avx2(avx2: Avx2, task: &Task<'_>, workspace: &mut Workspace) {
     gather(avx2, task, workspace);
 }

@@ -26,7 +26,7 @@ use super::Linking;
 use crate::curve::Avx2;
 use crate::curve::{CurveSet, Lanes, Portable};
 use crate::discretize::Halving;
-use crate::pairs::{Node, Pair, Trees, closest_approach, closest_of_segments};
+use crate::pairs::{Agenda, Pair, Trees, closest_approach, closest_of_segments};
 use crate::verdict::{DefectKind, Stats};
 use std::sync::{Mutex, PoisonError};
 
@@ -99,9 +99,9 @@ impl Workspaces {
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
     fronts: direction::Fronts,
-    /// Node pairs to visit: upper curve, lower curve.
-    stack: Vec<(Node, Node)>,
-    found: gather::Found,
+    /// Node pairs to visit, upper curve first.
+    agenda: Agenda,
+    candidates: gather::Candidates,
     tally: Tally,
     halving: Halving,
     polylines: evaluate::Polylines,
@@ -134,7 +134,7 @@ pub(crate) fn linking_number(
 
 /// [`compute`], compiled with AVX2.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
 fn with_avx2(
     avx2: Avx2,
     scene: Scene<'_>,
@@ -157,15 +157,15 @@ fn compute<L: Lanes>(
     let [i, j] = [i as usize, j as usize];
     let Scene { set, trees, .. } = scene;
     let both = [trees.of(set, i), trees.of(set, j)];
-    let Workspace { fronts, stack, .. } = workspace;
-    let Some(direction) = direction::choose(simd, both, fixed, fronts, stack) else {
+    let Workspace { fronts, agenda, .. } = workspace;
+    let Some(direction) = direction::choose(simd, both, fixed, fronts, agenda) else {
         workspace.stats.separated += 1;
         return Linking::Number(0);
     };
     let (upper, lower) = direction.upper_first(i, j);
     let task = gather::Task::new(scene, [upper, lower], direction.axis);
     workspace.tally = Tally::default();
-    workspace.found.clear();
+    workspace.candidates.clear();
     gather::gather(simd, &task, workspace);
     let entangled = task.entangled();
     let mut too_close = None;
