@@ -103,25 +103,24 @@ fn build(scene: &Scene) -> Result<Generated> {
     Ok(Generated::new(pen.finish()?, links))
 }
 
-/// Folds along the diagonal, which then lean over one another.
+/// Waves along the diagonal of the sheet, and then shifted along it so far that they fold over one another.
 fn folds(crumple: f64) -> Isotopy {
-    let diagonal = 0.5f64.sqrt();
-    let shear = |direction, normal, wavelength, slope: f64, phase| Shear {
-        direction,
-        normal,
-        wavelength,
-        slope: slope * crumple,
-        phase,
-    };
+    let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
+    let up = [0.0, 0.0, 1.0];
     Isotopy(vec![
-        shear([0., 0., 1.], [diagonal, diagonal, 0.], 40.0, 1.0, 0.4),
-        shear([diagonal, -diagonal, 0.], [0., 0., 1.], 40.0, 1.0, 1.1),
-        shear(
-            [diagonal, 0., diagonal],
-            [-0.5, diagonal, 0.5],
-            40.0,
-            1.0,
-            2.3,
-        ),
+        Shear {
+            direction: up,
+            normal: diagonal,
+            wavelength: 60.0,
+            slope: crumple,
+            phase: 0.4,
+        },
+        Shear {
+            direction: diagonal,
+            normal: up,
+            wavelength: 45.0,
+            slope: 2.5 * crumple,
+            phase: 1.1,
+        },
     ])
 }

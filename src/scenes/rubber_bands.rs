@@ -33,18 +33,18 @@ const RADIUS: f64 = 0.8;
 const OVAL: f64 = 0.25;
 
 /// Side of the square cell that a band has for itself in its layer.
-const CELL: f64 = 2.3;
+const CELL: f64 = 2.15;
 
 /// Distance of layers.
-const LAYER: f64 = 0.25;
+const LAYER: f64 = 0.12;
 
-/// The bands lie flat in layers, each in a cell of its own. No two are linked: planes lie between them. Then the pile is
-/// deformed as a whole, so that bands bend around one another; what one cannot tell from boxes anymore.
+/// The bands lie flat in layers, each in a cell of its own. No two are linked: planes lie between them. Then space
+/// is deformed, and the bands with it, until boxes do not tell them apart anymore.
 fn build(scene: &Scene) -> Result<Generated> {
     let bands = scene.count("bands");
-    // Twice as many layers as bands along a side.
+    // Four times as many layers as bands along a side.
     let mut side = 1;
-    while 2 * side * side * side < bands {
+    while 4 * side * side * side < bands {
         side += 1;
     }
     let layers = bands.div_ceil(side * side);
@@ -78,19 +78,16 @@ fn build(scene: &Scene) -> Result<Generated> {
     Ok(Generated::new(pen.finish()?, Vec::new()))
 }
 
-/// Waves that are a few bands long.
+/// Waves a few bands long, which fold over one another.
 fn heap() -> Isotopy {
-    let diagonal = 0.5f64.sqrt();
+    let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
+    let up = [0.0, 0.0, 1.0];
     let shear = |direction, normal, phase| Shear {
         direction,
         normal,
-        wavelength: 12.0,
-        slope: 1.0,
+        wavelength: 13.0,
+        slope: 1.55,
         phase,
     };
-    Isotopy(vec![
-        shear([0., 0., 1.], [1., 0., 0.], 0.5),
-        shear([0., 0., 1.], [0., 1., 0.], 1.7),
-        shear([diagonal, diagonal, 0.], [0., 0., 1.], 0.9),
-    ])
+    Isotopy(vec![shear(up, diagonal, 0.5), shear(diagonal, up, 0.9)])
 }
