@@ -40,16 +40,16 @@ const CONNECTOR: f64 = 0.9;
 
 /// Distance of any two rings of the flat sheet, a lower bound.
 ///
-/// A flat ring and a connector through it, as circles: `3.5 + 2.34 v - 2.6 u - 1.8 u v` is the square of the distance of
-/// the points at angles with cosines `u` and `v`. It is linear in each of them, and so smallest at a corner: 0.6.
-/// Two connectors through one flat ring: they lie in orthogonal planes, at least 0.4 off the common line of these,
-/// so 0.56 apart. Neighbouring flat rings: 0.6; opposite connectors: 0.8. Polygons are off their circles by at most
-/// `1 - cos(pi / 15) < 0.022`.
+/// A flat ring and a connector through it, as circles: `3.5 + 2.34 v - 2.6 u - 1.8 u v` is the square of the
+/// distance of the points at angles with cosines `u` and `v`. It is linear in each of them, and so smallest at
+/// a corner: 0.6. Two connectors through one flat ring: they lie in orthogonal planes, at least 0.4 off the
+/// common line of these, so 0.56 apart. Neighbouring flat rings: 0.6; opposite connectors: 0.8. Polygons are
+/// off their circles by at most `1 - cos(pi / 15) < 0.022`.
 const GAP: f64 = 0.52;
 
-/// Japanese 4-in-1: flat rings on a square grid, and an upright ring through each two neighbours. The rings at the end of
-/// a row or column hang on one flat ring only, so that every flat ring has two of its own, one along the row and one
-/// along the column.
+/// Japanese 4-in-1: flat rings on a square grid, and an upright ring, a connector, through each two neighbours.
+/// Those at the end of a row or column hang on one flat ring only, so that every flat ring has two of its own,
+/// one along the row and one along the column.
 ///
 /// Flat rings run counterclockwise seen from above. The upright ones go down through the first of their two flat
 /// rings and up through the second.

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {
     name: "knit",
-    purpose: "knitted tube of stockinette, Catmull-Rom splines: a garment; every row in contact with two others",
+    purpose: "knitted tube of stockinette, Catmull-Rom splines: a garment; rows go through the loops of the row below",
     parameters: &[
         Parameter::integer(
             "rows",
@@ -33,8 +33,9 @@ pub(super) const KIND: Kind = Kind {
     build,
 };
 
-/// A stitch is `(t + OVERHANG sin 2t, HEIGHT cos t, DEPTH cos 2t)` for a turn of `t`, after Leaf & Glaskin 1955: along the row,
-/// along the tube, and out of it. Its legs are in front, its head and its feet behind.
+/// A stitch is `(t + OVERHANG sin 2t, HEIGHT cos t, DEPTH cos 2t)` for a turn of `t`: along the row, along the
+/// tube, and out of it (Crane, *A Simple Parametric Model of Plain-Knit Yarns*). Its legs are in front, its
+/// head and its feet behind.
 const OVERHANG: f64 = 1.485;
 const HEIGHT: f64 = 3.4;
 const DEPTH: f64 = -1.25;
@@ -42,22 +43,23 @@ const DEPTH: f64 = -1.25;
 /// From one row to the next.
 const ROW: f64 = 4.0;
 
-/// Diameter of the yarn in the units of these constants. The four strands that pass a stitch at any height share a turn of
-/// `t`; centre lines are 1.3 diameters apart where they come nearest, 1.2 where splines are coarse (fewer than twelve
-/// segments a stitch). Tested below.
+/// Diameter of the yarn in the units of these constants. The four strands that pass a stitch at any height share a
+/// turn of `t`; centre lines are 1.3 diameters apart where they come nearest, 1.2 where splines are coarse
+/// (fewer than twelve segments a stitch). Tested below.
 const DIAMETER: f64 = 1.16;
 
-/// Each row goes through the loops of the row below: behind its head, in front of its legs.
+/// Each row goes through the loops of the row below: behind their legs, in front of their heads.
 ///
-/// No two rows are linked. The reflection that takes `t` to `-t` takes every row to itself, backwards. Linking numbers
-/// change their sign in a mirror, and stay the same where both curves are reversed: they equal
-/// their negatives. (Rows can be ravelled one by one, from the last.) Rounding moves points by less than a hundredth of
-/// the distance of rows, whatever the parameters: coordinates stay below 41,000 units of the constants.
+/// No two rows are linked. The reflection that takes `t` to `-t` takes every row to itself, backwards. Linking
+/// numbers change their sign in a mirror, and stay the same where both curves are reversed: they equal their
+/// negatives. (Which is why knitting can be ravelled, from the last row on.) Rounding moves points by less than
+/// a hundredth of the distance of rows, whatever the parameters: coordinates stay below 41,000 units of the
+/// constants.
 fn build(scene: &Scene) -> Result<Generated> {
     let (rows, stitches) = (scene.count("rows"), scene.count("stitches"));
     let segments = scene.count("segments");
     let each = segments / (rows * stitches);
-    if each < 8 || segments % (rows * stitches) != 0 {
+    if each < 8 || !segments.is_multiple_of(rows * stitches) {
         return Err(scene.refuse(format!(
             "segments must be a multiple of rows * stitches = {}, 8 times it or more",
             rows * stitches

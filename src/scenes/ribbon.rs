@@ -33,13 +33,14 @@ const TUBE: f64 = 0.05;
 /// Both strands wind `lambda` times around the circle, half a turn apart.
 ///
 /// Distance of two points of a torus with tube radius `e`, whose toroidal angles differ by `2 x` and whose poloidal
-/// angles by `2 y`: its square is at least `4 e^2 sin^2 y + 4 (1 - e)^2 sin^2 x`. On the strands `y = lambda x + pi / 2`,
-/// so with `u = 2 |x| / pi` and `|sin x| >= u` it is at least
-/// `4 e^2 (1 - |lambda| u)^2 + 4 (1 - e)^2 u^2` up to `u = 1 / |lambda|`, and no smaller beyond: twice the distance
-/// of the origin from the line through `(e, 0)` and `(0, (1 - e) / |lambda|)`.
+/// angles by `2 y`: its square is at least `4 e^2 sin^2 y + 4 (1 - e)^2 sin^2 x`. On the strands
+/// `y = lambda x + pi / 2`, so with `u = 2 |x| / pi` and `|sin x| >= u` it is at least
+/// `4 e^2 (1 - |lambda| u)^2 + 4 (1 - e)^2 u^2` up to `u = 1 / |lambda|`, and no smaller beyond. The distance
+/// is at least twice that of the origin from the line through `(e, 0)` and `(0, (1 - e) / |lambda|)`.
 ///
-/// Second derivative: a strand is the unit circle and `e (cos(w t) cos t, cos(w t) sin t, sin(w t))`, each of the three
-/// at most `(1 + |w|)^2` once derived twice, the first two together too.
+/// Second derivative: a strand is the unit circle and, with `w` for `lambda`, `e` times
+/// `(cos(w t) cos t, cos(w t) sin t, sin(w t))`. The first two of these together have one of at most
+/// `1 + w^2`, the third one of at most `w^2`; `(1 + |w|)^2` is above both.
 fn build(scene: &Scene) -> Result<Generated> {
     let (segments, lambda) = (scene.count("segments"), scene.integer("lambda"));
     let twist = lambda as f64;
