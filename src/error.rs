@@ -140,6 +140,14 @@ pub enum Error {
         /// The first, in words.
         first: String,
     },
+    /// The description of a scene cannot be used.
+    #[error("scene {scene}: {what}")]
+    Scene {
+        /// The description.
+        scene: String,
+        /// What is wrong with it.
+        what: String,
+    },
     /// Arguments that do not go together.
     #[error("{0}")]
     Usage(String),

@@ -19,6 +19,7 @@ mod ingest;
 pub mod kernels;
 pub mod model;
 mod pairs;
+pub mod scenes;
 mod sinks;
 mod verdict;
 mod verifier;

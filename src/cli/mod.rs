@@ -2,6 +2,7 @@
 
 mod certify;
 mod check;
+mod generate;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod live;
 mod measure;
@@ -42,6 +43,7 @@ Exit codes: 0 intact or done, 1 topology changed, 2 bad arguments or bad input, 
 enum Command {
     Certify(certify::Args),
     Check(check::Args),
+    Generate(generate::Args),
     #[cfg(feature = "bus")]
     Watch(watch::Args),
     #[cfg(feature = "mcap")]
@@ -96,6 +98,7 @@ pub fn main() -> ExitCode {
     let result = match &cli.command {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
+        Command::Generate(args) => generate::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]

@@ -1,0 +1,126 @@
+//! A sheet of chainmail, flat or crumpled.
+
+use super::isotopy::{Isotopy, Shear};
+use super::pen::Pen;
+use super::{Generated, Kind, Parameter, Scene, rounding};
+use crate::certificate::Link;
+use crate::curve::{Basis, Point};
+use crate::error::Result;
+use std::f64::consts::TAU;
+
+pub(super) const KIND: Kind = Kind {
+    name: "chainmail",
+    purpose: "sheet of chainmail, flat or crumpled: very many small curves, few potential links each",
+    parameters: &[
+        Parameter::integer("rows", 56, (1, 4000), "rows of flat rings"),
+        Parameter::integer(
+            "columns",
+            84,
+            (1, 4000),
+            "flat rings of a row; 3 * rows * columns rings in all",
+        ),
+        Parameter::real(
+            "crumple",
+            0.0,
+            (0.0, 1.0),
+            "how crumpled the sheet is: 0 is flat",
+        ),
+    ],
+    build,
+};
+
+/// Segments of a ring, a regular polygon.
+const SEGMENTS: usize = 15;
+
+/// Distance of neighbouring flat rings, whose radius is 1.
+const PITCH: f64 = 2.6;
+
+/// Radius of the upright rings.
+const CONNECTOR: f64 = 0.9;
+
+/// Distance of any two rings of the flat sheet, a lower bound.
+///
+/// A flat ring and a connector through it, as circles: `3.5 + 2.34 v - 2.6 u - 1.8 u v` is the square of the
+/// distance of the points at angles with cosines `u` and `v`. It is linear in each of them, and so smallest at
+/// a corner: 0.6. Two connectors through one flat ring: they lie in orthogonal planes, at least 0.4 off the
+/// common line of these, so 0.56 apart. Neighbouring flat rings: 0.6; opposite connectors: 0.8. Polygons are
+/// off their circles by at most `1 - cos(pi / 15) < 0.022`.
+const GAP: f64 = 0.52;
+
+/// Japanese 4-in-1: flat rings on a square grid, and an upright ring, a connector, through each two neighbours.
+/// Those at the end of a row or column hang on one flat ring only, so that every flat ring has two of its own,
+/// one along the row and one along the column.
+///
+/// Flat rings run counterclockwise seen from above. The upright ones go down through the first of their two flat
+/// rings and up through the second.
+fn build(scene: &Scene) -> Result<Generated> {
+    let (rows, columns) = (scene.count("rows"), scene.count("columns"));
+    let isotopy = folds(scene.real("crumple"));
+    let (width, height) = (PITCH * columns as f64, PITCH * rows as f64);
+    let edge = 2.0 * (TAU / 2.0 / SEGMENTS as f64).sin();
+    let extent = width.max(height) / 2.0 + PITCH + isotopy.reach();
+    let off = 2.0 * (isotopy.sagitta(edge) + rounding(extent));
+    scene.check_gap(GAP / isotopy.stretch(), off, "take a smaller sheet")?;
+
+    let rings = 3 * rows * columns;
+    let mut pen = Pen::new(Basis::Polyline, rings, SEGMENTS * rings);
+    let mut links = Vec::with_capacity(4 * rows * columns);
+    for row in 0..rows {
+        for column in 0..columns {
+            let (x, y) = (
+                PITCH * column as f64 - width / 2.0,
+                PITCH * row as f64 - height / 2.0,
+            );
+            let mut ring = |place: &dyn Fn(f64, f64) -> Point| {
+                pen.closed(SEGMENTS, |k| {
+                    let (s, c) = (TAU * k as f64 / SEGMENTS as f64).sin_cos();
+                    isotopy.apply(place(c, s))
+                })
+            };
+            let half = PITCH / 2.0;
+            ring(&|c, s| [x + c, y + s, 0.0])?;
+            ring(&|c, s| [x + half + CONNECTOR * c, y, CONNECTOR * s])?;
+            ring(&|c, s| [x, y + half + CONNECTOR * c, CONNECTOR * s])?;
+
+            let flat = 3 * (row * columns + column);
+            let mut link = |i: usize, j: usize, lambda| {
+                links.push(Link {
+                    i: i as u32,
+                    j: j as u32,
+                    lambda,
+                });
+            };
+            link(flat, flat + 1, -1);
+            link(flat, flat + 2, -1);
+            if column + 1 < columns {
+                link(flat + 1, flat + 3, 1);
+            }
+            if row + 1 < rows {
+                link(flat + 2, flat + 3 * columns, 1);
+            }
+        }
+    }
+    Ok(Generated::new(pen.finish()?, links))
+}
+
+/// Waves along the diagonal of the sheet, and then shifted along it so far that they fold over one another.
+fn folds(crumple: f64) -> Isotopy {
+    let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
+    let up = [0.0, 0.0, 1.0];
+    Isotopy(vec![
+        Shear {
+            direction: up,
+            normal: diagonal,
+            wavelength: 60.0,
+            slope: crumple,
+            phase: 0.4,
+        },
+        Shear {
+            direction: diagonal,
+            normal: up,
+            wavelength: 45.0,
+            slope: 2.5 * crumple,
+            phase: 1.1,
+        },
+    ])
+}

@@ -1,0 +1,147 @@
+//! Deformations of space that change no linking number: shears along waves.
+//!
+//! A shear moves a point `p` by `a sin(k n.p + phase)` along `d`, where the unit vectors `d` and `n` are orthogonal.
+//! It is a homeomorphism of space (the same with `-a` takes it back), and it grows out of the identity with its
+//! amplitude; so a sequence of shears carries curves along without any of them passing through another.
+//!
+//! Curves are stored as polygons, whose edges stay straight when their vertices are moved. How far that is off
+//! follows from two bounds. A shear of slope `s = a k` has the derivative `1 + g d n'` with `|g| <= s`, whose singular
+//! values lie between `1 / q` and `q` for `q = (s + sqrt(s^2 + 4)) / 2`; its second derivative along
+//! a unit vector is at most `a k^2`. For the sequence, with `q` the product of all:
+//! no distance shrinks by more than `q`, and the second derivative `b` of a sequence followed by
+//! another shear is at most `a k^2 q^2 + q_shear b`.
+
+use super::sagitta;
+use crate::curve::Point;
+use std::f64::consts::TAU;
+
+/// One wave.
+pub(super) struct Shear {
+    /// Where points move; a unit vector.
+    pub direction: Point,
+    /// Where the wave runs; a unit vector orthogonal to `direction`.
+    pub normal: Point,
+    pub wavelength: f64,
+    /// Amplitude times wave number.
+    pub slope: f64,
+    pub phase: f64,
+}
+
+impl Shear {
+    fn wave_number(&self) -> f64 {
+        TAU / self.wavelength
+    }
+
+    fn amplitude(&self) -> f64 {
+        self.slope / self.wave_number()
+    }
+
+    fn stretch(&self) -> f64 {
+        (self.slope + (self.slope * self.slope + 4.0).sqrt()) / 2.0
+    }
+
+    fn apply(&self, p: Point) -> Point {
+        let [x, y, z] = self.normal;
+        let along = x * p[0] + y * p[1] + z * p[2];
+        let by = self.amplitude() * (self.wave_number() * along + self.phase).sin();
+        [0, 1, 2].map(|k| p[k] + by * self.direction[k])
+    }
+}
+
+/// Shears one after the other.
+pub(super) struct Isotopy(pub Vec<Shear>);
+
+impl Isotopy {
+    pub fn apply(&self, p: Point) -> Point {
+        self.0.iter().fold(p, |p, shear| shear.apply(p))
+    }
+
+    /// The factor by which no distance shrinks more, nor grows.
+    pub fn stretch(&self) -> f64 {
+        self.0.iter().map(Shear::stretch).product()
+    }
+
+    /// Largest distance that a point moves.
+    pub fn reach(&self) -> f64 {
+        self.0.iter().map(Shear::amplitude).sum()
+    }
+
+    /// How far the straight edge between two moved points lies off the moved edge, where its ends were `edge` apart.
+    pub fn sagitta(&self, edge: f64) -> f64 {
+        let (_, bend) = self.0.iter().fold((1.0, 0.0), |(stretch, bend), shear| {
+            let own = shear.slope * shear.wave_number();
+            (
+                stretch * shear.stretch(),
+                own * stretch * stretch + shear.stretch() * bend,
+            )
+        });
+        sagitta(edge, bend)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn distance(p: Point, q: Point) -> f64 {
+        let square = |k: usize| (p[k] - q[k]) * (p[k] - q[k]);
+        (square(0) + square(1) + square(2)).sqrt()
+    }
+
+    fn sample() -> Isotopy {
+        let shear = |direction, normal, wavelength, slope, phase| Shear {
+            direction,
+            normal,
+            wavelength,
+            slope,
+            phase,
+        };
+        Isotopy(vec![
+            shear([0., 0., 1.], [0.6, 0.8, 0.], 30., 1., 0.3),
+            shear([1., 0., 0.], [0., -0.6, 0.8], 20., 1.5, 1.),
+            shear([0., 1., 0.], [0.8, 0., 0.6], 25., 0.7, 2.),
+        ])
+    }
+
+    #[test]
+    fn distances_and_chords_stay_within_their_bounds() {
+        let isotopy = sample();
+        let mut random = super::super::random::Random::new(7);
+        let (mut nearest, mut farthest, mut highest) = (f64::MAX, 0f64, 0f64);
+        for _ in 0..20_000 {
+            let p = [0; 3].map(|_: i32| 60.0 * random.unit());
+            let step = [0; 3].map(|_: i32| random.unit() - 0.5);
+            let q = [0, 1, 2].map(|k| p[k] + step[k]);
+            let middle = [0, 1, 2].map(|k| p[k] + step[k] / 2.0);
+            let (edge, moved) = (distance(p, q), [p, q, middle].map(|p| isotopy.apply(p)));
+            let ratio = distance(moved[0], moved[1]) / edge;
+            (nearest, farthest) = (nearest.min(ratio), farthest.max(ratio));
+            let chord = [0, 1, 2].map(|k| (moved[0][k] + moved[1][k]) / 2.0);
+            highest = highest.max(distance(chord, moved[2]) / isotopy.sagitta(edge));
+            assert!(distance(p, moved[0]) <= isotopy.reach());
+        }
+        let q = isotopy.stretch();
+        assert!(
+            1.0 / q <= nearest && farthest <= q,
+            "{nearest} {farthest} {q}"
+        );
+        assert!(highest <= 1.0, "{highest}");
+        // The bounds are of the right size.
+        assert!(farthest > q / 3.0 && highest > 0.05, "{farthest} {highest}");
+    }
+
+    #[test]
+    fn the_reversed_shears_take_it_back() {
+        let isotopy = sample();
+        let p = [1.5, -7.0, 3.25];
+        let there = isotopy.apply(p);
+        let back = isotopy.0.iter().rev().fold(there, |p, s| {
+            let back = Shear {
+                slope: -s.slope,
+                ..*s
+            };
+            back.apply(p)
+        });
+        assert!(distance(p, there) > 1.0 && distance(p, back) < 1e-12);
+    }
+}

@@ -1,0 +1,188 @@
+//! A knitted tube.
+
+use super::pen::Pen;
+use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene};
+use crate::curve::Basis;
+use crate::error::Result;
+use std::f64::consts::TAU;
+
+pub(super) const KIND: Kind = Kind {
+    name: "knit",
+    purpose: "knitted tube of stockinette, Catmull-Rom splines: a garment; rows go through the loops of the row below",
+    parameters: &[
+        Parameter::integer(
+            "rows",
+            250,
+            (1, 20_000),
+            "rows, each a closed yarn around the tube",
+        ),
+        Parameter::integer("stitches", 90, (16, 20_000), "stitches of a row"),
+        Parameter::integer(
+            "segments",
+            270_000,
+            (128, MOST_SEGMENTS),
+            "segments of all rows; the same 8 or more for each stitch",
+        ),
+        Parameter::real(
+            "diameter",
+            1.0,
+            (1e-3, 1e3),
+            "diameter of the yarn, in units of the scene",
+        ),
+    ],
+    build,
+};
+
+/// A stitch is `(t + OVERHANG sin 2t, HEIGHT cos t, DEPTH cos 2t)` for a turn of `t`: along the row, along the
+/// tube, and out of it (Crane, *A Simple Parametric Model of Plain-Knit Yarns*). Its legs are in front, its
+/// head and its feet behind.
+const OVERHANG: f64 = 1.485;
+const HEIGHT: f64 = 3.4;
+const DEPTH: f64 = -1.25;
+
+/// From one row to the next.
+const ROW: f64 = 4.0;
+
+/// Diameter of the yarn in the units of these constants. The four strands that pass a stitch at any height share a
+/// turn of `t`; centre lines are 1.3 diameters apart where they come nearest, 1.2 where splines are coarse
+/// (fewer than twelve segments a stitch). Tested below.
+const DIAMETER: f64 = 1.16;
+
+/// Each row goes through the loops of the row below: behind their legs, in front of their heads.
+///
+/// No two rows are linked. The reflection that takes `t` to `-t` takes every row to itself, backwards. Linking
+/// numbers change their sign in a mirror, and stay the same where both curves are reversed: they equal their
+/// negatives. (Which is why knitting can be ravelled, from the last row on.) Rounding moves points by less than
+/// a hundredth of the distance of rows, whatever the parameters: coordinates stay below 41,000 units of the
+/// constants.
+fn build(scene: &Scene) -> Result<Generated> {
+    let (rows, stitches) = (scene.count("rows"), scene.count("stitches"));
+    let segments = scene.count("segments");
+    let each = segments / (rows * stitches);
+    if each < 8 || !segments.is_multiple_of(rows * stitches) {
+        return Err(scene.refuse(format!(
+            "segments must be a multiple of rows * stitches = {}, 8 times it or more",
+            rows * stitches
+        )));
+    }
+    let scale = scene.real("diameter") / DIAMETER;
+    // The circumference is a turn of `t` for every stitch.
+    let radius = stitches as f64;
+    let length = ROW * (rows - 1) as f64;
+    let n = each * stitches;
+    let mut pen = Pen::new(Basis::CatmullRom, rows, segments);
+    for row in 0..rows {
+        let start = ROW * row as f64 - length / 2.0;
+        pen.closed(n, |k| {
+            let t = TAU * k as f64 / each as f64;
+            let along = (t + OVERHANG * (2.0 * t).sin()) / radius;
+            let out = scale * (radius + DEPTH * (2.0 * t).cos());
+            let up = scale * (start + HEIGHT * t.cos());
+            [out * along.cos(), out * along.sin(), up]
+        })?;
+    }
+    Ok(Generated::new(pen.finish()?, Vec::new()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{CurveSet, Point};
+
+    /// Points of a row, many a segment, with the turns of `t` that they have come.
+    fn samples(set: &CurveSet, row: usize, each: usize) -> Vec<(f64, Point)> {
+        const FINE: usize = 8;
+        let at = |s: usize, k: usize| {
+            let t = k as f64 / FINE as f64;
+            ((s as f64 + t) / each as f64, set.eval(row, s, t))
+        };
+        (0..set.curve(row).segments as usize)
+            .flat_map(|s| (0..FINE).map(move |k| at(s, k)))
+            .collect()
+    }
+
+    fn built(text: &str) -> CurveSet {
+        text.parse::<Scene>().unwrap().build().unwrap().curves
+    }
+
+    fn distance(p: Point, q: Point) -> f64 {
+        (p[0] - q[0]).hypot(p[1] - q[1]).hypot(p[2] - q[2])
+    }
+
+    #[test]
+    fn strands_keep_their_distance() {
+        let sizes = (8..=16).map(|each| (each, 16));
+        for (each, stitches) in sizes.chain([(40, 30), (8, 90), (12, 90), (12, 400)]) {
+            let segments = 3 * each * stitches;
+            let set = built(&format!(
+                "knit:rows=3,stitches={stitches},segments={segments},diameter=2"
+            ));
+            let rows = [0, 1, 2].map(|row| samples(&set, row, each));
+            let two_stitches = &rows[0][..rows[0].len() / stitches * 2];
+            for (row, all) in rows.iter().enumerate() {
+                // Neighbours along the yarn aside.
+                let apart = |a: f64, b: f64| (a - b).abs().min(stitches as f64 - (a - b).abs());
+                let pairs = two_stitches
+                    .iter()
+                    .flat_map(|p| all.iter().map(move |q| (p, q)))
+                    .filter(|(p, q)| row > 0 || apart(p.0, q.0) > 0.2);
+                let nearest = pairs
+                    .map(|(p, q)| distance(p.1, q.1))
+                    .fold(f64::MAX, f64::min);
+                let diameters = if each < 12 { 1.2 } else { 1.3 };
+                assert!(
+                    nearest > 2.0 * diameters,
+                    "{each} {stitches} {row}: {nearest}"
+                );
+            }
+        }
+    }
+
+    /// The pattern that makes it stockinette, seen from outside: a yarn comes up behind the legs of the row below,
+    /// goes over its head, and back the same way.
+    #[test]
+    fn rows_go_through_the_loops_of_the_row_below() {
+        let (each, stitches) = (12, 16);
+        let set = built(&format!(
+            "knit:rows=2,stitches={stitches},segments={}",
+            2 * each * stitches
+        ));
+        // The tube unrolled: stitches around it, height, and outwards.
+        let unrolled = |row| -> Vec<(f64, Point)> {
+            let points = samples(&set, row, each);
+            let unroll = |(t, [x, y, z]): (f64, Point)| {
+                let around = y.atan2(x) / TAU * stitches as f64;
+                // Into the turn that the yarn is in.
+                let turns = ((t - around) / stitches as f64).round();
+                (t, [around + turns * stitches as f64, z, x.hypot(y)])
+            };
+            points.into_iter().map(unroll).collect()
+        };
+        let (lower, upper) = (unrolled(0), unrolled(1));
+        // From the middle of one foot of a stitch to the next.
+        let stitch = upper.windows(2).filter(|w| (4.5..5.5).contains(&w[0].0));
+        let mut pattern = String::new();
+        for u in stitch {
+            let mut crossings: Vec<(f64, char)> = lower
+                .windows(2)
+                .filter_map(|l| crossing([u[0].1, u[1].1], [l[0].1, l[1].1]))
+                .map(|(at, out)| (at, if out > 0.0 { 'F' } else { 'B' }))
+                .collect();
+            crossings.sort_by(|a, b| a.0.total_cmp(&b.0));
+            pattern.extend(crossings.iter().map(|c| c.1));
+        }
+        assert_eq!(pattern, "BFFB");
+    }
+
+    /// Where segment `p` crosses segment `q` as seen along the third axis: how far along `p`, and by how much `p` is
+    /// farther out.
+    fn crossing(p: [Point; 2], q: [Point; 2]) -> Option<(f64, f64)> {
+        let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+        let cross = |a: Point, b: Point| a[0] * b[1] - a[1] * b[0];
+        let (d, e, r) = (sub(p[1], p[0]), sub(q[1], q[0]), sub(q[0], p[0]));
+        let area = cross(d, e);
+        let (s, t) = (cross(r, e) / area, cross(r, d) / area);
+        let within = (0.0..1.0).contains(&s) && (0.0..1.0).contains(&t);
+        within.then(|| (s, p[0][2] + s * d[2] - q[0][2] - t * e[2]))
+    }
+}

@@ -1,0 +1,313 @@
+//! Scenes: structures of any size whose linking numbers are known from the way they are made.
+//!
+//! Most of them are the stress tests of Qu & James 2021 (figure 6 and table 1). A scene is one string, a name and
+//! parameters that differ from their defaults, and the same string gives the same curves:
+//!
+//! ```
+//! use linkwatch::scenes::Scene;
+//!
+//! let scene: Scene = "ribbon:segments=2000,lambda=-10".parse()?;
+//! let generated = scene.build()?;
+//! assert_eq!(generated.curves.segments(), 2000);
+//! assert_eq!(generated.certificate.links[0].lambda, -10);
+//! # Ok::<(), linkwatch::Error>(())
+//! ```
+//!
+//! The certificate comes from the construction, not from a kernel: it is what kernels are measured against.
+//! It holds for the curves as they are stored, in single precision and with straight chords (or splines)
+//! in place of the curves of the construction: see [`Scene::build`].
+//!
+//! Signs follow one rule: where a curve goes through a disc towards the side from which the boundary of the disc
+//! runs counterclockwise, it counts +1. This is the sign of Arai's sum (see [`crate::kernels`]).
+
+mod chainmail;
+mod isotopy;
+mod knit;
+mod pen;
+mod random;
+mod ribbon;
+mod rubber_bands;
+mod square_link;
+mod torus;
+mod torus_link;
+mod torus_zero;
+mod woundball;
+
+use crate::certificate::{Certificate, Link};
+use crate::curve::CurveSet;
+use crate::error::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+/// Every scene that can be built.
+pub static KINDS: [Kind; 8] = [
+    chainmail::KIND,
+    knit::KIND,
+    ribbon::KIND,
+    rubber_bands::KIND,
+    square_link::KIND,
+    torus_link::KIND,
+    torus_zero::KIND,
+    woundball::KIND,
+];
+
+/// Most segments of a scene: a curve of a BCC file has no more points.
+const MOST_SEGMENTS: i64 = i32::MAX as i64;
+
+/// One kind of scene: its name and its parameters.
+#[derive(Debug)]
+pub struct Kind {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is, and what it is good for.
+    pub purpose: &'static str,
+    /// Its parameters.
+    pub parameters: &'static [Parameter],
+    build: fn(&Scene) -> Result<Generated>,
+}
+
+/// A parameter of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// Its name.
+    pub name: &'static str,
+    /// What it means, with its unit where it has one.
+    pub meaning: &'static str,
+    /// Its value where none is given.
+    pub default: f64,
+    /// Its smallest value.
+    pub min: f64,
+    /// Its largest value.
+    pub max: f64,
+    /// Whether it is an integer.
+    pub integer: bool,
+}
+
+impl Parameter {
+    const fn integer(
+        name: &'static str,
+        default: i64,
+        (min, max): (i64, i64),
+        meaning: &'static str,
+    ) -> Parameter {
+        Parameter {
+            name,
+            meaning,
+            default: default as f64,
+            min: min as f64,
+            max: max as f64,
+            integer: true,
+        }
+    }
+
+    const fn real(
+        name: &'static str,
+        default: f64,
+        (min, max): (f64, f64),
+        meaning: &'static str,
+    ) -> Parameter {
+        Parameter {
+            name,
+            meaning,
+            default,
+            min,
+            max,
+            integer: false,
+        }
+    }
+
+    /// The value that a text gives, or what is wrong with it.
+    fn parse(&self, text: &str) -> Result<f64, String> {
+        let Parameter { name, min, max, .. } = self;
+        let kind = if self.integer {
+            "an integer"
+        } else {
+            "a number"
+        };
+        match text.parse::<f64>() {
+            Ok(x) if (*min..=*max).contains(&x) && (!self.integer || x.fract() == 0.0) => Ok(x),
+            _ => Err(format!(
+                "{name} is '{}'; expected {kind} from {min} to {max}",
+                clip(text)
+            )),
+        }
+    }
+}
+
+/// The description of a scene: its kind, and a value for each parameter.
+///
+/// Parsed from `NAME` or `NAME:KEY=VALUE,KEY=VALUE`; integers may be written as `2e7`. Displayed with all of its
+/// parameters, so that the text means the same where defaults change.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    kind: &'static Kind,
+    /// In the order of the kind's parameters.
+    values: Vec<f64>,
+}
+
+impl PartialEq for Scene {
+    fn eq(&self, other: &Scene) -> bool {
+        self.kind.name == other.kind.name && self.values == other.values
+    }
+}
+
+/// A scene that was built.
+#[derive(Clone, Debug)]
+pub struct Generated {
+    /// Its curves, all of them closed, in single precision.
+    pub curves: CurveSet,
+    /// Their linking numbers, exact.
+    pub certificate: Certificate,
+}
+
+impl Generated {
+    /// Curves whose non-zero linking numbers are these, sorted by pair.
+    fn new(curves: CurveSet, links: Vec<Link>) -> Generated {
+        let certificate = Certificate {
+            curves: curves.len(),
+            links,
+            undefined: Vec::new(),
+        };
+        Generated {
+            curves,
+            certificate,
+        }
+    }
+
+    /// Two curves with this linking number.
+    fn pair(curves: CurveSet, lambda: i64) -> Generated {
+        let link = Link { i: 0, j: 1, lambda };
+        let links = if lambda == 0 { vec![] } else { vec![link] };
+        Generated::new(curves, links)
+    }
+}
+
+impl Scene {
+    /// What kind of scene it is.
+    pub fn kind(&self) -> &'static Kind {
+        self.kind
+    }
+
+    /// The value of a parameter, or `None` where the scene has no such parameter.
+    pub fn value(&self, name: &str) -> Option<f64> {
+        let at = self.kind.parameters.iter().position(|p| p.name == name)?;
+        Some(self.values[at])
+    }
+
+    /// Builds the curves and their exact certificate.
+    ///
+    /// The curves of a construction keep some distance. What is stored lies off them, by the height of an arc over
+    /// its chord and by the rounding to single precision. As long as both curves of a pair together are off by
+    /// less than their distance, they can be moved into the stored ones along straight lines without
+    /// meeting, so their linking number is the same. Parameters for which this is not certain are
+    /// refused ([`Error::Scene`]), as are scenes of too many points ([`Error::Count`]).
+    pub fn build(&self) -> Result<Generated> {
+        (self.kind.build)(self)
+    }
+
+    /// # Panics
+    /// If the scene's own table lacks the parameter.
+    fn real(&self, name: &str) -> f64 {
+        self.value(name).expect("the scene has this parameter")
+    }
+
+    fn integer(&self, name: &str) -> i64 {
+        self.real(name) as i64
+    }
+
+    fn count(&self, name: &str) -> usize {
+        self.real(name) as usize
+    }
+
+    /// A scene that cannot be built.
+    fn refuse(&self, what: impl Into<String>) -> Error {
+        Error::Scene {
+            scene: self.to_string(),
+            what: what.into(),
+        }
+    }
+
+    /// Refuses a scene whose curves are `gap` apart, where the two stored ones of a pair may lie off them by
+    /// `off` together.
+    fn check_gap(&self, gap: f64, off: f64, advice: &str) -> Result<()> {
+        if off < gap {
+            return Ok(());
+        }
+        Err(self.refuse(format!(
+            "its curves come as near as {gap:.1e}, but two polygons may lie off them by {off:.1e}: {advice}"
+        )))
+    }
+}
+
+impl FromStr for Scene {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Scene> {
+        let (name, arguments) = match text.split_once(':') {
+            Some((name, arguments)) => (name, Some(arguments)),
+            None => (text, None),
+        };
+        let wrong = |what: String| Error::Scene {
+            scene: clip(text),
+            what,
+        };
+        let Some(kind) = KINDS.iter().find(|k| k.name == name) else {
+            let known: Vec<&str> = KINDS.iter().map(|k| k.name).collect();
+            return Err(wrong(format!("unknown (known: {})", known.join(", "))));
+        };
+        let mut given = vec![None; kind.parameters.len()];
+        for argument in arguments.into_iter().flat_map(|a| a.split(',')) {
+            let Some((key, value)) = argument.split_once('=') else {
+                return Err(wrong(format!("'{}', expected key=value", clip(argument))));
+            };
+            let Some(at) = kind.parameters.iter().position(|p| p.name == key) else {
+                let known: Vec<&str> = kind.parameters.iter().map(|p| p.name).collect();
+                return Err(wrong(format!(
+                    "unknown parameter '{}' (known: {})",
+                    clip(key),
+                    known.join(", ")
+                )));
+            };
+            let value = kind.parameters[at].parse(value).map_err(wrong)?;
+            if given[at].replace(value).is_some() {
+                return Err(wrong(format!("{key} is given twice")));
+            }
+        }
+        let values = given.iter().zip(kind.parameters);
+        let values = values.map(|(v, p)| v.unwrap_or(p.default)).collect();
+        Ok(Scene { kind, values })
+    }
+}
+
+impl fmt::Display for Scene {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.kind.name)?;
+        for (k, (p, value)) in self.kind.parameters.iter().zip(&self.values).enumerate() {
+            let separator = if k == 0 { ':' } else { ',' };
+            write!(f, "{separator}{}={value}", p.name)?;
+        }
+        Ok(())
+    }
+}
+
+/// A piece of somebody's text, short and harmless enough for a message.
+fn clip(text: &str) -> String {
+    text.chars().take(60).flat_map(char::escape_debug).collect()
+}
+
+/// How far rounding to single precision moves a point whose coordinates are at most `extent`, an upper bound: each
+/// coordinate by `2^-24` of itself, so a point by `sqrt(3) 2^-24` of it. The rest covers the errors of
+/// the double precision that coordinates are computed in.
+fn rounding(extent: f64) -> f64 {
+    const TWO_TO_MINUS_23: f64 = f32::EPSILON as f64;
+    extent * TWO_TO_MINUS_23
+}
+
+/// How far the chords of a curve lie off the curve, an upper bound: its second derivative is at most
+/// `acceleration`, and chords join points whose parameters are `step` apart.
+fn sagitta(step: f64, acceleration: f64) -> f64 {
+    step * step / 8.0 * acceleration
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,48 @@
+//! Closed curves, point by point, in little memory beside the set.
+
+use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
+use crate::error::Result;
+
+/// Points that are computed before they are stored.
+const CHUNK: usize = 4096;
+
+/// Draws closed curves in single precision.
+pub(super) struct Pen {
+    builder: CurveSetBuilder,
+    chunk: Vec<f32>,
+}
+
+impl Pen {
+    /// For so many curves of so many points together.
+    pub fn new(basis: Basis, curves: usize, points: usize) -> Pen {
+        // A curve takes at most its points, those of a group of segments that begins at its last one, and those
+        // that are repeated.
+        let extra = 6 * basis.stride() + basis.window();
+        Pen {
+            builder: CurveSet::builder(basis, Precision::F32, points + extra * curves),
+            chunk: Vec::with_capacity(3 * CHUNK.min(points)),
+        }
+    }
+
+    /// Draws a closed curve of `n` points.
+    pub fn closed(&mut self, n: usize, mut point: impl FnMut(usize) -> Point) -> Result<()> {
+        self.builder.start_curve(n, true)?;
+        for first in (0..n).step_by(CHUNK) {
+            let points = (first..n.min(first + CHUNK)).map(&mut point);
+            self.chunk.clear();
+            self.chunk.extend(points.flatten().map(|x| x as f32));
+            self.builder.push(Positions::F32(&self.chunk))?;
+        }
+        Ok(())
+    }
+
+    /// The finished set.
+    pub fn finish(self) -> Result<CurveSet> {
+        self.builder.finish()
+    }
+}
+
+/// Points of curve `i` where `total` points are shared out evenly.
+pub(super) fn share(total: usize, curves: usize, i: usize) -> usize {
+    total / curves + usize::from(i < total % curves)
+}

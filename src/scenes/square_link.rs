@@ -1,0 +1,114 @@
+//! The thick square link: two bundles of squares, each square of one linked with each of the other.
+
+use super::pen::{Pen, share};
+use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene};
+use crate::certificate::Link;
+use crate::curve::Basis;
+use crate::error::Result;
+
+pub(super) const KIND: Kind = Kind {
+    name: "square_link",
+    purpose: "thick square link: two bundles of squares, all pairs across linked once; very many links",
+    parameters: &[
+        Parameter::integer(
+            "loops",
+            1250,
+            (2, 20_000),
+            "squares of both bundles, an even number",
+        ),
+        Parameter::integer(
+            "segments",
+            500_000,
+            (8, MOST_SEGMENTS),
+            "segments of all squares, at least four each",
+        ),
+    ],
+    build,
+};
+
+/// Half the sides of the squares: from here to here plus [`THICKNESS`].
+const HALF_SIDE: f64 = 1.0;
+
+/// Thickness of a bundle, both ways: squares nest in planes that are parallel.
+const THICKNESS: f64 = 0.5;
+
+/// Distance of the centres of both bundles. The near side of each goes through the middle of the other.
+const APART: f64 = 1.5;
+
+/// The first bundle lies in planes `z = const` and runs counterclockwise seen from above, the second one lies in planes
+/// `y = const` and goes up through the first.
+///
+/// The far sides aside, where nothing is near: the first bundle goes along y where x is from 1 to 1.5, through all
+/// squares of the second one; the second goes along z where x is from 0 to 0.5, through all squares of the first.
+/// Bundles are 0.5 apart, squares of a bundle at least 0.005. Sides are straight lines along the axes, which
+/// rounding moves as a whole: by `2^-22` at most.
+fn build(scene: &Scene) -> Result<Generated> {
+    let (loops, segments) = (scene.count("loops"), scene.count("segments"));
+    if loops % 2 == 1 {
+        return Err(scene.refuse("two bundles take an even number of loops"));
+    }
+    if segments < 4 * loops {
+        return Err(scene.refuse(format!("{loops} squares take {} segments", 4 * loops)));
+    }
+    let half = loops / 2;
+    // Smallest square number of places that is large enough.
+    let side = half.isqrt() + usize::from(half.isqrt().pow(2) < half);
+
+    let mut pen = Pen::new(Basis::Polyline, loops, segments);
+    for i in 0..loops {
+        let (bundle, k) = (i / half, i % half);
+        let place = |k: usize| THICKNESS * k as f64 / side as f64;
+        let half_side = HALF_SIDE + place(k % side);
+        let height = place(k / side) - THICKNESS / 2.0;
+        let n = share(segments, loops, i);
+        pen.closed(n, |k| {
+            let [u, v] = on_square(k, n).map(|x| half_side * x);
+            match bundle {
+                0 => [u, v, height],
+                _ => [u + APART, height, -v],
+            }
+        })?;
+    }
+    let link = |i: usize, j: usize| Link {
+        i: i as u32,
+        j: (half + j) as u32,
+        lambda: 1,
+    };
+    let links = (0..half).flat_map(|i| (0..half).map(move |j| link(i, j)));
+    Ok(Generated::new(pen.finish()?, links.collect()))
+}
+
+/// Point `k` of `n` on the square with corners `(+-1, +-1)`, counterclockwise. Corners are among the points.
+fn on_square(k: usize, n: usize) -> [f64; 2] {
+    // Side `s` starts at the point `s n / 4`, rounded up.
+    let start = |side: usize| (side * n).div_ceil(4);
+    let side = 4 * k / n;
+    let along = (k - start(side)) as f64 / (start(side + 1) - start(side)) as f64;
+    let x = 2.0 * along - 1.0;
+    match side {
+        0 => [x, -1.0],
+        1 => [1.0, x],
+        2 => [-x, 1.0],
+        _ => [-1.0, -x],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_have_their_corners() {
+        for n in 4..40 {
+            let points: Vec<[f64; 2]> = (0..n).map(|k| on_square(k, n)).collect();
+            for corner in [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]] {
+                assert!(points.contains(&corner), "{n}: {points:?}");
+            }
+            assert!(
+                points
+                    .iter()
+                    .all(|p| p[0].abs() == 1.0 || p[1].abs() == 1.0)
+            );
+        }
+    }
+}

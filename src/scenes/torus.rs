@@ -1,0 +1,15 @@
+//! Points on tori around one circle.
+
+use crate::curve::Point;
+
+/// The point on the torus of this tube radius around the unit circle of the xy plane, at a toroidal angle (along
+/// the circle) and a poloidal one (around it), in radians.
+///
+/// Linking number of a curve inside of a torus and one outside: the toroidal turns of the inner one, since that is
+/// how often it is the core in homology, times the poloidal turns of the outer one. The poloidal angle
+/// grows so that both positive count +1.
+pub(super) fn on_torus(tube: f64, toroidal: f64, poloidal: f64) -> Point {
+    let ((s, c), (sp, cp)) = (toroidal.sin_cos(), poloidal.sin_cos());
+    let r = 1.0 + tube * cp;
+    [r * c, r * s, -tube * sp]
+}

@@ -1,0 +1,64 @@
+//! Four curves on nested tori that turn back after every period.
+
+use super::pen::{Pen, share};
+use super::torus::on_torus;
+use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene, rounding};
+use crate::curve::Basis;
+use crate::error::Result;
+use std::f64::consts::TAU;
+
+pub(super) const KIND: Kind = Kind {
+    name: "torus_zero",
+    purpose: "four curves on nested tori that turn back after every period: many crossings, all of which cancel",
+    parameters: &[
+        Parameter::integer(
+            "segments",
+            400_000,
+            (12, MOST_SEGMENTS),
+            "segments of all curves",
+        ),
+        Parameter::integer(
+            "periods",
+            100,
+            (2, 1_000_000),
+            "periods of each curve; even, or it would not close",
+        ),
+    ],
+    build,
+};
+
+/// Tube radii; that of the circle is 1. The first curve goes forth and back the toroidal way, the others are
+/// copies of one that goes forth and back the poloidal way.
+const TUBES: [f64; 4] = [0.3, 0.4, 0.5, 0.6];
+
+/// Of any two curves, the inner one has no toroidal turns left or the outer one no poloidal turns: no pair is linked.
+///
+/// A chord is off its arc by at most half the length of the arc, also where the curve turns back in between.
+fn build(scene: &Scene) -> Result<Generated> {
+    let (segments, periods) = (scene.count("segments"), scene.count("periods"));
+    if periods % 2 == 1 {
+        return Err(scene.refuse("an odd number of periods leaves the curves open"));
+    }
+    let step = TAU / (segments / 4) as f64;
+    let outermost = 1.0 + TUBES[3];
+    let speed = (periods as f64 + 1.0) * outermost;
+    let off = 2.0 * (step / 2.0 * speed + rounding(outermost));
+    scene.check_gap(0.1, off, "take more segments or fewer periods")?;
+
+    let mut pen = Pen::new(Basis::Polyline, 4, segments);
+    for (i, tube) in TUBES.into_iter().enumerate() {
+        let n = share(segments, 4, i);
+        pen.closed(n, |k| {
+            let t = k as f64 / n as f64;
+            let there_and_back = {
+                let phase = (t * periods as f64).rem_euclid(2.0);
+                phase.min(2.0 - phase)
+            };
+            match i {
+                0 => on_torus(tube, TAU * there_and_back, TAU * t),
+                _ => on_torus(tube, TAU * t, TAU * there_and_back),
+            }
+        })?;
+    }
+    Ok(Generated::new(pen.finish()?, Vec::new()))
+}

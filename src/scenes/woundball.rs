@@ -1,0 +1,56 @@
+//! Two balls of yarn, one inside of the other.
+
+use super::pen::{Pen, share};
+use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene, rounding};
+use crate::curve::Basis;
+use crate::error::Result;
+use std::f64::consts::TAU;
+
+pub(super) const KIND: Kind = Kind {
+    name: "woundball",
+    purpose: "two concentric spherical curves, one half the size of the other: long segments, unlinked",
+    parameters: &[
+        Parameter::integer(
+            "segments",
+            1_000_000,
+            (6, MOST_SEGMENTS),
+            "segments of both curves",
+        ),
+        Parameter::integer(
+            "crossings",
+            1000,
+            (1, 10_000_000),
+            "times that each curve crosses the north pole",
+        ),
+    ],
+    build,
+};
+
+/// A curve goes round the poles `crossings` times while it goes round the axis once.
+///
+/// The inner curve and its chords lie in the ball of radius 1. A chord of the outer one spans an angle of at most
+/// `step sqrt(crossings^2 + 1)`, and so keeps away from the centre by twice the cosine of half of it. A
+/// sphere between the curves separates them: they are not linked.
+fn build(scene: &Scene) -> Result<Generated> {
+    let (segments, crossings) = (scene.count("segments"), scene.real("crossings"));
+    let angle = TAU / (segments / 2) as f64 * crossings.hypot(1.0);
+    let advice = "take more segments or fewer crossings";
+    // Beyond a quarter turn the cosine says nothing anymore.
+    let depth = if angle < 1.0 {
+        2.0 - 2.0 * (angle / 2.0).cos()
+    } else {
+        2.0
+    };
+    scene.check_gap(1.0, depth + rounding(1.0) + rounding(2.0), advice)?;
+
+    let mut pen = Pen::new(Basis::Polyline, 2, segments);
+    for (i, radius) in [2.0, 1.0].into_iter().enumerate() {
+        let n = share(segments, 2, i);
+        pen.closed(n, |k| {
+            let t = TAU * k as f64 / n as f64;
+            let ((s, c), (sp, cp)) = (t.sin_cos(), (crossings * t).sin_cos());
+            [radius * sp * c, radius * sp * s, radius * cp]
+        })?;
+    }
+    Ok(Generated::pair(pen.finish()?, 0))
+}

@@ -1,0 +1,166 @@
+//! `linkwatch generate` at the boundary of its process.
+
+use std::path::Path;
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+/// Runs the command: exit code, stdout, stderr.
+fn linkwatch(args: &[&str]) -> (i32, String, String) {
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(args)
+        .output()
+        .unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (status.code().unwrap(), text(stdout), text(stderr))
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Names of the files in a folder.
+fn files(folder: &TempDir) -> Vec<String> {
+    let entries = std::fs::read_dir(folder.path()).unwrap();
+    let names = entries.map(|e| e.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn what_is_generated_certifies_as_it_says() {
+    for scene in [
+        "chainmail:rows=4,columns=5,crumple=1",
+        "knit:rows=3,stitches=16,segments=576",
+        "ribbon:segments=2000,lambda=-12",
+        "rubber_bands:bands=40",
+        "square_link:loops=8,segments=100",
+        "torus_link:segments=2000,toroidal=-2,poloidal=3",
+        "torus_zero:segments=4000,periods=4",
+        "woundball:segments=2000,crossings=11",
+    ] {
+        let folder = TempDir::new().unwrap();
+        let [model, certificate] = ["a.bcc", "a.txt"].map(|n| folder.path().join(n));
+        let (code, stdout, stderr) = linkwatch(&[
+            "generate",
+            scene,
+            "-o",
+            text(&model),
+            "--certificate",
+            text(&certificate),
+        ]);
+        assert_eq!((code, stdout.as_str()), (0, ""), "{stderr}");
+        assert!(stderr.contains("a.bcc: written"), "{stderr}");
+        assert_eq!(files(&folder), ["a.bcc", "a.txt"]);
+        let (code, found, stderr) = linkwatch(&["certify", text(&model)]);
+        assert_eq!(code, 0, "{stderr}");
+        assert_eq!(
+            found,
+            std::fs::read_to_string(&certificate).unwrap(),
+            "{scene}"
+        );
+    }
+}
+
+#[test]
+fn the_result_as_json() {
+    let folder = TempDir::new().unwrap();
+    let model = folder.path().join("a.bcc");
+    let scene = "ribbon:segments=2000";
+    let (code, stdout, _) = linkwatch(&["generate", "--json", scene, "-o", text(&model)]);
+    let json: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!(code, 0);
+    assert_eq!(json["scene"], "ribbon:segments=2000,lambda=10");
+    assert_eq!(json["model"], text(&model));
+    assert_eq!(
+        (&json["curves"], &json["segments"]),
+        (&2.into(), &2000.into())
+    );
+    assert_eq!(
+        (&json["links"], &json["certificate"]),
+        (&1.into(), &().into())
+    );
+}
+
+#[test]
+fn scenes_are_listed() {
+    let (code, stdout, _) = linkwatch(&["generate", "--list"]);
+    assert_eq!(
+        (code, stdout.as_str()),
+        (0, linkwatch(&["generate"]).1.as_str())
+    );
+    assert!(stdout.contains("\nribbon: double helix"), "{stdout}");
+    assert!(stdout.contains("  segments=200000 "), "{stdout}");
+    assert!(stdout.contains("(-1,000,000 to 1,000,000)"), "{stdout}");
+    let (code, stdout, _) = linkwatch(&["generate", "--list", "--json"]);
+    let lines: Vec<serde_json::Value> = stdout
+        .lines()
+        .map(|l| serde_json::from_str(l).unwrap())
+        .collect();
+    assert_eq!(code, 0);
+    assert_eq!(lines.len(), 8);
+    assert_eq!(lines[0]["name"], "chainmail");
+    assert_eq!(lines[0]["parameters"][2]["name"], "crumple");
+    assert_eq!(lines[0]["parameters"][2]["max"], 1.0);
+}
+
+#[test]
+fn bad_arguments_exit_with_2_and_leave_nothing_behind() {
+    let folder = TempDir::new().unwrap();
+    let [model, other, nowhere] = ["a.bcc", "a.obj", "none/a.bcc"].map(|n| folder.path().join(n));
+    for (args, says) in [
+        (
+            &["rope", "-o", text(&model)][..],
+            "unknown (known: chainmail",
+        ),
+        (
+            &["ribbon:lambda=x", "-o", text(&model)],
+            "expected an integer from",
+        ),
+        (&["ribbon:lambda=1e6", "-o", text(&model)], "smaller lambda"),
+        (&["ribbon"], "--output"),
+        (&["-o", text(&model)], "SCENE"),
+        (&["--certificate", "c.txt"], "SCENE"),
+        (&["ribbon", "--list", "-o", text(&model)], "--list"),
+        (
+            &["ribbon", "-o", text(&other)],
+            "a.obj: scenes are written as .bcc",
+        ),
+        (
+            &["ribbon", "-o", text(&nowhere)],
+            "none/a.bcc: No such file",
+        ),
+    ] {
+        let (code, stdout, stderr) = linkwatch(&[&["generate"], args].concat());
+        assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}");
+        assert!(stderr.contains(says), "{stderr}");
+        assert_eq!(files(&folder), [""; 0], "{args:?}");
+    }
+}
+
+#[test]
+fn an_existing_file_is_replaced_as_a_whole_or_not_at_all() {
+    let folder = TempDir::new().unwrap();
+    let model = folder.path().join("a.bcc");
+    let generate = |scene: &str| linkwatch(&["generate", scene, "-o", text(&model)]);
+    assert_eq!(generate("ribbon:segments=3000").0, 0);
+    let before = std::fs::read(&model).unwrap();
+    assert_eq!(generate("ribbon:segments=10").0, 2);
+    assert_eq!(std::fs::read(&model).unwrap(), before);
+    assert_eq!(generate("ribbon:segments=2000").0, 0);
+    assert!(std::fs::read(&model).unwrap().len() < before.len());
+    // In the place of a folder nothing can be written.
+    std::fs::remove_file(&model).unwrap();
+    std::fs::create_dir(&model).unwrap();
+    let (code, _, stderr) = generate("ribbon:segments=2000");
+    assert_eq!(code, 2);
+    assert!(
+        stderr.contains("a.bcc: ") && !stderr.contains(".part"),
+        "{stderr}"
+    );
+    assert_eq!(files(&folder), ["a.bcc"]);
+}
