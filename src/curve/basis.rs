@@ -94,46 +94,35 @@ impl Basis {
         }
     }
 
-    /// Bezier form of the segment with control points `q` (for polylines `q[0]` and `q[1]`).
+    /// Bezier control points, on one axis, of the segment with control points `q` (for polylines its ends, twice).
     ///
-    /// Rounding: with `M` the largest coordinate of `q` and `u = 2^-53`, every coordinate of the result is
+    /// Rounding: with `M` the largest magnitude in `q` and `u` half a unit in the last place of 1, every result is
     /// within `4 M u` of the exact one. B-spline ends: a sum of at most `5 M` and one of at most `6 M` round by
     /// `11 M u`, a sixth of which is left, and the constant and its product by `M u` each. Inner points: one sum
     /// of `3 M`, likewise. Catmull-Rom: a third of `2 M`, rounded three times, and a sum of at most `4/3 M`.
-    pub(crate) fn bezier(self, q: &[Point; 4]) -> Bezier {
-        let each = |f: &dyn Fn(usize) -> f64| [f(0), f(1), f(2)];
+    #[inline(always)]
+    pub(crate) fn hull<T: Real>(self, [q0, q1, q2, q3]: [T; 4]) -> [T; 4] {
         match self {
             Basis::Polyline => {
-                let third = |a: Point, b: Point| each(&|x| a[x] + (b[x] - a[x]) / 3.0);
-                [q[0], third(q[0], q[1]), third(q[1], q[0]), q[1]]
+                let third = (q1 - q0) * T::THIRD;
+                [q0, q0 + third, q1 - third, q1]
             }
-            Basis::CatmullRom => [
-                q[1],
-                each(&|x| q[1][x] + (q[2][x] - q[0][x]) * SIXTH),
-                each(&|x| q[2][x] - (q[3][x] - q[1][x]) * SIXTH),
-                q[2],
-            ],
+            Basis::CatmullRom => [q1, q1 + (q2 - q0) * T::SIXTH, q2 - (q3 - q1) * T::SIXTH, q2],
             Basis::BSpline => [
-                each(&|x| bspline_knot(q[0][x], q[1][x], q[2][x])),
-                each(&|x| (2.0 * q[1][x] + q[2][x]) * THIRD),
-                each(&|x| (q[1][x] + 2.0 * q[2][x]) * THIRD),
-                each(&|x| bspline_knot(q[1][x], q[2][x], q[3][x])),
+                bspline_knot(q0, q1, q2),
+                (T::TWO * q1 + q2) * T::THIRD,
+                (q1 + T::TWO * q2) * T::THIRD,
+                bspline_knot(q1, q2, q3),
             ],
-            Basis::Bezier => *q,
+            Basis::Bezier => [q0, q1, q2, q3],
         }
     }
 }
 
-/// One sixth, rounded.
-const SIXTH: f64 = 1.0 / 6.0;
-
-/// One third, rounded.
-const THIRD: f64 = 1.0 / 3.0;
-
 /// The point of a uniform cubic B-spline beside its control point `b`, on one axis.
 #[inline(always)]
-pub(crate) fn bspline_knot(a: f64, b: f64, c: f64) -> f64 {
-    (a + 4.0 * b + c) * SIXTH
+pub(crate) fn bspline_knot<T: Real>(a: T, b: T, c: T) -> T {
+    (a + T::FOUR * b + c) * T::SIXTH
 }
 
 /// A cubic segment by its four Bezier control points.
@@ -141,13 +130,6 @@ pub(crate) type Bezier = [Point; 4];
 
 /// Smallest and largest coordinates, in double precision.
 pub(crate) type Bounds = (Point, Point);
-
-/// The box of the control points, which contains the curve.
-pub(crate) fn hull_bounds(p: &Bezier) -> Bounds {
-    let fold =
-        |f: fn(f64, f64) -> f64| [0, 1, 2].map(|x| f(f(p[0][x], p[1][x]), f(p[2][x], p[3][x])));
-    (fold(f64::min), fold(f64::max))
-}
 
 /// A floating-point type that bounds are computed in.
 pub(crate) trait Real:
@@ -171,47 +153,33 @@ impl Real for f32 {
 impl Real for f64 {
     const TWO: f64 = 2.0;
     const FOUR: f64 = 4.0;
-    const THIRD: f64 = THIRD;
-    const SIXTH: f64 = SIXTH;
+    const THIRD: f64 = 1.0 / 3.0;
+    const SIXTH: f64 = 1.0 / 6.0;
 }
 
 /// Bounds of eight consecutive segments of a uniform cubic basis on one axis, from their eleven control points:
-/// the extremes of the Bezier control points, by the operations of [`Basis::bezier`].
+/// the extremes of [`Basis::hull`].
 #[inline(always)]
 pub(crate) fn uniform_bounds<T: Real>(basis: Basis, q: &[T; 11]) -> [[T; 8]; 2] {
+    // The basis is decided outside the loop.
     if basis == Basis::BSpline {
-        bounds_by(q, bspline_hull)
+        bounds_of(Basis::BSpline, q)
     } else {
-        bounds_by(q, catmull_rom_hull)
+        bounds_of(Basis::CatmullRom, q)
     }
 }
 
 #[inline(always)]
-fn bounds_by<T: Real>(q: &[T; 11], hull: impl Fn(T, T, T, T) -> [T; 4]) -> [[T; 8]; 2] {
+fn bounds_of<T: Real>(basis: Basis, q: &[T; 11]) -> [[T; 8]; 2] {
     let [mut lo, mut hi] = [[T::default(); 8]; 2];
     for k in 0..8 {
-        let [a, b, c, d] = hull(q[k], q[k + 1], q[k + 2], q[k + 3]);
+        let [a, b, c, d] = basis.hull([q[k], q[k + 1], q[k + 2], q[k + 3]]);
         let smaller = |a: T, b: T| if a < b { a } else { b };
         let larger = |a: T, b: T| if a > b { a } else { b };
         lo[k] = smaller(smaller(a, b), smaller(c, d));
         hi[k] = larger(larger(a, b), larger(c, d));
     }
     [lo, hi]
-}
-
-#[inline(always)]
-fn bspline_hull<T: Real>(q0: T, q1: T, q2: T, q3: T) -> [T; 4] {
-    [
-        (q0 + T::FOUR * q1 + q2) * T::SIXTH,
-        (T::TWO * q1 + q2) * T::THIRD,
-        (q1 + T::TWO * q2) * T::THIRD,
-        (q1 + T::FOUR * q2 + q3) * T::SIXTH,
-    ]
-}
-
-#[inline(always)]
-fn catmull_rom_hull<T: Real>(q0: T, q1: T, q2: T, q3: T) -> [T; 4] {
-    [q1, q1 + (q2 - q0) * T::SIXTH, q2 - (q3 - q1) * T::SIXTH, q2]
 }
 
 /// The polar form of a cubic: control points of any sub-segment are its values at the ends.

@@ -117,6 +117,21 @@ impl Coordinates {
         }
     }
 
+    /// Coordinate `x` of the points in slots from `slot` on.
+    #[inline(always)]
+    pub fn window<const N: usize>(&self, x: usize, slot: usize) -> [f64; N] {
+        let mut out = [0.0; N];
+        match self {
+            Self::F32(v) => {
+                for (out, &p) in out.iter_mut().zip(&v[x][slot..slot + N]) {
+                    *out = p.into();
+                }
+            }
+            Self::F64(v) => out.copy_from_slice(&v[x][slot..slot + N]),
+        }
+        out
+    }
+
     /// Copies a point from one slot to another.
     pub fn copy(&mut self, from: usize, to: usize) {
         match self {
@@ -286,20 +301,27 @@ impl<'a> Knots<'a> {
 
 /// Something that knots are read from.
 pub(crate) trait ReadKnots {
+    /// Their precision.
+    type Number: Copy + Into<f64> + From<u8>;
+
     /// Coordinate `x` of the frame, of knot `s` and of the next one.
-    fn edge(&self, s: u32, x: usize) -> [f64; 2];
+    fn edge(&self, s: u32, x: usize) -> [Self::Number; 2];
 }
 
-impl<T: Copy + Into<f64>> ReadKnots for Given<'_, T> {
+impl<T: Copy + Into<f64> + From<u8>> ReadKnots for Given<'_, T> {
+    type Number = T;
+
     #[inline(always)]
-    fn edge(&self, s: u32, x: usize) -> [f64; 2] {
+    fn edge(&self, s: u32, x: usize) -> [T; 2] {
         let at = s as usize * self.stride;
         let ends = &self.axes[x][at..=at + self.stride];
-        [ends[0].into(), ends[self.stride].into()]
+        [ends[0], ends[self.stride]]
     }
 }
 
 impl<T: Copy + Into<f64>> ReadKnots for Computed<'_, T> {
+    type Number = f64;
+
     #[inline(always)]
     fn edge(&self, s: u32, x: usize) -> [f64; 2] {
         let q = &self.axes[x][s as usize..s as usize + 4];

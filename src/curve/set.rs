@@ -1,6 +1,5 @@
 //! All curves of one frame, as a structure of arrays.
 
-use super::basis::hull_bounds;
 use super::basis::{Real, bspline_knot, uniform_bounds};
 use super::boxes::{BoxGroup, LANES, above, below, larger, smaller};
 use super::coordinates::{Coordinates, Knots};
@@ -179,7 +178,7 @@ impl CurveSet {
     ///
     /// With `M` the largest coordinate and `u = 2^-53`: Bezier control points have coordinates of at most
     /// `5/3 M` (B-spline and Bezier: `M`; Catmull-Rom: `4/3 M`) and are within `4 M u`
-    /// ([`Basis::bezier`]), sub-segments within `15 * 5/3 M u` of them ([`sub_segment`]): 29 M u together,
+    /// ([`Basis::hull`]), sub-segments within `15 * 5/3 M u` of them ([`sub_segment`]): 29 M u together,
     /// below `32 M u = M 2^-48`. The tiny constant covers underflow.
     ///
     /// [`sub_segment`]: super::sub_segment
@@ -194,7 +193,7 @@ impl CurveSet {
     /// What boxes of uniform splines are padded by when they are computed in single precision; none where
     /// that could overflow.
     ///
-    /// With `M` the largest coordinate and `u = 2^-24`, the operations of [`Basis::bezier`] in single precision
+    /// With `M` the largest coordinate and `u = 2^-24`, the operations of [`Basis::hull`] in single precision
     /// err by less than `4 M u`, as shown there. The padded bound is of magnitude `5/3 M + pad` at most and
     /// rounds by `1.7 M u`; points that the discretization computes are within `M 2^-48` of the curve (see
     /// [`CurveSet::pad`]). That is below `6 M u`; `8 M u = M 2^-21` is taken. The constant covers underflow: each
@@ -239,16 +238,26 @@ impl CurveSet {
         }
     }
 
+    /// Bezier control points of segment `s` of curve `i`: `[axis][k]`.
+    #[inline(always)]
+    pub(crate) fn hull(&self, i: usize, s: usize) -> [[f64; 4]; 3] {
+        let slot = self.slot(i, s);
+        let mut hull = [[0.0; 4]; 3];
+        for (x, hull) in hull.iter_mut().enumerate() {
+            *hull = self.basis.hull(if self.basis.is_polyline() {
+                let [p, q] = self.coordinates.window(x, slot);
+                [p, q, p, q]
+            } else {
+                self.coordinates.window(x, slot)
+            });
+        }
+        hull
+    }
+
     /// Bezier form of segment `s` of curve `i`.
     pub(crate) fn segment(&self, i: usize, s: usize) -> Bezier {
-        let slot = self.slot(i, s);
-        let q = if self.basis.is_polyline() {
-            let (p, q) = (self.at(slot), self.at(slot + 1));
-            [p, q, p, q]
-        } else {
-            [0, 1, 2, 3].map(|k| self.at(slot + k))
-        };
-        self.basis.bezier(&q)
+        let hull = self.hull(i, s);
+        [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| hull[x][k]))
     }
 
     /// Point of curve `i` at parameter `t` in `[0, 1]` of its segment `s`.
@@ -339,10 +348,11 @@ impl CurveSet {
         let mut group = BoxGroup::EMPTY;
         let pad = self.pad();
         for k in 0..count {
-            let (lo, hi) = hull_bounds(&self.segment(i, g * LANES + k));
-            for x in 0..3 {
-                group.lo[x][k] = below(lo[x] - pad);
-                group.hi[x][k] = above(hi[x] + pad);
+            for (x, points) in self.hull(i, g * LANES + k).iter().enumerate() {
+                let lo = points.iter().fold(f64::INFINITY, |m, &p| m.min(p));
+                let hi = points.iter().fold(f64::NEG_INFINITY, |m, &p| m.max(p));
+                group.lo[x][k] = below(lo - pad);
+                group.hi[x][k] = above(hi + pad);
             }
         }
         group

@@ -5,19 +5,15 @@ use crate::curve::{Bezier, Bounds, Point};
 /// The convex hull of a cubic segment, by its control points: `points[axis][k]`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hull {
-    points: [[f64; 4]; 3],
+    pub points: [[f64; 4]; 3],
 }
 
 impl Hull {
-    #[inline(always)]
-    pub fn new(p: &Bezier) -> Hull {
-        let mut points = [[0.0; 4]; 3];
-        for k in 0..4 {
-            for x in 0..3 {
-                points[x][k] = p[k][x];
-            }
+    /// The hull of a piece of a segment.
+    pub fn of_piece(p: &Bezier) -> Hull {
+        Hull {
+            points: [0, 1, 2].map(|x| [0, 1, 2, 3].map(|k| p[k][x])),
         }
-        Hull { points }
     }
 
     /// The vector from the start to the end.
@@ -189,7 +185,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn separated(a: &Bezier, b: &Bezier, margin: f64) -> bool {
-        Hull::new(a).separated(&Hull::new(b), margin)
+        Hull::of_piece(a).separated(&Hull::of_piece(b), margin)
     }
 
     fn bezier() -> impl Strategy<Value = Bezier> {

@@ -25,8 +25,9 @@ impl<'a> Separation<'a> {
     #[inline(always)]
     pub fn add_close(&self, pairs: &[(u32, u32)], close: &mut Vec<(u32, u32)>) {
         for &(s, t) in pairs {
-            let a = Hull::new(&self.set.segment(self.curves[0], s as usize));
-            let b = Hull::new(&self.set.segment(self.curves[1], t as usize));
+            let [a, b] = [(self.curves[0], s), (self.curves[1], t)].map(|(i, s)| Hull {
+                points: self.set.hull(i, s as usize),
+            });
             if !a.separated(&b, self.margin) {
                 close.push((s, t));
             }
@@ -41,7 +42,7 @@ impl<'a> Separation<'a> {
     pub fn refine(&self, close: &[(u32, u32)], halving: &mut Halving) -> Result<(), [u32; 2]> {
         let apart = |a: &Hull, b: &Hull| a.separated(b, self.margin);
         halving
-            .halve(self.set, self.curves, close, Hull::new, apart)
+            .halve(self.set, self.curves, close, Hull::of_piece, apart)
             .map(drop)
     }
 }

@@ -102,9 +102,11 @@ pub(crate) fn crossing(
 }
 
 /// A batch of segment pairs, structure of arrays, in the frame `(u, v, w)` of a direction.
-pub(crate) struct Batch {
+///
+/// In the precision of the input: it widens eight numbers at once.
+pub(crate) struct Batch<T> {
     /// Coordinates of the ends: upper start, upper end, lower start, lower end; axis; lane.
-    pub ends: [[[f64; 8]; 3]; 4],
+    pub ends: [[[T; 8]; 3]; 4],
 }
 
 /// The outcome of a batch.
@@ -118,22 +120,29 @@ pub(crate) struct BatchOutcome {
     pub undecided: u32,
 }
 
-impl Batch {
+impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
     /// Segments that surely do not cross, in all lanes.
-    pub const APART: Batch = Batch {
-        ends: [
-            [[0.0; 8], [0.0; 8], [0.0; 8]],
-            [[1.0; 8], [0.0; 8], [0.0; 8]],
-            [[0.0; 8], [1.0; 8], [0.0; 8]],
-            [[1.0; 8], [1.0; 8], [0.0; 8]],
-        ],
-    };
+    #[inline(always)]
+    pub fn apart() -> Self {
+        let (o, x) = ([T::from(0); 8], [T::from(1); 8]);
+        Batch {
+            ends: [[o, o, o], [x, o, o], [o, x, o], [x, x, o]],
+        }
+    }
 
     /// [`crossing`] for eight at once, by floating point alone: a lane counts only where the bounds of all
     /// determinants that it needs are met.
     #[inline(always)]
     pub fn evaluate(&self) -> BatchOutcome {
-        let [a, b, c, d] = &self.ends;
+        let mut wide = [[[0.0; 8]; 3]; 4];
+        for (wide, end) in wide.iter_mut().zip(&self.ends) {
+            for (wide, axis) in wide.iter_mut().zip(end) {
+                for (wide, &x) in wide.iter_mut().zip(axis) {
+                    *wide = x.into();
+                }
+            }
+        }
+        let [a, b, c, d] = &wide;
         // Signs, and all bits set where undecided.
         let (mut signs, mut undecided) = ([0i64; 8], [0i64; 8]);
         let det = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
@@ -246,7 +255,7 @@ mod tests {
         };
         let (mut decided, mut open) = (0, 0);
         for _ in 0..4000 {
-            let mut batch = Batch::APART;
+            let mut batch = Batch::<f64>::apart();
             for end in &mut batch.ends {
                 for axis in end {
                     axis.fill_with(&mut next);

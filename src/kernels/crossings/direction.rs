@@ -67,17 +67,28 @@ pub(super) fn choose<L: Lanes>(
         }
         std::mem::swap(now, next);
         let counts = now.counts();
-        let fewest = fewest(&counts, alive);
+        let mut fewest = u32::MAX;
+        for (d, &count) in counts.iter().enumerate() {
+            let dead = (alive >> d & 1).wrapping_sub(1);
+            fewest = fewest.min(count | dead);
+        }
         if fewest == 0 {
             return None;
         }
-        for (d, count) in counts.iter().enumerate() {
-            alive &= !(u32::from(*count != fewest) << d);
+        let mut fewer = alive;
+        for (d, &count) in counts.iter().enumerate() {
+            fewer &= !(u32::from(count != fewest) << d);
         }
-        now.keep(alive);
+        // What has survived in a direction that is alive needs no second look.
+        if fewer != alive {
+            alive = fewer;
+            now.keep(alive);
+        }
     }
     let best = alive.trailing_zeros();
-    now.keep(1 << best);
+    if !alive.is_power_of_two() {
+        now.keep(1 << best);
+    }
     let direction = Direction::ALL[best as usize];
     for (&first, &second) in now.first[..now.len].iter().zip(&now.second) {
         let nodes = [Node::new(levels[0], first), Node::new(levels[1], second)];
@@ -85,11 +96,6 @@ pub(super) fn choose<L: Lanes>(
         agenda.push(upper, lower);
     }
     Some(direction)
-}
-
-fn fewest(counts: &[u32; 6], alive: Directions) -> u32 {
-    let alive = (0..6).filter(|&d| alive >> d & 1 != 0);
-    alive.map(|d| counts[d]).min().unwrap_or(0)
 }
 
 impl Front {
@@ -113,13 +119,13 @@ impl Front {
 
     /// Keeps the node pairs that overlap in one of `alive`, in no other directions.
     fn keep(&mut self, alive: Directions) {
+        let (first, second) = (&mut self.first[..self.len], &mut self.second[..self.len]);
+        let directions = &mut self.directions[..self.len];
         let mut len = 0;
-        for k in 0..self.len {
-            let directions = self.directions[k] & alive;
-            self.first[len] = self.first[k];
-            self.second[len] = self.second[k];
-            self.directions[len] = directions;
-            len += usize::from(directions != 0);
+        for k in 0..first.len() {
+            (first[len], second[len]) = (first[k], second[k]);
+            directions[len] = directions[k] & alive;
+            len += usize::from(directions[len] != 0);
         }
         self.len = len;
     }

@@ -111,10 +111,10 @@ impl Tally {
         tests: &[(u32, u32)],
     ) {
         self.stats.tests += tests.len() as u64;
-        let mut batch = Batch::APART;
+        let mut batch = Batch::<K::Number>::apart();
         for chunk in tests.chunks(8) {
             if chunk.len() < 8 {
-                batch = Batch::APART;
+                batch = Batch::apart();
             }
             for (lane, &(s, t)) in chunk.iter().enumerate() {
                 for x in 0..3 {
