@@ -1,6 +1,6 @@
 //! Segment pairs of two curves whose boxes overlap in space.
 
-use super::descent::{Agenda, Query, SegmentPairs, descend};
+use super::descent::{Query, SegmentPairs, descend};
 use super::trees::Trees;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
@@ -38,8 +38,7 @@ fn find_avx2(avx2: Avx2, set: &CurveSet, trees: &Trees, i: usize, j: usize) -> V
 #[inline(always)]
 fn find<L: Lanes>(simd: L, set: &CurveSet, trees: &Trees, i: usize, j: usize) -> Vec<(u32, u32)> {
     let both = [trees.of(set, i), trees.of(set, j)];
-    let mut agenda = Agenda::default();
-    agenda.push(both[0].root(), both[1].root());
+    let mut agenda = vec![(both[0].root(), both[1].root())];
     let mut found = SegmentPairs::default();
     let query = Query {
         w: 2,

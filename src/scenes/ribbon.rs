@@ -27,8 +27,16 @@ pub(super) const KIND: Kind = Kind {
     build,
 };
 
-/// Radius of the ribbon, half of its width; that of its circle is 1.
-const TUBE: f64 = 0.05;
+/// Half of the ribbon's width, where the twist does not ask for less; the radius of its circle is 1.
+const WIDEST: f64 = 0.05;
+
+/// Length of a full twist in half widths, as in DNA (3.4 nm, and a radius of 1 nm).
+const PITCH: f64 = 3.4;
+
+/// Half of the width of a ribbon with so many twists.
+fn half_width(twist: f64) -> f64 {
+    (TAU / (twist.abs() * PITCH)).min(WIDEST)
+}
 
 /// Both strands wind `lambda` times around the circle, half a turn apart.
 ///
@@ -44,18 +52,20 @@ const TUBE: f64 = 0.05;
 fn build(scene: &Scene) -> Result<Generated> {
     let (segments, lambda) = (scene.count("segments"), scene.integer("lambda"));
     let twist = lambda as f64;
-    let reach = 1.0 - TUBE;
-    let gap = 2.0 * TUBE * reach / (twist * TUBE).hypot(reach);
-    let acceleration = 1.0 + 2f64.sqrt() * TUBE * (1.0 + twist.abs()).powi(2);
-    let off = sagitta(TAU / (segments / 2) as f64, acceleration) + rounding(1.0 + TUBE);
+    let tube = half_width(twist);
+    let reach = 1.0 - tube;
+    let gap = 2.0 * tube * reach / (twist * tube).hypot(reach);
+    let acceleration = 1.0 + 2f64.sqrt() * tube * (1.0 + twist.abs()).powi(2);
+    let off = sagitta(TAU / (segments / 2) as f64, acceleration) + rounding(1.0 + tube);
     scene.check_gap(gap, 2.0 * off, "take more segments or a smaller lambda")?;
 
     let mut pen = Pen::new(Basis::Polyline, 2, segments);
     for strand in 0..2 {
         let n = share(segments, 2, strand);
         pen.closed(n, |k| {
-            let t = TAU * k as f64 / n as f64;
-            on_torus(TUBE, t, twist * t + PI * strand as f64)
+            // The strands' vertices alternate: else those that cross would lie exactly above one another.
+            let t = TAU * (k as f64 + 0.5 * strand as f64) / n as f64;
+            on_torus(tube, t, twist * t + PI * strand as f64)
         })?;
     }
     Ok(Generated::pair(pen.finish()?, lambda))

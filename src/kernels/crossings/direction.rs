@@ -48,8 +48,7 @@ pub(super) fn choose<L: Lanes>(
     let small = root_a.level <= 1 && root_b.level <= 1;
     if fixed.is_some() || small {
         let direction = fixed.unwrap_or_else(|| guess(&a.bounds, &b.bounds));
-        let (upper, lower) = direction.upper_first(root_a, root_b);
-        agenda.push(upper, lower);
+        agenda.push(direction.upper_first(root_a, root_b));
         return Some(direction);
     }
     let Fronts { now, next } = fronts;
@@ -90,11 +89,11 @@ pub(super) fn choose<L: Lanes>(
         now.keep(1 << best);
     }
     let direction = Direction::ALL[best as usize];
-    for (&first, &second) in now.first[..now.len].iter().zip(&now.second) {
-        let nodes = [Node::new(levels[0], first), Node::new(levels[1], second)];
-        let (upper, lower) = direction.upper_first(nodes[0], nodes[1]);
-        agenda.push(upper, lower);
-    }
+    let pairs = now.first[..now.len].iter().zip(&now.second);
+    agenda.extend(pairs.map(|(&first, &second)| {
+        let (first, second) = (Node::new(levels[0], first), Node::new(levels[1], second));
+        direction.upper_first(first, second)
+    }));
     Some(direction)
 }
 
@@ -135,7 +134,10 @@ impl Front {
         let mut counts = [0; 6];
         // A byte a direction, summed up before any can overflow.
         for part in self.directions[..self.len].chunks(255) {
-            let sum: u64 = part.iter().map(|&d| SPREAD[(d & ALL) as usize]).sum();
+            let mut sum = 0;
+            for &set in part {
+                sum += spread(set);
+            }
             for (d, count) in counts.iter_mut().enumerate() {
                 *count += (sum >> (8 * d)) as u32 & 0xff;
             }
@@ -144,20 +146,13 @@ impl Front {
     }
 }
 
-/// For every set of directions, a byte each that is 1 where the set has it.
-const SPREAD: [u64; 64] = {
-    let mut table = [0; 64];
-    let mut set = 0;
-    while set < 64 {
-        let mut d = 0;
-        while d < 6 {
-            table[set] |= (set as u64 >> d & 1) << (8 * d);
-            d += 1;
-        }
-        set += 1;
-    }
-    table
-};
+/// A set of directions as six bytes, each of which is 1 where the set has it: the bit `d` goes to `8 d`, and the
+/// product has room for the others beside it.
+#[inline(always)]
+fn spread(set: Directions) -> u64 {
+    const COPIES: u64 = 1 | 1 << 7 | 1 << 14 | 1 << 21 | 1 << 28 | 1 << 35;
+    u64::from(set) * COPIES & 0x0101_0101_0101
+}
 
 /// Small loops: the direction by a formula on their boxes, the overlap in projection times the chance that
 /// the upper one is not wholly below.
@@ -275,4 +270,26 @@ fn seen<L: Lanes, const SWAPPED: bool>(
         simd.outside(below, first_over),
         simd.outside(above, second_over),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_set_spreads_to_bytes_and_is_counted() {
+        let directions: Vec<u32> = (0..640).map(|k| k % 64).collect();
+        for set in &directions {
+            let bytes = spread(*set).to_le_bytes();
+            for (d, byte) in bytes.into_iter().enumerate() {
+                assert_eq!(u32::from(byte), if d < 6 { set >> d & 1 } else { 0 });
+            }
+        }
+        let front = Front {
+            len: 640,
+            directions,
+            ..Front::default()
+        };
+        assert_eq!(front.counts(), [320; 6]);
+    }
 }

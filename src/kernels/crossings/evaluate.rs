@@ -11,6 +11,9 @@ use crate::verdict::Stats;
 /// Candidates that are worth a task of their own.
 const GRAIN: usize = 1 << 14;
 
+/// Candidates that are faster by themselves than as a part of a batch.
+const FEW: usize = 2;
+
 /// The signed count of one pair of curves, in one direction, or of a part of it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tally {
@@ -111,11 +114,18 @@ impl Tally {
         tests: &[(u32, u32)],
     ) {
         self.stats.tests += tests.len() as u64;
-        let mut batch = Batch::<K::Number>::apart();
+        let mut batch = None;
         for chunk in tests.chunks(8) {
-            if chunk.len() < 8 {
-                batch = Batch::apart();
+            if chunk.len() <= FEW {
+                for &(s, t) in chunk {
+                    self.add_segments(task, [&upper, &lower], s, t);
+                }
+                break;
             }
+            let batch = match &mut batch {
+                Some(batch) if chunk.len() == 8 => batch,
+                other => other.insert(Batch::<K::Number>::apart()),
+            };
             for (lane, &(s, t)) in chunk.iter().enumerate() {
                 for x in 0..3 {
                     let ([p0, p1], [q0, q1]) = (upper.edge(s, x), lower.edge(t, x));
@@ -131,31 +141,31 @@ impl Tally {
             if out.undecided != 0 {
                 for (lane, &(s, t)) in chunk.iter().enumerate() {
                     if out.undecided >> lane & 1 != 0 {
-                        self.decide(task, s, t);
+                        self.add_segments(task, [&upper, &lower], s, t);
                     }
                 }
             }
         }
     }
 
-    /// Adds segments that floating point could not decide.
+    /// Adds two whole segments by themselves.
     ///
-    /// All that touch are among these. A contact at a vertex is invisible to the crossing test, which resolves
+    /// Segments that touch are found here. A contact at a vertex is invisible to the crossing test, which resolves
     /// ties by a translation; but segments that touch lie in one plane and their shadows meet, so floating point
-    /// neither proves that they are not in one plane nor that one of them lies on one side of the other.
-    #[cold]
-    #[inline(never)]
-    fn decide(&mut self, task: &Task<'_>, s: u32, t: u32) {
-        let set = task.scene.set;
-        let edge = |side: usize, s: u32| {
-            let (i, s) = (task.curves[side], s as usize);
-            (set.knot(i, s), set.knot(i, s + 1))
+    /// proves neither that they are not in one plane nor that one of them lies on one side of the other.
+    fn add_segments<K: ReadKnots>(&mut self, task: &Task<'_>, [p, q]: [&K; 2], s: u32, t: u32) {
+        let edge = |knots: &K, s: u32| {
+            let [u, v, w] = [0, 1, 2].map(|x| knots.edge(s, x).map(Into::into));
+            ([u[0], v[0], w[0]], [u[1], v[1], w[1]])
         };
-        let (p, q) = (edge(0, s), edge(1, t));
-        self.add_edges(p, q, task.axis, [s, t]);
-        // Exact calls made here are not the crossing tests' and are not counted with them. The chords of splines
+        let (p, q) = (edge(p, s), edge(q, t));
+        let exact = self.predicates.exact;
+        // The knots are in the frame of the projection, whose axis is its last.
+        self.add_edges(p, q, 2, [s, t]);
+        // Exact calls made below are not the crossing tests' and are not counted with them. The chords of splines
         // that share a point are too close, which the discretization says.
-        if set.basis().is_polyline()
+        if self.predicates.exact > exact
+            && task.scene.set.basis().is_polyline()
             && segments_touch(p.0, p.1, q.0, q.1, &mut Predicates::default())
         {
             self.found_contact([s, t]);

@@ -143,7 +143,16 @@ fn share(task: &Task<'_>, workspace: &mut Workspace) {
     let mut other = workspaces.take();
     other.tally = Tally::default();
     other.candidates.clear();
-    workspace.agenda.share(&mut other.agenda);
+    other.agenda.clear();
+    // Every second one: node pairs at the bottom have more below them.
+    let mut mine = false;
+    workspace.agenda.retain(|&pair| {
+        mine = !mine;
+        if !mine {
+            other.agenda.push(pair);
+        }
+        mine
+    });
     rayon::join(|| resume(task, workspace), || resume(task, &mut other));
     workspace.tally.merge(&other.tally);
     let (own, others) = (&mut workspace.candidates, &mut other.candidates);
