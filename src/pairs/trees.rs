@@ -8,10 +8,13 @@
 
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Portable};
+use crate::curve::{Basis, Box3, BoxGroup, CurveSet, LANES, Lanes, Portable};
 
 /// Levels of the deepest tree: `8^11 > 2^32` segments.
 const LEVELS: usize = 11;
+
+/// Segments of a small curve, at most: its leaves are the lanes of one group.
+const SMALL: u32 = (LANES * LANES) as u32;
 
 /// Segments below which a range of curves is refitted by one task.
 const GRAIN: usize = 1 << 15;
@@ -69,16 +72,15 @@ pub(crate) struct Trees {
 impl Trees {
     /// Refits all boxes to a frame. Allocates only where the curves are others than before.
     pub fn refit(&mut self, set: &CurveSet) {
-        let same =
-            self.layouts.len() == set.len()
-                && self.layouts.iter().zip(set.curves()).all(|(l, c)| {
-                    l.segments == c.segments && l.leaves != set.basis().is_polyline()
-                });
+        let same = self.layouts.len() == set.len()
+            && self.layouts.iter().zip(set.curves()).all(|(l, c)| {
+                l.segments == c.segments && l.leaves == stores_leaves(set.basis(), c.segments)
+            });
         if !same {
             self.layouts.clear();
             let mut at = 0;
             for c in set.curves() {
-                let layout = Layout::new(c.segments, !set.basis().is_polyline(), at);
+                let layout = Layout::new(c.segments, stores_leaves(set.basis(), c.segments), at);
                 at += layout.groups;
                 self.layouts.push(layout);
             }
@@ -133,6 +135,12 @@ impl<'a> CurveTree<'a> {
         }
     }
 
+    /// Whether the curve has so few segments that there is nothing to gain from a look at its coarse boxes.
+    #[inline(always)]
+    pub fn is_small(&self) -> bool {
+        self.layout.segments <= SMALL
+    }
+
     /// Boxes of the children of a node; `leaf` is room for those that are not stored.
     #[inline(always)]
     pub fn children<'b>(&self, node: Node, leaf: &'b mut BoxGroup) -> &'b BoxGroup
@@ -157,6 +165,12 @@ impl<'a> CurveTree<'a> {
         let parent = self.layout.first[node.level as usize + 1] + node.index / lanes;
         self.groups[parent as usize].lane((node.index % lanes) as usize)
     }
+}
+
+/// Whether the boxes of single segments are stored: of splines, which cost more to compute than to load, and of
+/// small curves, which are visited by many pairs for their size.
+fn stores_leaves(basis: Basis, segments: u32) -> bool {
+    !basis.is_polyline() || segments <= SMALL
 }
 
 impl Layout {
@@ -398,7 +412,7 @@ fn bounds_of_eight<L: Lanes>(simd: L, groups: &[BoxGroup; LANES]) -> BoxGroup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::curve::{Basis, Positions};
+    use crate::curve::Positions;
 
     /// Every node's box is the box of the segments that it covers, for all sizes around powers of eight.
     #[test]
@@ -415,10 +429,10 @@ mod tests {
                     check(tree, n as u32, tree.root());
                 }
                 // Polylines: an eighth of a box a segment, and an eighth of that, and so on.
-                let boxes = if basis.is_polyline() {
-                    n / 3
-                } else {
+                let boxes = if stores_leaves(basis, n as u32) {
                     5 * n / 2
+                } else {
+                    n / 3
                 } as usize;
                 assert!(trees.bytes() <= 1000 + 24 * boxes, "{basis:?} {n}");
             }

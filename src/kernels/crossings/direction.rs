@@ -45,8 +45,7 @@ pub(super) fn choose<L: Lanes>(
 ) -> Option<Direction> {
     agenda.clear();
     let (root_a, root_b) = (a.root(), b.root());
-    let small = root_a.level <= 1 && root_b.level <= 1;
-    if fixed.is_some() || small {
+    if fixed.is_some() || a.is_small() && b.is_small() {
         let direction = fixed.unwrap_or_else(|| guess(&a.bounds, &b.bounds));
         agenda.push(direction.upper_first(root_a, root_b));
         return Some(direction);
