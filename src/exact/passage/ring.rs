@@ -1,0 +1,119 @@
+//! Ordered rings: the integers, and the integers with an infinitesimal.
+
+use super::super::big;
+use num_bigint::BigInt;
+use std::cmp::Ordering;
+
+/// An ordered commutative ring without zero divisors.
+///
+/// Sturm's theorem, and the signs of the roots of quadratic polynomials, ask no more of their coefficients:
+/// both hold over the real closure of the ring's field of fractions.
+pub(super) trait Ring: Clone + From<BigInt> {
+    fn sign(&self) -> i32;
+    fn plus(&self, other: &Self) -> Self;
+    fn minus(&self, other: &Self) -> Self;
+    fn times(&self, other: &Self) -> Self;
+
+    fn zero() -> Self {
+        Self::from(BigInt::ZERO)
+    }
+}
+
+impl Ring for BigInt {
+    fn sign(&self) -> i32 {
+        big::sign(self)
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        self + other
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        self - other
+    }
+
+    fn times(&self, other: &Self) -> Self {
+        self * other
+    }
+}
+
+/// A polynomial in `e` with integer coefficients, ordered as if `e` were positive and smaller than every
+/// positive rational: by the sign of its lowest term. That is the sign of its value at every small enough
+/// positive number `e`.
+///
+/// Terms that are not 0, as exponent and coefficient, lowest exponent first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Infinitesimal(Vec<(u32, BigInt)>);
+
+impl Infinitesimal {
+    /// `coefficient * e^exponent`.
+    pub fn term(exponent: u32, coefficient: BigInt) -> Self {
+        Self::normal(vec![(exponent, coefficient)])
+    }
+
+    /// Exponent of the lowest term.
+    pub fn order(&self) -> Option<u32> {
+        self.0.first().map(|t| t.0)
+    }
+
+    /// Coefficient of `e^exponent`.
+    pub fn coefficient(&self, exponent: u32) -> BigInt {
+        let found = self.0.binary_search_by_key(&exponent, |t| t.0);
+        found.map_or(BigInt::ZERO, |k| self.0[k].1.clone())
+    }
+
+    fn normal(mut terms: Vec<(u32, BigInt)>) -> Self {
+        terms.retain(|t| big::sign(&t.1) != 0);
+        Infinitesimal(terms)
+    }
+
+    /// The sum, with `term` applied to the coefficients of `other`.
+    fn merge(&self, other: &Self, term: impl Fn(&BigInt) -> BigInt) -> Self {
+        let mut out = Vec::with_capacity(self.0.len() + other.0.len());
+        let (mut left, mut right) = (self.0.iter().peekable(), other.0.iter().peekable());
+        loop {
+            let order = match (left.peek(), right.peek()) {
+                (Some(l), Some(r)) => l.0.cmp(&r.0),
+                (Some(_), None) => Ordering::Less,
+                (None, Some(_)) => Ordering::Greater,
+                (None, None) => return Self::normal(out),
+            };
+            let l = left.next_if(|_| order.is_le());
+            let r = right.next_if(|_| order.is_ge()).map(|r| (r.0, term(&r.1)));
+            out.extend(match (l, r) {
+                (Some(l), Some(r)) => Some((l.0, &l.1 + r.1)),
+                (l, r) => l.cloned().or(r),
+            });
+        }
+    }
+}
+
+impl From<BigInt> for Infinitesimal {
+    fn from(x: BigInt) -> Self {
+        Self::term(0, x)
+    }
+}
+
+impl Ring for Infinitesimal {
+    fn sign(&self) -> i32 {
+        self.0.first().map_or(0, |t| big::sign(&t.1))
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        self.merge(other, BigInt::clone)
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        self.merge(other, |x| -x)
+    }
+
+    fn times(&self, other: &Self) -> Self {
+        let mut products = std::collections::BTreeMap::<u32, BigInt>::new();
+        for (i, x) in &self.0 {
+            for (j, y) in &other.0 {
+                *products.entry(i + j).or_default() += x * y;
+            }
+        }
+        Self::normal(products.into_iter().collect())
+    }
+}
