@@ -1,5 +1,6 @@
 //! Polynomials in the time of the step: where their roots are, and what signs others have there.
 
+use super::super::big;
 use super::ring::Ring;
 use num_bigint::BigInt;
 
@@ -193,12 +194,6 @@ impl<R: Ring> Polynomial<R> {
         self
     }
 
-    /// The polynomial with the same roots, each of them simple.
-    pub fn square_free(&self) -> Self {
-        let chain = chain(self.clone(), self.derivative());
-        self.divided(&chain[chain.len() - 1]).0
-    }
-
     /// Sum over the distinct roots in `interval` of the sign that `other` has there. The ends are no roots.
     ///
     /// Sturm and Tarski: that is the number of changes of sign along the signed remainder sequence of `f` and
@@ -231,6 +226,29 @@ impl<R: Ring> Polynomial<R> {
                 self.isolate(Interval { from: between, to }, found);
             }
         }
+    }
+}
+
+impl Polynomial<BigInt> {
+    /// The polynomial with the same roots, each of them simple.
+    pub fn square_free(&self) -> Self {
+        match chain(self.clone(), self.derivative()).pop() {
+            Some(common) if common.0.len() > 1 => self.divided(&common.primitive()).0.primitive(),
+            _ => self.clone(),
+        }
+    }
+
+    /// This polynomial less the common divisor of its coefficients: long numbers are slow.
+    fn primitive(&self) -> Self {
+        let divisor = self.0.iter().fold(BigInt::ZERO, |a, b| {
+            let (mut a, mut b) = (a, b.clone());
+            while big::sign(&b) != 0 {
+                (a, b) = (b.clone(), a % b);
+            }
+            a
+        });
+        let magnitude = BigInt::from(divisor.magnitude().clone());
+        Polynomial(self.0.iter().map(|c| c / &magnitude).collect())
     }
 }
 
