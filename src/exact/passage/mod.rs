@@ -59,29 +59,84 @@ pub(crate) fn passages(
     if filter::apart(before, after) {
         return Decided::Apart;
     }
+    if let Some(found) = filter::passages(before, after) {
+        found.into_iter().flatten().for_each(out);
+        return Decided::Certified;
+    }
     exactly(before, after, ties, out)
 }
 
 /// [`passages`] by exact arithmetic alone.
+#[cold]
 fn exactly(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passage)) -> Decided {
     let Some(events) = exact::events(before, after, ties) else {
         return Decided::Tie;
     };
     for event in events {
-        let (at, point) = place(before, after, event.time);
-        for _ in 0..event.sign.abs() {
-            out(Passage {
-                time: event.time,
-                sign: event.sign.signum(),
-                at,
-                point,
-            });
-        }
+        let at = nearest(before, after, event.time);
+        let passage = Passage {
+            time: event.time,
+            sign: event.sign.signum(),
+            at,
+            point: along(before, after, event.time, at),
+        };
+        (0..event.sign.abs()).for_each(|_| out(passage));
     }
     Decided::Exact
 }
 
-/// Where the edges are next to each other at a time.
-fn place(_before: &Edges, _after: &Edges, _time: f64) -> ([f64; 2], Point) {
-    ([0.5; 2], [0.0; 3])
+/// The middle between two points on the edges, at a time.
+fn along(before: &Edges, after: &Edges, time: f64, at: [f64; 2]) -> Point {
+    let mix = |a: f64, b: f64, t: f64| (1.0 - t) * a + t * b;
+    [0, 1, 2].map(|x| {
+        let [p, q] = [0, 1].map(|side| {
+            let [start, end] = [0, 1].map(|k| mix(before[side][k][x], after[side][k][x], time));
+            mix(start, end, at[side])
+        });
+        // Not half their sum: that may overflow.
+        0.5 * p + 0.5 * q
+    })
+}
+
+/// Where along the edges they are nearest to each other at a time: in floating point, for display.
+fn nearest(before: &Edges, after: &Edges, time: f64) -> [f64; 2] {
+    let mix = |a: f64, b: f64| (1.0 - time) * a + time * b;
+    let [[a, b], [c, d]] = [0, 1]
+        .map(|side| [0, 1].map(|k| [0, 1, 2].map(|x| mix(before[side][k][x], after[side][k][x]))));
+    let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
+    let [p, q, r] = [sub(b, a), sub(d, c), sub(c, a)];
+    // To a size at which squares neither overflow nor underflow.
+    let size = [p, q, r]
+        .as_flattened()
+        .iter()
+        .fold(0.0, |m: f64, x| m.max(x.abs()));
+    let [p, q, r] = [p, q, r].map(|v| v.map(|x| if size > 0.0 { x / size } else { 0.0 }));
+    let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let (pp, pq, qq, pr, qr) = (dot(p, p), dot(p, q), dot(q, q), dot(p, r), dot(q, r));
+    let part = |x: f64, whole: f64| {
+        if whole > 0.0 {
+            (x / whole).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    };
+    // The ends of either edge with what is next to them on the other, and the inside.
+    let inner = part(pr * qq - qr * pq, pp * qq - pq * pq);
+    let next_to_first = |s: f64| [s, part(s * pq - qr, qq)];
+    let next_to_second = |u: f64| [part(u * pq + pr, pp), u];
+    let places = [
+        next_to_first(inner),
+        next_to_first(0.0),
+        next_to_first(1.0),
+        next_to_second(0.0),
+        next_to_second(1.0),
+    ];
+    let distance = |[s, u]: [f64; 2]| {
+        let gap = [0, 1, 2].map(|x| r[x] + u * q[x] - s * p[x]);
+        dot(gap, gap)
+    };
+    places
+        .into_iter()
+        .min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
+        .unwrap_or([0.0; 2])
 }
