@@ -322,7 +322,7 @@ fn root(&[d0, d1, d2, d3]: &[f64; 4]) -> (f64, f64) {
             hi = t;
         }
         let next = t - f / slope(t);
-        let next = if next > lo && next < hi {
+        let next = if next >= lo && next <= hi {
             next
         } else {
             0.5 * (lo + hi)

@@ -57,3 +57,56 @@ fn quick() {
     println!("{changed} changed, {n:?}, {:?}", start.elapsed());
     let _ = Interval::step();
 }
+
+#[test]
+fn speed() {
+    let mut r = Random(0x1234_5678_9abc_def1);
+    let mut unit = || r.next(1 << 30) as f64 / f64::from(1 << 29) - 1.0;
+    let mut vector = |size: f64| [0; 3].map(|_| size * unit());
+    let add = |a: Point, b: Point| [0, 1, 2].map(|x| a[x] + b[x]);
+    let mut scenes: Vec<(&str, Vec<(Edges, Edges)>)> = Vec::new();
+    let n = 2_000;
+    // A pair of edges of length about 1 whose inner points meet up to `gap`, moving by `motion`.
+    let mut make = |gap: f64, motion: f64| {
+        let (p, q, m) = (vector(1.0), vector(1.0), vector(10.0));
+        let [s, u] = vector(0.4).map(|x| 0.5 + x)[..2] else { unreachable!() };
+        let off = add(m, vector(gap));
+        let before = [
+            [add(m, p.map(|x| -s * x)), add(m, p.map(|x| (1.0 - s) * x))],
+            [add(off, q.map(|x| -u * x)), add(off, q.map(|x| (1.0 - u) * x))],
+        ];
+        let after = before.map(|e| e.map(|p| add(p, vector(motion))));
+        (before, after)
+    };
+    scenes.push(("far", (0..n).map(|_| make(4.0, 0.1)).filter(|(b, a)| filter::apart(b, a)).collect()));
+    let quiet = |(b, a): &(Edges, Edges)| {
+        let mut count = 0;
+        exactly(b, a, Ties::Translate, &mut |_| count += 1);
+        count == 0 && !filter::apart(b, a)
+    };
+    scenes.push(("near, small motion", (0..n).map(|_| make(0.3, 0.01)).filter(quiet).collect()));
+    scenes.push(("near, motion 0.1", (0..n).map(|_| make(0.3, 0.1)).filter(quiet).collect()));
+    scenes.push(("near, motion 1", (0..n).map(|_| make(1.0, 1.0)).filter(quiet).collect()));
+    scenes.push(("crossing", (0..n).map(|_| make(0.1, 0.3)).filter(|m| !quiet(m) && !filter::apart(&m.0, &m.1)).collect()));
+    scenes.push(("crossing fast", (0..n).map(|_| make(1.0, 3.0)).filter(|m| !quiet(m) && !filter::apart(&m.0, &m.1)).collect()));
+    for (name, pairs) in &scenes {
+        let mut best = [f64::INFINITY; 2];
+        let mut n = [0; 4];
+        let mut events = 0;
+        for _ in 0..1 {
+            (n, events) = ([0; 4], 0);
+            let start = std::time::Instant::now();
+            for (before, after) in pairs {
+                n[passages(before, after, Ties::Translate, &mut |_| events += 1) as usize] += 1;
+            }
+            best[0] = best[0].min(start.elapsed().as_nanos() as f64 / pairs.len() as f64);
+        }
+        let few = &pairs[..pairs.len().min(1000)];
+        let start = std::time::Instant::now();
+        for (before, after) in few {
+            exactly(before, after, Ties::Translate, &mut |_| events += 1);
+        }
+        best[1] = start.elapsed().as_nanos() as f64 / few.len() as f64;
+        println!("{name}: {} pairs {best:.1?} ns a pair; {n:?}, {events}", pairs.len());
+    }
+}
