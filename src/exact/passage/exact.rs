@@ -47,7 +47,7 @@ impl Motion<BigInt> {
     }
 
     /// The motion with the first curve translated.
-    fn translated(&self) -> Motion<Infinitesimal> {
+    pub fn translated(&self) -> Motion<Infinitesimal> {
         let lift = |track: &Track<BigInt>| {
             [0, 1, 2].map(|x| {
                 let lifted = track[x].coefficients().iter();
@@ -236,7 +236,7 @@ impl<R: Ring> Motion<R> {
 
     /// The sum of the signs of the passages in `interval`, of a motion in general position. Any axis `w` gives
     /// the same; see [`super`] for the proof.
-    fn net_passages(&self, interval: &Interval, w: usize) -> i32 {
+    pub fn net_passages(&self, interval: &Interval, w: usize) -> i32 {
         let crossings = self.crossing(&interval.to, w) - self.crossing(&interval.from, w);
         let negated = |p: &Track<R>| [0, 1, 2].map(|x| Polynomial::new([]).minus(&p[x]));
         let (c, a) = (&self.between, &negated(&self.between));

@@ -1,6 +1,9 @@
 //! Do two edges that move pass through each other, when, and with what sign?
 
-#![expect(dead_code, reason = "used by the ledger, which comes with it")]
+#![cfg_attr(
+    not(test),
+    expect(dead_code, reason = "used by the ledger, which comes with it")
+)]
 
 mod exact;
 mod filter;

@@ -67,13 +67,10 @@ impl Interval {
         (left, right)
     }
 
-    /// Halves this interval until it is a rounding error wide, keeping the one simple root of `f` in it.
+    /// Halves this interval until it is no wider than a rounding error, keeping the one simple root of `f`.
     pub fn narrow<R: Ring>(&mut self, f: &Polynomial<R>) {
         let before = f.sign_at(&self.from);
-        while (&self.to.numerator << self.from.exponent)
-            - (&self.from.numerator << self.to.exponent)
-            > BigInt::from(1) << (self.from.exponent + self.to.exponent).saturating_sub(WIDTH)
-        {
+        while self.is_wide() {
             let middle = self.from.toward(&self.to, 4);
             match f.sign_at(&middle) * before {
                 0 => (self.from, self.to) = (middle.clone(), middle),
@@ -81,6 +78,13 @@ impl Interval {
                 _ => self.to = middle,
             }
         }
+    }
+
+    /// Whether this is wider than `2^-56`.
+    fn is_wide(&self) -> bool {
+        let (from, to) = (&self.from, &self.to);
+        let width = (&to.numerator << from.exponent) - (&from.numerator << to.exponent);
+        width << 56 > BigInt::from(1) << (from.exponent + to.exponent)
     }
 
     /// The middle, to within 2^-53.
@@ -91,9 +95,6 @@ impl Interval {
         bits.map_or(0.0, |bits| bits as f64 / (1u64 << 62) as f64)
     }
 }
-
-/// Binary digits to which the time of a passage is found.
-const WIDTH: u32 = 56;
 
 /// Coefficients, constant term first; the last one is not 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -353,5 +354,150 @@ fn sign_of_surd<R: Ring>(p: &R, q: &R, d: &R) -> i32 {
         (0, s) => s,
         (s, t) if s == t => s,
         (s, _) => s * p.times(p).minus(&q.times(q).times(d)).sign(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ring::Infinitesimal;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn polynomial(coefficients: &[i64]) -> Polynomial<BigInt> {
+        Polynomial::new(coefficients.iter().map(|&c| BigInt::from(c)))
+    }
+
+    fn interval(from: i64, to: i64, exponent: u32) -> Interval {
+        Interval {
+            from: Dyadic::new(from, exponent),
+            to: Dyadic::new(to, exponent),
+        }
+    }
+
+    /// Numerator and denominator of a root, and how often it is one.
+    fn roots() -> impl Strategy<Value = Vec<(i64, i64)>> {
+        prop::collection::vec((-8i64..16, 1i64..9), 1..4)
+    }
+
+    fn with_roots(roots: &[(i64, i64)]) -> Polynomial<BigInt> {
+        let linear = roots.iter().map(|&(p, q)| polynomial(&[-p, q]));
+        linear.fold(polynomial(&[3]), |f, g| f.times(&g))
+    }
+
+    /// Different roots in the open interval `from / 16 .. to / 16`, in order.
+    fn inside(roots: &[(i64, i64)], from: i64, to: i64) -> Vec<(i64, i64)> {
+        let mut all: Vec<_> = roots
+            .iter()
+            .copied()
+            .filter(|&(p, q)| from * q < 16 * p && 16 * p < to * q)
+            .collect();
+        all.sort_by(|a, b| (a.0 * b.1).cmp(&(b.0 * a.1)));
+        all.dedup_by(|a, b| a.0 * b.1 == b.0 * a.1);
+        all
+    }
+
+    fn value_sign(g: &[i64], (p, q): (i64, i64)) -> i32 {
+        let n = g.len() as u32;
+        let terms = g.iter().enumerate();
+        let value: i64 = terms
+            .map(|(k, c)| c * p.pow(k as u32) * q.pow(n - k as u32))
+            .sum();
+        value.signum() as i32
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1000))]
+
+        /// Sums of signs at known roots, simple or not, some of which are roots of the other as well.
+        #[test]
+        fn signs_at_roots_are_those_at_the_roots(
+            roots in roots(), g in prop::collection::vec(-9i64..=9, 0..5),
+            common in 0usize..4, from in 0i64..8, length in 1i64..9,
+        ) {
+            let f = with_roots(&roots);
+            let to = from + length;
+            prop_assume!(!roots.iter().any(|&(p, q)| 16 * p == from * q || 16 * p == to * q));
+            let (mut g_polynomial, shared) = (polynomial(&g), roots.get(common));
+            if let Some(&(p, q)) = shared {
+                g_polynomial = g_polynomial.times(&polynomial(&[-p, q]));
+            }
+            let sign = |root: (i64, i64)| value_sign(&g, root)
+                * shared.map_or(1, |&(p, q)| (root.0 * q - p * root.1).signum() as i32);
+            let all = inside(&roots, from, to);
+            let want: i32 = all.iter().map(|&root| sign(root)).sum();
+            let within = interval(from, to, 4);
+            prop_assert_eq!(f.signs_at_roots(&g_polynomial, &within), want);
+
+            // The same with an infinitesimal that does not matter.
+            let lift = |f: &Polynomial<BigInt>| {
+                let e = Infinitesimal::term(2, BigInt::from(1));
+                Polynomial::new(f.coefficients().iter().map(|c| e.times(&Infinitesimal::from(c.clone()))))
+            };
+            prop_assert_eq!(lift(&f).signs_at_roots(&lift(&g_polynomial), &within), want);
+        }
+
+        /// Every root between the ends of the step gets an interval of its own, and its time.
+        #[test]
+        fn roots_are_isolated_and_found(roots in roots()) {
+            let f = with_roots(&roots).without_ends();
+            let free = f.square_free();
+            let mut found = Vec::new();
+            free.isolate(Interval::step(), &mut found);
+            let want = inside(&roots, 0, 16);
+            prop_assert_eq!(found.len(), want.len());
+            for (mut interval, (p, q)) in found.into_iter().zip(want) {
+                let times = roots.iter().filter(|r| r.0 * q == p * r.1).count();
+                let signs = [&interval.from, &interval.to].map(|t| f.sign_at(t));
+                prop_assert_eq!(signs[0] * signs[1], if times % 2 == 1 { -1 } else { 1 });
+                interval.narrow(&free);
+                let time = p as f64 / q as f64;
+                prop_assert!((interval.middle() - time).abs() <= f64::EPSILON / 2.0);
+            }
+        }
+
+        /// Square roots and Sturm's theorem say the same of quadratic polynomials.
+        #[test]
+        fn roots_of_quadratics_have_the_signs_of_sturm(
+            f in prop::array::uniform3(-12i64..=12), g in prop::collection::vec(-9i64..=9, 0..5),
+            from in 0i64..8, length in 1i64..9,
+        ) {
+            let (f, g) = (polynomial(&f), polynomial(&g));
+            let within = interval(from, from + length, 4);
+            prop_assume!(!f.is_zero() && f.sign_at(&within.from) * f.sign_at(&within.to) != 0);
+            prop_assume!(f.square_free().coefficients().len() == f.coefficients().len());
+            let inside: Vec<_> = Root::all(&f).into_iter().filter(|root| {
+                root.sign_of(&within.from.passed()) > 0 && root.sign_of(&within.to.passed()) < 0
+            }).collect();
+            let signs: i32 = inside.iter().map(|root| root.sign_of(&g)).sum();
+            prop_assert_eq!(signs, f.signs_at_roots(&g, &within));
+            let directed: i32 = inside.iter().map(|root| root.direction * root.sign_of(&g)).sum();
+            // The index sees a common root of both as none, or as one of lower order.
+            if g.is_zero() || inside.iter().all(|root| root.sign_of(&g) != 0) {
+                prop_assert_eq!(directed, index(&f, &g, &within));
+            }
+        }
+    }
+
+    /// The roots of `t^2 - e` are smaller than every number, but not than `e`.
+    #[test]
+    fn infinitesimal_roots_are_between_0_and_every_number() {
+        let e = |k: u32| Infinitesimal::term(k, BigInt::from(1));
+        let one = e(0);
+        let f = Polynomial::new([
+            Infinitesimal::zero().minus(&e(1)),
+            Infinitesimal::zero(),
+            one.clone(),
+        ]);
+        let roots = Root::all(&f);
+        assert_eq!(roots.len(), 2);
+        let root = roots.iter().find(|r| r.direction == 1).unwrap();
+        assert_eq!(root.sign_of(&Dyadic::new(0, 0).passed()), 1);
+        assert_eq!(root.sign_of(&Dyadic::new(1, 1000).passed()), -1);
+        let less = |k: u32| Polynomial::new([Infinitesimal::zero().minus(&e(k)), one.clone()]);
+        assert_eq!(root.sign_of(&less(1)), 1);
+        assert_eq!(root.sign_of(&f), 0);
+        assert_eq!(f.signs_at_roots(&less(1), &interval(0, 1, 0)), 1);
+        let half = interval(1, 2, 1);
+        assert_eq!(f.signs_at_roots(&less(1), &half), 0);
     }
 }

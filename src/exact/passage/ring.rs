@@ -117,3 +117,42 @@ impl Ring for Infinitesimal {
         Self::normal(products.into_iter().collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn infinitesimal() -> impl Strategy<Value = Infinitesimal> {
+        let terms = prop::collection::vec((0u32..12, -5i64..=5), 0..5);
+        terms.prop_map(|terms| {
+            let terms = terms
+                .into_iter()
+                .map(|(k, c)| Infinitesimal::term(k, c.into()));
+            terms.fold(Infinitesimal::zero(), |a, b| a.plus(&b))
+        })
+    }
+
+    /// The value at `e = 2^-64`, times a power of two: coefficients here are far smaller than `2^64`.
+    fn value(x: &Infinitesimal) -> BigInt {
+        let terms = x.0.iter().map(|(k, c)| c << (64 * (32 - k)));
+        terms.fold(BigInt::ZERO, |a, b| a + b)
+    }
+
+    proptest! {
+        #[test]
+        fn arithmetic_and_order_are_those_of_a_small_number(
+            x in infinitesimal(), y in infinitesimal(), z in infinitesimal()
+        ) {
+            prop_assert_eq!(x.sign(), big::sign(&value(&x)));
+            prop_assert_eq!(value(&x.plus(&y)), value(&x) + value(&y));
+            prop_assert_eq!(value(&x.minus(&y)), value(&x) - value(&y));
+            prop_assert_eq!(value(&x.times(&y)) << (64u32 * 32), value(&x) * value(&y));
+            prop_assert_eq!(x.times(&y).sign(), x.sign() * y.sign());
+            prop_assert_eq!(x.times(&y.plus(&z)), x.times(&y).plus(&x.times(&z)));
+            prop_assert_eq!(x.minus(&x), Infinitesimal::zero());
+            prop_assert_eq!(x.order(), x.0.first().map(|t| t.0));
+            prop_assert!(x.0.windows(2).all(|w| w[0].0 < w[1].0));
+        }
+    }
+}
