@@ -1,6 +1,6 @@
 //! Passages in exact arithmetic: the certain rung, and the rule for ties.
 
-use super::super::big;
+use super::super::{Predicates, big, segments_touch};
 use super::polynomial::{Dyadic, Interval, Polynomial, Root};
 use super::ring::{Infinitesimal, Ring};
 use super::{Edges, Ties};
@@ -153,6 +153,9 @@ pub(super) struct Event {
 
 /// All passages of a pair of edges, in their order in time; `None` where there are ties that are to be reported.
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
+    if ties == Ties::Report && [before, after].into_iter().any(touch) {
+        return None;
+    }
     let motion = Motion::new(before, after);
     let volume = motion.volume();
     let flat = volume.is_zero();
@@ -167,9 +170,11 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
         (true, Ties::Translate) => lowest(&translated.insert(motion.translated()).volume()),
     };
     if plane.is_zero() {
-        // Parallel at all times: no translation but those in one plane, which has no interior, lets them meet.
+        // Parallel at all times: the differences of their points fill a surface at most, and the translation is
+        // not on it.
         return Some(Vec::new());
     }
+    // Nothing happens next to the ends of the step, where the edges do not touch.
     let plane = plane.without_ends();
     let free = plane.square_free();
     let mut roots = Vec::new();
@@ -201,6 +206,10 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
         }
     }
     Some(found)
+}
+
+fn touch([[a, b], [c, d]]: &Edges) -> bool {
+    segments_touch(*a, *b, *c, *d, &mut Predicates::default())
 }
 
 /// The coefficient of the lowest power of `e` that there is.

@@ -285,8 +285,8 @@ fn one_sign<const N: usize>(coefficients: &[f64; N], bound: f64) -> i32 {
 #[inline(always)]
 fn de_casteljau<const N: usize>(c: &mut [f64; N], ratio: f64, before: &mut [f64; N]) {
     let rest = 1.0 - ratio;
-    for k in 0..N {
-        before[k] = c[0];
+    for (k, before) in before.iter_mut().enumerate() {
+        *before = c[0];
         for j in 0..N - 1 - k {
             c[j] = rest * c[j] + ratio * c[j + 1];
         }

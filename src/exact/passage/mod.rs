@@ -1,4 +1,62 @@
 //! Do two edges that move pass through each other, when, and with what sign?
+//!
+//! Between two frames every vertex moves on a straight line at constant speed: `(1 - t) p + t p'`. An edge `a b`
+//! of one curve and an edge `c d` of another pass through each other at a time when they share an inner point
+//! and the volume `orient3d(a, b, c, d)`, a cubic polynomial in `t`, changes its sign.
+//!
+//! **Sign.** Seen against an axis, the pair adds `o` to the linking number where `a b` passes over `c d`, with
+//! `o` the sign of `orient2d(a, b, d)`, and it passes over where `orient3d` has the sign of `-o` ([`super::crossing`]).
+//! While the shadows cross, `orient3d` going from minus to plus therefore takes `o` away for `o = 1`, and adds
+//! `o` for `o = -1`: `-1` in both cases. So a passage has the sign opposite to that of the change of `orient3d`.
+//!
+//! **What holds.** For two closed curves that touch in neither frame, the signs of all passages over all pairs
+//! of their edges add up to the linking number after less the linking number before. Always, however degenerate
+//! the motion. (Where they touch in a frame, the linking number there is not defined and the sum means nothing.)
+//!
+//! **The rule for ties.** The first curve is thought translated by `v = (e, e^3, e^9)`, with `e` positive and as
+//! small as need be, the same at all times. Curves that do not touch in the two frames keep their linking
+//! numbers there. With `F(s, u, t)` the difference of the points at `u` on the second edge and at `s` on the
+//! first, a passage of the translated edges is a solution of `F = v` in the unit cube, and the sum of their
+//! signs is (less a sign) the degree of `F` over `v`, which the boundary of the cube determines. Two things
+//! make `v` general:
+//!
+//! - `v` is not on the image of a face of the cube. Such an image is part of a quadric or a plane, since `F` is
+//!   linear in each of its variables, and no polynomial of degree 2 or less vanishes on the curve `(e, e^3, e^9)`:
+//!   its monomials are different powers of `e`. It has finitely many zeros there, none of them in some interval
+//!   from 0.
+//! - the line through `v` along an axis misses the images of the cube's edges, since those are straight segments
+//!   (and points); likewise for the points and lines to which a face may degenerate.
+//!
+//! The degree is then the number of times, with signs, that a ray from `v` along axis `w` leaves through a face.
+//! The faces of the first and the last moment count the crossings of the shadows; the other four count how
+//! often one of the four ends moves over or under the other edge, and hands the crossing over to a neighbour of
+//! its edge. Precisely, with `X(t)` the crossing that the pair adds to the linking number at time `t`: an end
+//! `a` whose `orient2d(c, d, a)` changes from minus to plus (above an inner point of the shadow of `c d`) raises
+//! `X` by 1, whether it makes a crossing of sign 1 or ends one of sign -1; `b` lowers it, since it is the other
+//! end; `c` (below, by `orient2d(a, b, c)`) lowers it and `d` raises it. So
+//!
+//! ```text
+//! passages in (t, t') = X(t') - X(t) - hand-overs of a + those of b + those of c - those of d
+//! ```
+//!
+//! What `b` hands over is what `a` of the next edge does, by the same polynomials: in the sum over all edges of
+//! the two curves the hand-overs cancel, and what is left is the change of the linking number. That the terms are
+//! of one face each makes the sum right whatever the rule; that `v` is general makes every term a count of
+//! passages.
+//!
+//! **The ladder.** Coordinates tell most pairs apart; floating point with proven bounds decides nearly all others
+//! and finds the time ([`filter`]); the rest is exact ([`exact`]): the roots of the volume are isolated by Sturm's
+//! theorem in integers, and the signs of the sides at the roots tell whether the edges are apart there, or
+//! share inner points. Only where they do neither, the count above is made, in integers with an infinitesimal
+//! `e`, for the surroundings of that root. Where the edges lie in one plane at all times, the translated ones do
+//! infinitely near to the roots of the lowest coefficient of the volume as a polynomial in `e`.
+//!
+//! Touching without passing is nothing, at inner points and elsewhere: of the passages that the translation
+//! makes infinitely near to one time, within one pair of edges, the sum is told. Ties that belong to several
+//! pairs of edges may show passages that cancel.
+//!
+//! **One curve with itself.** There is no translating one edge without the other, and no number to be preserved.
+//! [`Ties::Report`] decides what is no tie and tells the rest. Edges that share a vertex are always a tie.
 
 #![cfg_attr(
     not(test),
@@ -20,11 +78,11 @@ pub(crate) type Edges = [[Point; 2]; 2];
 /// One edge passes through another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Passage {
-    /// When, as a fraction of the step.
+    /// When, as a fraction of the step: proven to `1e-9`, and to a rounding error if decided exactly.
     pub time: f64,
     /// What it adds to the linking number of the two curves: 1 or -1.
     pub sign: i32,
-    /// Where along either edge, 0 at its start and 1 at its end.
+    /// Where along either edge, 0 at its start and 1 at its end: for display, as is the point.
     pub at: [f64; 2],
     /// Where in space.
     pub point: Point,
@@ -33,7 +91,8 @@ pub(crate) struct Passage {
 /// What to do where a passage is not one of inner points of both edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ties {
-    /// Translate the first curve by next to nothing: for two curves.
+    /// Translate the first curve by next to nothing: for two curves, of which the same one must come first in all
+    /// pairs of edges.
     Translate,
     /// Report them: for a curve and itself, where a translation would move both edges.
     Report,
@@ -53,6 +112,8 @@ pub(crate) enum Decided {
 }
 
 /// Calls `out` with every passage of a pair of edges, in their order in time.
+///
+/// With [`Ties::Report`] and [`Decided::Tie`] there are none, and nothing is known.
 pub(crate) fn passages(
     before: &Edges,
     after: &Edges,

@@ -302,7 +302,7 @@ fn meeting(r: &mut Random, gap: f64, motion: f64) -> (Edges, Edges) {
 fn rungs_agree_next_to_ties() {
     let mut r = Random::new(4);
     let mut decided = [0; 4];
-    for _ in 0..20_000 {
+    for _ in 0..6000 {
         let ulps = [1, 3, 100, 1 << 20][r.next(4) as usize];
         let mut frame = || {
             [0; 2].map(|_| {
@@ -333,7 +333,7 @@ fn rungs_agree_next_to_ties() {
         decided[rungs_agree_next(&before, &after) as usize] += 1;
     }
     println!("apart, certified, exact, tie: {decided:?}");
-    assert!(decided[1] > 4000 && decided[2] > 400);
+    assert!(decided[1] > 2000 && decided[2] > 200);
 }
 
 /// [`rungs_agree`] on the signs: near ties, places say little.
@@ -350,7 +350,7 @@ fn rungs_agree_next(before: &Edges, after: &Edges) -> Decided {
 fn every_axis_and_the_cauchy_index_count_the_same() {
     let mut r = Random::new(5);
     let (mut ties, mut counted) = (0, 0);
-    for _ in 0..400 {
+    for _ in 0..200 {
         let range = [2, 3, 4][r.next(3) as usize];
         let frames =
             [0; 2].map(|_| [0; 2].map(|_| [0; 2].map(|_| [0; 3].map(|_| r.next(range) as f64))));
@@ -384,7 +384,7 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
         }
     }
     println!("{ties} ties, {counted} passages");
-    assert!(ties > 15 && counted > 20);
+    assert!(ties > 5 && counted > 10);
 }
 
 /// The passages of a motion in general position by Sturm's theorem alone: with `f` the volume, `g` and `h`
@@ -472,6 +472,16 @@ fn a_touch_is_no_passage() {
     let after = [[[-2.0, -3.0, 0.0], [1.0, 2.0, 0.0]], POST];
     for ties in [Ties::Translate, Ties::Report] {
         assert_eq!(collect(&before, &after, ties), (Decided::Exact, vec![]));
+    }
+}
+
+/// A passage exactly in a frame is in neither of the steps beside it, but both say that there is a tie.
+#[test]
+fn contact_in_a_frame_is_a_tie() {
+    let frame = |y: f64| [[[-1.0, y, 2.0], [3.0, y, 2.0]], POST];
+    for (from, to) in [(-1.0, 0.0), (0.0, 1.0)] {
+        let found = collect(&frame(from), &frame(to), Ties::Report);
+        assert_eq!(found, (Decided::Tie, vec![]));
     }
 }
 
