@@ -73,8 +73,12 @@ impl Motion<BigInt> {
         // Apart along an axis.
         let [c, d] = [&self.between, &sum(&self.between, &self.second)];
         let apart = |x: usize| {
-            let gaps = [c, d].map(|p| [sign(&p[x]), sign(&p[x].minus(&self.first[x]))]);
-            gaps[0][0] != 0 && gaps.as_flattened().iter().all(|&s| s == gaps[0][0])
+            let side = sign(&c[x]);
+            let same = |gap: &Polynomial<BigInt>| sign(gap) == side;
+            side != 0
+                && same(&d[x])
+                && same(&c[x].minus(&self.first[x]))
+                && same(&d[x].minus(&self.first[x]))
         };
         if (0..3).any(apart) {
             return Meeting::Apart;

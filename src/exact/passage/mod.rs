@@ -5,7 +5,7 @@
 //! and the volume `orient3d(a, b, c, d)`, a cubic polynomial in `t`, changes its sign.
 //!
 //! **Sign.** Seen against an axis, the pair adds `o` to the linking number where `a b` passes over `c d`, with
-//! `o` the sign of `orient2d(a, b, d)`, and it passes over where `orient3d` has the sign of `-o` ([`super::crossing`]).
+//! `o` the sign of `orient2d(a, b, d)`, and it passes over where `orient3d` has the sign of `-o` ([`mod@super::crossing`]).
 //! While the shadows cross, `orient3d` going from minus to plus therefore takes `o` away for `o = 1`, and adds
 //! `o` for `o = -1`: `-1` in both cases. So a passage has the sign opposite to that of the change of `orient3d`.
 //!
