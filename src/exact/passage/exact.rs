@@ -20,8 +20,17 @@ pub(super) struct Motion<R> {
     between: Track<R>,
 }
 
-/// Exponents of the translation of the first curve, `(e, e^3, e^9)`: see [`super`] for why these.
-const TRANSLATION: [u32; 3] = [1, 3, 9];
+/// Exponents of the translation of the first curve, `(e, e^16, e^256)`.
+///
+/// All signs below are of polynomials in its three components of degree 8 at most, in which different monomials
+/// are different powers of `e`. So none of them vanishes that is not 0; and its sign, that of the lowest power,
+/// is the same for `k` times the translation with any positive `k`. The latter matters since every pair of
+/// edges has a unit of length of its own, a power of two, in which its coordinates are integers.
+///
+/// The degree: where a root is `(x + y sqrt(d)) / z`, `x` and `z` have degree 1 at most, `y` 0, and `d` 2. A
+/// polynomial of degree 2 in time and 1 in the translation is of degree 3 there, and of 8 at most where `p^2` is
+/// compared with `q^2 d`.
+const TRANSLATION: [u32; 3] = [1, 16, 256];
 
 impl Motion<BigInt> {
     pub fn new(before: &Edges, after: &Edges) -> Self {

@@ -13,17 +13,17 @@
 //! of their edges add up to the linking number after less the linking number before. Always, however degenerate
 //! the motion. (Where they touch in a frame, the linking number there is not defined and the sum means nothing.)
 //!
-//! **The rule for ties.** The first curve is thought translated by `v = (e, e^3, e^9)`, with `e` positive and as
-//! small as need be, the same at all times. Curves that do not touch in the two frames keep their linking
+//! **The rule for ties.** The first curve is thought translated by `v = (e, e^16, e^256)`, with `e` positive and
+//! as small as need be, the same at all times. Curves that do not touch in the two frames keep their linking
 //! numbers there. With `F(s, u, t)` the difference of the points at `u` on the second edge and at `s` on the
 //! first, a passage of the translated edges is a solution of `F = v` in the unit cube, and the sum of their
 //! signs is (less a sign) the degree of `F` over `v`, which the boundary of the cube determines. Two things
 //! make `v` general:
 //!
 //! - `v` is not on the image of a face of the cube. Such an image is part of a quadric or a plane, since `F` is
-//!   linear in each of its variables, and no polynomial of degree 2 or less vanishes on the curve `(e, e^3, e^9)`:
+//!   linear in each of its variables, and no polynomial of degree 15 or less vanishes along `(e, e^16, e^256)`:
 //!   its monomials are different powers of `e`. It has finitely many zeros there, none of them in some interval
-//!   from 0.
+//!   from 0. (Along `(e, e^2, e^3)`, which is enough where nothing moves, `z = x y` does vanish.)
 //! - the line through `v` along an axis misses the images of the cube's edges, since those are straight segments
 //!   (and points); likewise for the points and lines to which a face may degenerate.
 //!

@@ -321,9 +321,19 @@ fn rungs_agree_next_to_ties() {
         };
         let (mut before, mut after) = (frame(), frame());
         if r.next(4) == 0 {
-            // Exponents at which products underflow or overflow, another one for every axis.
-            const POWERS: [i32; 10] = [-1060, -500, -205, -190, -40, 0, 40, 190, 205, 500];
-            let powers = [0; 3].map(|_| POWERS[r.next(10) as usize]);
+            // Exponents at which products underflow or overflow, the same for every axis or not.
+            const POWERS: [i32; 13] = [
+                -1060, -530, -500, -355, -345, -205, -190, -40, 0, 40, 190, 205, 500,
+            ];
+            let common = r.next(2) == 0;
+            let power = POWERS[r.next(13) as usize];
+            let powers = [0; 3].map(|_| {
+                if common {
+                    power
+                } else {
+                    POWERS[r.next(13) as usize]
+                }
+            });
             for x in [&mut before, &mut after].into_iter().flatten().flatten() {
                 for (x, power) in x.iter_mut().zip(powers) {
                     *x *= 2f64.powi(power / 2) * 2f64.powi(power - power / 2);
@@ -385,6 +395,28 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
     }
     println!("{ties} ties, {counted} passages");
     assert!(ties > 5 && counted > 10);
+}
+
+/// An end that passes an edge which turns, so that their difference sweeps the surface `z = x y`. The rule for
+/// ties of frames that stand still would translate along that surface, and every axis would count otherwise.
+#[test]
+fn the_translation_leaves_every_surface_of_an_end_and_an_edge() {
+    let mut r = Random::new(7);
+    let edge = |y: f64| [[-1.0, y, -y], [1.0, y, y]];
+    for _ in 0..200 {
+        let ends = [0; 2].map(|_| [0; 3].map(|_| (r.next(9) - 4) as f64));
+        let mut frames =
+            [(-1.0, ends[0]), (1.0, ends[1])].map(|(y, end)| [[[0.0; 3], end], edge(y)]);
+        if r.next(2) == 0 {
+            frames.iter_mut().for_each(|f| f[0].reverse());
+        }
+        let translated = Motion::new(&frames[0], &frames[1]).translated();
+        let counts = [0, 1, 2].map(|w| translated.net_passages(&Interval::step(), w));
+        assert!(
+            counts.iter().all(|&n| n == counts[0]),
+            "{frames:?}: {counts:?}"
+        );
+    }
 }
 
 /// The passages of a motion in general position by Sturm's theorem alone: with `f` the volume, `g` and `h`
