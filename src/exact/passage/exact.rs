@@ -30,7 +30,7 @@ pub(super) struct Motion<R> {
 /// The degree: where a root is `(x + y sqrt(d)) / z`, `x` and `z` have degree 1 at most, `y` 0, and `d` 2. A
 /// polynomial of degree 2 in time and 1 in the translation is of degree 3 there, and of 8 at most where `p^2` is
 /// compared with `q^2 d`.
-const TRANSLATION: [u32; 3] = [1, 16, 256];
+pub(super) const TRANSLATION: [u32; 3] = [1, 16, 256];
 
 impl Motion<BigInt> {
     pub fn new(before: &Edges, after: &Edges) -> Self {
@@ -55,8 +55,8 @@ impl Motion<BigInt> {
         }
     }
 
-    /// The motion with the first curve translated.
-    pub fn translated(&self) -> Motion<Infinitesimal> {
+    /// The motion with the first curve translated by powers of `e`.
+    pub fn translated(&self, exponents: [u32; 3]) -> Motion<Infinitesimal> {
         let lift = |track: &Track<BigInt>| {
             [0, 1, 2].map(|x| {
                 let lifted = track[x].coefficients().iter();
@@ -65,7 +65,7 @@ impl Motion<BigInt> {
         };
         let mut between = lift(&self.between);
         for (x, along) in between.iter_mut().enumerate() {
-            let by = Infinitesimal::term(TRANSLATION[x], BigInt::from(1));
+            let by = Infinitesimal::term(exponents[x], BigInt::from(1));
             *along = along.minus(&Polynomial::new([by]));
         }
         Motion {
@@ -180,7 +180,9 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
             let apart = motion.always_apart(&Interval::step(), HALVINGS);
             return apart.then(Vec::new);
         }
-        (true, Ties::Translate) => lowest(&translated.insert(motion.translated()).volume()),
+        (true, Ties::Translate) => {
+            lowest(&translated.insert(motion.translated(TRANSLATION)).volume())
+        }
     };
     if plane.is_zero() {
         // Parallel at all times: the differences of their points fill a surface at most, and the translation is
@@ -207,7 +209,7 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
             }
             (Meeting::Tie, Ties::Report) => return None,
             (Meeting::Tie, Ties::Translate) => translated
-                .get_or_insert_with(|| motion.translated())
+                .get_or_insert_with(|| motion.translated(TRANSLATION))
                 .net_passages(&interval, 0),
         };
         if sign != 0 {
