@@ -204,7 +204,7 @@ fn the_sum_of_passages_is_the_change_of_the_linking_number() {
     compare(6000, 1);
 }
 
-/// `cargo test --release --lib million -- --ignored`: some five minutes.
+/// `cargo test --release --lib million -- --ignored`: three minutes on two cores.
 #[test]
 #[ignore = "long"]
 fn a_million_sums_are_the_change_of_the_linking_number() {
