@@ -36,7 +36,7 @@ mod tests {
     fn linked_then_moved_then_deep_pairs_come_first() {
         let at = |x: f32| Box3 {
             lo: [x, 0.0, 0.0],
-            hi: [x + 2.0, 1.0, 1.0],
+            hi: [x + 2.0, 9.0, 9.0],
         };
         let now: Vec<Box3> = [0.0, 1.0, 1.5, 3.0, 4.5].map(at).to_vec();
         let mut before = now.clone();
