@@ -6,6 +6,7 @@
 use crate::certificate::{Certificate, Comparison, Link};
 use crate::curve::{Box3, CurveSet};
 use crate::error::{Error, Result};
+use crate::incremental::Work;
 use crate::kernels::Linking;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::pairs::{LinkSearch, Pair, Trees, closest_approach, most_suspect_first};
@@ -57,6 +58,8 @@ pub struct Verifier {
     abort_on: AbortOn,
     baseline: Option<Certificate>,
     early_exit: bool,
+    incremental: bool,
+    work: Work,
     trees: Trees,
     search: LinkSearch,
     parts: Vec<Part>,
@@ -93,6 +96,19 @@ impl Verifier {
     /// intact one long before all is known. An intact frame takes as long as ever.
     pub fn set_early_exit(&mut self, early_exit: bool) {
         self.early_exit = early_exit;
+    }
+
+    /// Whether [`Verifier::step`] computes only what has changed since an earlier frame, where it can prove that.
+    ///
+    /// The verdicts are the same. [`Report::stats`] then has the sizes of the scene alone, since the work depends on
+    /// the frames before; see [`Verifier::work`].
+    pub fn set_incremental(&mut self, incremental: bool) {
+        self.incremental = incremental;
+    }
+
+    /// What the last frame took.
+    pub fn work(&self) -> Work {
+        self.work
     }
 
     /// What frames are compared with, once there is something.
