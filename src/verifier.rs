@@ -6,7 +6,7 @@
 use crate::certificate::{Certificate, Comparison, Link};
 use crate::curve::{Box3, CurveSet};
 use crate::error::{Error, Result};
-use crate::incremental::Work;
+use crate::incremental::{Finding, Monitor, Route, Work};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::pairs::{LinkSearch, Pair, Trees, closest_approach, most_suspect_first};
@@ -59,6 +59,7 @@ pub struct Verifier {
     baseline: Option<Certificate>,
     early_exit: bool,
     incremental: bool,
+    monitor: Monitor,
     work: Work,
     trees: Trees,
     search: LinkSearch,
@@ -166,15 +167,10 @@ impl Verifier {
             pairs: boxed.elapsed(),
             ..Timings::default()
         };
+        let repeated = (0..set.len()).into_par_iter();
         Stats {
-            curves: set.len() as u64,
-            segments: set.segments() as u64,
-            open_curves: set.curves().iter().filter(|c| !c.closed).count() as u64,
-            repeated_vertices: (0..set.len())
-                .into_par_iter()
-                .map(|i| set.repeated_vertices(i) as u64)
-                .sum(),
-            ..Stats::default()
+            repeated_vertices: repeated.map(|i| set.repeated_vertices(i) as u64).sum(),
+            ..sizes(set)
         }
     }
 
@@ -216,8 +212,8 @@ impl Verifier {
         &mut self,
         set: &CurveSet,
         baseline: &Certificate,
-        stats: &mut Stats,
-    ) -> Result<Comparison> {
+    ) -> Result<(Comparison, Stats)> {
+        let mut stats = self.find_pairs(set);
         let (now, pairs) = (self.trees.roots(), self.search.pairs_mut());
         most_suspect_first(pairs, &baseline.links, now, &self.before);
         let count = pairs.len();
@@ -230,13 +226,77 @@ impl Verifier {
             stats.unchecked = unchecked.len() as u64;
             let comparison = self.certificate.compare_except(baseline, &unchecked)?;
             if !comparison.changes.is_empty() || done == count {
-                return Ok(comparison);
+                return Ok((comparison, stats));
             }
             let next = (done + block).min(count);
-            self.compute_pairs(set, done..next, stats);
+            self.compute_pairs(set, done..next, &mut stats);
             self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
             (done, block) = (next, 2 * block);
         }
+    }
+
+    /// Compares a frame with the baseline, computing only what is not known from the reference frame.
+    fn compare_incrementally(
+        &mut self,
+        set: &CurveSet,
+        baseline: &Certificate,
+    ) -> Result<(Comparison, Stats)> {
+        let finding = self.monitor.look(set, baseline, &mut self.work);
+        let (Finding::AllBut(pairs), Some((known, comparison))) = (finding, self.monitor.known())
+        else {
+            let (certificate, stats) = self.certify(set);
+            let comparison = certificate.compare(baseline)?;
+            self.offer_reference(set);
+            return Ok((comparison, stats));
+        };
+        let stats = Stats::default();
+        if pairs.is_empty() && self.work.route == Route::Quiet {
+            return Ok((comparison.clone(), stats));
+        }
+        let start = Instant::now();
+        self.trees
+            .refit_some(set, &curves_of(pairs.iter().copied()));
+        // Curves whose boxes are apart are not linked, as in a full run.
+        let roots = self.trees.roots();
+        let meet = |&(i, j): &Pair| roots[i as usize].overlaps(&roots[j as usize]);
+        let meeting: Vec<Pair> = pairs.iter().copied().filter(meet).collect();
+        let scene = Scene {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        };
+        compute_links(scene, &meeting, &mut self.parts, &self.progress);
+        let mut anew = Certificate {
+            curves: set.len(),
+            ..Certificate::default()
+        };
+        for part in &self.parts {
+            anew.links.extend_from_slice(&part.links);
+            anew.undefined.extend_from_slice(&part.undefined);
+        }
+        let fresh = anew.compare(&baseline.of_pairs(&pairs))?;
+        let comparison = comparison.patched(&pairs, fresh);
+        if self.monitor.wants_reference(&self.work) {
+            let certificate = known.patched(&pairs, &anew);
+            let pairs = self.search.pairs().len();
+            self.monitor.make_reference(set.clone(), certificate, pairs);
+        }
+        self.timings.links = start.elapsed();
+        Ok((comparison, stats))
+    }
+
+    /// Lets the frame whose certificate has just been computed become the reference, where that may pay.
+    fn offer_reference(&mut self, set: &CurveSet) {
+        if self.incremental && self.monitor.wants_reference(&self.work) {
+            let pairs = self.search.pairs().len();
+            self.monitor
+                .make_reference(set.clone(), self.certificate.clone(), pairs);
+        }
+    }
+
+    /// Waits for work beside the stream to end, so that the next frame profits from it. For measurements.
+    pub fn settle(&mut self) {
+        self.monitor.settle();
     }
 
     /// Verifies one frame. The first one becomes the baseline where there is none.
@@ -254,19 +314,38 @@ impl Verifier {
             return Err(Error::NothingClosed { curves: set.len() });
         }
         let start = Instant::now();
-        let mut stats = self.find_pairs(set);
-        let mut comparison = match self.baseline.take() {
-            Some(baseline) if self.early_exit => {
-                let comparison = self.compare_until_change(set, &baseline, &mut stats);
+        self.work = Work::default();
+        let (mut comparison, stats) = match self.baseline.take() {
+            None => {
+                let (certificate, stats) = self.certify(set);
+                let baseline = certificate.clone();
+                let comparison = baseline.compare(&baseline);
+                self.baseline = Some(baseline);
+                self.offer_reference(set);
+                (comparison?, stats)
+            }
+            Some(baseline) => {
+                let comparison = if self.incremental {
+                    self.compare_incrementally(set, &baseline)
+                } else if self.early_exit {
+                    self.compare_until_change(set, &baseline)
+                } else {
+                    let (certificate, stats) = self.certify(set);
+                    certificate.compare(&baseline).map(|c| (c, stats))
+                };
                 self.baseline = Some(baseline);
                 comparison?
             }
-            baseline => {
-                self.compute_pairs(set, .., &mut stats);
-                let certificate = &self.certificate;
-                let baseline = baseline.unwrap_or_else(|| certificate.clone());
-                certificate.compare(self.baseline.insert(baseline))?
-            }
+        };
+        // Trees of what the frame did not ask for may be those of an earlier frame.
+        if self.work.route != Route::Full && !comparison.changes.is_empty() {
+            let changes = comparison.changes.iter();
+            self.trees
+                .refit_some(set, &curves_of(changes.map(|c| (c.i, c.j))));
+        }
+        let stats = match self.incremental {
+            true => sizes(set),
+            false => stats,
         };
         let trees = &self.trees;
         comparison.changes.par_iter_mut().for_each(|c| {
@@ -351,6 +430,24 @@ fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progre
             .done
             .fetch_add(pairs.len() as u64, Ordering::Relaxed);
     });
+}
+
+/// The size of a frame.
+fn sizes(set: &CurveSet) -> Stats {
+    Stats {
+        curves: set.len() as u64,
+        segments: set.segments() as u64,
+        open_curves: set.curves().iter().filter(|c| !c.closed).count() as u64,
+        ..Stats::default()
+    }
+}
+
+/// The curves of some pairs, sorted.
+fn curves_of(pairs: impl Iterator<Item = Pair>) -> Vec<u32> {
+    let mut curves: Vec<u32> = pairs.flat_map(|(i, j)| [i, j]).collect();
+    curves.sort_unstable();
+    curves.dedup();
+    curves
 }
 
 /// What one task computed.

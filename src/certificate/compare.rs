@@ -63,6 +63,22 @@ pub struct Comparison {
     pub defects: Vec<Defect>,
 }
 
+impl Comparison {
+    /// This comparison with what another one says of these pairs, which are sorted.
+    pub(crate) fn patched(&self, pairs: &[(u32, u32)], with: Comparison) -> Comparison {
+        let mut out = self.clone();
+        let other = |i: u32, j: u32| pairs.binary_search(&(i, j)).is_err();
+        out.changes.retain(|c| other(c.i, c.j));
+        out.changes.extend(with.changes);
+        out.changes.sort_by_key(|c| (c.i, c.j));
+        out.defects.retain(|d| d.j.is_none_or(|j| other(d.i, j)));
+        out.defects.extend(with.defects);
+        out.defects.sort_by_key(|d| (d.i, d.j));
+        out.defects.dedup_by_key(|d| (d.i, d.j));
+        out
+    }
+}
+
 impl Certificate {
     /// Compares this frame with its baseline.
     ///

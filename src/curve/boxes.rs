@@ -21,9 +21,32 @@ impl Box3 {
     };
 
     /// Whether the closed boxes share a point.
-    #[cfg(test)]
     pub fn overlaps(&self, other: &Box3) -> bool {
         (0..3).all(|x| self.lo[x] <= other.hi[x] && other.lo[x] <= self.hi[x])
+    }
+
+    /// A box around a point and everything within `slack` of it along an axis.
+    pub fn around(p: [f64; 3], slack: f64) -> Box3 {
+        Box3 {
+            lo: p.map(|x| below(x - slack)),
+            hi: p.map(|x| above(x + slack)),
+        }
+    }
+
+    /// The box and everything within `reach` of it along an axis; the empty box stays empty.
+    pub fn dilated(&self, reach: f32) -> Box3 {
+        Box3 {
+            lo: self.lo.map(|x| x - reach),
+            hi: self.hi.map(|x| x + reach),
+        }
+    }
+
+    /// The box around both.
+    pub fn union(&self, other: &Box3) -> Box3 {
+        Box3 {
+            lo: [0, 1, 2].map(|x| smaller(self.lo[x], other.lo[x])),
+            hi: [0, 1, 2].map(|x| larger(self.hi[x], other.hi[x])),
+        }
     }
 
     /// The largest distance that a bound has from that of another box, along an axis.

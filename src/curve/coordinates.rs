@@ -243,6 +243,25 @@ fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<f64
     Ok(T::from_magnitude(max))
 }
 
+/// The coordinates of all slots, an array an axis.
+#[derive(Clone, Copy)]
+pub(crate) enum Axes<'a> {
+    /// Single precision.
+    F32([&'a [f32]; 3]),
+    /// Double precision.
+    F64([&'a [f64]; 3]),
+}
+
+impl Coordinates {
+    /// All of them.
+    pub fn axes(&self) -> Axes<'_> {
+        match self {
+            Self::F32(v) => Axes::F32(v.each_ref().map(Vec::as_slice)),
+            Self::F64(v) => Axes::F64(v.each_ref().map(Vec::as_slice)),
+        }
+    }
+}
+
 /// The knots of one curve in a frame `(u, v, w)`, for reading many of them: what is the same for all is decided once.
 #[derive(Clone, Copy)]
 pub(crate) enum Knots<'a> {

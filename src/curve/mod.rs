@@ -11,7 +11,7 @@ pub use basis::Basis;
 pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
 pub(crate) use boxes::{Box3, BoxGroup, LANES};
 pub use builder::CurveSetBuilder;
-pub(crate) use coordinates::{Knots, ReadKnots};
+pub(crate) use coordinates::{Axes, Knots, ReadKnots};
 pub use coordinates::{Positions, Precision};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use lanes::Avx2;

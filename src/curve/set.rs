@@ -2,9 +2,10 @@
 
 use super::basis::{Real, bspline_knot, uniform_bounds};
 use super::boxes::{BoxGroup, LANES, above, below, larger, smaller};
-use super::coordinates::{Coordinates, Knots};
+use super::coordinates::{Axes, Coordinates, Knots};
 use super::{Basis, Bezier, Point, Positions, Precision, point_at};
 use crate::error::{Error, Result};
+use std::ops::Range;
 
 /// One curve of a [`CurveSet`]: its size and where its control points lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,6 +121,13 @@ impl CurveSet {
         }
     }
 
+    /// Whether another set has the same curves, in the same precision: only positions may differ.
+    pub(crate) fn same_layout(&self, other: &CurveSet) -> bool {
+        self.basis == other.basis
+            && self.precision() == other.precision()
+            && self.curves == other.curves
+    }
+
     /// How control points become curves.
     pub fn basis(&self) -> Basis {
         self.basis
@@ -203,6 +211,67 @@ impl CurveSet {
         const SHARE: f64 = f64::from_bits((1023 - 21) << 52);
         const TINY: f64 = f64::from_bits((1023 - 140) << 52);
         (self.max_abs <= LARGEST).then_some((self.max_abs * SHARE + TINY) as f32)
+    }
+
+    /// The coordinates of all slots: control points, the copies that wrap closed curves, and padding.
+    pub(crate) fn axes(&self) -> Axes<'_> {
+        self.coordinates.axes()
+    }
+
+    /// Slots in all.
+    pub(crate) fn slots(&self) -> usize {
+        self.coordinates.len()
+    }
+
+    /// The slots of the control points of curve `i`, each of them once.
+    pub(crate) fn body(&self, i: usize) -> Range<usize> {
+        let c = &self.curves[i];
+        let first = c.first as usize + self.basis.lead(c.closed);
+        first..first + c.points as usize
+    }
+
+    /// The slots of the control points that segment `s` of curve `i` depends on, copies mapped to what they are
+    /// copies of.
+    pub(crate) fn support(&self, i: usize, s: u32) -> impl Iterator<Item = usize> + use<> {
+        let c = self.curves[i];
+        let body = self.body(i);
+        let (n, lead) = (c.points as usize, self.basis.lead(c.closed));
+        let at = s as usize * self.basis.stride();
+        (at..at + self.basis.window()).map(move |k| body.start + (k + n - lead) % n)
+    }
+
+    /// The segments of closed curves that depend on a point in one of these slots, or on the point that it is a copy
+    /// of.
+    pub(crate) fn segments_at(&self, slots: Range<usize>, mut segment: impl FnMut(u32, u32)) {
+        let (stride, window) = (self.basis.stride(), self.basis.window());
+        let first = self
+            .curves
+            .partition_point(|c| (c.first as usize) <= slots.start);
+        for i in first.saturating_sub(1)..self.curves.len() {
+            let body = self.body(i);
+            if body.start >= slots.end {
+                break;
+            }
+            let (c, lead) = (self.curves[i], self.basis.lead(self.curves[i].closed));
+            let here = slots.start.max(body.start)..slots.end.min(body.end);
+            if !c.closed {
+                continue;
+            }
+            for slot in here {
+                // Windows that have the slot in them, around the end where they wrap.
+                let (n, at) = (c.segments as usize, slot - body.start + lead);
+                let last = at / stride;
+                for back in 0..window.div_ceil(stride) {
+                    let s = (last + n - back) % n;
+                    let start = s * stride;
+                    let total = n * stride;
+                    let offset = (at + total - start) % total;
+                    if offset < window {
+                        segment(i as u32, s as u32);
+                    }
+                }
+            }
+        }
     }
 
     /// The slot where segment `s` of curve `i` starts.

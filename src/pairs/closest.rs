@@ -84,7 +84,7 @@ pub(crate) fn closest_of_segments(set: &CurveSet, [i, j]: [usize; 2], segments: 
     let mut best = ([0.0; 3], f64::INFINITY);
     for a in p.windows(2) {
         for b in q.windows(2) {
-            let found = closest_points(a[0], a[1], b[0], b[1]);
+            let found = closest_place(a[0], a[1], b[0], b[1]);
             if found.1 < best.1 {
                 best = found;
             }
@@ -99,19 +99,27 @@ pub(crate) fn closest_of_segments(set: &CurveSet, [i, j]: [usize; 2], segments: 
 }
 
 /// Middle and length of the shortest connection of two straight segments.
-fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
+fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
+    let [a, b] = closest_points(p0, p1, q0, q1);
+    let c = [0, 1, 2].map(|x| a[x] - b[x]);
+    let distance = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt();
+    ([0, 1, 2].map(|x| 0.5 * (a[x] + b[x])), distance)
+}
+
+/// The ends of the shortest connection of two straight segments, in floating point.
+pub(crate) fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
     let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let along = |a: Point, d: Point, t: f64| [0, 1, 2].map(|x| a[x] + t * d[x]);
     let (d, e, r) = (sub(p1, p0), sub(q1, q0), sub(p0, q0));
     let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
-    let mut best = ([0.0; 3], f64::INFINITY);
+    let mut best = ([p0, q0], f64::INFINITY);
     let mut consider = |s: f64, t: f64| {
         let (a, b) = (along(p0, d, s), along(q0, e, t));
         let c = sub(a, b);
-        let distance = dot(c, c).sqrt();
-        if distance < best.1 {
-            best = ([0, 1, 2].map(|x| 0.5 * (a[x] + b[x])), distance);
+        let distance_sq = dot(c, c);
+        if distance_sq < best.1 {
+            best = ([a, b], distance_sq);
         }
     };
     let clamped = |numerator: f64, denominator: f64| {
@@ -134,7 +142,7 @@ fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
         let s = ((de * er - ee * dr) / denominator).clamp(0.0, 1.0);
         consider(s, clamped(er + s * de, ee));
     }
-    best
+    best.0
 }
 
 #[cfg(test)]
@@ -170,7 +178,7 @@ mod tests {
 
     #[test]
     fn parallel_crossing_and_degenerate_segments_have_their_distance() {
-        let d = |p0, p1, q0, q1| closest_points(p0, p1, q0, q1).1;
+        let d = |p0, p1, q0, q1| closest_place(p0, p1, q0, q1).1;
         let o = [0.0; 3];
         for k in [1.0, 1e-3, 1e-12, 1e9] {
             let v = |p: [f64; 3]| p.map(|x| x * k);

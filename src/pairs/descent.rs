@@ -23,6 +23,9 @@ pub(crate) struct Query {
     pub w: usize,
     /// Whether pairs that overlap in space are listed, beside the others.
     pub meeting: bool,
+    /// Distance along any axis at which boxes still count as overlapping, where only those that overlap in space
+    /// do.
+    pub reach: f32,
 }
 
 /// Visits the node pairs of the agenda and everything below them, until none is left, or `steps` node pairs have
@@ -31,7 +34,7 @@ pub(crate) struct Query {
 pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
     simd: L,
     [first, second]: [CurveTree<'_>; 2],
-    Query { w, meeting }: Query,
+    Query { w, meeting, reach }: Query,
     agenda: &mut Agenda,
     found: &mut SegmentPairs,
     (steps, limit): (usize, usize),
@@ -43,7 +46,7 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
         }
         let Some((t, u)) = agenda.pop() else { return };
         if t.level > u.level {
-            let below = One::of_box(&second.node_box(u), w);
+            let below = One::of_box(&second.node_box(u), w).dilated::<IN_SPACE>(reach);
             let above = Eight::load(simd, first.children(t, &mut room_t), w);
             let mut lanes = apart::<L, IN_SPACE, false>(simd, below, above) ^ 0xff;
             while lanes != 0 {
@@ -53,7 +56,7 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
             continue;
         }
         if u.level > t.level {
-            let above = One::of_box(&first.node_box(t), w);
+            let above = One::of_box(&first.node_box(t), w).dilated::<IN_SPACE>(reach);
             let below = Eight::load(simd, second.children(u, &mut room_u), w);
             let mut lanes = apart::<L, IN_SPACE, true>(simd, above, below) ^ 0xff;
             while lanes != 0 {
@@ -68,7 +71,7 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
         // made without a branch.
         let mut none = 0;
         for k in 0..LANES {
-            let above = One::of_lane(group_t, k, w);
+            let above = One::of_lane(group_t, k, w).dilated::<IN_SPACE>(reach);
             let lanes = apart::<L, IN_SPACE, true>(simd, above, below);
             none |= u64::from(lanes) << (LANES * k);
         }
@@ -128,6 +131,20 @@ impl One {
             lo: [group.lo[u][k], group.lo[v][k], group.lo[w][k]],
             hi: [group.hi[u][k], group.hi[v][k], group.hi[w][k]],
         }
+    }
+}
+
+impl One {
+    /// The box and everything within `reach` of it along an axis, where that is asked for.
+    #[inline(always)]
+    fn dilated<const ASKED: bool>(mut self, reach: f32) -> One {
+        if ASKED {
+            for x in 0..3 {
+                self.lo[x] -= reach;
+                self.hi[x] += reach;
+            }
+        }
+        self
     }
 }
 

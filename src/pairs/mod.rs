@@ -14,9 +14,9 @@ mod trees;
 
 #[cfg(test)]
 pub(crate) use brute::potential_links_brute;
-pub(crate) use closest::{closest_approach, closest_of_segments};
+pub(crate) use closest::{closest_approach, closest_of_segments, closest_points};
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend};
-pub(crate) use overlaps::overlapping_segments;
+pub(crate) use overlaps::{overlapping_segments, segments_within};
 pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;
 pub(crate) use trees::{CurveTree, Node, Trees};

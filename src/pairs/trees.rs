@@ -54,6 +54,8 @@ struct Layout {
     /// First group of each stored level.
     first: [u32; LEVELS],
     levels: u8,
+    /// First group.
+    start: u32,
     /// Groups of all stored levels.
     groups: u32,
     segments: u32,
@@ -90,6 +92,29 @@ impl Trees {
             self.roots.resize(set.len(), Box3::EMPTY);
         }
         refit_range(set, 0, &self.layouts, &mut self.groups, &mut self.roots);
+    }
+
+    /// Refits the boxes of some curves, sorted; those of all others are left as they are, which may be those of an
+    /// earlier frame.
+    pub fn refit_some(&mut self, set: &CurveSet, curves: &[u32]) {
+        if self.layouts.len() != set.len() || 4 * curves.len() > set.len() {
+            return self.refit(set);
+        }
+        let Trees {
+            layouts,
+            groups,
+            roots,
+        } = self;
+        for &i in curves {
+            let i = i as usize;
+            let layout = &layouts[i];
+            let first = layout.start as usize;
+            let own = &mut groups[first..first + layout.groups as usize];
+            roots[i] = match set.curve(i).closed {
+                true => refit_curve(set, i, layout, own),
+                false => Box3::EMPTY,
+            };
+        }
     }
 
     /// Boxes of the closed curves; open curves have empty ones and so no potential links.
@@ -173,6 +198,26 @@ fn stores_leaves(basis: Basis, segments: u32) -> bool {
     !basis.is_polyline() || segments <= SMALL
 }
 
+impl CurveTree<'_> {
+    /// Visits the segments in whose box, and in the boxes of whose nodes, `enter` lets it.
+    pub fn visit(&self, mut enter: impl FnMut(&Box3) -> bool, mut segment: impl FnMut(u32)) {
+        let mut room = BoxGroup::EMPTY;
+        let mut stack = vec![self.root()];
+        while let Some(node) = stack.pop() {
+            let group = *self.children(node, &mut room);
+            for k in 0..LANES {
+                let lane = group.lane(k);
+                if lane != Box3::EMPTY && enter(&lane) {
+                    match node.level {
+                        0 => segment(node.lane(k as u32)),
+                        _ => stack.push(node.child(k as u32)),
+                    }
+                }
+            }
+        }
+    }
+}
+
 impl Layout {
     fn new(segments: u32, leaves: bool, mut at: u32) -> Layout {
         let start = at;
@@ -192,6 +237,7 @@ impl Layout {
         Layout {
             first,
             levels: levels as u8,
+            start,
             groups: at - start,
             segments,
             leaves,

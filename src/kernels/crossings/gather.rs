@@ -100,6 +100,7 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
     let query = Query {
         w: task.axis,
         meeting: splines,
+        reach: 0.0,
     };
     let Workspace {
         agenda,

@@ -1,0 +1,232 @@
+//! What a frame moved further than it may since the reference frame, and what that may have broken.
+
+use super::affine::Affine;
+use super::reference::{Reference, normals, signed_gap};
+use super::stream::CHUNK;
+use crate::curve::{Bezier, Box3, CurveSet, LANES, Point};
+use crate::pairs::{LinkSearch, Pair};
+use rayon::prelude::*;
+
+/// Segments that moved further than they may, of one frame.
+///
+/// Everything is in the space of the reference frame: points of the later frame are mapped back.
+pub(super) struct Motion<'a> {
+    reference: &'a Reference,
+    affine: &'a Affine,
+    set: &'a CurveSet,
+    /// Blocks of eight segments with one of these among them, sorted.
+    blocks: Vec<Block>,
+}
+
+/// A block of eight segments of a curve.
+struct Block {
+    curve: u32,
+    /// Leaf of the curve's tree.
+    leaf: u32,
+    /// Segments that are marked, a bit each.
+    marked: u32,
+    /// The box of these in both frames, and so at all times between.
+    swept: Box3,
+}
+
+impl<'a> Motion<'a> {
+    /// The marked segments: those that depend on a point in one of the chunks of slots that breaks its allowance.
+    pub fn new(
+        reference: &'a Reference,
+        affine: &'a Affine,
+        set: &'a CurveSet,
+        chunks: &[u32],
+    ) -> Motion<'a> {
+        let mut motion = Motion {
+            reference,
+            affine,
+            set,
+            blocks: Vec::new(),
+        };
+        let mut segments: Vec<(u32, u32)> = Vec::new();
+        for &chunk in chunks {
+            let slots = chunk as usize * CHUNK..(chunk as usize + 1) * CHUNK;
+            set.segments_at(slots, |i, s| segments.push((i, s)));
+        }
+        segments.sort_unstable();
+        segments.dedup();
+        for (i, s) in segments {
+            let (leaf, bit) = (s / LANES as u32, 1 << (s % LANES as u32));
+            match motion.blocks.last_mut() {
+                Some(b) if (b.curve, b.leaf) == (i, leaf) => b.marked |= bit,
+                _ => motion.blocks.push(Block {
+                    curve: i,
+                    leaf,
+                    marked: bit,
+                    swept: Box3::EMPTY,
+                }),
+            }
+        }
+        let swept: Vec<Box3> = motion
+            .blocks
+            .par_iter()
+            .map(|block| motion.swept(block))
+            .collect();
+        for (block, swept) in motion.blocks.iter_mut().zip(swept) {
+            block.swept = swept;
+        }
+        motion
+    }
+
+    /// Number of marked blocks.
+    pub fn blocks(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Curves with a marked segment, each once.
+    pub fn curves(&self) -> impl Iterator<Item = usize> + '_ {
+        let blocks = self.blocks.chunk_by(|a, b| a.curve == b.curve);
+        blocks.map(|of_one| of_one[0].curve as usize)
+    }
+
+    /// A segment in the reference frame, and in the later one mapped back.
+    fn both(&self, i: usize, s: u32) -> [Bezier; 2] {
+        let back = |p: Point| self.affine.back(p);
+        [
+            self.reference.set.segment(i, s as usize),
+            self.set.segment(i, s as usize).map(back),
+        ]
+    }
+
+    /// Rounding of points that are mapped back, and of what is computed from them, generously.
+    fn slack(&self) -> f64 {
+        let size =
+            self.reference.set.max_abs() + 10.0 * (self.set.max_abs() + self.affine.t.amax());
+        size * 1e-12 + 1e-300
+    }
+
+    fn swept(&self, block: &Block) -> Box3 {
+        let slack = self.slack();
+        let mut out = Box3::EMPTY;
+        for k in 0..LANES as u32 {
+            if block.marked >> k & 1 != 0 {
+                let s = block.leaf * LANES as u32 + k;
+                for p in self.both(block.curve as usize, s).as_flattened() {
+                    out = out.union(&Box3::around(*p, slack));
+                }
+            }
+        }
+        out
+    }
+
+    /// Pairs of curves that may have touched on the way, sorted; and how many others came near and were proven apart.
+    ///
+    /// A pair that is not among them has its linking number of the reference frame.
+    pub fn affected(&self, search: &mut LinkSearch) -> (Vec<Pair>, usize) {
+        let reference = self.reference;
+        // What is not marked stays within the reach of where it was; a pair of unmarked segments does not touch.
+        let reach = (reference.reach * (1.0 + 1e-6) + self.slack()) as f32;
+        let reach = reach.next_up();
+        let mut boxes: Vec<Box3> = reference
+            .trees
+            .roots()
+            .iter()
+            .map(|b| b.dilated(reach))
+            .collect();
+        let mut marked = vec![false; boxes.len()];
+        for block in &self.blocks {
+            let i = block.curve as usize;
+            marked[i] = true;
+            boxes[i] = boxes[i].union(&block.swept);
+        }
+        let pairs = search.find(&boxes);
+        pairs.retain(|&(i, j)| marked[i as usize] || marked[j as usize]);
+        let near: Vec<(Pair, bool, bool)> = pairs
+            .par_iter()
+            .map(|&pair| {
+                let (near, apart) = self.look_at(pair, reach);
+                (pair, near, apart)
+            })
+            .collect();
+        let affected = near.iter().filter(|n| !n.2).map(|n| n.0).collect();
+        let recertified = near.iter().filter(|n| n.1 && n.2).count();
+        (affected, recertified)
+    }
+
+    fn blocks_of(&self, i: u32) -> &[Block] {
+        let start = self.blocks.partition_point(|b| b.curve < i);
+        let end = start + self.blocks[start..].partition_point(|b| b.curve == i);
+        &self.blocks[start..end]
+    }
+
+    /// Whether marked segments came near the other curve, and whether all that did are proven apart at all times.
+    fn look_at(&self, (i, j): Pair, reach: f32) -> (bool, bool) {
+        let mut near = false;
+        // Marked ones against unmarked ones, both ways.
+        for (a, b) in [(i, j), (j, i)] {
+            let tree = self.reference.trees.of(&self.reference.set, b as usize);
+            let others = self.blocks_of(b);
+            for block in self.blocks_of(a) {
+                let query = block.swept.dilated(reach);
+                let mut apart = true;
+                tree.visit(
+                    |lane| lane.overlaps(&query),
+                    |t| {
+                        let leaf = t / LANES as u32;
+                        let at = others.binary_search_by_key(&leaf, |o| o.leaf);
+                        if at.is_ok_and(|at| others[at].marked >> (t % LANES as u32) & 1 != 0) {
+                            // It may be elsewhere by now: see below.
+                            return;
+                        }
+                        near = true;
+                        apart = apart && self.block_apart(block, b, t);
+                    },
+                );
+                if !apart {
+                    return (true, false);
+                }
+            }
+        }
+        // Marked ones against marked ones.
+        for a in self.blocks_of(i) {
+            for b in self.blocks_of(j) {
+                if a.swept.overlaps(&b.swept) {
+                    near = true;
+                    let mut bits = b.marked;
+                    while bits != 0 {
+                        let t = b.leaf * LANES as u32 + bits.trailing_zeros();
+                        bits &= bits - 1;
+                        if !self.block_apart(a, j, t) {
+                            return (true, false);
+                        }
+                    }
+                }
+            }
+        }
+        (near, true)
+    }
+
+    /// Whether the marked segments of a block are apart from the segment `t` of curve `j` at all times.
+    fn block_apart(&self, block: &Block, j: u32, t: u32) -> bool {
+        let b = self.both(j as usize, t);
+        let slack = 4.0 * (self.slack() + self.reference.set.pad());
+        (0..LANES as u32)
+            .filter(|k| block.marked >> k & 1 != 0)
+            .all(|k| {
+                let a = self.both(block.curve as usize, block.leaf * LANES as u32 + k);
+                apart_in_both(&a, &b, slack)
+            })
+    }
+}
+
+/// Whether two segments are apart along one direction, in the same order, in both frames. All points move on straight
+/// lines between, so they are then apart at all times.
+fn apart_in_both(a: &[Bezier; 2], b: &[Bezier; 2], slack: f64) -> bool {
+    let mean = |p: &[Bezier; 2]| -> Bezier {
+        [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| 0.5 * (p[0][k][x] + p[1][k][x])))
+    };
+    let from_each = [
+        normals(&mean(a), &mean(b)),
+        normals(&a[0], &b[0]),
+        normals(&a[1], &b[1]),
+    ];
+    from_each.as_flattened().iter().any(|&n| {
+        let [before, after] = [0, 1].map(|k| signed_gap(&a[k], &b[k], n));
+        before.abs() > slack && after.abs() > slack && (before > 0.0) == (after > 0.0)
+    })
+}

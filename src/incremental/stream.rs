@@ -1,0 +1,235 @@
+//! One pass over a frame: has any point moved further than it may?
+
+use super::affine::Affine;
+use super::reference::Reference;
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use crate::curve::{Axes, CurveSet};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Slots that are looked at together.
+pub(super) const CHUNK: usize = 16;
+
+/// Slots that are worth a task.
+const GRAIN: usize = 1 << 17;
+
+/// The condition of a frame: `|p - (M q + t)| <= sigma a` for every point `p`, with `q` where it was in the reference
+/// frame and `a` its allowance. Then `M^-1 (p - t)` is within `a` of `q`.
+///
+/// It is evaluated in the precision of the coordinates, whose `u` is half a unit in the last place of 1. With `A` and
+/// `B` the largest coordinates of both frames, each of three products is off by `2 u |m| B` (`M` is rounded as well),
+/// their sum and `t` by `4 u (|m|_1 B + |t|)`, the difference by `u` times the same and `A`: `8 u (|m|_1 B + |t| + A)`
+/// an axis is more than that in all, and twice that more than the length of the three. The square of the
+/// length and the bound round by some `u`, which `1 - 16 u` on `sigma` covers.
+#[derive(Clone, Copy, Debug)]
+struct Condition<T> {
+    m: [[T; 3]; 3],
+    t: [T; 3],
+    sigma: T,
+    error: T,
+}
+
+/// A floating-point type of coordinates.
+trait Real: num::Real {}
+impl Real for f32 {}
+impl Real for f64 {}
+
+/// Numbers as far as they are needed here.
+mod num {
+    use std::ops::{Add, Mul, Sub};
+
+    pub trait Real:
+        Copy
+        + PartialOrd
+        + Default
+        + Send
+        + Sync
+        + Add<Output = Self>
+        + Sub<Output = Self>
+        + Mul<Output = Self>
+    {
+        /// Half a unit in the last place of 1.
+        const U: f64;
+        fn from_f64(x: f64) -> Self;
+        fn from_f32(x: f32) -> Self;
+    }
+
+    impl Real for f32 {
+        const U: f64 = f32::EPSILON as f64 / 2.0;
+        #[inline(always)]
+        fn from_f64(x: f64) -> f32 {
+            x as f32
+        }
+        #[inline(always)]
+        fn from_f32(x: f32) -> f32 {
+            x
+        }
+    }
+
+    impl Real for f64 {
+        const U: f64 = f64::EPSILON / 2.0;
+        #[inline(always)]
+        fn from_f64(x: f64) -> f64 {
+            x
+        }
+        #[inline(always)]
+        fn from_f32(x: f32) -> f64 {
+            x.into()
+        }
+    }
+}
+
+impl<T: Real> Condition<T> {
+    fn new(affine: &Affine, reference: &CurveSet, now: &CurveSet) -> Condition<T> {
+        let rows: Vec<f64> = (0..3)
+            .map(|r| affine.m.row(r).iter().map(|m| m.abs()).sum())
+            .collect();
+        let largest = rows.into_iter().fold(0.0, f64::max);
+        let size = largest * reference.max_abs() + affine.t.amax() + now.max_abs();
+        Condition {
+            m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| T::from_f64(affine.m[(r, c)]))),
+            t: [0, 1, 2].map(|r| T::from_f64(affine.t[r])),
+            sigma: T::from_f64(affine.sigma * (1.0 - 16.0 * T::U)),
+            error: T::from_f64(16.0 * T::U * size * (1.0 + 4.0 * T::U)),
+        }
+    }
+
+    /// Whether a chunk has a point that breaks the condition. All slices are equally long.
+    #[inline(always)]
+    fn broken(&self, p: [&[T]; 3], q: [&[T]; 3], allowances: &[f32]) -> bool {
+        let n = allowances.len();
+        let (p, q) = (p.map(|v| &v[..n]), q.map(|v| &v[..n]));
+        let mut bad = 0u32;
+        for k in 0..n {
+            let q = [q[0][k], q[1][k], q[2][k]];
+            let mut square = T::default();
+            for r in 0..3 {
+                let m = &self.m[r];
+                let at = m[0] * q[0] + m[1] * q[1] + m[2] * q[2] + self.t[r];
+                let d = p[r][k] - at;
+                square = square + d * d;
+            }
+            let most = self.sigma * T::from_f32(allowances[k]) - self.error;
+            // Also where there is no number.
+            let fine = (most > T::default()) & (square <= most * most);
+            bad |= u32::from(!fine);
+        }
+        bad != 0
+    }
+
+    #[inline(always)]
+    fn scan(
+        &self,
+        p: [&[T]; 3],
+        q: [&[T]; 3],
+        allowances: &[f32],
+        first: usize,
+        found: &mut Vec<u32>,
+    ) {
+        let chunks = allowances.len().div_ceil(CHUNK);
+        for c in 0..chunks {
+            let range = c * CHUNK..allowances.len().min((c + 1) * CHUNK);
+            let [p, q] = [cut(p, range.clone()), cut(q, range.clone())];
+            if self.broken(p, q, &allowances[range]) {
+                found.push((first + c) as u32);
+            }
+        }
+    }
+}
+
+/// The same range of three arrays.
+#[inline(always)]
+fn cut<T>(v: [&[T]; 3], range: Range<usize>) -> [&[T]; 3] {
+    v.map(|v| &v[range.clone()])
+}
+
+/// Adds the chunks of slots with a point that has moved further than it may, in order. Stops at some number above
+/// `limit`.
+pub(super) fn moved_chunks(
+    reference: &Reference,
+    affine: &Affine,
+    set: &CurveSet,
+    limit: usize,
+    found: &mut Vec<u32>,
+) {
+    match (set.axes(), reference.set.axes()) {
+        (Axes::F32(p), Axes::F32(q)) => scan_all::<f32>(reference, affine, set, p, q, limit, found),
+        (Axes::F64(p), Axes::F64(q)) => scan_all::<f64>(reference, affine, set, p, q, limit, found),
+        _ => unreachable!("callers compare the precision first"),
+    }
+}
+
+fn scan_all<T: Real>(
+    reference: &Reference,
+    affine: &Affine,
+    set: &CurveSet,
+    p: [&[T]; 3],
+    q: [&[T]; 3],
+    limit: usize,
+    found: &mut Vec<u32>,
+) {
+    let condition = Condition::<T>::new(affine, &reference.set, set);
+    let allowances = &reference.allowances[..];
+    let part = |range: Range<usize>, found: &mut Vec<u32>| {
+        let [p, q] = [cut(p, range.clone()), cut(q, range.clone())];
+        let first = range.start / CHUNK;
+        scan(&condition, p, q, &allowances[range], first, found);
+    };
+    let ranges = |size: usize| {
+        let n = allowances.len();
+        (0..n.div_ceil(size)).map(move |k| k * size..n.min((k + 1) * size))
+    };
+    if allowances.len() <= GRAIN || rayon::current_num_threads() == 1 {
+        for range in ranges(GRAIN / 8) {
+            part(range, found);
+            // Enough is known.
+            if found.len() > limit {
+                return;
+            }
+        }
+        return;
+    }
+    let parts: Vec<Vec<u32>> = ranges(GRAIN)
+        .par_bridge()
+        .map(|range| {
+            let mut found = Vec::new();
+            part(range, &mut found);
+            found
+        })
+        .collect();
+    found.extend(parts.into_iter().flatten());
+    found.sort_unstable();
+}
+
+/// [`Condition::scan`] with the instructions that there are.
+fn scan<T: Real>(
+    condition: &Condition<T>,
+    p: [&[T]; 3],
+    q: [&[T]; 3],
+    allowances: &[f32],
+    first: usize,
+    found: &mut Vec<u32>,
+) {
+    #[cfg(target_arch = "x86_64")]
+    if Avx2::detect().is_some() {
+        #[expect(unsafe_code, reason = "vector instructions")]
+        // SAFETY: the processor has just been asked.
+        return unsafe { scan_avx2(condition, p, q, allowances, first, found) };
+    }
+    condition.scan(p, q, allowances, first, found);
+}
+
+/// [`Condition::scan`], compiled with AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+fn scan_avx2<T: Real>(
+    condition: &Condition<T>,
+    p: [&[T]; 3],
+    q: [&[T]; 3],
+    allowances: &[f32],
+    first: usize,
+    found: &mut Vec<u32>,
+) {
+    condition.scan(p, q, allowances, first, found);
+}
