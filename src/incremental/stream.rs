@@ -95,13 +95,12 @@ impl<T: Real> Condition<T> {
         }
     }
 
-    /// Whether a chunk has a point that breaks the condition. All slices are equally long.
+    /// Whether a chunk has a point that breaks the condition. Its size is known to the compiler, which makes vectors
+    /// of it.
     #[inline(always)]
-    fn broken(&self, p: [&[T]; 3], q: [&[T]; 3], allowances: &[f32]) -> bool {
-        let n = allowances.len();
-        let (p, q) = (p.map(|v| &v[..n]), q.map(|v| &v[..n]));
-        let mut bad = 0u32;
-        for k in 0..n {
+    fn broken(&self, p: [&[T; CHUNK]; 3], q: [&[T; CHUNK]; 3], allowances: &[f32; CHUNK]) -> bool {
+        let mut fine = [false; CHUNK];
+        for k in 0..CHUNK {
             let q = [q[0][k], q[1][k], q[2][k]];
             let mut square = T::default();
             for r in 0..3 {
@@ -111,11 +110,10 @@ impl<T: Real> Condition<T> {
                 square = square + d * d;
             }
             let most = self.sigma * T::from_f32(allowances[k]) - self.error;
-            // Also where there is no number.
-            let fine = (most > T::default()) & (square <= most * most);
-            bad |= u32::from(!fine);
+            // Not fine also where there is no number.
+            fine[k] = (most > T::default()) & (square <= most * most);
         }
-        bad != 0
+        !fine.into_iter().fold(true, |all, fine| all & fine)
     }
 
     #[inline(always)]
@@ -127,15 +125,32 @@ impl<T: Real> Condition<T> {
         first: usize,
         found: &mut Vec<u32>,
     ) {
-        let chunks = allowances.len().div_ceil(CHUNK);
-        for c in 0..chunks {
-            let range = c * CHUNK..allowances.len().min((c + 1) * CHUNK);
-            let [p, q] = [cut(p, range.clone()), cut(q, range.clone())];
-            if self.broken(p, q, &allowances[range]) {
+        let (chunks, rest) = allowances.as_chunks();
+        let [px, py, pz] = p.map(|v| v.as_chunks().0);
+        let [qx, qy, qz] = q.map(|v| v.as_chunks().0);
+        let eight = px.iter().zip(py).zip(pz).zip(qx.iter().zip(qy).zip(qz));
+        for (c, (allowances, (((px, py), pz), ((qx, qy), qz)))) in
+            chunks.iter().zip(eight).enumerate()
+        {
+            if self.broken([px, py, pz], [qx, qy, qz], allowances) {
                 found.push((first + c) as u32);
             }
         }
+        if !rest.is_empty() {
+            // Points that have not moved fill the last chunk up.
+            let end = |v: [&[T]; 3]| v.map(|v| filled_up(&v[v.len() - rest.len()..], T::default()));
+            let (p, q, allowances) = (end(p), end(q), filled_up(rest, f32::INFINITY));
+            if self.broken(p.each_ref(), q.each_ref(), &allowances) {
+                found.push((first + chunks.len()) as u32);
+            }
+        }
     }
+}
+
+fn filled_up<T: Copy>(values: &[T], with: T) -> [T; CHUNK] {
+    let mut out = [with; CHUNK];
+    out[..values.len()].copy_from_slice(values);
+    out
 }
 
 /// The same range of three arrays.
