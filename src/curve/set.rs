@@ -279,8 +279,9 @@ impl CurveSet {
         self.curves[i].first as usize + s * self.basis.stride()
     }
 
+    /// The point in a slot.
     #[inline]
-    fn at(&self, slot: usize) -> Point {
+    pub(crate) fn at(&self, slot: usize) -> Point {
         self.coordinates.at(slot)
     }
 

@@ -18,44 +18,23 @@ pub(super) struct Affine {
 }
 
 impl Affine {
-    /// The map that takes `from` to `to` best, in the least squares of a sample of closed curves' points; or none,
-    /// where it would flatten or mirror the scene.
+    /// The map that takes a sample of the reference frame to where it is in the set `to` best, in the least squares;
+    /// or none, where it would flatten or mirror the scene.
     ///
     /// Where the points lie in a plane or on a line, `M` is the identity across it. The result is any map: what
     /// is concluded from it holds for every one, only less may be concluded from a bad one.
-    pub fn fit(from: &CurveSet, to: &CurveSet) -> Option<Affine> {
-        let vector = |p: Point| Vector3::from(p);
-        let step = (from.points() / SAMPLES).max(1);
-        let mut samples = Vec::with_capacity(2 * SAMPLES);
-        let mut skip = 0;
-        for (i, c) in from.curves().iter().enumerate() {
-            let n = c.points as usize;
-            let mut k = skip;
-            while k < n {
-                if c.closed {
-                    samples.push((vector(from.point(i, k)), vector(to.point(i, k))));
-                }
-                k += step;
-            }
-            skip = k - n;
+    pub fn fit(sample: &Sample, to: &CurveSet) -> Option<Affine> {
+        let share = 1.0 / sample.points.len() as f64;
+        let mut mean = Vector3::zeros();
+        let mut moved = Matrix3::zeros();
+        // Sums of what differs from the identity, so that a scene that stands still gives it exactly.
+        for (slot, q) in &sample.points {
+            let d = Vector3::from(to.at(*slot)) - q;
+            mean += d * share;
+            moved += d * (q - sample.mean).transpose() * share;
         }
-        let share = 1.0 / samples.len() as f64;
-        let (mut from_mean, mut to_mean) = (Vector3::zeros(), Vector3::zeros());
-        for (q, p) in &samples {
-            from_mean += q * share;
-            to_mean += p * share;
-        }
-        let (mut spread, mut moved) = (Matrix3::zeros(), Matrix3::zeros());
-        for (q, p) in &samples {
-            let (q, p) = (q - from_mean, p - to_mean);
-            spread += q * q.transpose() * share;
-            // What differs from the identity, so that a scene that stands still gives it exactly.
-            moved += (p - q) * q.transpose() * share;
-        }
-        let floor = 1e-9 * spread.trace();
-        let shape = spread + Matrix3::identity() * floor;
-        let m = Matrix3::identity() + moved * shape.try_inverse()?;
-        Affine::new(m, to_mean - m * from_mean)
+        let m = Matrix3::identity() + moved * sample.shape;
+        Affine::new(m, sample.mean + mean - m * sample.mean)
     }
 
     /// The map, where it is one to work with.
@@ -76,5 +55,43 @@ impl Affine {
     /// The point of the reference frame that is mapped to `p`.
     pub fn back(&self, p: Point) -> Point {
         (self.inverse * (Vector3::from(p) - self.t)).into()
+    }
+}
+
+/// Some control points of a reference frame, and what a fit needs of them.
+#[derive(Debug)]
+pub(super) struct Sample {
+    /// Slot, and position.
+    points: Vec<(usize, Vector3<f64>)>,
+    mean: Vector3<f64>,
+    /// The inverse of the points' covariance.
+    shape: Matrix3<f64>,
+}
+
+impl Sample {
+    /// Points of closed curves, evenly spread over them.
+    pub fn new(set: &CurveSet) -> Sample {
+        let step = (set.points() / SAMPLES).max(1);
+        let slots = (0..set.len())
+            .filter(|&i| set.curve(i).closed)
+            .flat_map(|i| set.body(i))
+            .step_by(step);
+        let points: Vec<_> = slots.map(|k| (k, Vector3::from(set.at(k)))).collect();
+        let share = 1.0 / points.len().max(1) as f64;
+        let mean: Vector3<f64> = points.iter().map(|(_, q)| q * share).sum();
+        let spread: Matrix3<f64> = points
+            .iter()
+            .map(|(_, q)| (q - mean) * (q - mean).transpose() * share)
+            .sum();
+        // Across a plane or a line there is nothing to fit.
+        let floor = Matrix3::identity() * (1e-9 * spread.trace() + f64::MIN_POSITIVE);
+        let shape = (spread + floor)
+            .try_inverse()
+            .unwrap_or_else(Matrix3::zeros);
+        Sample {
+            points,
+            mean,
+            shape,
+        }
     }
 }

@@ -105,22 +105,16 @@ impl Monitor {
         self.frame += 1;
         self.adopt(set, baseline);
         let chunks = set.slots().div_ceil(CHUNK);
-        *work = Work {
-            blocks: set
-                .curves()
-                .iter()
-                .map(|c| u64::from(c.segments.div_ceil(8)))
-                .sum(),
-            ..Work::default()
-        };
+        *work = Work::default();
         let Some(known) = self.reference.as_mut() else {
             return Finding::Nothing;
         };
         let Known {
             reference, paid, ..
         } = known;
+        work.blocks = reference.blocks;
         work.reference_age = Some(self.frame - reference.frame);
-        let Some(affine) = Affine::fit(&reference.set, set) else {
+        let Some(affine) = Affine::fit(&reference.sample, set) else {
             return Finding::Nothing;
         };
         let limit = (chunks as f64 * MANY_CHUNKS) as usize;

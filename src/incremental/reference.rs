@@ -11,6 +11,7 @@
 //! Cost: a descent of all pairs of curves that come within the reach of one another, and some tests of hulls for
 //! each pair of segments within it.
 
+use super::affine::Sample;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Bezier, Box3, CurveSet, Point, sub_segment};
 use crate::pairs::{LinkSearch, Trees, closest_of_segments, closest_points, segments_within};
@@ -38,6 +39,10 @@ pub(super) struct Reference {
     pub frame: u64,
     /// Pairs of curves whose boxes overlapped.
     pub potential_links: usize,
+    /// What affine frames are fitted to.
+    pub sample: Sample,
+    /// Blocks of eight segments in all.
+    pub blocks: u64,
     /// For every slot of the coordinates, the distance that its point may move. Infinite where it is a copy, padding or
     /// of an open curve.
     pub allowances: Vec<f32>,
@@ -54,6 +59,12 @@ impl Reference {
     ) -> Reference {
         let mut trees = Trees::default();
         trees.refit(&set);
+        let sample = Sample::new(&set);
+        let blocks = set
+            .curves()
+            .iter()
+            .map(|c| u64::from(c.segments.div_ceil(8)));
+        let blocks = blocks.sum();
         let reach = typical_clearance(&set, &trees) * 0.5;
         let allowances = allowances(&set, &trees, &certificate, reach);
         Reference {
@@ -62,6 +73,8 @@ impl Reference {
             certificate,
             frame,
             potential_links,
+            sample,
+            blocks,
             allowances,
             reach,
         }
