@@ -19,6 +19,7 @@ mod ingest;
 pub mod kernels;
 pub mod model;
 mod pairs;
+pub mod plan;
 pub mod scenes;
 mod sinks;
 mod verdict;
@@ -33,6 +34,7 @@ pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
+pub use plan::Plan;
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use sinks::{

@@ -115,11 +115,7 @@ impl Verifier {
         links.clear();
         undefined.clear();
         undefined.extend(degenerate_curves(set));
-        let pairs = self.search.find(self.trees.roots());
-        if !undefined.is_empty() {
-            let whole = |i: u32| undefined.binary_search_by_key(&i, |d| d.i).is_err();
-            pairs.retain(|&(i, j)| whole(i) && whole(j));
-        }
+        let pairs = potential_links(&self.trees, &mut self.search, undefined);
         let paired = Instant::now();
         let scene = Scene {
             set,
@@ -225,9 +221,7 @@ impl Verifier {
 fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progress: &Progress) {
     progress.done.store(0, Ordering::Relaxed);
     progress.total.store(pairs.len() as u64, Ordering::Relaxed);
-    // Parts small enough to share out, large enough to be worth it. One pair may be a whole model; it shares
-    // itself out.
-    let size = (pairs.len() / (32 * rayon::current_num_threads())).clamp(1, 256);
+    let size = links_per_task(pairs.len(), rayon::current_num_threads());
     let count = pairs.len().div_ceil(size);
     parts.resize_with(count.max(parts.len()), Part::default);
     parts.par_iter_mut().enumerate().for_each(|(k, part)| {
@@ -259,6 +253,26 @@ fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progre
     });
 }
 
+/// Potential links computed by one task: few enough to share out, enough to be worth it. One of them may be a whole
+/// model; it shares itself out.
+pub(crate) fn links_per_task(links: usize, threads: usize) -> usize {
+    (links / (32 * threads)).clamp(1, 256)
+}
+
+/// Pairs that may be linked: those whose boxes overlap, but for degenerate curves, which are sorted.
+pub(crate) fn potential_links<'a>(
+    trees: &Trees,
+    search: &'a mut LinkSearch,
+    degenerate: &[Defect],
+) -> &'a mut Vec<Pair> {
+    let pairs = search.find(trees.roots());
+    if !degenerate.is_empty() {
+        let whole = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
+        pairs.retain(|&(i, j)| whole(i) && whole(j));
+    }
+    pairs
+}
+
 /// What one task computed.
 #[derive(Debug, Default)]
 struct Part {
@@ -268,7 +282,7 @@ struct Part {
 }
 
 /// Closed curves that bound nothing, in order.
-fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
+pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
     (0..set.len())
         .filter(|&i| set.curve(i).closed && !set.has_three_distinct_points(i))
         .map(|i| Defect {

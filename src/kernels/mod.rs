@@ -16,6 +16,59 @@ pub mod oracle;
 
 use crate::verdict::{DefectKind, Place};
 
+/// Work that linking numbers take, in counts. It depends on the curves alone, not on the machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Work {
+    /// Node pairs looked into for the choice of the direction, breadth first.
+    pub front: u64,
+    /// Node pairs looked into on the way to the segments, depth first.
+    pub nodes: u64,
+    /// Segment pairs tested for a crossing.
+    pub tests: u64,
+    /// Segment pairs of splines whose boxes overlap in space, and whose hulls are compared.
+    pub overlaps: u64,
+    /// Points that the discretization adds.
+    pub refined: u64,
+    /// Tests that exact arithmetic decides.
+    pub exact: u64,
+}
+
+impl Work {
+    /// So many times the work, rounded.
+    pub(crate) fn scaled(self, factor: f64) -> Work {
+        let scaled = |count: u64| (count as f64 * factor).round() as u64;
+        Work {
+            front: scaled(self.front),
+            nodes: scaled(self.nodes),
+            tests: scaled(self.tests),
+            overlaps: scaled(self.overlaps),
+            refined: scaled(self.refined),
+            exact: scaled(self.exact),
+        }
+    }
+}
+
+impl std::ops::Add for Work {
+    type Output = Work;
+
+    fn add(self, other: Work) -> Work {
+        Work {
+            front: self.front + other.front,
+            nodes: self.nodes + other.nodes,
+            tests: self.tests + other.tests,
+            overlaps: self.overlaps + other.overlaps,
+            refined: self.refined + other.refined,
+            exact: self.exact + other.exact,
+        }
+    }
+}
+
+impl std::iter::Sum for Work {
+    fn sum<I: Iterator<Item = Work>>(parts: I) -> Work {
+        parts.fold(Work::default(), |a, b| a + b)
+    }
+}
+
 /// What a kernel says of one pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Linking {

@@ -8,7 +8,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Portable};
+use crate::curve::{Basis, Box3, BoxGroup, CurveSet, LANES, Lanes, Portable};
 
 /// Levels of the deepest tree: `8^11 > 2^32` segments.
 const LEVELS: usize = 11;
@@ -67,18 +67,33 @@ pub(crate) struct Trees {
 }
 
 impl Trees {
+    /// Whether the boxes of single segments are stored: those of splines are, those of polylines are computed where
+    /// they are needed.
+    pub fn stores_leaves(basis: Basis) -> bool {
+        !basis.is_polyline()
+    }
+
+    /// Whether the boxes of so many segments are shared out among threads: of several curves, or of a single one.
+    pub fn shares_out(segments: usize) -> bool {
+        segments > GRAIN
+    }
+
+    /// Levels of the tree of curve `i`.
+    pub fn levels(&self, i: usize) -> u8 {
+        self.layouts[i].levels
+    }
+
     /// Refits all boxes to a frame. Allocates only where the curves are others than before.
     pub fn refit(&mut self, set: &CurveSet) {
-        let same =
-            self.layouts.len() == set.len()
-                && self.layouts.iter().zip(set.curves()).all(|(l, c)| {
-                    l.segments == c.segments && l.leaves != set.basis().is_polyline()
-                });
+        let same = self.layouts.len() == set.len()
+            && self.layouts.iter().zip(set.curves()).all(|(l, c)| {
+                l.segments == c.segments && l.leaves == Self::stores_leaves(set.basis())
+            });
         if !same {
             self.layouts.clear();
             let mut at = 0;
             for c in set.curves() {
-                let layout = Layout::new(c.segments, !set.basis().is_polyline(), at);
+                let layout = Layout::new(c.segments, Self::stores_leaves(set.basis()), at);
                 at += layout.groups;
                 self.layouts.push(layout);
             }
@@ -107,8 +122,7 @@ impl Trees {
     }
 
     /// Bytes of the stored boxes.
-    #[cfg(test)]
-    fn bytes(&self) -> usize {
+    pub fn bytes(&self) -> usize {
         size_of_val(&self.groups[..]) + size_of_val(&self.roots[..])
     }
 }
@@ -194,7 +208,7 @@ fn refit_range(
     roots: &mut [Box3],
 ) {
     let work: usize = layouts.iter().map(|l| l.segments as usize).sum();
-    if layouts.len() > 1 && work > GRAIN {
+    if layouts.len() > 1 && Trees::shares_out(work) {
         let mid = layouts.len() / 2;
         let (left, right) = layouts.split_at(mid);
         let split = left.iter().map(|l| l.groups as usize).sum();
@@ -262,7 +276,7 @@ struct Strip<'a> {
 impl Strip<'_> {
     /// Refits the leaves and the level above; halves the strip while it is worth a task of its own.
     fn refit(self) {
-        if self.leaves * LANES <= GRAIN {
+        if !Trees::shares_out(self.leaves * LANES) {
             return self.refit_part();
         }
         let mid = self.below.len() / 2;
@@ -398,7 +412,7 @@ fn bounds_of_eight<L: Lanes>(simd: L, groups: &[BoxGroup; LANES]) -> BoxGroup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::curve::{Basis, Positions};
+    use crate::curve::Positions;
 
     /// Every node's box is the box of the segments that it covers, for all sizes around powers of eight.
     #[test]

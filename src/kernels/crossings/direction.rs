@@ -11,6 +11,18 @@ use crate::pairs::{Agenda, CurveTree, Node};
 /// Node pairs at which the pass has seen enough to choose.
 const ENOUGH: usize = 192;
 
+/// Level of the roots up to which two loops are small: a pass over their trees would cost more than it saves.
+const SMALL_LEVEL: u8 = 1;
+
+/// Segments of the largest loop that is small.
+pub(crate) const SMALL_SEGMENTS: usize = LANES.pow(SMALL_LEVEL as u32 + 1);
+
+/// Whether the direction of a pair is chosen by a formula on its boxes: both loops are small.
+#[inline(always)]
+pub(crate) fn by_formula(roots: [Node; 2]) -> bool {
+    roots.iter().all(|root| root.level <= SMALL_LEVEL)
+}
+
 /// A set of directions, a bit each in the order of [`Direction::ALL`].
 type Directions = u32;
 const ALL: Directions = 0x3f;
@@ -20,6 +32,8 @@ const ALL: Directions = 0x3f;
 pub(super) struct Fronts {
     now: Front,
     next: Front,
+    /// Node pairs looked into, since this was last set to 0.
+    pub visited: u64,
 }
 
 /// Node pairs, structure of arrays; all first nodes are of one level, and so are all second ones. The arrays are
@@ -45,18 +59,18 @@ pub(super) fn choose<L: Lanes>(
 ) -> Option<Direction> {
     agenda.clear();
     let (root_a, root_b) = (a.root(), b.root());
-    let small = root_a.level <= 1 && root_b.level <= 1;
-    if fixed.is_some() || small {
+    if fixed.is_some() || by_formula([root_a, root_b]) {
         let direction = fixed.unwrap_or_else(|| guess(&a.bounds, &b.bounds));
         agenda.push(direction.upper_first(root_a, root_b));
         return Some(direction);
     }
-    let Fronts { now, next } = fronts;
+    let Fronts { now, next, visited } = fronts;
     let mut levels = [root_a.level, root_b.level];
     let mut alive = ALL;
     now.reset();
     while !alive.is_power_of_two() && now.len <= ENOUGH && levels != [0, 0] {
         next.make_room(now.len);
+        *visited += now.len as u64;
         if levels[0] >= levels[1] {
             expand::<L, false>(simd, [a, b], levels, now, next);
             levels[0] -= 1;

@@ -15,12 +15,16 @@
 mod direction;
 mod evaluate;
 mod gather;
+mod sample;
 #[cfg(test)]
 mod spline_tests;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use self::direction::{SMALL_SEGMENTS, by_formula};
 use self::evaluate::Tally;
+pub(crate) use self::gather::shares_out;
+pub(crate) use self::sample::sample;
 use super::Linking;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
