@@ -43,19 +43,19 @@ struct Nanoseconds {
 
 const NS: Nanoseconds = Nanoseconds {
     polyline_box: 1.4,
-    spline_box: 3.6,
+    spline_box: 2.8,
     tree: 60.0,
     sorted: 60.0,
     sweep_step: 2.0,
-    found: 25.0,
-    link: 100.0,
-    front: 20.0,
-    polyline_node: 60.0,
-    spline_node: 40.0,
+    found: 32.0,
+    link: 80.0,
+    front: 23.0,
+    polyline_node: 35.0,
+    spline_node: 14.0,
     test: 10.0,
-    exact: 50.0,
+    exact: 60.0,
     hulls: 50.0,
-    refined: 500.0,
+    refined: 140.0,
     repeat: 0.5,
 };
 

@@ -5,9 +5,9 @@ use std::fmt;
 
 impl fmt::Display for Prediction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", millis(self.one_thread_ms))?;
+        write!(f, "{}", millis(self.ms))?;
         if self.ms != self.one_thread_ms {
-            write!(f, ", {} on the threads", millis(self.ms))?;
+            write!(f, " ({} on one thread)", millis(self.one_thread_ms))?;
         }
         Ok(())
     }
@@ -77,11 +77,16 @@ impl fmt::Display for Plan {
             )?,
         }
         writeln!(f, ": {}", direction.predicted)?;
-        let how = match discretization.choice {
-            DiscretizationChoice::None => "none (polylines)",
-            DiscretizationChoice::PairByPair => "pair by pair, where hulls meet (splines)",
-        };
-        writeln!(f, "discretization: {how}: {}", discretization.predicted)?;
+        match discretization.choice {
+            DiscretizationChoice::None => writeln!(f, "discretization: none (polylines)")?,
+            DiscretizationChoice::PairByPair => writeln!(
+                f,
+                "discretization: pair by pair, where hulls meet (splines), {} and {} expected: {}",
+                plural(kernel.work.overlaps as usize, "hull test"),
+                plural(kernel.work.refined as usize, "new point"),
+                discretization.predicted,
+            )?,
+        }
         let parallelism = match kernel.parallelism {
             Parallelism::None => "one thread",
             Parallelism::OverLinks => "links shared out",
@@ -100,7 +105,7 @@ impl fmt::Display for Plan {
         )?;
         write!(
             f,
-            "all: {} beside the curves: {predicted}",
+            "total: {} beside the curves: {predicted}",
             megabytes(*bytes)
         )
     }

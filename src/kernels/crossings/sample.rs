@@ -1,18 +1,19 @@
 //! What a pair costs, found out on a part of it.
 
-use super::{Scene, Workspace, direction, gather};
+use super::{Scene, Tally, Workspace, direction, gather};
 use crate::curve::Portable;
 use crate::kernels::Work;
-use crate::pairs::Pair;
+use crate::pairs::{Agenda, Pair, Query, SegmentPairs, descend};
 use crate::verdict::Stats;
 
-/// Node pairs that are looked below, of those at which the choice of the direction ended.
-const BRANCHES: usize = 64;
+/// Node pairs of a level that are looked into.
+const BRANCHES: usize = 256;
 
-/// The work that the linking number of a pair takes, extrapolated from [`BRANCHES`] node pairs that lie evenly among
-/// those below which the crossings are. Where there are no more of them, it is the work itself.
+/// The work that the linking number of a pair takes, extrapolated level by level: of the node pairs that are left at a
+/// level, [`BRANCHES`] that lie evenly among them stand for all. Where there are never more, it is the work itself.
 ///
-/// Cost: the choice of the direction, and the part of the pair that is below the sample.
+/// Cost: the choice of the direction; some thousand node pairs, whatever the length of the curves; and the tests
+/// below the last of them.
 pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) -> Work {
     let [i, j] = [i as usize, j as usize];
     let both = [i, j].map(|i| scene.trees.of(scene.set, i));
@@ -26,24 +27,40 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
     let Some(direction) = chosen else {
         return choice;
     };
-    let branches = agenda.len();
-    if branches > BRANCHES {
-        for k in 0..BRANCHES {
-            agenda[k] = agenda[k * branches / BRANCHES];
-        }
-        agenda.truncate(BRANCHES);
-    }
-    let factor = branches as f64 / agenda.len().max(1) as f64;
     let (upper, lower) = direction.upper_first(i, j);
     let task = gather::Task::new(scene, [upper, lower], direction.axis);
-    workspace.tally = super::Tally::default();
+    let query = Query {
+        w: task.axis,
+        meeting: false,
+    };
+    let both = task.curves.map(|i| scene.trees.of(scene.set, i));
+    let mut found = SegmentPairs::default();
+    let (mut below, mut one) = (Agenda::new(), Agenda::new());
+    let (mut factor, mut nodes) = (1.0, 0.0);
+    // All first nodes are of one level, and so are all second ones.
+    loop {
+        factor *= thin(agenda);
+        if agenda
+            .first()
+            .is_none_or(|(t, u)| t.level.max(u.level) == 0)
+        {
+            break;
+        }
+        nodes += factor * agenda.len() as f64;
+        for pair in agenda.drain(..) {
+            one.push(pair);
+            descend::<_, false>(Portable, both, query, &mut one, &mut found, (1, usize::MAX));
+            below.append(&mut one);
+        }
+        std::mem::swap(agenda, &mut below);
+    }
+    workspace.tally = Tally::default();
     workspace.candidates.clear();
     gather::resume(&task, workspace);
-    if !scene.set.basis().is_polyline() && !task.entangled() {
+    if !scene.set.basis().is_polyline() {
         // Where it is too close, the pair takes the same time to say so.
         task.finish_splines(workspace).ok();
     }
-    let nodes = workspace.tally.nodes;
     let Stats {
         tests,
         overlaps,
@@ -51,13 +68,30 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
         exact,
         ..
     } = workspace.tally.stats();
-    let below = Work {
+    let leaves = Work {
         front: 0,
-        nodes,
+        nodes: workspace.tally.nodes,
         tests,
         overlaps,
         refined,
         exact,
     };
-    choice + below.scaled(factor)
+    let inner = Work {
+        nodes: nodes.round() as u64,
+        ..Work::default()
+    };
+    choice + inner + leaves.scaled(factor)
+}
+
+/// Keeps [`BRANCHES`] node pairs at even distances; returns how many each stands for.
+fn thin(agenda: &mut Agenda) -> f64 {
+    let all = agenda.len();
+    if all <= BRANCHES {
+        return 1.0;
+    }
+    for k in 0..BRANCHES {
+        agenda[k] = agenda[k * all / BRANCHES];
+    }
+    agenda.truncate(BRANCHES);
+    all as f64 / BRANCHES as f64
 }
