@@ -1,4 +1,4 @@
-//! `linkwatch certify --repeat`: what a certificate costs, stage by stage.
+//! `--repeat` of `linkwatch certify` and `plan`: what a certificate costs, stage by stage.
 //!
 //! From control points in memory to the sorted numbers. "First" is a verifier that meets the model for the first
 //! time and makes its buffers; "later" is the same one again.

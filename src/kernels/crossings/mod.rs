@@ -78,6 +78,7 @@ pub(crate) struct Scene<'a> {
 
 /// Buffers that wait for a task. They serve every pair of every frame.
 #[derive(Debug, Default)]
+#[expect(clippy::vec_box, reason = "buffers change hands as a pointer")]
 pub(crate) struct Workspaces {
     idle: Mutex<Vec<Box<Workspace>>>,
 }
@@ -93,6 +94,7 @@ impl Workspaces {
         self.lock().push(workspace);
     }
 
+    #[expect(clippy::vec_box, reason = "as above")]
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Box<Workspace>>> {
         // A task that panicked holds no lock: the list is whole.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
