@@ -14,6 +14,7 @@ mod curve;
 mod discretize;
 mod error;
 mod exact;
+mod incremental;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod ingest;
 pub mod kernels;
@@ -34,6 +35,7 @@ pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
+pub use incremental::{Route, Work};
 pub use plan::Plan;
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]

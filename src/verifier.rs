@@ -3,17 +3,22 @@
 //! It has no file and no socket, and its clock only measures: live frames, recordings, model files and tests
 //! drive it alike.
 
-use crate::certificate::{Certificate, Link};
-use crate::curve::CurveSet;
+use crate::certificate::{Certificate, Comparison, Link};
+use crate::curve::{Box3, CurveSet};
 use crate::error::{Error, Result};
+use crate::incremental::Work;
 use crate::kernels::Linking;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
-use crate::pairs::{LinkSearch, Pair, Trees, closest_approach};
+use crate::pairs::{LinkSearch, Pair, Trees, closest_approach, most_suspect_first};
 use crate::verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};
 use rayon::prelude::*;
+use std::slice::SliceIndex;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+
+/// Pairs that are computed before the first look for a change; then twice as many each time.
+const FIRST_BLOCK: usize = 64;
 
 /// How far a long run is. Shared with whoever shows it.
 #[derive(Debug, Default)]
@@ -52,9 +57,14 @@ pub struct Timings {
 pub struct Verifier {
     abort_on: AbortOn,
     baseline: Option<Certificate>,
+    early_exit: bool,
+    incremental: bool,
+    work: Work,
     trees: Trees,
     search: LinkSearch,
     parts: Vec<Part>,
+    /// Boxes of the frame before, where the motion since then is asked for.
+    before: Vec<Box3>,
     workspaces: Workspaces,
     /// Of the last frame.
     certificate: Certificate,
@@ -80,6 +90,27 @@ impl Verifier {
         }
     }
 
+    /// Whether [`Verifier::step`] stops at the first change that it finds, and leaves the other pairs unchecked.
+    ///
+    /// Pairs are computed in the order in which they are likely to have changed, so a broken frame is told from an
+    /// intact one long before all is known. An intact frame takes as long as ever.
+    pub fn set_early_exit(&mut self, early_exit: bool) {
+        self.early_exit = early_exit;
+    }
+
+    /// Whether [`Verifier::step`] computes only what has changed since an earlier frame, where it can prove that.
+    ///
+    /// The verdicts are the same. [`Report::stats`] then has the sizes of the scene alone, since the work depends on
+    /// the frames before; see [`Verifier::work`].
+    pub fn set_incremental(&mut self, incremental: bool) {
+        self.incremental = incremental;
+    }
+
+    /// What the last frame took.
+    pub fn work(&self) -> Work {
+        self.work
+    }
+
     /// What frames are compared with, once there is something.
     pub fn baseline(&self) -> Option<&Certificate> {
         self.baseline.as_ref()
@@ -97,13 +128,20 @@ impl Verifier {
 
     /// All linking numbers of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
-        let stats = self.compute(set);
+        let start = Instant::now();
+        let mut stats = self.find_pairs(set);
+        self.compute_pairs(set, .., &mut stats);
+        self.timings.total = start.elapsed();
         (&self.certificate, stats)
     }
 
-    /// Makes [`Verifier::certificate`] that of a frame.
-    fn compute(&mut self, set: &CurveSet) -> Stats {
+    /// The stages before the linking numbers: boxes and potential links. Nothing is certified yet.
+    fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
+        if self.early_exit {
+            self.before.clear();
+            self.before.extend_from_slice(self.trees.roots());
+        }
         self.trees.refit(set);
         let boxed = Instant::now();
         let Certificate {
@@ -116,14 +154,15 @@ impl Verifier {
         undefined.clear();
         undefined.extend(degenerate_curves(set));
         let pairs = potential_links(&self.trees, &mut self.search, undefined);
-        let paired = Instant::now();
-        let scene = Scene {
-            set,
-            trees: &self.trees,
-            workspaces: &self.workspaces,
+        self.progress.done.store(0, Ordering::Relaxed);
+        let total = pairs.len() as u64;
+        self.progress.total.store(total, Ordering::Relaxed);
+        self.timings = Timings {
+            boxes: boxed - start,
+            pairs: boxed.elapsed(),
+            ..Timings::default()
         };
-        compute_links(scene, pairs, &mut self.parts, &self.progress);
-        let mut stats = Stats {
+        Stats {
             curves: set.len() as u64,
             segments: set.segments() as u64,
             open_curves: set.curves().iter().filter(|c| !c.closed).count() as u64,
@@ -132,21 +171,68 @@ impl Verifier {
                 .map(|i| set.repeated_vertices(i) as u64)
                 .sum(),
             ..Stats::default()
+        }
+    }
+
+    /// Adds the linking numbers of a range of the potential links to the certificate.
+    fn compute_pairs(
+        &mut self,
+        set: &CurveSet,
+        range: impl SliceIndex<[Pair], Output = [Pair]>,
+        stats: &mut Stats,
+    ) {
+        let start = Instant::now();
+        let scene = Scene {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
         };
+        compute_links(
+            scene,
+            &self.search.pairs()[range],
+            &mut self.parts,
+            &self.progress,
+        );
+        let Certificate {
+            links, undefined, ..
+        } = &mut self.certificate;
         for part in &self.parts {
             links.extend_from_slice(&part.links);
             undefined.extend_from_slice(&part.undefined);
             stats.add(&part.stats);
         }
         undefined.sort_by_key(|d| (d.i, d.j));
-        let end = Instant::now();
-        self.timings = Timings {
-            boxes: boxed - start,
-            pairs: paired - boxed,
-            links: end - paired,
-            total: end - start,
-        };
-        stats
+        self.timings.links += start.elapsed();
+    }
+
+    /// Compares a frame with the baseline, the most suspect pairs first, up to the first change.
+    ///
+    /// Pairs are taken in blocks, so that what is found does not depend on the number of threads.
+    fn compare_until_change(
+        &mut self,
+        set: &CurveSet,
+        baseline: &Certificate,
+        stats: &mut Stats,
+    ) -> Result<Comparison> {
+        let (now, pairs) = (self.trees.roots(), self.search.pairs_mut());
+        most_suspect_first(pairs, &baseline.links, now, &self.before);
+        let count = pairs.len();
+        let (mut done, mut block) = (0, FIRST_BLOCK);
+        let mut unchecked = Vec::new();
+        loop {
+            unchecked.clear();
+            unchecked.extend_from_slice(&self.search.pairs()[done..]);
+            unchecked.sort_unstable();
+            stats.unchecked = unchecked.len() as u64;
+            let comparison = self.certificate.compare_except(baseline, &unchecked)?;
+            if !comparison.changes.is_empty() || done == count {
+                return Ok(comparison);
+            }
+            let next = (done + block).min(count);
+            self.compute_pairs(set, done..next, stats);
+            self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
+            (done, block) = (next, 2 * block);
+        }
     }
 
     /// Verifies one frame. The first one becomes the baseline where there is none.
@@ -164,10 +250,20 @@ impl Verifier {
             return Err(Error::NothingClosed { curves: set.len() });
         }
         let start = Instant::now();
-        let stats = self.compute(set);
-        let certificate = &self.certificate;
-        let baseline = self.baseline.get_or_insert_with(|| certificate.clone());
-        let mut comparison = certificate.compare(baseline)?;
+        let mut stats = self.find_pairs(set);
+        let mut comparison = match self.baseline.take() {
+            Some(baseline) if self.early_exit => {
+                let comparison = self.compare_until_change(set, &baseline, &mut stats);
+                self.baseline = Some(baseline);
+                comparison?
+            }
+            baseline => {
+                self.compute_pairs(set, .., &mut stats);
+                let certificate = &self.certificate;
+                let baseline = baseline.unwrap_or_else(|| certificate.clone());
+                certificate.compare(self.baseline.insert(baseline))?
+            }
+        };
         let trees = &self.trees;
         comparison.changes.par_iter_mut().for_each(|c| {
             let (i, j) = (c.i as usize, c.j as usize);
@@ -219,8 +315,6 @@ impl Verifier {
 
 /// The linking numbers of these pairs, in parts that follow one another in the order of the pairs.
 fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progress: &Progress) {
-    progress.done.store(0, Ordering::Relaxed);
-    progress.total.store(pairs.len() as u64, Ordering::Relaxed);
     let size = links_per_task(pairs.len(), rayon::current_num_threads());
     let count = pairs.len().div_ceil(size);
     parts.resize_with(count.max(parts.len()), Part::default);

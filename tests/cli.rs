@@ -317,3 +317,44 @@ fn degenerate_loops_are_named_and_the_others_certified() {
     );
     assert!(run.stdout.starts_with("3\n1,2,"), "{}", run.stdout);
 }
+
+/// One change among thousands of pairs, and an intact model, with `--early-exit` and without.
+#[test]
+fn early_exit_finds_the_change_and_counts_what_it_left() {
+    let folder = TempDir::new().unwrap();
+    let [model, cert] = ["m.bcc", "c.txt"].map(|name| folder.path().join(name));
+    let (model, cert) = (text(&model), text(&cert));
+    let scene = "chainmail:rows=30,columns=30";
+    let run = linkwatch(&["-q", "generate", scene, "-o", model, "--certificate", cert]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let check = |threads: &str, more: &[&str]| {
+        let common = [
+            "--json",
+            "--threads",
+            threads,
+            "check",
+            model,
+            "--against",
+            cert,
+        ];
+        let run = linkwatch(&[&common[..], more].concat());
+        let out: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        let unchecked = out["report"]["stats"]["unchecked"].as_u64().unwrap();
+        (run.code, unchecked, out["report"].clone())
+    };
+    // An intact model is intact only when nothing is left.
+    let (code, unchecked, _) = check("2", &["--early-exit"]);
+    assert_eq!((code, unchecked), (0, 0));
+    let expected = std::fs::read_to_string(cert).unwrap();
+    let changed = expected.replacen("\n0,1,-1\n", "\n0,1,1\n", 1);
+    assert_ne!(expected, changed);
+    std::fs::write(cert, changed).unwrap();
+    let (code, unchecked, full) = check("1", &[]);
+    assert_eq!((code, unchecked), (1, 0));
+    let (code, unchecked, early) = check("1", &["--early-exit"]);
+    assert_eq!(code, 1);
+    assert!(unchecked > 1000, "{unchecked}");
+    assert_eq!(early["changes"], full["changes"]);
+    // The number of threads decides nothing.
+    assert_eq!(check("2", &["--early-exit"]).2, early);
+}

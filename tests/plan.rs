@@ -62,7 +62,7 @@ fn a_model_and_the_scene_that_it_was_written_from_have_one_plan() {
     let plan = &plans[0]["plan"];
     assert_eq!(plan["threads"], 2);
     assert_eq!(plan["discretization"]["choice"], "pair-by-pair");
-    assert_eq!(plan["boxes"]["leaves_stored"], true);
+    assert_eq!(plan["boxes"]["stored_leaves"], 3);
     assert_eq!(plan["potential_links"]["links"], 2);
     assert_eq!(plan["potential_links"]["search"], "sweep");
     assert_eq!(plan["kernel"]["choice"], "crossings");

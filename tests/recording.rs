@@ -64,6 +64,7 @@ fn report(seq: u64) -> Report {
             overlaps: 9,
             refined: 10,
             exact: u64::MAX,
+            unchecked: 11,
         },
     }
 }

@@ -68,6 +68,15 @@ impl Certificate {
     ///
     /// A pair without a linking number on either side is not compared, and reported.
     pub fn compare(&self, baseline: &Certificate) -> Result<Comparison> {
+        self.compare_except(baseline, &[])
+    }
+
+    /// [`Certificate::compare`] without the pairs `unchecked`, which are sorted: nothing is known of them.
+    pub(crate) fn compare_except(
+        &self,
+        baseline: &Certificate,
+        unchecked: &[(u32, u32)],
+    ) -> Result<Comparison> {
         if self.curves != baseline.curves {
             return Err(Error::CertificateMismatch {
                 certificate: baseline.curves,
@@ -85,7 +94,10 @@ impl Certificate {
                 .binary_search_by_key(&key, |e| (e.i, e.j))
                 .is_ok()
         };
-        let missing = baseline.undefined.iter().filter(|d| !own(d));
+        let checked = |d: &Defect| {
+            d.j.is_none_or(|j| unchecked.binary_search(&(d.i, j)).is_err())
+        };
+        let missing = baseline.undefined.iter().filter(|d| !own(d) && checked(d));
         out.defects.extend(missing.map(|d| Defect {
             kind: DefectKind::NoBaseline,
             ..*d
@@ -100,7 +112,8 @@ impl Certificate {
             }
         }
         let known = |l: &Link| {
-            unknown_pairs.binary_search(&(l.i, l.j)).is_err()
+            unchecked.binary_search(&(l.i, l.j)).is_err()
+                && unknown_pairs.binary_search(&(l.i, l.j)).is_err()
                 && unknown_curves.binary_search(&l.i).is_err()
                 && unknown_curves.binary_search(&l.j).is_err()
         };

@@ -1,7 +1,7 @@
 //! `linkwatch check`: models against a certificate.
 
 use super::Outcome;
-use super::output::{self, with_progress};
+use super::output::{self, plural, with_progress};
 use linkwatch::{AbortOn, Certificate, Error, Report, Result, Verifier, model};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -15,6 +15,9 @@ pub struct Args {
     /// The certificate to compare with, as `linkwatch certify -o` writes it
     #[arg(long, value_name = "CERT")]
     against: PathBuf,
+    /// Stop at the first change of a model, the most suspect pairs first
+    #[arg(long)]
+    early_exit: bool,
     /// Write the pairs that differ, a line `i,j,expected,found` each
     #[arg(long, value_name = "FILE")]
     diff_pairs: Option<PathBuf>,
@@ -27,6 +30,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let expected = Certificate::read(&args.against)?;
     let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
+    verifier.set_early_exit(args.early_exit);
     let mut outcome = Outcome::Fine;
     let mut pairs = BTreeSet::new();
     let mut failed = None;
@@ -53,6 +57,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         output::line(format_args!("{}: {}", path.display(), report.verdict))?;
         for finding in report.findings() {
             output::line(format_args!("  {finding}"))?;
+        }
+        if report.stats.unchecked > 0 {
+            let unchecked = plural(report.stats.unchecked, "pair");
+            output::line(format_args!("  {unchecked} left unchecked"))?;
         }
     }
     if let Some(file) = &args.diff_pairs {

@@ -26,6 +26,21 @@ impl Box3 {
         (0..3).all(|x| self.lo[x] <= other.hi[x] && other.lo[x] <= self.hi[x])
     }
 
+    /// The largest distance that a bound has from that of another box, along an axis.
+    pub fn largest_shift(&self, other: &Box3) -> f32 {
+        let shift = |x: usize| {
+            let (lo, hi) = (self.lo[x] - other.lo[x], self.hi[x] - other.hi[x]);
+            lo.abs().max(hi.abs())
+        };
+        shift(0).max(shift(1)).max(shift(2))
+    }
+
+    /// How far one of two boxes must move along an axis to overlap the other no more.
+    pub fn overlap_depth(&self, other: &Box3) -> f32 {
+        let depth = |x: usize| (self.hi[x] - other.lo[x]).min(other.hi[x] - self.lo[x]);
+        depth(0).min(depth(1)).min(depth(2)).max(0.0)
+    }
+
     /// Square of the distance between the boxes, a lower bound (rounded down generously) for what is in them.
     pub(crate) fn dist_sq_below(&self, other: &Box3) -> f64 {
         let mut sum = 0.0;

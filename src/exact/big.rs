@@ -3,8 +3,9 @@
 use crate::curve::Point;
 use num_bigint::{BigInt, Sign};
 
-/// Coordinates as integers over one common power of two.
-fn integers<const N: usize>(values: [f64; N]) -> [BigInt; N] {
+/// Coordinates as integers over one common power of two, the largest there is, so that short numbers stay short.
+pub(super) fn integers<const N: usize>(values: [f64; N]) -> [BigInt; N] {
+    // The number is `mantissa * 2^exponent`, the mantissa odd; `None` for 0.
     let split = |x: f64| {
         let bits = x.to_bits();
         let exponent = ((bits >> 52) & 0x7ff) as i32;
@@ -14,17 +15,24 @@ fn integers<const N: usize>(values: [f64; N]) -> [BigInt; N] {
         } else {
             fraction | 1 << 52
         };
-        let signed = if x < 0.0 { -mantissa } else { mantissa };
-        (signed, exponent.max(1))
+        let zeros = mantissa.trailing_zeros();
+        let odd = mantissa.checked_shr(zeros)?;
+        let signed = if x < 0.0 { -odd } else { odd };
+        Some((signed, exponent.max(1) + zeros as i32))
     };
-    let lowest = values.iter().map(|&x| split(x).1).min().unwrap_or(0);
-    values.map(|x| {
-        let (mantissa, exponent) = split(x);
-        BigInt::from(mantissa) << (exponent - lowest)
+    let lowest = values
+        .iter()
+        .filter_map(|&x| split(x))
+        .map(|(_, e)| e)
+        .min();
+    values.map(|x| match (split(x), lowest) {
+        (Some((mantissa, exponent)), Some(lowest)) => BigInt::from(mantissa) << (exponent - lowest),
+        _ => BigInt::ZERO,
     })
 }
 
-fn sign(x: &BigInt) -> i32 {
+/// Three-valued sign.
+pub(super) fn sign(x: &BigInt) -> i32 {
     match x.sign() {
         Sign::Minus => -1,
         Sign::NoSign => 0,

@@ -6,6 +6,7 @@
 
 mod big;
 mod crossing;
+mod passage;
 mod predicates;
 mod touch;
 

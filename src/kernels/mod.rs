@@ -18,11 +18,13 @@ use crate::verdict::{DefectKind, Place};
 
 /// Work that linking numbers take, in counts. It depends on the curves alone, not on the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Work {
+pub struct KernelWork {
     /// Node pairs looked into for the choice of the direction, breadth first.
     pub front: u64,
-    /// Node pairs looked into on the way to the segments, depth first.
+    /// Node pairs looked into on the way to the segments, depth first, whose boxes are stored.
     pub nodes: u64,
+    /// Those whose boxes are computed from the coordinates.
+    pub computed: u64,
     /// Segment pairs tested for a crossing.
     pub tests: u64,
     /// Segment pairs of splines whose boxes overlap in space, and whose hulls are compared.
@@ -33,13 +35,14 @@ pub struct Work {
     pub exact: u64,
 }
 
-impl Work {
+impl KernelWork {
     /// So many times the work, rounded.
-    pub(crate) fn scaled(self, factor: f64) -> Work {
+    pub(crate) fn scaled(self, factor: f64) -> KernelWork {
         let scaled = |count: u64| (count as f64 * factor).round() as u64;
-        Work {
+        KernelWork {
             front: scaled(self.front),
             nodes: scaled(self.nodes),
+            computed: scaled(self.computed),
             tests: scaled(self.tests),
             overlaps: scaled(self.overlaps),
             refined: scaled(self.refined),
@@ -48,13 +51,14 @@ impl Work {
     }
 }
 
-impl std::ops::Add for Work {
-    type Output = Work;
+impl std::ops::Add for KernelWork {
+    type Output = KernelWork;
 
-    fn add(self, other: Work) -> Work {
-        Work {
+    fn add(self, other: KernelWork) -> KernelWork {
+        KernelWork {
             front: self.front + other.front,
             nodes: self.nodes + other.nodes,
+            computed: self.computed + other.computed,
             tests: self.tests + other.tests,
             overlaps: self.overlaps + other.overlaps,
             refined: self.refined + other.refined,
@@ -63,9 +67,9 @@ impl std::ops::Add for Work {
     }
 }
 
-impl std::iter::Sum for Work {
-    fn sum<I: Iterator<Item = Work>>(parts: I) -> Work {
-        parts.fold(Work::default(), |a, b| a + b)
+impl std::iter::Sum for KernelWork {
+    fn sum<I: Iterator<Item = KernelWork>>(parts: I) -> KernelWork {
+        parts.fold(KernelWork::default(), |a, b| a + b)
     }
 }
 

@@ -8,6 +8,7 @@ mod brute;
 mod closest;
 mod descent;
 mod overlaps;
+mod suspects;
 mod sweep;
 mod trees;
 
@@ -16,8 +17,9 @@ pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{closest_approach, closest_of_segments};
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend};
 pub(crate) use overlaps::overlapping_segments;
+pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;
-pub(crate) use trees::{CurveTree, Node, Trees};
+pub(crate) use trees::{CurveTree, Node, SMALL, Trees};
 
 /// A pair of curves, `i < j`.
 pub(crate) type Pair = (u32, u32);

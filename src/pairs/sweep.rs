@@ -23,6 +23,16 @@ pub(crate) struct LinkSearch {
 }
 
 impl LinkSearch {
+    /// What was found last.
+    pub fn pairs(&self) -> &[Pair] {
+        &self.pairs
+    }
+
+    /// What was found last, to be put into another order.
+    pub fn pairs_mut(&mut self) -> &mut [Pair] {
+        &mut self.pairs
+    }
+
     /// All pairs of overlapping boxes, sorted. Empty boxes overlap nothing.
     pub fn find(&mut self, boxes: &[Box3]) -> &mut Vec<Pair> {
         let LinkSearch {

@@ -13,6 +13,9 @@ use crate::curve::{Basis, Box3, BoxGroup, CurveSet, LANES, Lanes, Portable};
 /// Levels of the deepest tree: `8^11 > 2^32` segments.
 const LEVELS: usize = 11;
 
+/// Segments of a small curve, at most: its leaves are the lanes of one group.
+pub(crate) const SMALL: u32 = (LANES * LANES) as u32;
+
 /// Segments below which a range of curves is refitted by one task.
 const GRAIN: usize = 1 << 15;
 
@@ -67,33 +70,22 @@ pub(crate) struct Trees {
 }
 
 impl Trees {
-    /// Whether the boxes of single segments are stored: those of splines are, those of polylines are computed where
-    /// they are needed.
-    pub fn stores_leaves(basis: Basis) -> bool {
-        !basis.is_polyline()
-    }
-
     /// Whether the boxes of so many segments are shared out among threads: of several curves, or of a single one.
     pub fn shares_out(segments: usize) -> bool {
         segments > GRAIN
-    }
-
-    /// Levels of the tree of curve `i`.
-    pub fn levels(&self, i: usize) -> u8 {
-        self.layouts[i].levels
     }
 
     /// Refits all boxes to a frame. Allocates only where the curves are others than before.
     pub fn refit(&mut self, set: &CurveSet) {
         let same = self.layouts.len() == set.len()
             && self.layouts.iter().zip(set.curves()).all(|(l, c)| {
-                l.segments == c.segments && l.leaves == Self::stores_leaves(set.basis())
+                l.segments == c.segments && l.leaves == stores_leaves(set.basis(), c.segments)
             });
         if !same {
             self.layouts.clear();
             let mut at = 0;
             for c in set.curves() {
-                let layout = Layout::new(c.segments, Self::stores_leaves(set.basis()), at);
+                let layout = Layout::new(c.segments, stores_leaves(set.basis(), c.segments), at);
                 at += layout.groups;
                 self.layouts.push(layout);
             }
@@ -147,6 +139,17 @@ impl<'a> CurveTree<'a> {
         }
     }
 
+    /// Whether the curve has so few segments that there is nothing to gain from a look at its coarse boxes.
+    #[inline(always)]
+    pub fn is_small(&self) -> bool {
+        self.layout.segments <= SMALL
+    }
+
+    /// Whether the boxes of single segments are stored.
+    pub fn stores_leaves(&self) -> bool {
+        self.layout.leaves
+    }
+
     /// Boxes of the children of a node; `leaf` is room for those that are not stored.
     #[inline(always)]
     pub fn children<'b>(&self, node: Node, leaf: &'b mut BoxGroup) -> &'b BoxGroup
@@ -171,6 +174,12 @@ impl<'a> CurveTree<'a> {
         let parent = self.layout.first[node.level as usize + 1] + node.index / lanes;
         self.groups[parent as usize].lane((node.index % lanes) as usize)
     }
+}
+
+/// Whether the boxes of single segments are stored: of splines, which cost more to compute than to load, and of
+/// small curves, which are visited by many pairs for their size.
+fn stores_leaves(basis: Basis, segments: u32) -> bool {
+    !basis.is_polyline() || segments <= SMALL
 }
 
 impl Layout {
@@ -429,10 +438,10 @@ mod tests {
                     check(tree, n as u32, tree.root());
                 }
                 // Polylines: an eighth of a box a segment, and an eighth of that, and so on.
-                let boxes = if basis.is_polyline() {
-                    n / 3
-                } else {
+                let boxes = if stores_leaves(basis, n as u32) {
                     5 * n / 2
+                } else {
+                    n / 3
                 } as usize;
                 assert!(trees.bytes() <= 1000 + 24 * boxes, "{basis:?} {n}");
             }

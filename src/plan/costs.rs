@@ -5,7 +5,7 @@
 
 use super::Prediction;
 use crate::curve::Basis;
-use crate::kernels::Work;
+use crate::kernels::KernelWork;
 
 /// Nanoseconds that something takes.
 struct Nanoseconds {
@@ -25,10 +25,12 @@ struct Nanoseconds {
     link: f64,
     /// A node pair looked into for the choice of the direction.
     front: f64,
-    /// A node pair looked into on the way to the segments, of polylines: leaves are computed.
-    polyline_node: f64,
-    /// The same of splines.
-    spline_node: f64,
+    /// A node pair looked into on the way to the segments, whose boxes are stored.
+    node: f64,
+    /// The same, whose boxes are computed.
+    computed_node: f64,
+    /// Waiting for memory, of a node pair of either kind, where the curves and their boxes fit into no cache.
+    far_node: f64,
     /// A segment pair tested for a crossing.
     test: f64,
     /// A test decided exactly, beside the test.
@@ -41,6 +43,9 @@ struct Nanoseconds {
     repeat: f64,
 }
 
+/// Size of the last cache.
+const CACHE_BYTES: usize = 32 << 20;
+
 const NS: Nanoseconds = Nanoseconds {
     polyline_box: 1.4,
     spline_box: 2.8,
@@ -48,10 +53,11 @@ const NS: Nanoseconds = Nanoseconds {
     sorted: 40.0,
     sweep_step: 2.0,
     found: 36.0,
-    link: 80.0,
-    front: 23.0,
-    polyline_node: 35.0,
-    spline_node: 14.0,
+    link: 105.0,
+    front: 20.0,
+    node: 22.0,
+    computed_node: 30.0,
+    far_node: 30.0,
     test: 10.0,
     exact: 60.0,
     hulls: 50.0,
@@ -96,28 +102,30 @@ pub(super) fn potential_links(curves: usize, steps: u64, links: usize) -> Time {
 }
 
 /// The choice of directions.
-pub(super) fn direction(links: usize, work: Work) -> Time {
+pub(super) fn direction(links: usize, work: KernelWork) -> Time {
     Time {
         ns: links as f64 * NS.link + work.front as f64 * NS.front,
     }
 }
 
 /// Splines to polylines.
-pub(super) fn discretization(work: Work) -> Time {
+pub(super) fn discretization(work: KernelWork) -> Time {
     Time {
         ns: work.overlaps as f64 * NS.hulls + work.refined as f64 * NS.refined,
     }
 }
 
-/// Counting crossings, and repeated vertices.
-pub(super) fn crossings(basis: Basis, segments: usize, work: Work) -> Time {
-    let node = if basis.is_polyline() {
-        NS.polyline_node
+/// Counting crossings, and repeated vertices; `bytes` of curves and boxes are read.
+pub(super) fn crossings(segments: usize, work: KernelWork, bytes: usize) -> Time {
+    let far = if bytes > CACHE_BYTES {
+        NS.far_node
     } else {
-        NS.spline_node
+        0.0
     };
     Time {
-        ns: work.nodes as f64 * node
+        ns: work.nodes as f64 * NS.node
+            + work.computed as f64 * NS.computed_node
+            + (work.nodes + work.computed) as f64 * far
             + work.tests as f64 * NS.test
             + work.exact as f64 * NS.exact
             + segments as f64 * NS.repeat,

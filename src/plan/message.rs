@@ -1,6 +1,7 @@
 //! A plan in words, a line a stage.
 
-use super::{DiscretizationChoice, Parallelism, Plan, Prediction, SMALL_SEGMENTS, Search};
+use super::{DiscretizationChoice, Parallelism, Plan, Prediction, Search};
+use crate::pairs::SMALL;
 use std::fmt;
 
 impl fmt::Display for Prediction {
@@ -29,16 +30,26 @@ impl fmt::Display for Plan {
             0 => String::new(),
             n => format!(", {} shared out among threads", plural(n, "curve")),
         };
+        let leaves = match (
+            discretization.choice,
+            boxes.stored_leaves,
+            boxes.computed_leaves,
+        ) {
+            (DiscretizationChoice::PairByPair, ..) => "stored (splines)".to_owned(),
+            (DiscretizationChoice::None, _, 0) => "stored (small curves)".to_owned(),
+            (DiscretizationChoice::None, 0, _) => "computed (polylines)".to_owned(),
+            (DiscretizationChoice::None, stored, computed) => format!(
+                "computed for {}, stored for {}",
+                plural(computed, "curve"),
+                plural(stored, "small one"),
+            ),
+        };
         writeln!(
             f,
             "boxes: trees of up to {} over {}, leaves {}{shared}, {}: {}",
             plural(usize::from(boxes.levels), "level"),
             plural(boxes.segments, "segment"),
-            if boxes.leaves_stored {
-                "stored (splines)"
-            } else {
-                "computed (polylines)"
-            },
+            leaves,
             megabytes(boxes.bytes),
             boxes.predicted,
         )?;
@@ -66,12 +77,12 @@ impl fmt::Display for Plan {
             (0, n) => write!(f, "direction: the best of six for {}", plural(n, "link"))?,
             (n, 0) => write!(
                 f,
-                "direction: a formula (loops of at most {SMALL_SEGMENTS} segments) for {}",
+                "direction: a formula (loops of at most {SMALL} segments) for {}",
                 plural(n, "link")
             )?,
             (few, many) => write!(
                 f,
-                "direction: the best of six for {}, a formula (loops of at most {SMALL_SEGMENTS} segments) for {}",
+                "direction: the best of six for {}, a formula (loops of at most {SMALL} segments) for {}",
                 plural(many, "link"),
                 count(few),
             )?,
@@ -99,7 +110,10 @@ impl fmt::Display for Plan {
             plural(*threads, "thread"),
             count(kernel.sampled),
             plural(links.links, "link"),
-            plural(kernel.work.nodes as usize, "node pair"),
+            plural(
+                (kernel.work.nodes + kernel.work.computed) as usize,
+                "node pair"
+            ),
             plural(kernel.work.tests as usize, "test"),
             kernel.predicted,
         )?;

@@ -1,5 +1,6 @@
 use super::*;
 use crate::curve::{Basis, Positions};
+use crate::pairs::SMALL;
 use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 
@@ -18,7 +19,12 @@ fn polylines_are_not_discretized_and_store_no_leaves() {
     let plan = Plan::of(&scene("ribbon:segments=2000"));
     assert_eq!(plan.discretization.choice, DiscretizationChoice::None);
     assert_eq!(plan.discretization.predicted, Prediction::default());
-    assert!(!plan.boxes.leaves_stored);
+    let Boxes {
+        stored_leaves,
+        computed_leaves,
+        ..
+    } = plan.boxes;
+    assert_eq!((stored_leaves, computed_leaves), (0, 2));
     assert_eq!((plan.boxes.segments, plan.boxes.levels), (2000, 4));
 }
 
@@ -26,7 +32,7 @@ fn polylines_are_not_discretized_and_store_no_leaves() {
 fn splines_are_discretized_pair_by_pair() {
     let plan = Plan::of(&scene("knit:rows=3,stitches=16,segments=384"));
     assert_eq!(plan.discretization.choice, DiscretizationChoice::PairByPair);
-    assert!(plan.boxes.leaves_stored);
+    assert_eq!(plan.boxes.stored_leaves, 3);
     assert!(plan.discretization.predicted.ms > 0.0);
     assert_eq!(plan.potential_links.search, Search::Sweep);
 }
@@ -43,7 +49,7 @@ fn small_loops_choose_their_direction_by_formula() {
     } = plan.direction;
     assert_eq!((by_formula, best_of_six), (links, 0));
     // One segment too many, and the trees have another level.
-    for (segments, formula) in [(SMALL_SEGMENTS, 1), (SMALL_SEGMENTS + 1, 0)] {
+    for (segments, formula) in [(SMALL, 1), (SMALL + 1, 0)] {
         let plan = Plan::of(&scene(&format!(
             "ribbon:segments={},lambda=1",
             2 * segments
@@ -78,7 +84,7 @@ fn nothing_open_curves_and_degenerate_ones_are_planned_for() {
         let links = &plan.potential_links;
         assert_eq!((links.pairs, links.links, links.open_curves), (0, 0, open));
         assert_eq!(plan.kernel.busy_threads, 0);
-        assert_eq!(plan.kernel.work, Work::default());
+        assert_eq!(plan.kernel.work, KernelWork::default());
         assert!(plan.to_string().contains("direction: none"), "{plan}");
     }
     // Two of four distinct points, the third of one, inside the boxes of both.
@@ -130,7 +136,7 @@ fn the_sample_foretells_the_work() {
         let plan = Plan::of(&set);
         let (_, stats) = Verifier::new(AbortOn::Never).certify(&set);
         assert_eq!(plan.potential_links.links as u64, stats.potential_links);
-        let Work {
+        let KernelWork {
             tests, overlaps, ..
         } = plan.kernel.work;
         for (what, predicted, done) in [

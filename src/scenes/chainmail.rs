@@ -25,6 +25,12 @@ pub(super) const KIND: Kind = Kind {
             (0.0, 1.0),
             "how crumpled the sheet is: 0 is flat",
         ),
+        Parameter::real(
+            "tilt",
+            2.0,
+            (0.0, 5.0),
+            "degrees that each ring is turned its own way: at 0 rings lie exactly in planes of the axes",
+        ),
     ],
     build,
 };
@@ -59,8 +65,15 @@ fn build(scene: &Scene) -> Result<Generated> {
     let (width, height) = (PITCH * columns as f64, PITCH * rows as f64);
     let edge = 2.0 * (TAU / 2.0 / SEGMENTS as f64).sin();
     let extent = width.max(height) / 2.0 + PITCH + isotopy.reach();
+    // A ring that turns about a diameter and about its centre, one after the other and both by the tilt at most, has
+    // no point that moves further.
+    let tilt = scene.real("tilt").to_radians();
     let off = 2.0 * (isotopy.sagitta(edge) + rounding(extent));
-    scene.check_gap(GAP / isotopy.stretch(), off, "take a smaller sheet")?;
+    scene.check_gap(
+        (GAP - 4.0 * tilt) / isotopy.stretch(),
+        off,
+        "take a smaller sheet",
+    )?;
 
     let rings = 3 * rows * columns;
     let mut pen = Pen::new(Basis::Polyline, rings, SEGMENTS * rings);
@@ -71,18 +84,20 @@ fn build(scene: &Scene) -> Result<Generated> {
                 PITCH * column as f64 - width / 2.0,
                 PITCH * row as f64 - height / 2.0,
             );
-            let mut ring = |place: &dyn Fn(f64, f64) -> Point| {
+            let flat = 3 * (row * columns + column);
+            // Points of a unit circle, `c` along its plane's first axis and `s` along the second, `h` out of the
+            // plane, to points of space.
+            let mut ring = |ring: usize, place: &dyn Fn(f64, f64, f64) -> Point| {
                 pen.closed(SEGMENTS, |k| {
-                    let (s, c) = (TAU * k as f64 / SEGMENTS as f64).sin_cos();
-                    isotopy.apply(place(c, s))
+                    let [c, s, h] = tilted(TAU * k as f64 / SEGMENTS as f64, ring, tilt);
+                    isotopy.apply(place(c, s, h))
                 })
             };
-            let half = PITCH / 2.0;
-            ring(&|c, s| [x + c, y + s, 0.0])?;
-            ring(&|c, s| [x + half + CONNECTOR * c, y, CONNECTOR * s])?;
-            ring(&|c, s| [x, y + half + CONNECTOR * c, CONNECTOR * s])?;
+            let (half, r) = (PITCH / 2.0, CONNECTOR);
+            ring(flat, &|c, s, h| [x + c, y + s, h])?;
+            ring(flat + 1, &|c, s, h| [x + half + r * c, y - r * h, r * s])?;
+            ring(flat + 2, &|c, s, h| [x + r * h, y + half + r * c, r * s])?;
 
-            let flat = 3 * (row * columns + column);
             let mut link = |i: usize, j: usize, lambda| {
                 links.push(Link {
                     i: i as u32,
@@ -101,6 +116,23 @@ fn build(scene: &Scene) -> Result<Generated> {
         }
     }
     Ok(Generated::new(pen.finish()?, links))
+}
+
+/// The point of a unit circle at an angle, after the ring was turned by up to `tilt` in its plane and about a diameter.
+fn tilted(angle: f64, ring: usize, tilt: f64) -> Point {
+    // Multiples of irrational numbers spread evenly, so that no two rings of a neighbourhood are alike.
+    let spread = |step: f64| (ring as f64 * step).fract();
+    let about = TAU * spread(0.618_033_988_749_894_9);
+    let angle = angle + tilt * spread(0.414_213_562_373_095_1);
+    // Coordinates along the diameter, and across it.
+    let (across, along) = (angle - about).sin_cos();
+    let (rise, flat) = tilt.sin_cos();
+    let (s, c) = about.sin_cos();
+    [
+        c * along - s * flat * across,
+        s * along + c * flat * across,
+        rise * across,
+    ]
 }
 
 /// Waves along the diagonal of the sheet, and then shifted along it so far that they fold over one another.

@@ -140,6 +140,8 @@ pub struct Stats {
     pub refined: u64,
     /// Tests that floating point could not decide and exact arithmetic did.
     pub exact: u64,
+    /// Potential links left out, since the first change was all that was asked for.
+    pub unchecked: u64,
 }
 
 impl Stats {
@@ -156,6 +158,7 @@ impl Stats {
         self.overlaps += o.overlaps;
         self.refined += o.refined;
         self.exact += o.exact;
+        self.unchecked += o.unchecked;
     }
 }
 

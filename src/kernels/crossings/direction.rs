@@ -11,16 +11,10 @@ use crate::pairs::{Agenda, CurveTree, Node};
 /// Node pairs at which the pass has seen enough to choose.
 const ENOUGH: usize = 192;
 
-/// Level of the roots up to which two loops are small: a pass over their trees would cost more than it saves.
-const SMALL_LEVEL: u8 = 1;
-
-/// Segments of the largest loop that is small.
-pub(crate) const SMALL_SEGMENTS: usize = LANES.pow(SMALL_LEVEL as u32 + 1);
-
-/// Whether the direction of a pair is chosen by a formula on its boxes: both loops are small.
+/// Whether the direction of a pair is chosen by a formula on its boxes: both curves are small.
 #[inline(always)]
-pub(crate) fn by_formula(roots: [Node; 2]) -> bool {
-    roots.iter().all(|root| root.level <= SMALL_LEVEL)
+pub(crate) fn by_formula([a, b]: [CurveTree<'_>; 2]) -> bool {
+    a.is_small() && b.is_small()
 }
 
 /// A set of directions, a bit each in the order of [`Direction::ALL`].
@@ -59,7 +53,7 @@ pub(super) fn choose<L: Lanes>(
 ) -> Option<Direction> {
     agenda.clear();
     let (root_a, root_b) = (a.root(), b.root());
-    if fixed.is_some() || by_formula([root_a, root_b]) {
+    if fixed.is_some() || by_formula([a, b]) {
         let direction = fixed.unwrap_or_else(|| guess(&a.bounds, &b.bounds));
         agenda.push(direction.upper_first(root_a, root_b));
         return Some(direction);

@@ -21,7 +21,7 @@ mod spline_tests;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use self::direction::{SMALL_SEGMENTS, by_formula};
+pub(crate) use self::direction::by_formula;
 use self::evaluate::Tally;
 pub(crate) use self::gather::shares_out;
 pub(crate) use self::sample::sample;

@@ -2,7 +2,7 @@
 
 use super::{Scene, Tally, Workspace, direction, gather};
 use crate::curve::Portable;
-use crate::kernels::Work;
+use crate::kernels::KernelWork;
 use crate::pairs::{Agenda, Pair, Query, SegmentPairs, descend};
 use crate::verdict::Stats;
 
@@ -14,15 +14,15 @@ const BRANCHES: usize = 256;
 ///
 /// Cost: the choice of the direction; some thousand node pairs, whatever the length of the curves; and the tests
 /// below the last of them.
-pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) -> Work {
+pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) -> KernelWork {
     let [i, j] = [i as usize, j as usize];
     let both = [i, j].map(|i| scene.trees.of(scene.set, i));
     let Workspace { fronts, agenda, .. } = &mut *workspace;
     fronts.visited = 0;
     let chosen = direction::choose(Portable, both, None, fronts, agenda);
-    let choice = Work {
+    let choice = KernelWork {
         front: fronts.visited,
-        ..Work::default()
+        ..KernelWork::default()
     };
     let Some(direction) = chosen else {
         return choice;
@@ -68,17 +68,22 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
         exact,
         ..
     } = workspace.tally.stats();
-    let leaves = Work {
+    let (mut stored, mut computed) = (workspace.tally.nodes, 0);
+    if !both.iter().all(|tree| tree.stores_leaves()) {
+        std::mem::swap(&mut stored, &mut computed);
+    }
+    let leaves = KernelWork {
         front: 0,
-        nodes: workspace.tally.nodes,
+        nodes: stored,
+        computed,
         tests,
         overlaps,
         refined,
         exact,
     };
-    let inner = Work {
+    let inner = KernelWork {
         nodes: nodes.round() as u64,
-        ..Work::default()
+        ..KernelWork::default()
     };
     choice + inner + leaves.scaled(factor)
 }

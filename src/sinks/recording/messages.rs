@@ -139,6 +139,8 @@ pub(super) struct StatsMessage {
     pub refined: u64,
     #[prost(uint64, tag = "11")]
     pub exact: u64,
+    #[prost(uint64, tag = "12")]
+    pub unchecked: u64,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]
@@ -286,6 +288,7 @@ impl From<&Report> for ReportMessage {
                 overlaps: s.overlaps,
                 refined: s.refined,
                 exact: s.exact,
+                unchecked: s.unchecked,
             }),
         }
     }
@@ -322,6 +325,7 @@ impl TryFrom<ReportMessage> for Report {
                 overlaps: s.overlaps,
                 refined: s.refined,
                 exact: s.exact,
+                unchecked: s.unchecked,
             },
         })
     }

@@ -134,6 +134,7 @@ fn the_structs_are_those_of_the_schema() {
             overlaps: 9,
             refined: 10,
             exact: 11,
+            unchecked: 12,
         }),
     };
     let progress = ProgressMessage {

@@ -1,0 +1,334 @@
+//! Passages in exact arithmetic: the certain rung, and the rule for ties.
+
+use super::super::{Predicates, big, segments_touch};
+use super::polynomial::{Dyadic, Interval, Polynomial, Root};
+use super::ring::{Infinitesimal, Ring};
+use super::{Edges, Ties};
+use num_bigint::BigInt;
+
+/// A point that moves on a straight line, by its coordinates.
+type Track<R> = [Polynomial<R>; 3];
+
+/// Two edges that move, as polynomials in time.
+#[derive(Clone)]
+pub(super) struct Motion<R> {
+    /// From the start of the first edge to its end.
+    first: Track<R>,
+    /// From the start of the second edge to its end.
+    second: Track<R>,
+    /// From the start of the first edge to the start of the second.
+    between: Track<R>,
+}
+
+/// Exponents of the translation of the first curve, `(e, e^16, e^256)`.
+///
+/// All signs below are of polynomials in its three components of degree 8 at most, in which different monomials
+/// are different powers of `e`. So none of them vanishes that is not 0; and its sign, that of the lowest power,
+/// is the same for `k` times the translation with any positive `k`. The latter matters since every pair of
+/// edges has a unit of length of its own, a power of two, in which its coordinates are integers.
+///
+/// The degree: where a root is `(x + y sqrt(d)) / z`, `x` and `z` have degree 1 at most, `y` 0, and `d` 2. A
+/// polynomial of degree 2 in time and 1 in the translation is of degree 3 there, and of 8 at most where `p^2` is
+/// compared with `q^2 d`.
+pub(super) const TRANSLATION: [u32; 3] = [1, 16, 256];
+
+impl Motion<BigInt> {
+    pub fn new(before: &Edges, after: &Edges) -> Self {
+        let ends = [before, after].map(|edges| edges.as_flattened().as_flattened());
+        let mut all = [0.0; 24];
+        all[..12].copy_from_slice(ends[0]);
+        all[12..].copy_from_slice(ends[1]);
+        let all = big::integers(all);
+        // Ends in order: a, b of the first edge, c, d of the second.
+        let track = |from: usize, to: usize| {
+            [0, 1, 2].map(|x| {
+                let [start, end] =
+                    [0, 12].map(|frame| all[frame + 3 * to + x].minus(&all[frame + 3 * from + x]));
+                let slope = &end - &start;
+                Polynomial::new([start, slope])
+            })
+        };
+        Motion {
+            first: track(0, 1),
+            second: track(2, 3),
+            between: track(0, 2),
+        }
+    }
+
+    /// The motion with the first curve translated by powers of `e`.
+    pub fn translated(&self, exponents: [u32; 3]) -> Motion<Infinitesimal> {
+        let lift = |track: &Track<BigInt>| {
+            [0, 1, 2].map(|x| {
+                let lifted = track[x].coefficients().iter();
+                Polynomial::new(lifted.map(|c| Infinitesimal::from(c.clone())))
+            })
+        };
+        let mut between = lift(&self.between);
+        for (x, along) in between.iter_mut().enumerate() {
+            let by = Infinitesimal::term(exponents[x], BigInt::from(1));
+            *along = along.minus(&Polynomial::new([by]));
+        }
+        Motion {
+            first: lift(&self.first),
+            second: lift(&self.second),
+            between,
+        }
+    }
+
+    /// How the two edges are to one another at the one root of `f` in `interval`, a time at which they lie in
+    /// one plane.
+    fn meeting(&self, f: &Polynomial<BigInt>, interval: &Interval) -> Meeting {
+        let sign = |g: &Polynomial<BigInt>| f.signs_at_roots(g, interval);
+        // Apart along an axis.
+        let [c, d] = [&self.between, &sum(&self.between, &self.second)];
+        let apart = |x: usize| {
+            let side = sign(&c[x]);
+            let same = |gap: &Polynomial<BigInt>| sign(gap) == side;
+            side != 0
+                && same(&d[x])
+                && same(&c[x].minus(&self.first[x]))
+                && same(&d[x].minus(&self.first[x]))
+        };
+        if (0..3).any(apart) {
+            return Meeting::Apart;
+        }
+        let normal = cross(&self.first, &self.second);
+        let Some(w) = (0..3).find(|&w| sign(&normal[w]) != 0) else {
+            // Parallel. On two lines, unless both cross products vanish.
+            let offset = [&self.second, &self.first].map(|edge| cross(&self.between, edge));
+            return if offset.as_flattened().iter().any(|g| sign(g) != 0) {
+                Meeting::Apart
+            } else {
+                Meeting::Tie
+            };
+        };
+        let [a, b, c, d] = self.sides(w).map(|g| sign(&g));
+        match (a * b, c * d) {
+            (1, _) | (_, 1) => Meeting::Apart,
+            (-1, -1) => Meeting::Inside,
+            _ => Meeting::Tie,
+        }
+    }
+
+    /// Proves that the edges, which lie in one plane at all times, are apart at all of them; `false` if that
+    /// is not proven.
+    fn always_apart(&self, interval: &Interval, depth: u32) -> bool {
+        // Without a root inside and with signs at the ends, a polynomial has one sign.
+        let one = Polynomial::new([BigInt::from(1)]);
+        let sign = |g: &Polynomial<BigInt>| {
+            let ends = [&interval.from, &interval.to].map(|t| g.sign_at(t));
+            let constant =
+                ends[0] == ends[1] && ends[0] != 0 && g.signs_at_roots(&one, interval) == 0;
+            if constant { ends[0] } else { 0 }
+        };
+        let same = |signs: &[i32]| signs[0] != 0 && signs.iter().all(|&s| s == signs[0]);
+        let d = sum(&self.between, &self.second);
+        let apart = (0..3).any(|x| {
+            let c = &self.between[x];
+            let gaps = [
+                c,
+                &d[x],
+                &c.minus(&self.first[x]),
+                &d[x].minus(&self.first[x]),
+            ];
+            let [a, b, c, d] = self.sides(x);
+            same(&gaps.map(sign))
+                || same(&[a, b].map(|g| sign(&g)))
+                || same(&[c, d].map(|g| sign(&g)))
+        });
+        let (left, right) = interval.halves();
+        apart
+            || (depth > 0
+                && self.always_apart(&left, depth - 1)
+                && self.always_apart(&right, depth - 1))
+    }
+}
+
+/// Two edges at a time when they lie in one plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Meeting {
+    /// They share no point.
+    Apart,
+    /// They share an inner point of both, and are not parallel.
+    Inside,
+    /// Anything else: they share an end, or lie on one line.
+    Tie,
+}
+
+/// Halvings of the step that [`Motion::always_apart`] makes.
+const HALVINGS: u32 = 6;
+
+/// Net passages at one time: the sum of their signs, and when.
+pub(super) struct Event {
+    pub sign: i32,
+    pub time: f64,
+}
+
+/// All passages of a pair of edges, in their order in time; `None` where there are ties that are to be reported.
+pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
+    if ties == Ties::Report && [before, after].into_iter().any(touch) {
+        return None;
+    }
+    let motion = Motion::new(before, after);
+    let volume = motion.volume();
+    let flat = volume.is_zero();
+    let mut translated = None;
+    // Where the translated edges may come to lie in one plane: infinitely near to the roots of this.
+    let plane = match (flat, ties) {
+        (false, _) => volume.clone(),
+        (true, Ties::Report) => {
+            let apart = motion.always_apart(&Interval::step(), HALVINGS);
+            return apart.then(Vec::new);
+        }
+        (true, Ties::Translate) => {
+            lowest(&translated.insert(motion.translated(TRANSLATION)).volume())
+        }
+    };
+    if plane.is_zero() {
+        // Parallel at all times: the differences of their points fill a surface at most, and the translation is
+        // not on it.
+        return Some(Vec::new());
+    }
+    // Nothing happens next to the ends of the step, where the edges do not touch.
+    let plane = plane.without_ends();
+    let free = plane.square_free();
+    let mut roots = Vec::new();
+    free.isolate(Interval::step(), &mut roots);
+    let mut found = Vec::new();
+    for mut interval in roots {
+        let meeting = if flat {
+            Meeting::Tie
+        } else {
+            motion.meeting(&free, &interval)
+        };
+        let sign = match (meeting, ties) {
+            (Meeting::Apart, _) => 0,
+            // The volume goes from one sign to the other, or touches zero.
+            (Meeting::Inside, _) => {
+                (plane.sign_at(&interval.from) - plane.sign_at(&interval.to)) / 2
+            }
+            (Meeting::Tie, Ties::Report) => return None,
+            (Meeting::Tie, Ties::Translate) => translated
+                .get_or_insert_with(|| motion.translated(TRANSLATION))
+                .net_passages(&interval, 0),
+        };
+        if sign != 0 {
+            interval.narrow(&free);
+            found.push(Event {
+                sign,
+                time: interval.middle(),
+            });
+        }
+    }
+    Some(found)
+}
+
+fn touch([[a, b], [c, d]]: &Edges) -> bool {
+    segments_touch(*a, *b, *c, *d, &mut Predicates::default())
+}
+
+/// The coefficient of the lowest power of `e` that there is.
+fn lowest(f: &Polynomial<Infinitesimal>) -> Polynomial<BigInt> {
+    let coefficients = f.coefficients();
+    let order = coefficients.iter().filter_map(Infinitesimal::order).min();
+    Polynomial::new(
+        coefficients
+            .iter()
+            .map(|c| c.coefficient(order.unwrap_or(0))),
+    )
+}
+
+impl<R: Ring> Motion<R> {
+    /// [`orient3d`](super::super::Predicates::orient3d) of the four ends, a cubic polynomial:
+    /// `(c - a) . ((b - a) x (d - c))`.
+    pub fn volume(&self) -> Polynomial<R> {
+        let normal = cross(&self.first, &self.second);
+        let part = |x: usize| self.between[x].times(&normal[x]);
+        part(0).plus(&part(1)).plus(&part(2))
+    }
+
+    /// On which sides of one another's edges the ends `a b c d` lie, seen against axis `w`:
+    /// `orient2d(c, d, a)`, `orient2d(c, d, b)`, `orient2d(a, b, c)`, `orient2d(a, b, d)`, with `r = c - a`:
+    /// `r x (d - c)`, that less `n = (b - a) x (d - c)`, `(b - a) x r`, and that plus `n`.
+    pub fn sides(&self, w: usize) -> [Polynomial<R>; 4] {
+        let n = cross_along(&self.first, &self.second, w);
+        let a = cross_along(&self.between, &self.second, w);
+        let c = cross_along(&self.first, &self.between, w);
+        let (b, d) = (a.minus(&n), c.plus(&n));
+        [a, b, c, d]
+    }
+
+    /// The sum of the signs of the passages in `interval`, of a motion in general position. Any axis `w` gives
+    /// the same; see [`super`] for the proof.
+    pub fn net_passages(&self, interval: &Interval, w: usize) -> i32 {
+        let crossings = self.crossing(&interval.to, w) - self.crossing(&interval.from, w);
+        let negated = |p: &Track<R>| [0, 1, 2].map(|x| Polynomial::new([]).minus(&p[x]));
+        let (c, a) = (&self.between, &negated(&self.between));
+        let (d, b) = (&sum(c, &self.second), &sum(a, &self.first));
+        // Seen from the ends of the first edge: c - a, d - a, and c - b, d - b; from those of the second
+        // a - c, b - c, and a - d, b - d.
+        let from = |p: &Track<R>, edge: &Track<R>| [0, 1, 2].map(|x| p[x].minus(&edge[x]));
+        let (from_b, from_d) = (from(c, &self.first), from(a, &self.second));
+        let handed_over = handed_over(c, d, interval, w, -1)
+            - handed_over(&from_b, &sum(&from_b, &self.second), interval, w, -1)
+            - handed_over(a, b, interval, w, 1)
+            + handed_over(&from_d, &sum(&from_d, &self.first), interval, w, 1);
+        crossings - handed_over
+    }
+
+    /// What the pair adds to the linking number at time `t`, seen against axis `w`: its sign if the first edge
+    /// passes over the second.
+    fn crossing(&self, t: &Dyadic, w: usize) -> i32 {
+        let [a, b, c, d] = self.sides(w).map(|g| g.sign_at(t));
+        if a * b >= 0 || c * d >= 0 || self.volume().sign_at(t) != -d {
+            return 0;
+        }
+        d
+    }
+}
+
+/// Crossings that a pair of edges gains from the neighbours of one of them, less those that it loses to them,
+/// while an end of that one passes over (`height` -1) or under (1) the other, seen against axis `w`.
+///
+/// `x` and `y` lead from that end to those of the other edge.
+fn handed_over<R: Ring>(
+    x: &Track<R>,
+    y: &Track<R>,
+    interval: &Interval,
+    w: usize,
+    height: i32,
+) -> i32 {
+    let plane = [(w + 1) % 3, (w + 2) % 3];
+    // Where the edge passes above or below the end, its ends lie on both sides of it along any axis of the
+    // plane on which it has an extent.
+    let Some(u) = plane.into_iter().find(|&u| !x[u].minus(&y[u]).is_zero()) else {
+        return 0;
+    };
+    // The edge meets the vertical through the end at x + f (y - x), f = x_u / (x_u - y_u).
+    let lift = x[u].times(&y[w]).minus(&x[w].times(&y[u]));
+    Root::all(&cross_along(x, y, w))
+        .iter()
+        .filter(|root| {
+            let start = root.sign_of(&x[u]);
+            start * root.sign_of(&y[u]) < 0
+                && root.sign_of(&interval.from.passed()) > 0
+                && root.sign_of(&interval.to.passed()) < 0
+                && start * root.sign_of(&lift) == height
+        })
+        .map(|root| root.direction)
+        .sum()
+}
+
+fn sum<R: Ring>(p: &Track<R>, q: &Track<R>) -> Track<R> {
+    [0, 1, 2].map(|x| p[x].plus(&q[x]))
+}
+
+fn cross<R: Ring>(p: &Track<R>, q: &Track<R>) -> Track<R> {
+    [0, 1, 2].map(|w| cross_along(p, q, w))
+}
+
+/// One component of the cross product.
+fn cross_along<R: Ring>(p: &Track<R>, q: &Track<R>, w: usize) -> Polynomial<R> {
+    let (u, v) = ((w + 1) % 3, (w + 2) % 3);
+    p[u].times(&q[v]).minus(&p[v].times(&q[u]))
+}

@@ -1,0 +1,337 @@
+//! Passages in floating point, with proven bounds: certain, or not decided.
+//!
+//! With `p = b - a` and `q = d - c` along the edges and `r = c - a` between them, all linear in time, the volume
+//! of the four ends is `r . (p x q)`, a cubic, and the sides that the ends are on of one another's edges, seen
+//! against an axis, are components of `r x q`, of `p x r`, and of those less or plus `p x q`: quadratics. In
+//! Bernstein form the sign of such a polynomial is certain over an interval where all its coefficients have
+//! that sign, and a polynomial whose coefficients change sign once has one root there, which is simple
+//! (Descartes). Halving an interval (de Casteljau) brings the coefficients close to the polynomial.
+//!
+//! **Bounds**, with `u = 2^-53` and `P, Q, R` the largest coordinates of `p, q, r` in both frames, as computed.
+//! Differences are off by a factor of `1 + u`, products of two of them so by `3 u`, and so
+//!
+//! - components of a cross product by `8 u` of `P Q`, being `2 P Q` at most; the middle Bernstein coefficient,
+//!   half the sum of two, by `10 u` of it;
+//! - `r . n` of such by `46 u P Q R` (three products off by `8 + 2 + 2`, and two sums, of `4` and `6`), with the
+//!   middle one by `52 u`; two of those and one of these, a third of their sum: by `(104 + 46 + 18) / 3` and `12`
+//!   for the third: `68 u`. Every volume is `6 P Q R` at most;
+//! - the sides of `a` and `b` by `12 u (P + R) Q`, being `2 (P + R) Q` at most; those of `c` and `d` likewise,
+//!   with `P` and `Q` swapped.
+//!
+//! A round of de Casteljau at a ratio that is a float adds `3 u` of the largest coefficient (the complement of
+//! the ratio, a product, a sum): `54 u P Q R` for the three rounds of a volume, `12 u (P + R) Q` for the two of a
+//! side. The constants below leave room for the terms in `u^2` and for underflow, which by the limits on
+//! `P, Q, R` is below `u^2` of the products.
+
+use super::{Edges, Passage, along};
+use crate::curve::Point;
+
+/// Half a unit in the last place of 1: largest relative error of one operation.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// Bound of a volume's coefficients in units of `u P Q R`: at the start, and for every level or evaluation.
+const VOLUME_BOUND: [f64; 2] = [70.0, 56.0];
+
+/// The same for sides, in units of `u (P + R) Q` and `u (Q + R) P`.
+const SIDE_BOUND: [f64; 2] = [14.0, 14.0];
+
+/// Largest and smallest `P, Q, R` for which the bounds hold: `2^200` and its inverse.
+const RANGE: [f64; 2] = [
+    f64::from_bits((1023 - 200) << 52),
+    f64::from_bits((1023 + 200) << 52),
+];
+
+/// Levels of halving before exact arithmetic takes over.
+const LEVELS: u32 = 12;
+
+/// Where an interval is cut: not in the middle, at which motions like to meet.
+const CUT: f64 = 15.0 / 32.0;
+
+/// Widest interval, as a fraction of the step, in which a time may be left uncertain.
+const WIDEST: f64 = 1e-9;
+
+/// Whether one edge stays on one side of the other along a coordinate axis, from frame to frame.
+///
+/// If all ends of one are left of all ends of the other in both frames, they are at all times between: every
+/// difference of coordinates is linear in time.
+#[inline]
+pub(super) fn apart(before: &Edges, after: &Edges) -> bool {
+    let less = |a: f64, b: f64| if a < b { a } else { b };
+    let more = |a: f64, b: f64| if a > b { a } else { b };
+    (0..3).any(|x| {
+        let side = |edges: &Edges| {
+            let [[a, b], [c, d]] = edges.map(|edge| edge.map(|p| p[x]));
+            (more(a, b) < less(c, d), less(a, b) > more(c, d))
+        };
+        let (s, t) = (side(before), side(after));
+        (s.0 & t.0) | (s.1 & t.1)
+    })
+}
+
+/// The passages of a pair of edges, in their order in time; there are at most three.
+pub(super) type Found = [Option<Passage>; 3];
+
+/// All passages, or `None` where floating point cannot tell.
+pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
+    let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let differences = |[[a, b], [c, d]]: &Edges| [sub(*b, *a), sub(*d, *c), sub(*c, *a)];
+    let ([p0, q0, r0], [p1, q1, r1]) = (differences(before), differences(after));
+    let size = |v: Point, w: Point| v.iter().chain(&w).fold(0.0, |m: f64, x| m.max(x.abs()));
+    let (p, q, r) = (size(p0, p1), size(q0, q1), size(r0, r1));
+    if p == 0.0 || q == 0.0 {
+        // A point at all times.
+        return Some([None; 3]);
+    }
+    if ![p, q, r].iter().all(|s| (RANGE[0]..=RANGE[1]).contains(s)) {
+        return None;
+    }
+    let n = bernstein(p0, p1, q0, q1);
+    let volume = [
+        dot(r0, n[0]),
+        (2.0 * dot(r0, n[1]) + dot(r1, n[0])) * (1.0 / 3.0),
+        (dot(r0, n[2]) + 2.0 * dot(r1, n[1])) * (1.0 / 3.0),
+        dot(r1, n[2]),
+    ];
+    let bounds = Bounds {
+        volume: U * p * q * r,
+        sides: [U * (p + r) * q, U * (q + r) * p],
+    };
+    if one_sign(&volume, VOLUME_BOUND[0] * bounds.volume) != 0 {
+        return Some([None; 3]);
+    }
+    // The axis along which both edges are seen longest, roughly.
+    let middle = [0, 1, 2].map(|x| (n[0][x] + 2.0 * n[1][x] + n[2][x]).abs());
+    let w = (0..3).fold(0, |w, x| if middle[x] > middle[w] { x } else { w });
+    let (a, c) = (bernstein(r0, r1, q0, q1), bernstein(p0, p1, r0, r1));
+    let along_axis = |f: &dyn Fn(usize) -> f64| [f(0), f(1), f(2)];
+    let piece = Piece {
+        from: 0.0,
+        to: 1.0,
+        volume,
+        sides: [
+            along_axis(&|k| a[k][w]),
+            along_axis(&|k| a[k][w] - n[k][w]),
+            along_axis(&|k| c[k][w]),
+            along_axis(&|k| c[k][w] + n[k][w]),
+        ],
+    };
+    let mut found = [None; 3];
+    let mut search = Search {
+        before,
+        after,
+        bounds,
+        found: &mut found,
+        count: 0,
+    };
+    search.piece(&piece, 0).then_some(found)
+}
+
+/// Units of the bounds.
+struct Bounds {
+    volume: f64,
+    /// Of the ends of the first edge, and of those of the second.
+    sides: [f64; 2],
+}
+
+/// A part of the step, and the polynomials over it in Bernstein form.
+struct Piece {
+    from: f64,
+    to: f64,
+    volume: [f64; 4],
+    /// The sides of `a, b, c, d`.
+    sides: [[f64; 3]; 4],
+}
+
+struct Search<'a> {
+    before: &'a Edges,
+    after: &'a Edges,
+    bounds: Bounds,
+    found: &'a mut Found,
+    count: usize,
+}
+
+impl Search<'_> {
+    /// Finds the passages in a part of the step; `false` if it cannot tell.
+    fn piece(&mut self, piece: &Piece, level: u32) -> bool {
+        let depth = f64::from(level);
+        let bound = (VOLUME_BOUND[0] + depth * VOLUME_BOUND[1]) * self.bounds.volume;
+        if one_sign(&piece.volume, bound) != 0 {
+            return true;
+        }
+        let side_bound = SIDE_BOUND[0] + depth * SIDE_BOUND[1];
+        for (pair, unit) in [[0, 1], [2, 3]].iter().zip(self.bounds.sides) {
+            let signs = pair.map(|k| one_sign(&piece.sides[k], side_bound * unit));
+            if signs[0] * signs[1] == 1 {
+                return true;
+            }
+        }
+        let signs = piece.volume.map(|v| certain(v, bound));
+        if signs[0] * signs[3] == -1 && (signs[1] == signs[0] || signs[2] == signs[3]) {
+            // One change of sign, whatever those that are not certain are.
+            return self.root(piece, bound, side_bound);
+        }
+        if level == LEVELS {
+            return false;
+        }
+        let (left, right) = piece.cut();
+        self.piece(&left, level + 1) && self.piece(&right, level + 1)
+    }
+
+    /// Whether the one root of the volume in `piece` is a passage; `false` if it cannot tell.
+    fn root(&mut self, piece: &Piece, bound: f64, side_bound: f64) -> bool {
+        let (time, slope) = root(&piece.volume);
+        let bound = bound + VOLUME_BOUND[1] * self.bounds.volume;
+        // Twice as wide as the uncertainty of the values.
+        let width = (2.0 * bound / slope.abs()).max(f64::EPSILON);
+        let (lo, hi) = ((time - width).max(0.0), (time + width).min(1.0));
+        let direction = certain(piece.volume[3], bound);
+        let bracketed = certain(value(&piece.volume, lo), bound) == -direction
+            && certain(value(&piece.volume, hi), bound) == direction
+            && (hi - lo) * (piece.to - piece.from) < WIDEST;
+        if !bracketed {
+            return false;
+        }
+        // The root is between `lo` and `hi`; a side changes by its derivative there at most.
+        let side = |k: usize| {
+            let [g0, g1, g2] = piece.sides[k];
+            let steep = 2.0 * (g1 - g0).abs().max((g2 - g1).abs());
+            let unit = self.bounds.sides[k / 2];
+            let bound = (side_bound + 2.0 * SIDE_BOUND[1]) * unit + 1.01 * steep * (hi - lo);
+            let value = value(&[g0, g1, g2], time);
+            (value, certain(value, bound))
+        };
+        let [a, b, c, d] = [0, 1, 2, 3].map(side);
+        match (a.1 * b.1, c.1 * d.1) {
+            (1, _) | (_, 1) => true,
+            (-1, -1) => {
+                let time = piece.from + (piece.to - piece.from) * time;
+                let at = [a.0 / (a.0 - b.0), c.0 / (c.0 - d.0)];
+                self.found[self.count] = Some(Passage {
+                    time,
+                    sign: -direction,
+                    at,
+                    point: along(self.before, self.after, time, at),
+                });
+                self.count += 1;
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+impl Piece {
+    fn cut(&self) -> (Piece, Piece) {
+        let between = self.from + (self.to - self.from) * CUT;
+        let mut left = Piece {
+            from: self.from,
+            to: between,
+            volume: [0.0; 4],
+            sides: [[0.0; 3]; 4],
+        };
+        let mut right = Piece {
+            from: between,
+            to: self.to,
+            volume: self.volume,
+            sides: self.sides,
+        };
+        de_casteljau(&mut right.volume, CUT, &mut left.volume);
+        for (right, left) in right.sides.iter_mut().zip(&mut left.sides) {
+            de_casteljau(right, CUT, left);
+        }
+        (left, right)
+    }
+}
+
+/// Bernstein coefficients of the cross product of two vectors that move.
+#[inline(always)]
+fn bernstein(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 3] {
+    let (s, t) = (cross(p0, q1), cross(p1, q0));
+    [
+        cross(p0, q0),
+        [0, 1, 2].map(|x| 0.5 * (s[x] + t[x])),
+        cross(p1, q1),
+    ]
+}
+
+#[inline(always)]
+fn cross(p: Point, q: Point) -> Point {
+    [
+        p[1] * q[2] - p[2] * q[1],
+        p[2] * q[0] - p[0] * q[2],
+        p[0] * q[1] - p[1] * q[0],
+    ]
+}
+
+#[inline(always)]
+fn dot(p: Point, q: Point) -> f64 {
+    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+}
+
+/// Sign of a number that is off by `bound` at most; 0 if not certain.
+#[inline(always)]
+fn certain(x: f64, bound: f64) -> i32 {
+    i32::from(x > bound) - i32::from(x < -bound)
+}
+
+/// The sign that all coefficients certainly have; 0 if there is none.
+#[inline(always)]
+fn one_sign<const N: usize>(coefficients: &[f64; N], bound: f64) -> i32 {
+    let all = |f: &dyn Fn(f64) -> bool| coefficients.iter().all(|&c| f(c));
+    i32::from(all(&|c| c > bound)) - i32::from(all(&|c| c < -bound))
+}
+
+/// Replaces coefficients by those of the part after `ratio`, and writes those of the part before it.
+#[inline(always)]
+fn de_casteljau<const N: usize>(c: &mut [f64; N], ratio: f64, before: &mut [f64; N]) {
+    let rest = 1.0 - ratio;
+    for (k, before) in before.iter_mut().enumerate() {
+        *before = c[0];
+        for j in 0..N - 1 - k {
+            c[j] = rest * c[j] + ratio * c[j + 1];
+        }
+    }
+}
+
+/// Value at `ratio` of the interval.
+#[inline(always)]
+fn value<const N: usize>(coefficients: &[f64; N], ratio: f64) -> f64 {
+    let mut c = *coefficients;
+    let mut before = [0.0; N];
+    de_casteljau(&mut c, ratio, &mut before);
+    c[0]
+}
+
+/// About where a cubic in Bernstein form that changes sign once is 0, and how steep it is there.
+fn root(&[d0, d1, d2, d3]: &[f64; 4]) -> (f64, f64) {
+    let c = [
+        d0,
+        3.0 * (d1 - d0),
+        3.0 * ((d2 - d1) - (d1 - d0)),
+        (d3 - d0) - 3.0 * (d2 - d1),
+    ];
+    let slope = |t: f64| (3.0 * c[3] * t + 2.0 * c[2]) * t + c[1];
+    let (mut lo, mut hi) = (0.0, 1.0);
+    let mut t = d0 / (d0 - d3);
+    // Newton's method, held between the signs; halving where it leaves them.
+    for _ in 0..40 {
+        let f = ((c[3] * t + c[2]) * t + c[1]) * t + d0;
+        if (f < 0.0) == (d0 < 0.0) {
+            lo = t;
+        } else {
+            hi = t;
+        }
+        let next = t - f / slope(t);
+        let next = if next >= lo && next <= hi {
+            next
+        } else {
+            0.5 * (lo + hi)
+        };
+        let step = (next - t).abs();
+        t = next;
+        if step <= 2.0 * f64::EPSILON {
+            break;
+        }
+    }
+    (t, slope(t))
+}

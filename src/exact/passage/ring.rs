@@ -1,0 +1,158 @@
+//! Ordered rings: the integers, and the integers with an infinitesimal.
+
+use super::super::big;
+use num_bigint::BigInt;
+use std::cmp::Ordering;
+
+/// An ordered commutative ring without zero divisors.
+///
+/// Sturm's theorem, and the signs of the roots of quadratic polynomials, ask no more of their coefficients:
+/// both hold over the real closure of the ring's field of fractions.
+pub(super) trait Ring: Clone + From<BigInt> {
+    fn sign(&self) -> i32;
+    fn plus(&self, other: &Self) -> Self;
+    fn minus(&self, other: &Self) -> Self;
+    fn times(&self, other: &Self) -> Self;
+
+    fn zero() -> Self {
+        Self::from(BigInt::ZERO)
+    }
+}
+
+impl Ring for BigInt {
+    fn sign(&self) -> i32 {
+        big::sign(self)
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        self + other
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        self - other
+    }
+
+    fn times(&self, other: &Self) -> Self {
+        self * other
+    }
+}
+
+/// A polynomial in `e` with integer coefficients, ordered as if `e` were positive and smaller than every
+/// positive rational: by the sign of its lowest term. That is the sign of its value at every small enough
+/// positive number `e`.
+///
+/// Terms that are not 0, as exponent and coefficient, lowest exponent first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Infinitesimal(Vec<(u32, BigInt)>);
+
+impl Infinitesimal {
+    /// `coefficient * e^exponent`.
+    pub fn term(exponent: u32, coefficient: BigInt) -> Self {
+        Self::normal(vec![(exponent, coefficient)])
+    }
+
+    /// Exponent of the lowest term.
+    pub fn order(&self) -> Option<u32> {
+        self.0.first().map(|t| t.0)
+    }
+
+    /// Coefficient of `e^exponent`.
+    pub fn coefficient(&self, exponent: u32) -> BigInt {
+        let found = self.0.binary_search_by_key(&exponent, |t| t.0);
+        found.map_or(BigInt::ZERO, |k| self.0[k].1.clone())
+    }
+
+    fn normal(mut terms: Vec<(u32, BigInt)>) -> Self {
+        terms.retain(|t| big::sign(&t.1) != 0);
+        Infinitesimal(terms)
+    }
+
+    /// The sum, with `term` applied to the coefficients of `other`.
+    fn merge(&self, other: &Self, term: impl Fn(&BigInt) -> BigInt) -> Self {
+        let mut out = Vec::with_capacity(self.0.len() + other.0.len());
+        let (mut left, mut right) = (self.0.iter().peekable(), other.0.iter().peekable());
+        loop {
+            let order = match (left.peek(), right.peek()) {
+                (Some(l), Some(r)) => l.0.cmp(&r.0),
+                (Some(_), None) => Ordering::Less,
+                (None, Some(_)) => Ordering::Greater,
+                (None, None) => return Self::normal(out),
+            };
+            let l = left.next_if(|_| order.is_le());
+            let r = right.next_if(|_| order.is_ge()).map(|r| (r.0, term(&r.1)));
+            out.extend(match (l, r) {
+                (Some(l), Some(r)) => Some((l.0, &l.1 + r.1)),
+                (l, r) => l.cloned().or(r),
+            });
+        }
+    }
+}
+
+impl From<BigInt> for Infinitesimal {
+    fn from(x: BigInt) -> Self {
+        Self::term(0, x)
+    }
+}
+
+impl Ring for Infinitesimal {
+    fn sign(&self) -> i32 {
+        self.0.first().map_or(0, |t| big::sign(&t.1))
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        self.merge(other, BigInt::clone)
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        self.merge(other, |x| -x)
+    }
+
+    fn times(&self, other: &Self) -> Self {
+        let mut products = std::collections::BTreeMap::<u32, BigInt>::new();
+        for (i, x) in &self.0 {
+            for (j, y) in &other.0 {
+                *products.entry(i + j).or_default() += x * y;
+            }
+        }
+        Self::normal(products.into_iter().collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn infinitesimal() -> impl Strategy<Value = Infinitesimal> {
+        let terms = prop::collection::vec((0u32..12, -5i64..=5), 0..5);
+        terms.prop_map(|terms| {
+            let terms = terms
+                .into_iter()
+                .map(|(k, c)| Infinitesimal::term(k, c.into()));
+            terms.fold(Infinitesimal::zero(), |a, b| a.plus(&b))
+        })
+    }
+
+    /// The value at `e = 2^-64`, times a power of two: coefficients here are far smaller than `2^64`.
+    fn value(x: &Infinitesimal) -> BigInt {
+        let terms = x.0.iter().map(|(k, c)| c << (64 * (32 - k)));
+        terms.fold(BigInt::ZERO, |a, b| a + b)
+    }
+
+    proptest! {
+        #[test]
+        fn arithmetic_and_order_are_those_of_a_small_number(
+            x in infinitesimal(), y in infinitesimal(), z in infinitesimal()
+        ) {
+            prop_assert_eq!(x.sign(), big::sign(&value(&x)));
+            prop_assert_eq!(value(&x.plus(&y)), value(&x) + value(&y));
+            prop_assert_eq!(value(&x.minus(&y)), value(&x) - value(&y));
+            prop_assert_eq!(value(&x.times(&y)) << (64u32 * 32), value(&x) * value(&y));
+            prop_assert_eq!(x.times(&y).sign(), x.sign() * y.sign());
+            prop_assert_eq!(x.times(&y.plus(&z)), x.times(&y).plus(&x.times(&z)));
+            prop_assert_eq!(x.minus(&x), Infinitesimal::zero());
+            prop_assert_eq!(x.order(), x.0.first().map(|t| t.0));
+            prop_assert!(x.0.windows(2).all(|w| w[0].0 < w[1].0));
+        }
+    }
+}
