@@ -20,6 +20,7 @@ mod ingest;
 pub mod kernels;
 pub mod model;
 mod pairs;
+pub mod plan;
 pub mod scenes;
 mod sinks;
 mod verdict;
@@ -35,6 +36,7 @@ pub use curve::{Basis, Curve, CurveSet, CurveSetBuilder, Point, Positions, Preci
 pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
 pub use incremental::{Route, Work};
+pub use plan::Plan;
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use sinks::{

@@ -154,11 +154,7 @@ impl Verifier {
         links.clear();
         undefined.clear();
         undefined.extend(degenerate_curves(set));
-        let pairs = self.search.find(self.trees.roots());
-        if !undefined.is_empty() {
-            let whole = |i: u32| undefined.binary_search_by_key(&i, |d| d.i).is_err();
-            pairs.retain(|&(i, j)| whole(i) && whole(j));
-        }
+        let pairs = potential_links(&self.trees, &mut self.search, undefined);
         self.progress.done.store(0, Ordering::Relaxed);
         let total = pairs.len() as u64;
         self.progress.total.store(total, Ordering::Relaxed);
@@ -398,9 +394,7 @@ impl Verifier {
 
 /// The linking numbers of these pairs, in parts that follow one another in the order of the pairs.
 fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progress: &Progress) {
-    // Parts small enough to share out, large enough to be worth it. One pair may be a whole model; it shares
-    // itself out.
-    let size = (pairs.len() / (32 * rayon::current_num_threads())).clamp(1, 256);
+    let size = links_per_task(pairs.len(), rayon::current_num_threads());
     let count = pairs.len().div_ceil(size);
     parts.resize_with(count.max(parts.len()), Part::default);
     parts.par_iter_mut().enumerate().for_each(|(k, part)| {
@@ -450,6 +444,26 @@ fn curves_of(pairs: impl Iterator<Item = Pair>) -> Vec<u32> {
     curves
 }
 
+/// Potential links computed by one task: few enough to share out, enough to be worth it. One of them may be a whole
+/// model; it shares itself out.
+pub(crate) fn links_per_task(links: usize, threads: usize) -> usize {
+    (links / (32 * threads)).clamp(1, 256)
+}
+
+/// Pairs that may be linked: those whose boxes overlap, but for degenerate curves, which are sorted.
+pub(crate) fn potential_links<'a>(
+    trees: &Trees,
+    search: &'a mut LinkSearch,
+    degenerate: &[Defect],
+) -> &'a mut Vec<Pair> {
+    let pairs = search.find(trees.roots());
+    if !degenerate.is_empty() {
+        let whole = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
+        pairs.retain(|&(i, j)| whole(i) && whole(j));
+    }
+    pairs
+}
+
 /// What one task computed.
 #[derive(Debug, Default)]
 struct Part {
@@ -459,7 +473,7 @@ struct Part {
 }
 
 /// Closed curves that bound nothing, in order.
-fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
+pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
     (0..set.len())
         .filter(|&i| set.curve(i).closed && !set.has_three_distinct_points(i))
         .map(|i| Defect {

@@ -1,19 +1,17 @@
 //! `linkwatch certify`: models in, certificates out.
 
 use super::output::{self, count, millis, plural, plural_of};
-use super::{Outcome, measure, output::with_progress};
+use super::{Outcome, input, measure, output::with_progress};
 use clap::ValueEnum;
-use linkwatch::{
-    AbortOn, Certificate, CurveSet, Result, Stats, Verifier, homotopic_polylines, model,
-};
+use linkwatch::{AbortOn, Certificate, CurveSet, Result, Stats, Verifier, homotopic_polylines};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Compute the linking numbers of all pairs of curves: the certificate of a model's topology
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models: .bcc, .obj (lines) or .vect
-    #[arg(required = true, value_name = "MODEL")]
+    /// Models (.bcc, .obj lines or .vect), or scenes as `linkwatch generate` takes them
+    #[arg(required = true, value_name = "MODEL|SCENE")]
     models: Vec<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT")]
@@ -46,7 +44,7 @@ struct Certified {
 
 /// Reads a model and computes its certificate.
 fn certify(path: &Path, how: Discretize) -> Result<Certified> {
-    let set = model::read(path)?;
+    let set = input::read(path)?;
     let mut verifier = Verifier::new(AbortOn::Never);
     let name = path.display().to_string();
     let start = std::time::Instant::now();

@@ -1,75 +1,93 @@
-//! `linkwatch certify --repeat`: what a certificate costs, stage by stage.
+//! `--repeat` of `linkwatch certify` and `plan`: what a certificate costs, stage by stage.
 //!
 //! From control points in memory to the sorted numbers. "First" is a verifier that meets the model for the first
 //! time and makes its buffers; "later" is the same one again.
 
-use super::Outcome;
 use super::output::{self, count};
-use linkwatch::{AbortOn, Result, Timings, Verifier, model};
+use super::{Outcome, input};
+use linkwatch::{AbortOn, CurveSet, Result, Stats, Timings, Verifier};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
+use std::fmt;
 use std::path::Path;
+use std::time::Duration;
 
-/// Milliseconds of one run.
+/// What certifying a model costs.
 #[derive(Clone, Copy, Debug)]
-struct Cost {
+pub struct Measured {
+    /// Of a verifier that meets the model for the first time, medians.
+    pub first: Cost,
+    /// Of one that has met it before, medians.
+    pub later: Cost,
+    links: usize,
+    undefined: usize,
+    stats: Stats,
+}
+
+/// What one run costs.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Cost {
     stages: Timings,
-    /// Time of all processors together.
+    /// Time of all processors together, in milliseconds.
     cpu_ms: f64,
 }
 
-/// Certifies a model `n` times and prints medians.
-pub fn run(path: &Path, n: u32, as_json: bool) -> Result<Outcome> {
-    let set = model::read(path)?;
+/// Certifies curves `n` times, at least once.
+pub fn measure(set: &CurveSet, n: u32) -> Measured {
     let (mut first, mut later) = (Vec::new(), Vec::new());
-    let mut result = None;
-    for _ in 0..n {
+    let (mut links, mut undefined, mut stats) = (0, 0, Stats::default());
+    for _ in 0..n.max(1) {
         let mut verifier = Verifier::new(AbortOn::Never);
         for costs in [&mut first, &mut later] {
             let start = cpu_ms();
-            let (certificate, stats) = verifier.certify(&set);
-            result = Some((certificate.links.len(), certificate.undefined.len(), stats));
+            let (certificate, counts) = verifier.certify(set);
+            (links, undefined) = (certificate.links.len(), certificate.undefined.len());
+            stats = counts;
             costs.push(Cost {
                 stages: verifier.timings(),
                 cpu_ms: cpu_ms() - start,
             });
         }
     }
-    let Some((links, undefined, stats)) = result else {
-        return Ok(Outcome::Fine);
-    };
+    Measured {
+        first: Cost::median(&first),
+        later: Cost::median(&later),
+        links,
+        undefined,
+        stats,
+    }
+}
+
+/// Certifies a model or a scene `n` times and prints medians.
+pub fn run(name: &Path, n: u32, as_json: bool) -> Result<Outcome> {
+    let set = input::read(name)?;
+    let Measured {
+        first,
+        later,
+        links,
+        undefined,
+        stats,
+    } = measure(&set, n);
     let threads = rayon::current_num_threads();
-    let (first, later) = (medians(&first), medians(&later));
     if as_json {
         output::json(&json!({
-            "model": path,
+            "model": name,
             "repeat": n,
             "threads": threads,
-            "first": first,
-            "later": later,
+            "first": first.to_json(),
+            "later": later.to_json(),
             "links": links,
             "undefined": undefined,
             "stats": stats,
             "peak_mb": peak_mb(),
         }))?;
     } else {
-        let show = |name: &str, m: &Value| {
-            let ms = |key: &str| m[key].as_f64().unwrap_or(f64::NAN);
-            output::line(format_args!(
-                "  {name:5}  boxes {:.3}  pairs {:.3}  links {:.3}  total {:.3} ms  (cpu {:.3} ms)",
-                ms("boxes_ms"),
-                ms("pairs_ms"),
-                ms("links_ms"),
-                ms("total_ms"),
-                ms("cpu_ms"),
-            ))
-        };
         output::line(format_args!(
             "{}, median of {n}, {threads} threads",
-            path.display()
+            name.display()
         ))?;
-        show("first", &first)?;
-        show("later", &later)?;
+        output::line(format_args!("  first  {first}"))?;
+        output::line(format_args!("  later  {later}"))?;
         let ratio = stats.tests as f64 / stats.crossings.max(1) as f64;
         output::line(format_args!(
             "  {} potential links ({} separated), {} tests, {} crossings ({ratio:.2} tests each), {} exact",
@@ -86,21 +104,62 @@ pub fn run(path: &Path, n: u32, as_json: bool) -> Result<Outcome> {
     })
 }
 
-fn medians(costs: &[Cost]) -> Value {
-    let median = |f: &dyn Fn(&Cost) -> f64| {
-        let mut values: Vec<f64> = costs.iter().map(f).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
-    let ms =
-        |f: &dyn Fn(&Timings) -> std::time::Duration| median(&|c| f(&c.stages).as_secs_f64() * 1e3);
-    json!({
-        "boxes_ms": ms(&|t| t.boxes),
-        "pairs_ms": ms(&|t| t.pairs),
-        "links_ms": ms(&|t| t.links),
-        "total_ms": ms(&|t| t.total),
-        "cpu_ms": median(&|c| c.cpu_ms),
-    })
+impl Cost {
+    /// The median of every number by itself.
+    fn median(costs: &[Cost]) -> Cost {
+        let median = |f: &dyn Fn(&Cost) -> f64| {
+            let mut values: Vec<f64> = costs.iter().map(f).collect();
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2]
+        };
+        let time = |f: &dyn Fn(&Timings) -> Duration| {
+            Duration::from_secs_f64(median(&|c| f(&c.stages).as_secs_f64()))
+        };
+        Cost {
+            stages: Timings {
+                boxes: time(&|t| t.boxes),
+                pairs: time(&|t| t.pairs),
+                links: time(&|t| t.links),
+                total: time(&|t| t.total),
+            },
+            cpu_ms: median(&|c| c.cpu_ms),
+        }
+    }
+
+    /// Milliseconds of every stage.
+    pub fn to_json(self) -> Value {
+        json!({
+            "boxes_ms": ms(self.stages.boxes),
+            "pairs_ms": ms(self.stages.pairs),
+            "links_ms": ms(self.stages.links),
+            "total_ms": ms(self.stages.total),
+            "cpu_ms": self.cpu_ms,
+        })
+    }
+}
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Timings {
+            boxes,
+            pairs,
+            links,
+            total,
+        } = self.stages;
+        write!(
+            f,
+            "boxes {:.3}  pairs {:.3}  links {:.3}  total {:.3} ms  (cpu {:.3} ms)",
+            ms(boxes),
+            ms(pairs),
+            ms(links),
+            ms(total),
+            self.cpu_ms,
+        )
+    }
+}
+
+fn ms(d: Duration) -> f64 {
+    d.as_secs_f64() * 1e3
 }
 
 /// Time that the processors spent on this process.

@@ -3,10 +3,12 @@
 mod certify;
 mod check;
 mod generate;
+mod input;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod live;
 mod measure;
 mod output;
+mod plan;
 #[cfg(feature = "mcap")]
 mod replay;
 #[cfg(any(feature = "bus", feature = "mcap"))]
@@ -44,6 +46,7 @@ enum Command {
     Certify(certify::Args),
     Check(check::Args),
     Generate(generate::Args),
+    Plan(plan::Args),
     #[cfg(feature = "bus")]
     Watch(watch::Args),
     #[cfg(feature = "mcap")]
@@ -99,6 +102,7 @@ pub fn main() -> ExitCode {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
+        Command::Plan(args) => plan::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]

@@ -16,6 +16,63 @@ pub mod oracle;
 
 use crate::verdict::{DefectKind, Place};
 
+/// Work that linking numbers take, in counts. It depends on the curves alone, not on the machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct KernelWork {
+    /// Node pairs looked into for the choice of the direction, breadth first.
+    pub front: u64,
+    /// Node pairs looked into on the way to the segments, depth first, whose boxes are stored.
+    pub nodes: u64,
+    /// Those whose boxes are computed from the coordinates.
+    pub computed: u64,
+    /// Segment pairs tested for a crossing.
+    pub tests: u64,
+    /// Segment pairs of splines whose boxes overlap in space, and whose hulls are compared.
+    pub overlaps: u64,
+    /// Points that the discretization adds.
+    pub refined: u64,
+    /// Tests that exact arithmetic decides.
+    pub exact: u64,
+}
+
+impl KernelWork {
+    /// So many times the work, rounded.
+    pub(crate) fn scaled(self, factor: f64) -> KernelWork {
+        let scaled = |count: u64| (count as f64 * factor).round() as u64;
+        KernelWork {
+            front: scaled(self.front),
+            nodes: scaled(self.nodes),
+            computed: scaled(self.computed),
+            tests: scaled(self.tests),
+            overlaps: scaled(self.overlaps),
+            refined: scaled(self.refined),
+            exact: scaled(self.exact),
+        }
+    }
+}
+
+impl std::ops::Add for KernelWork {
+    type Output = KernelWork;
+
+    fn add(self, other: KernelWork) -> KernelWork {
+        KernelWork {
+            front: self.front + other.front,
+            nodes: self.nodes + other.nodes,
+            computed: self.computed + other.computed,
+            tests: self.tests + other.tests,
+            overlaps: self.overlaps + other.overlaps,
+            refined: self.refined + other.refined,
+            exact: self.exact + other.exact,
+        }
+    }
+}
+
+impl std::iter::Sum for KernelWork {
+    fn sum<I: Iterator<Item = KernelWork>>(parts: I) -> KernelWork {
+        parts.fold(KernelWork::default(), |a, b| a + b)
+    }
+}
+
 /// What a kernel says of one pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Linking {

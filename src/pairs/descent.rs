@@ -30,6 +30,7 @@ pub(crate) struct Query {
 
 /// Visits the node pairs of the agenda and everything below them, until none is left, or `steps` node pairs have
 /// been looked into, or `limit` segment pairs are found. Where `IN_SPACE`, only what overlaps in space counts.
+/// Returns how many node pairs it looked into.
 #[inline(always)]
 pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
     simd: L,
@@ -38,13 +39,15 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
     agenda: &mut Agenda,
     found: &mut SegmentPairs,
     (steps, limit): (usize, usize),
-) {
+) -> usize {
     let (mut room_t, mut room_u) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
-    for _ in 0..steps {
+    for step in 0..steps {
         if found.all.len() >= limit {
-            return;
+            return step;
         }
-        let Some((t, u)) = agenda.pop() else { return };
+        let Some((t, u)) = agenda.pop() else {
+            return step;
+        };
         if t.level > u.level {
             let below = One::of_box(&second.node_box(u), w).dilated::<IN_SPACE>(reach);
             let above = Eight::load(simd, first.children(t, &mut room_t), w);
@@ -104,6 +107,7 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
             pairs &= pairs - 1;
         }
     }
+    steps
 }
 
 /// A box in the frame `(u, v, w)`. Kept in registers: a box in memory, written in parts and read whole, is what

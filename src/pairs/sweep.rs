@@ -42,7 +42,7 @@ impl LinkSearch {
         } = self;
         sweep.fill(boxes);
         let n = sweep.order.len();
-        parts.resize_with(n.div_ceil(CHUNK).max(parts.len()), Vec::new);
+        parts.resize_with(Self::tasks(n).max(parts.len()), Vec::new);
         parts.par_iter_mut().enumerate().for_each(|(c, part)| {
             part.clear();
             sweep.run((c * CHUNK).min(n)..((c + 1) * CHUNK).min(n), part);
@@ -53,6 +53,40 @@ impl LinkSearch {
         }
         pairs.par_sort_unstable_by_key(|&(i, j)| u64::from(i) << 32 | u64::from(j));
         pairs
+    }
+
+    /// Groups of eight boxes that the last search compared with a box.
+    pub fn steps(&self) -> u64 {
+        let [lo, ..] = &self.sweep.lo;
+        let [hi, ..] = &self.sweep.hi;
+        let boxes = self.sweep.order.len();
+        let steps = |k: usize| {
+            let passed = lo[k + 1..boxes].partition_point(|&other| other <= hi[k]);
+            passed.div_ceil(LANES) as u64
+        };
+        (0..boxes).map(steps).sum()
+    }
+
+    /// Tasks that share a search of so many boxes.
+    pub fn tasks(boxes: usize) -> usize {
+        boxes.div_ceil(CHUNK)
+    }
+
+    /// Bytes of the boxes in their order and of the pairs found.
+    pub fn bytes(&self) -> usize {
+        let Sweep {
+            keys,
+            order,
+            lo,
+            hi,
+        } = &self.sweep;
+        let columns: usize = lo.iter().chain(hi).map(|v| size_of_val(&v[..])).sum();
+        let parts: usize = self.parts.iter().map(|p| size_of_val(&p[..])).sum();
+        size_of_val(&keys[..])
+            + size_of_val(&order[..])
+            + columns
+            + parts
+            + size_of_val(&self.pairs[..])
     }
 }
 

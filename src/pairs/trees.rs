@@ -14,7 +14,7 @@ use crate::curve::{Basis, Box3, BoxGroup, CurveSet, LANES, Lanes, Portable};
 const LEVELS: usize = 11;
 
 /// Segments of a small curve, at most: its leaves are the lanes of one group.
-const SMALL: u32 = (LANES * LANES) as u32;
+pub(crate) const SMALL: u32 = (LANES * LANES) as u32;
 
 /// Segments below which a range of curves is refitted by one task.
 const GRAIN: usize = 1 << 15;
@@ -72,6 +72,11 @@ pub(crate) struct Trees {
 }
 
 impl Trees {
+    /// Whether the boxes of so many segments are shared out among threads: of several curves, or of a single one.
+    pub fn shares_out(segments: usize) -> bool {
+        segments > GRAIN
+    }
+
     /// Refits all boxes to a frame. Allocates only where the curves are others than before.
     pub fn refit(&mut self, set: &CurveSet) {
         let same = self.layouts.len() == set.len()
@@ -134,8 +139,7 @@ impl Trees {
     }
 
     /// Bytes of the stored boxes.
-    #[cfg(test)]
-    fn bytes(&self) -> usize {
+    pub fn bytes(&self) -> usize {
         size_of_val(&self.groups[..]) + size_of_val(&self.roots[..])
     }
 }
@@ -164,6 +168,11 @@ impl<'a> CurveTree<'a> {
     #[inline(always)]
     pub fn is_small(&self) -> bool {
         self.layout.segments <= SMALL
+    }
+
+    /// Whether the boxes of single segments are stored.
+    pub fn stores_leaves(&self) -> bool {
+        self.layout.leaves
     }
 
     /// Boxes of the children of a node; `leaf` is room for those that are not stored.
@@ -254,7 +263,7 @@ fn refit_range(
     roots: &mut [Box3],
 ) {
     let work: usize = layouts.iter().map(|l| l.segments as usize).sum();
-    if layouts.len() > 1 && work > GRAIN {
+    if layouts.len() > 1 && Trees::shares_out(work) {
         let mid = layouts.len() / 2;
         let (left, right) = layouts.split_at(mid);
         let split = left.iter().map(|l| l.groups as usize).sum();
@@ -322,7 +331,7 @@ struct Strip<'a> {
 impl Strip<'_> {
     /// Refits the leaves and the level above; halves the strip while it is worth a task of its own.
     fn refit(self) {
-        if self.leaves * LANES <= GRAIN {
+        if !Trees::shares_out(self.leaves * LANES) {
             return self.refit_part();
         }
         let mid = self.below.len() / 2;

@@ -11,6 +11,12 @@ use crate::pairs::{Agenda, CurveTree, Node};
 /// Node pairs at which the pass has seen enough to choose.
 const ENOUGH: usize = 192;
 
+/// Whether the direction of a pair is chosen by a formula on its boxes: both curves are small.
+#[inline(always)]
+pub(crate) fn by_formula([a, b]: [CurveTree<'_>; 2]) -> bool {
+    a.is_small() && b.is_small()
+}
+
 /// A set of directions, a bit each in the order of [`Direction::ALL`].
 type Directions = u32;
 const ALL: Directions = 0x3f;
@@ -20,6 +26,8 @@ const ALL: Directions = 0x3f;
 pub(super) struct Fronts {
     now: Front,
     next: Front,
+    /// Node pairs looked into, since this was last set to 0.
+    pub visited: u64,
 }
 
 /// Node pairs, structure of arrays; all first nodes are of one level, and so are all second ones. The arrays are
@@ -45,17 +53,18 @@ pub(super) fn choose<L: Lanes>(
 ) -> Option<Direction> {
     agenda.clear();
     let (root_a, root_b) = (a.root(), b.root());
-    if fixed.is_some() || a.is_small() && b.is_small() {
+    if fixed.is_some() || by_formula([a, b]) {
         let direction = fixed.unwrap_or_else(|| guess(&a.bounds, &b.bounds));
         agenda.push(direction.upper_first(root_a, root_b));
         return Some(direction);
     }
-    let Fronts { now, next } = fronts;
+    let Fronts { now, next, visited } = fronts;
     let mut levels = [root_a.level, root_b.level];
     let mut alive = ALL;
     now.reset();
     while !alive.is_power_of_two() && now.len <= ENOUGH && levels != [0, 0] {
         next.make_room(now.len);
+        *visited += now.len as u64;
         if levels[0] >= levels[1] {
             expand::<L, false>(simd, [a, b], levels, now, next);
             levels[0] -= 1;
@@ -150,7 +159,7 @@ impl Front {
 #[inline(always)]
 fn spread(set: Directions) -> u64 {
     const COPIES: u64 = 1 | 1 << 7 | 1 << 14 | 1 << 21 | 1 << 28 | 1 << 35;
-    u64::from(set) * COPIES & 0x0101_0101_0101
+    (u64::from(set) * COPIES) & 0x0101_0101_0101
 }
 
 /// Small loops: the direction by a formula on their boxes, the overlap in projection times the chance that

@@ -21,6 +21,8 @@ pub(super) struct Tally {
     /// First pair of segments that touch.
     contact: Option<[u32; 2]>,
     predicates: Predicates,
+    /// Node pairs that the descent looked into.
+    pub nodes: u64,
     pub stats: Stats,
 }
 
@@ -54,6 +56,7 @@ impl Tally {
     pub fn merge(&mut self, other: &Tally) {
         self.sum += other.sum;
         self.predicates.exact += other.predicates.exact;
+        self.nodes += other.nodes;
         self.stats.add(&other.stats);
         if let Some(segments) = other.contact {
             self.found_contact(segments);

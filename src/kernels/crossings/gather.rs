@@ -21,6 +21,11 @@ const STEPS: usize = 4096;
 /// Rounds of these after which a task shares out what is left: some tenths of a millisecond.
 const ROUNDS: usize = 3;
 
+/// Whether a pair that takes these node pairs and candidates is shared out among threads.
+pub(crate) fn shares_out(nodes: u64, candidates: u64) -> bool {
+    nodes / STEPS as u64 + candidates / BATCH as u64 >= ROUNDS as u64
+}
+
 /// Candidates of one pair of splines at which it counts as too close: a tangle in which everything overlaps
 /// everything would fill the memory.
 const MAX_CANDIDATES: usize = 1 << 25;
@@ -114,7 +119,8 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
             return share(task, workspace);
         }
         let known = found.all.len();
-        descend::<L, false>(simd, both, query, agenda, found, (STEPS, known + BATCH));
+        let limits = (STEPS, known + BATCH);
+        tally.nodes += descend::<L, false>(simd, both, query, agenda, found, limits) as u64;
         if splines {
             // Splines wait for their final polylines.
             tally.stats.overlaps += found.meeting.len() as u64;
@@ -163,7 +169,7 @@ fn share(task: &Task<'_>, workspace: &mut Workspace) {
 }
 
 /// [`gather`] with the instructions that there are.
-fn resume(task: &Task<'_>, workspace: &mut Workspace) {
+pub(super) fn resume(task: &Task<'_>, workspace: &mut Workspace) {
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = Avx2::detect() {
         #[expect(unsafe_code, reason = "vector instructions")]

@@ -15,12 +15,16 @@
 mod direction;
 mod evaluate;
 mod gather;
+mod sample;
 #[cfg(test)]
 mod spline_tests;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use self::direction::by_formula;
 use self::evaluate::Tally;
+pub(crate) use self::gather::shares_out;
+pub(crate) use self::sample::sample;
 use super::Linking;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
@@ -74,6 +78,7 @@ pub(crate) struct Scene<'a> {
 
 /// Buffers that wait for a task. They serve every pair of every frame.
 #[derive(Debug, Default)]
+#[expect(clippy::vec_box, reason = "buffers change hands as a pointer")]
 pub(crate) struct Workspaces {
     idle: Mutex<Vec<Box<Workspace>>>,
 }
@@ -89,6 +94,7 @@ impl Workspaces {
         self.lock().push(workspace);
     }
 
+    #[expect(clippy::vec_box, reason = "as above")]
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Box<Workspace>>> {
         // A task that panicked holds no lock: the list is whole.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)

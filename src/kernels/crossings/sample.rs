@@ -1,0 +1,102 @@
+//! What a pair costs, found out on a part of it.
+
+use super::{Scene, Tally, Workspace, direction, gather};
+use crate::curve::Portable;
+use crate::kernels::KernelWork;
+use crate::pairs::{Agenda, Pair, Query, SegmentPairs, descend};
+use crate::verdict::Stats;
+
+/// Node pairs of a level that are looked into.
+const BRANCHES: usize = 256;
+
+/// The work that the linking number of a pair takes, extrapolated level by level: of the node pairs that are left at a
+/// level, [`BRANCHES`] that lie evenly among them stand for all. Where there are never more, it is the work itself.
+///
+/// Cost: the choice of the direction; some thousand node pairs, whatever the length of the curves; and the tests
+/// below the last of them.
+pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) -> KernelWork {
+    let [i, j] = [i as usize, j as usize];
+    let both = [i, j].map(|i| scene.trees.of(scene.set, i));
+    let Workspace { fronts, agenda, .. } = &mut *workspace;
+    fronts.visited = 0;
+    let chosen = direction::choose(Portable, both, None, fronts, agenda);
+    let choice = KernelWork {
+        front: fronts.visited,
+        ..KernelWork::default()
+    };
+    let Some(direction) = chosen else {
+        return choice;
+    };
+    let (upper, lower) = direction.upper_first(i, j);
+    let task = gather::Task::new(scene, [upper, lower], direction.axis);
+    let query = Query {
+        w: task.axis,
+        meeting: false,
+    };
+    let both = task.curves.map(|i| scene.trees.of(scene.set, i));
+    let mut found = SegmentPairs::default();
+    let (mut below, mut one) = (Agenda::new(), Agenda::new());
+    let (mut factor, mut nodes) = (1.0, 0.0);
+    // All first nodes are of one level, and so are all second ones.
+    loop {
+        factor *= thin(agenda);
+        if agenda
+            .first()
+            .is_none_or(|(t, u)| t.level.max(u.level) == 0)
+        {
+            break;
+        }
+        nodes += factor * agenda.len() as f64;
+        for pair in agenda.drain(..) {
+            one.push(pair);
+            descend::<_, false>(Portable, both, query, &mut one, &mut found, (1, usize::MAX));
+            below.append(&mut one);
+        }
+        std::mem::swap(agenda, &mut below);
+    }
+    workspace.tally = Tally::default();
+    workspace.candidates.clear();
+    gather::resume(&task, workspace);
+    if !scene.set.basis().is_polyline() {
+        // Where it is too close, the pair takes the same time to say so.
+        task.finish_splines(workspace).ok();
+    }
+    let Stats {
+        tests,
+        overlaps,
+        refined,
+        exact,
+        ..
+    } = workspace.tally.stats();
+    let (mut stored, mut computed) = (workspace.tally.nodes, 0);
+    if !both.iter().all(|tree| tree.stores_leaves()) {
+        std::mem::swap(&mut stored, &mut computed);
+    }
+    let leaves = KernelWork {
+        front: 0,
+        nodes: stored,
+        computed,
+        tests,
+        overlaps,
+        refined,
+        exact,
+    };
+    let inner = KernelWork {
+        nodes: nodes.round() as u64,
+        ..KernelWork::default()
+    };
+    choice + inner + leaves.scaled(factor)
+}
+
+/// Keeps [`BRANCHES`] node pairs at even distances; returns how many each stands for.
+fn thin(agenda: &mut Agenda) -> f64 {
+    let all = agenda.len();
+    if all <= BRANCHES {
+        return 1.0;
+    }
+    for k in 0..BRANCHES {
+        agenda[k] = agenda[k * all / BRANCHES];
+    }
+    agenda.truncate(BRANCHES);
+    all as f64 / BRANCHES as f64
+}

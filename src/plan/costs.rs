@@ -1,0 +1,133 @@
+//! What work costs: the one table of constants, and the sums that it goes into.
+//!
+//! Measured on one core of a cloud machine, processor time, `linkwatch --threads 1 plan SCENE --repeat N`; see the
+//! head of [`super`] for how well it predicts.
+
+use super::Prediction;
+use crate::curve::Basis;
+use crate::kernels::KernelWork;
+
+/// Nanoseconds that something takes.
+struct Nanoseconds {
+    /// The boxes of a segment of a polyline, with its share of the tree above.
+    polyline_box: f64,
+    /// The same of a spline.
+    spline_box: f64,
+    /// A curve of any length: its tree.
+    tree: f64,
+    /// A curve in the search for potential links: sorting, columns.
+    sorted: f64,
+    /// A group of eight boxes compared with a box.
+    sweep_step: f64,
+    /// A potential link found, and sorted.
+    found: f64,
+    /// A potential link in the kernel, however short.
+    link: f64,
+    /// A node pair looked into for the choice of the direction.
+    front: f64,
+    /// A node pair looked into on the way to the segments, whose boxes are stored.
+    node: f64,
+    /// The same, whose boxes are computed.
+    computed_node: f64,
+    /// Waiting for memory, of a node pair of either kind, where the curves and their boxes fit into no cache.
+    far_node: f64,
+    /// A segment pair tested for a crossing.
+    test: f64,
+    /// A test decided exactly, beside the test.
+    exact: f64,
+    /// Two hulls compared.
+    hulls: f64,
+    /// A point added by the discretization, with the segments tested again.
+    refined: f64,
+    /// A segment looked at for repeated vertices, which are counted.
+    repeat: f64,
+}
+
+/// Size of the last cache.
+const CACHE_BYTES: usize = 32 << 20;
+
+const NS: Nanoseconds = Nanoseconds {
+    polyline_box: 1.4,
+    spline_box: 2.8,
+    tree: 60.0,
+    sorted: 40.0,
+    sweep_step: 2.0,
+    found: 36.0,
+    link: 105.0,
+    front: 20.0,
+    node: 22.0,
+    computed_node: 30.0,
+    far_node: 30.0,
+    test: 10.0,
+    exact: 60.0,
+    hulls: 50.0,
+    refined: 140.0,
+    repeat: 0.5,
+};
+
+/// Time on one thread.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Time {
+    ns: f64,
+}
+
+impl Time {
+    /// The same on several threads that all have something to do.
+    pub fn on(self, threads: usize) -> Prediction {
+        let one_thread_ms = self.ns * 1e-6;
+        Prediction {
+            one_thread_ms,
+            ms: one_thread_ms / threads as f64,
+        }
+    }
+}
+
+/// Boxes of all segments.
+pub(super) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
+    let segment = if basis.is_polyline() {
+        NS.polyline_box
+    } else {
+        NS.spline_box
+    };
+    Time {
+        ns: curves as f64 * NS.tree + segments as f64 * segment,
+    }
+}
+
+/// The search for potential links.
+pub(super) fn potential_links(curves: usize, steps: u64, links: usize) -> Time {
+    Time {
+        ns: curves as f64 * NS.sorted + steps as f64 * NS.sweep_step + links as f64 * NS.found,
+    }
+}
+
+/// The choice of directions.
+pub(super) fn direction(links: usize, work: KernelWork) -> Time {
+    Time {
+        ns: links as f64 * NS.link + work.front as f64 * NS.front,
+    }
+}
+
+/// Splines to polylines.
+pub(super) fn discretization(work: KernelWork) -> Time {
+    Time {
+        ns: work.overlaps as f64 * NS.hulls + work.refined as f64 * NS.refined,
+    }
+}
+
+/// Counting crossings, and repeated vertices; `bytes` of curves and boxes are read.
+pub(super) fn crossings(segments: usize, work: KernelWork, bytes: usize) -> Time {
+    let far = if bytes > CACHE_BYTES {
+        NS.far_node
+    } else {
+        0.0
+    };
+    Time {
+        ns: work.nodes as f64 * NS.node
+            + work.computed as f64 * NS.computed_node
+            + (work.nodes + work.computed) as f64 * far
+            + work.tests as f64 * NS.test
+            + work.exact as f64 * NS.exact
+            + segments as f64 * NS.repeat,
+    }
+}

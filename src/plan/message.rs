@@ -1,0 +1,161 @@
+//! A plan in words, a line a stage.
+
+use super::{DiscretizationChoice, Parallelism, Plan, Prediction, Search};
+use crate::pairs::SMALL;
+use std::fmt;
+
+impl fmt::Display for Prediction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", millis(self.ms))?;
+        if self.ms != self.one_thread_ms {
+            write!(f, " ({} on one thread)", millis(self.one_thread_ms))?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Plan {
+            threads,
+            discretization,
+            boxes,
+            potential_links: links,
+            direction,
+            kernel,
+            bytes,
+            predicted,
+        } = self;
+        let shared = match boxes.shared_curves {
+            0 => String::new(),
+            n => format!(", {} shared out among threads", plural(n, "curve")),
+        };
+        let leaves = match (
+            discretization.choice,
+            boxes.stored_leaves,
+            boxes.computed_leaves,
+        ) {
+            (DiscretizationChoice::PairByPair, ..) => "stored (splines)".to_owned(),
+            (DiscretizationChoice::None, _, 0) => "stored (small curves)".to_owned(),
+            (DiscretizationChoice::None, 0, _) => "computed (polylines)".to_owned(),
+            (DiscretizationChoice::None, stored, computed) => format!(
+                "computed for {}, stored for {}",
+                plural(computed, "curve"),
+                plural(stored, "small one"),
+            ),
+        };
+        writeln!(
+            f,
+            "boxes: trees of up to {} over {}, leaves {}{shared}, {}: {}",
+            plural(usize::from(boxes.levels), "level"),
+            plural(boxes.segments, "segment"),
+            leaves,
+            megabytes(boxes.bytes),
+            boxes.predicted,
+        )?;
+        let search = match links.search {
+            Search::Trivial => "no search (one pair at most)",
+            Search::Sweep => "a sweep",
+        };
+        write!(
+            f,
+            "potential links: {search}, finds {} of {} of {}",
+            count(links.links),
+            plural(links.pairs as usize, "pair"),
+            plural(links.curves, "curve"),
+        )?;
+        if links.open_curves > 0 {
+            write!(f, ", {} left out", plural(links.open_curves, "open curve"))?;
+        }
+        if links.degenerate_curves > 0 {
+            let degenerate = plural(links.degenerate_curves, "degenerate curve");
+            write!(f, ", {degenerate} left out")?;
+        }
+        writeln!(f, ", {}: {}", megabytes(links.bytes), links.predicted)?;
+        match (direction.by_formula, direction.best_of_six) {
+            (0, 0) => write!(f, "direction: none (no potential link)")?,
+            (0, n) => write!(f, "direction: the best of six for {}", plural(n, "link"))?,
+            (n, 0) => write!(
+                f,
+                "direction: a formula (loops of at most {SMALL} segments) for {}",
+                plural(n, "link")
+            )?,
+            (few, many) => write!(
+                f,
+                "direction: the best of six for {}, a formula (loops of at most {SMALL} segments) for {}",
+                plural(many, "link"),
+                count(few),
+            )?,
+        }
+        writeln!(f, ": {}", direction.predicted)?;
+        match discretization.choice {
+            DiscretizationChoice::None => writeln!(f, "discretization: none (polylines)")?,
+            DiscretizationChoice::PairByPair => writeln!(
+                f,
+                "discretization: pair by pair, where hulls meet (splines), {} and {} expected: {}",
+                plural(kernel.work.overlaps as usize, "hull test"),
+                plural(kernel.work.refined as usize, "new point"),
+                discretization.predicted,
+            )?,
+        }
+        let parallelism = match kernel.parallelism {
+            Parallelism::None => "one thread",
+            Parallelism::OverLinks => "links shared out",
+            Parallelism::InsideLinks => "each link shared out",
+        };
+        writeln!(
+            f,
+            "kernel: crossings (exact), {parallelism}, {} of {} busy; {} of {} sampled, {} and {} expected: {}",
+            kernel.busy_threads,
+            plural(*threads, "thread"),
+            count(kernel.sampled),
+            plural(links.links, "link"),
+            plural(
+                (kernel.work.nodes + kernel.work.computed) as usize,
+                "node pair"
+            ),
+            plural(kernel.work.tests as usize, "test"),
+            kernel.predicted,
+        )?;
+        write!(
+            f,
+            "total: {} beside the curves: {predicted}",
+            megabytes(*bytes)
+        )
+    }
+}
+
+/// A count with separators, `211,680`.
+fn count(n: usize) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (k, digit) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// A count with its noun, `1 link`, `2 links`.
+fn plural(n: usize, noun: &str) -> String {
+    let s = if n == 1 { "" } else { "s" };
+    format!("{} {noun}{s}", count(n))
+}
+
+/// Milliseconds, with no more digits than a prediction has.
+fn millis(ms: f64) -> String {
+    let digits = if ms < 0.1 {
+        3
+    } else if ms < 10.0 {
+        2
+    } else {
+        0
+    };
+    format!("{ms:.digits$} ms")
+}
+
+fn megabytes(bytes: usize) -> String {
+    format!("{:.1} MB", bytes as f64 * 1e-6)
+}

@@ -1,0 +1,173 @@
+use super::*;
+use crate::curve::{Basis, Positions};
+use crate::pairs::SMALL;
+use crate::verdict::AbortOn;
+use crate::verifier::Verifier;
+
+fn scene(text: &str) -> CurveSet {
+    let scene: crate::scenes::Scene = text.parse().unwrap();
+    scene.build().unwrap().curves
+}
+
+fn on<T: Send>(threads: usize, work: impl Send + FnOnce() -> T) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(work)
+}
+
+#[test]
+fn polylines_are_not_discretized_and_store_no_leaves() {
+    let plan = Plan::of(&scene("ribbon:segments=2000"));
+    assert_eq!(plan.discretization.choice, DiscretizationChoice::None);
+    assert_eq!(plan.discretization.predicted, Prediction::default());
+    let Boxes {
+        stored_leaves,
+        computed_leaves,
+        ..
+    } = plan.boxes;
+    assert_eq!((stored_leaves, computed_leaves), (0, 2));
+    assert_eq!((plan.boxes.segments, plan.boxes.levels), (2000, 4));
+}
+
+#[test]
+fn splines_are_discretized_pair_by_pair() {
+    let plan = Plan::of(&scene("knit:rows=3,stitches=16,segments=384"));
+    assert_eq!(plan.discretization.choice, DiscretizationChoice::PairByPair);
+    assert_eq!(plan.boxes.stored_leaves, 3);
+    assert!(plan.discretization.predicted.ms > 0.0);
+    assert_eq!(plan.potential_links.search, Search::Sweep);
+}
+
+#[test]
+fn small_loops_choose_their_direction_by_formula() {
+    let plan = Plan::of(&scene("chainmail:rows=4,columns=5"));
+    let links = plan.potential_links.links;
+    assert!(links > 0);
+    let Directions {
+        by_formula,
+        best_of_six,
+        ..
+    } = plan.direction;
+    assert_eq!((by_formula, best_of_six), (links, 0));
+    // One segment too many, and the trees have another level.
+    for (segments, formula) in [(SMALL, 1), (SMALL + 1, 0)] {
+        let plan = Plan::of(&scene(&format!(
+            "ribbon:segments={},lambda=1",
+            2 * segments
+        )));
+        assert_eq!(plan.direction.by_formula, formula);
+    }
+}
+
+#[test]
+fn two_huge_loops_are_one_link_that_is_shared_out() {
+    let set = scene("torus_link:segments=100000,toroidal=100,poloidal=100");
+    let plan = on(2, || Plan::of(&set));
+    assert_eq!(plan.potential_links.search, Search::Trivial);
+    assert_eq!(plan.kernel.parallelism, Parallelism::InsideLinks);
+    assert_eq!((plan.threads, plan.kernel.busy_threads), (2, 2));
+    assert_eq!(plan.boxes.shared_curves, 2);
+    let Prediction { one_thread_ms, ms } = plan.kernel.predicted;
+    assert_eq!(one_thread_ms, 2.0 * ms);
+    // A single link that is little work keeps a single thread busy.
+    let plan = on(2, || Plan::of(&scene("ribbon:segments=2000")));
+    assert_eq!(plan.kernel.parallelism, Parallelism::None);
+    assert_eq!(plan.kernel.busy_threads, 1);
+}
+
+#[test]
+fn nothing_open_curves_and_degenerate_ones_are_planned_for() {
+    let xyz: Vec<f64> = (0..36).map(f64::from).collect();
+    let nothing = CurveSet::from_counts(Basis::Polyline, &[], Positions::F64(&[])).unwrap();
+    let open = CurveSet::from_counts(Basis::CatmullRom, &[6, 6], Positions::F64(&xyz)).unwrap();
+    for (set, open) in [(nothing, 0), (open, 2)] {
+        let plan = Plan::of(&set);
+        let links = &plan.potential_links;
+        assert_eq!((links.pairs, links.links, links.open_curves), (0, 0, open));
+        assert_eq!(plan.kernel.busy_threads, 0);
+        assert_eq!(plan.kernel.work, KernelWork::default());
+        assert!(plan.to_string().contains("direction: none"), "{plan}");
+    }
+    // Two of four distinct points, the third of one, inside the boxes of both.
+    let xyz: Vec<f64> = [[0., 0., 0.], [4., 0., 0.], [4., 4., 4.], [0., 4., 0.]]
+        .repeat(2)
+        .into_iter()
+        .chain([[1.0; 3]; 4])
+        .flatten()
+        .collect();
+    let counts = [-4, -4, -4];
+    let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
+    let plan = Plan::of(&set);
+    let links = &plan.potential_links;
+    assert_eq!(
+        (links.degenerate_curves, links.pairs, links.links),
+        (1, 1, 1)
+    );
+    assert!(
+        plan.to_string().contains("1 degenerate curve left out"),
+        "{plan}"
+    );
+}
+
+#[test]
+fn the_clock_and_the_threads_change_no_count() {
+    let set = scene("knit:rows=80,stitches=16,segments=12800");
+    let [one, three] = [1, 3].map(|threads| on(threads, || Plan::of(&set)));
+    assert_eq!(one.kernel.sampled, three.kernel.sampled);
+    assert_eq!(one.kernel.work, three.kernel.work);
+    assert_eq!(one.predicted.one_thread_ms, three.predicted.one_thread_ms);
+    assert_eq!(one.predicted.ms, one.predicted.one_thread_ms);
+    assert!(three.predicted.ms < one.predicted.ms);
+}
+
+/// Scenes of all kinds, those of many links and those of a few huge ones: what the sample foretells is what is done.
+#[test]
+fn the_sample_foretells_the_work() {
+    for text in [
+        "chainmail:rows=20,columns=20,crumple=0.7",
+        "knit:rows=80,stitches=16,segments=11520",
+        "ribbon:segments=20000",
+        "rubber_bands:bands=200",
+        "square_link:loops=100,segments=20000",
+        "torus_link:segments=100000,toroidal=100,poloidal=100",
+        "torus_zero:segments=40000,periods=20",
+        "woundball:segments=100000,crossings=300",
+    ] {
+        let set = scene(text);
+        let plan = Plan::of(&set);
+        let (_, stats) = Verifier::new(AbortOn::Never).certify(&set);
+        assert_eq!(plan.potential_links.links as u64, stats.potential_links);
+        let KernelWork {
+            tests, overlaps, ..
+        } = plan.kernel.work;
+        for (what, predicted, done) in [
+            ("tests", tests, stats.tests),
+            ("overlaps", overlaps, stats.overlaps),
+        ] {
+            let ratio = (predicted as f64 + 20.0) / (done as f64 + 20.0);
+            assert!(
+                (0.6..1.6).contains(&ratio),
+                "{text}: {what} {predicted}, {done}"
+            );
+        }
+    }
+}
+
+#[test]
+fn few_are_all_taken_and_many_are_drawn_by_their_weight() {
+    assert_eq!(draw(3, |k| k as u64), [(0, 1.0), (1, 1.0), (2, 1.0)]);
+    let count = 10 * SAMPLE;
+    for weight in [
+        |_| 7,
+        |k: usize| k as u64,
+        |k| if k == 100 { 1_000_000 } else { 3 },
+    ] {
+        let drawn = draw(count, weight);
+        assert!(drawn.len() <= SAMPLE && drawn.is_sorted());
+        let total: u64 = (0..count).map(weight).sum();
+        let sum: f64 = drawn
+            .iter()
+            .map(|&(k, times)| times * weight(k) as f64)
+            .sum();
+        assert!((sum / total as f64 - 1.0).abs() < 1e-9);
+    }
+}

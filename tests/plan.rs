@@ -1,0 +1,113 @@
+//! `linkwatch plan` at the boundary of its process, and scenes where models are expected.
+
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+/// Runs the command: exit code, stdout, stderr.
+fn linkwatch(args: &[&str]) -> (i32, String, String) {
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(args)
+        .output()
+        .unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (status.code().unwrap(), text(stdout), text(stderr))
+}
+
+#[test]
+fn a_line_a_stage() {
+    let (code, stdout, stderr) = linkwatch(&["plan", "ribbon:segments=2000", "--threads", "1"]);
+    assert_eq!((code, stderr.as_str()), (0, ""));
+    let lines: Vec<&str> = stdout.lines().collect();
+    let starts = [
+        "ribbon:segments=2000",
+        "  boxes: ",
+        "  potential links: no search",
+        "  direction: the best of six for 1 link",
+        "  discretization: none (polylines)",
+        "  kernel: crossings (exact), one thread, 1 of 1 thread busy",
+        "  total: ",
+    ];
+    assert_eq!(lines.len(), starts.len(), "{stdout}");
+    for (line, start) in lines.iter().zip(starts) {
+        assert!(line.starts_with(start), "{line}");
+    }
+    let (code, stdout, _) = linkwatch(&["plan", "ribbon:segments=2000", "--repeat", "1"]);
+    assert_eq!(code, 0);
+    assert!(stdout.contains("\n  measured: boxes "), "{stdout}");
+}
+
+#[test]
+fn a_model_and_the_scene_that_it_was_written_from_have_one_plan() {
+    let folder = TempDir::new().unwrap();
+    let scene = "knit:rows=3,stitches=16,segments=576";
+    let model = folder.path().join("a.bcc");
+    let model = model.to_str().unwrap();
+    assert_eq!(linkwatch(&["generate", scene, "-o", model]).0, 0);
+    let (code, stdout, _) = linkwatch(&["plan", "--json", "--threads", "2", model, scene]);
+    assert_eq!(code, 0);
+    let plans: Vec<serde_json::Value> = stdout
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(plans.len(), 2);
+    assert_eq!(
+        (&plans[0]["model"], &plans[1]["model"]),
+        (&model.into(), &scene.into())
+    );
+    assert_eq!(plans[0]["plan"], plans[1]["plan"]);
+    let plan = &plans[0]["plan"];
+    assert_eq!(plan["threads"], 2);
+    assert_eq!(plan["discretization"]["choice"], "pair-by-pair");
+    assert_eq!(plan["boxes"]["stored_leaves"], 3);
+    assert_eq!(plan["potential_links"]["links"], 2);
+    assert_eq!(plan["potential_links"]["search"], "sweep");
+    assert_eq!(plan["kernel"]["choice"], "crossings");
+    assert!(plan["predicted"]["one_thread_ms"].as_f64().unwrap() > 0.0);
+    assert!(plans[0]["measured"].is_null());
+}
+
+#[test]
+fn scenes_are_certified_like_models() {
+    let (code, stdout, stderr) = linkwatch(&["certify", "ribbon:segments=2000,lambda=-12"]);
+    assert_eq!((code, stdout.as_str()), (0, "2\n0,1,-12\n"), "{stderr}");
+    let (code, stdout, _) = linkwatch(&["certify", "ribbon:segments=2000", "--repeat", "1"]);
+    assert_eq!(code, 0);
+    assert!(
+        stdout.starts_with("ribbon:segments=2000, median of 1"),
+        "{stdout}"
+    );
+}
+
+#[test]
+fn what_is_neither_a_model_nor_a_scene_is_told_in_one_line() {
+    let folder = TempDir::new().unwrap();
+    let exists = folder.path().join("ribbon");
+    std::fs::write(&exists, "").unwrap();
+    for (argument, says) in [
+        ("none.bcc", &["none.bcc: No such file"][..]),
+        (exists.to_str().unwrap(), &["unknown kind of file"]),
+        (
+            "rope",
+            &[
+                "scene rope: unknown (known: chainmail",
+                "nor is there a file",
+            ],
+        ),
+        (
+            "ribbon:lambda=x",
+            &["expected an integer from", "nor is there a file"],
+        ),
+    ] {
+        for command in ["plan", "certify"] {
+            let (code, stdout, stderr) = linkwatch(&[command, argument]);
+            assert_eq!((code, stdout.as_str()), (2, ""), "{argument}");
+            assert_eq!(stderr.lines().count(), 1, "{stderr}");
+            assert!(says.iter().all(|s| stderr.contains(s)), "{stderr}");
+        }
+    }
+    assert_eq!(linkwatch(&["plan"]).0, 2);
+}
