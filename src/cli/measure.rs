@@ -4,7 +4,7 @@
 //! time and makes its buffers; "later" is the same one again.
 
 use super::Outcome;
-use super::output::{self, count};
+use super::output::{self, count, percent};
 use linkwatch::{AbortOn, Result, Timings, Verifier, model};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
@@ -50,6 +50,7 @@ pub fn run(path: &Path, n: u32, as_json: bool) -> Result<Outcome> {
             "links": links,
             "undefined": undefined,
             "stats": stats,
+            "exact_share": stats.exact_share(),
             "peak_mb": peak_mb(),
         }))?;
     } else {
@@ -72,12 +73,13 @@ pub fn run(path: &Path, n: u32, as_json: bool) -> Result<Outcome> {
         show("later", &later)?;
         let ratio = stats.tests as f64 / stats.crossings.max(1) as f64;
         output::line(format_args!(
-            "  {} potential links ({} separated), {} tests, {} crossings ({ratio:.2} tests each), {} exact",
+            "  {} potential links ({} separated), {} tests, {} crossings ({ratio:.2} tests each), {} exact ({})",
             count(stats.potential_links),
             count(stats.separated),
             count(stats.tests),
             count(stats.crossings),
             count(stats.exact),
+            percent(stats.exact_share()),
         ))?;
     }
     Ok(match undefined == 0 {

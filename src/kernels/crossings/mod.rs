@@ -173,7 +173,7 @@ fn compute<L: Lanes>(
         too_close = task.finish_splines(workspace).err();
     }
     let tally = &workspace.tally;
-    workspace.stats.add(&tally.stats());
+    workspace.stats.add(&tally.stats);
     let undefined = |kind, [s, t]: [u32; 2]| {
         let (s, t) = direction.upper_first(s, t);
         Linking::Undefined(kind, closest_of_segments(set, [i, j], [s, t]))
