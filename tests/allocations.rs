@@ -140,14 +140,15 @@ fn touching() -> (String, CurveSet) {
 
 /// What a scene's frames allocate, with so many threads: of `certify` and of `step`.
 fn measure(threads: usize, set: &CurveSet) -> [[u64; COUNTED_RUNS]; 2] {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .start_handler(|_| COUNTED.set(true))
-        .build()
-        .unwrap();
+    // What the threads allocate before they work and when they end is not a frame's.
+    let thread = |thread: rayon::ThreadBuilder| {
+        COUNTED.set(true);
+        thread.run();
+        COUNTED.set(false);
+    };
     // All frames in one call into the pool. A call from outside goes through rayon's queue, which allocates for every
     // few dozen of them; within the pool rayon allocates nothing.
-    pool.install(|| {
+    let frames = || {
         let mut verifier = Verifier::new(AbortOn::Any);
         let certify = allocations(|| {
             verifier.certify(set);
@@ -157,7 +158,11 @@ fn measure(threads: usize, set: &CurveSet) -> [[u64; COUNTED_RUNS]; 2] {
             verifier.step(0, 0.0, set).unwrap();
         });
         [certify, step]
-    })
+    };
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    builder
+        .build_scoped(thread, |pool| pool.install(frames))
+        .unwrap()
 }
 
 fn scenes() -> Vec<(String, CurveSet)> {
