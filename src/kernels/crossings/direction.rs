@@ -151,7 +151,7 @@ impl Front {
 #[inline(always)]
 fn spread(set: Directions) -> u64 {
     const COPIES: u64 = 1 | 1 << 7 | 1 << 14 | 1 << 21 | 1 << 28 | 1 << 35;
-    u64::from(set) * COPIES & 0x0101_0101_0101
+    (u64::from(set) * COPIES) & 0x0101_0101_0101
 }
 
 /// Small loops: the direction by a formula on their boxes, the overlap in projection times the chance that

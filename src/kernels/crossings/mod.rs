@@ -75,8 +75,11 @@ pub(crate) struct Scene<'a> {
 /// Buffers that wait for a task. They serve every pair of every frame.
 #[derive(Debug, Default)]
 pub(crate) struct Workspaces {
-    idle: Mutex<Vec<Box<Workspace>>>,
+    idle: Mutex<Idle>,
 }
+
+/// Boxed: they come and go with every task, and a pointer moves faster than all buffers.
+type Idle = Vec<Box<Workspace>>;
 
 impl Workspaces {
     /// Buffers, which the caller gives back.
@@ -89,7 +92,7 @@ impl Workspaces {
         self.lock().push(workspace);
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Box<Workspace>>> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Idle> {
         // A task that panicked holds no lock: the list is whole.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
