@@ -67,6 +67,30 @@ fn what_is_generated_certifies_as_it_says() {
 }
 
 #[test]
+fn what_exact_arithmetic_decided_is_told_where_there_is_any() {
+    let folder = TempDir::new().unwrap();
+    let model = folder.path().join("a.bcc");
+    // In planes of the axes, rings have vertices above one another; tilted, they have not.
+    for (scene, some) in [
+        ("chainmail:rows=4,columns=5,tilt=0", true),
+        ("chainmail:rows=4,columns=5", false),
+    ] {
+        linkwatch(&["generate", scene, "-o", text(&model)]);
+        let (_, stdout, stderr) = linkwatch(&["certify", "--json", text(&model)]);
+        assert_eq!(stderr.contains("decided exactly ("), some, "{stderr}");
+        let json: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+        let count = |name: &str| json["stats"][name].as_f64().unwrap();
+        let share = count("exact") / count("tests");
+        assert_eq!(json["exact_share"], share);
+        assert_eq!(some, share > 0.0);
+        assert!(share <= 1.0);
+        let (_, stdout, _) = linkwatch(&["certify", "--repeat", "1", text(&model)]);
+        let told = format!("{} exact ({:.2} %)", count("exact"), 100.0 * share);
+        assert!(stdout.contains(&told), "{stdout}");
+    }
+}
+
+#[test]
 fn the_result_as_json() {
     let folder = TempDir::new().unwrap();
     let model = folder.path().join("a.bcc");

@@ -1,6 +1,6 @@
 //! `linkwatch certify`: models in, certificates out.
 
-use super::output::{self, count, millis, plural, plural_of};
+use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, input, measure, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::{AbortOn, Certificate, CurveSet, Result, Stats, Verifier, homotopic_polylines};
@@ -114,6 +114,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 "basis": c.set.basis(),
                 "certificate": c.certificate,
                 "stats": c.stats,
+                "exact_share": c.stats.exact_share(),
                 "ms": c.took.as_secs_f64() * 1e3,
             }))?;
         }
@@ -138,8 +139,17 @@ fn summary(c: &Certified) -> String {
             plural_of(n as u64, "pair or curve", "pairs or curves")
         ),
     };
+    // Worth a word where it happens: it costs time, and in most scenes it does not.
+    let exact = match c.stats.exact {
+        0 => String::new(),
+        n => format!(
+            ", {} decided exactly ({})",
+            plural(n, "test"),
+            percent(c.stats.exact_share())
+        ),
+    };
     format!(
-        "{} of {}, {}, {}{undefined} ({})",
+        "{} of {}, {}, {}{undefined}{exact} ({})",
         plural(c.stats.curves, "curve"),
         plural(c.stats.segments, "segment"),
         plural(c.stats.potential_links, "potential link"),

@@ -3,7 +3,7 @@
 //! From control points in memory to the sorted numbers. "First" is a verifier that meets the model for the first
 //! time and makes its buffers; "later" is the same one again.
 
-use super::output::{self, count};
+use super::output::{self, count, percent};
 use super::{Outcome, input};
 use linkwatch::{AbortOn, CurveSet, Result, Stats, Timings, Verifier};
 use rustix::time::{ClockId, clock_gettime};
@@ -79,6 +79,7 @@ pub fn run(name: &Path, n: u32, as_json: bool) -> Result<Outcome> {
             "links": links,
             "undefined": undefined,
             "stats": stats,
+            "exact_share": stats.exact_share(),
             "peak_mb": peak_mb(),
         }))?;
     } else {
@@ -90,12 +91,13 @@ pub fn run(name: &Path, n: u32, as_json: bool) -> Result<Outcome> {
         output::line(format_args!("  later  {later}"))?;
         let ratio = stats.tests as f64 / stats.crossings.max(1) as f64;
         output::line(format_args!(
-            "  {} potential links ({} separated), {} tests, {} crossings ({ratio:.2} tests each), {} exact",
+            "  {} potential links ({} separated), {} tests, {} crossings ({ratio:.2} tests each), {} exact ({})",
             count(stats.potential_links),
             count(stats.separated),
             count(stats.tests),
             count(stats.crossings),
             count(stats.exact),
+            percent(stats.exact_share()),
         ))?;
     }
     Ok(match undefined == 0 {

@@ -91,6 +91,14 @@ pub fn count(n: u64) -> String {
     out
 }
 
+/// A share from 0 to 1, `12.50 %`. One that is not 0 is not shown as 0.
+pub fn percent(share: f64) -> String {
+    match share * 100.0 {
+        x if x > 0.0 && x < 0.01 => "under 0.01 %".to_owned(),
+        x => format!("{x:.2} %"),
+    }
+}
+
 /// A count with its noun, `1 link`, `2 links`.
 pub fn plural(n: u64, noun: &str) -> String {
     plural_of(n, noun, &format!("{noun}s"))

@@ -71,16 +71,10 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
 
 /// Where two segments come closest, one of each curve.
 pub(crate) fn closest_of_segments(set: &CurveSet, [i, j]: [usize; 2], segments: [u32; 2]) -> Place {
-    let chords = |i: usize, s: u32| {
-        if set.basis().is_polyline() {
-            return vec![set.knot(i, s as usize), set.knot(i, s as usize + 1)];
-        }
-        let b = set.segment(i, s as usize);
-        (0..=CHORDS)
-            .map(|k| point_at(&b, k as f64 / CHORDS as f64))
-            .collect()
-    };
-    let (p, q) = (chords(i, segments[0]), chords(j, segments[1]));
+    let mut room = [[[0.0; 3]; CHORDS + 1]; 2];
+    let [p, q] = &mut room;
+    let p = chords(set, i, segments[0], p);
+    let q = chords(set, j, segments[1], q);
     let mut best = ([0.0; 3], f64::INFINITY);
     for a in p.windows(2) {
         for b in q.windows(2) {
@@ -96,6 +90,20 @@ pub(crate) fn closest_of_segments(set: &CurveSet, [i, j]: [usize; 2], segments: 
         point,
         distance,
     }
+}
+
+/// The vertices of the chords that stand for segment `s` of curve `i`.
+fn chords<'a>(set: &CurveSet, i: usize, s: u32, room: &'a mut [Point; CHORDS + 1]) -> &'a [Point] {
+    let s = s as usize;
+    if set.basis().is_polyline() {
+        room[..2].copy_from_slice(&[set.knot(i, s), set.knot(i, s + 1)]);
+        return &room[..2];
+    }
+    let b = set.segment(i, s);
+    for (k, p) in room.iter_mut().enumerate() {
+        *p = point_at(&b, k as f64 / CHORDS as f64);
+    }
+    room
 }
 
 /// Middle and length of the shortest connection of two straight segments.

@@ -145,6 +145,11 @@ pub struct Stats {
 }
 
 impl Stats {
+    /// Share of the tests that exact arithmetic decided, from 0 to 1.
+    pub fn exact_share(&self) -> f64 {
+        self.exact as f64 / self.tests.max(1) as f64
+    }
+
     /// Adds the counts of another part of the same frame.
     pub fn add(&mut self, o: &Stats) {
         self.curves += o.curves;

@@ -20,9 +20,9 @@ pub(super) struct Tally {
     sum: i64,
     /// First pair of segments that touch.
     contact: Option<[u32; 2]>,
-    predicates: Predicates,
     /// Node pairs that the descent looked into.
     pub nodes: u64,
+    /// Work done.
     pub stats: Stats,
 }
 
@@ -44,18 +44,9 @@ impl Tally {
         self.contact
     }
 
-    /// Work done.
-    pub fn stats(&self) -> Stats {
-        Stats {
-            exact: self.predicates.exact,
-            ..self.stats
-        }
-    }
-
     /// Adds another part of the same pair.
     pub fn merge(&mut self, other: &Tally) {
         self.sum += other.sum;
-        self.predicates.exact += other.predicates.exact;
         self.nodes += other.nodes;
         self.stats.add(&other.stats);
         if let Some(segments) = other.contact {
@@ -162,12 +153,12 @@ impl Tally {
             ([u[0], v[0], w[0]], [u[1], v[1], w[1]])
         };
         let (p, q) = (edge(p, s), edge(q, t));
-        let exact = self.predicates.exact;
+        let exact = self.stats.exact;
         // The knots are in the frame of the projection, whose axis is its last.
         self.add_edges(p, q, 2, [s, t]);
         // Exact calls made below are not the crossing tests' and are not counted with them. The chords of splines
         // that share a point are too close, which the discretization says.
-        if self.predicates.exact > exact
+        if self.stats.exact > exact
             && task.scene.set.basis().is_polyline()
             && segments_touch(p.0, p.1, q.0, q.1, &mut Predicates::default())
         {
@@ -212,7 +203,8 @@ impl Tally {
     }
 
     fn add_edges(&mut self, p: (Point, Point), q: (Point, Point), axis: usize, segments: [u32; 2]) {
-        match crossing(p.0, p.1, q.0, q.1, axis, &mut self.predicates) {
+        let mut predicates = Predicates::default();
+        match crossing(p.0, p.1, q.0, q.1, axis, &mut predicates) {
             Crossing::None => {}
             Crossing::Over(sign) => {
                 self.sum += i64::from(sign);
@@ -220,6 +212,8 @@ impl Tally {
             }
             Crossing::Contact => self.found_contact(segments),
         }
+        // A test is one, however many of its determinants are close to zero.
+        self.stats.exact += u64::from(predicates.exact > 0);
     }
 }
 

