@@ -571,6 +571,30 @@ mod tests {
     }
 
     #[test]
+    fn segments_at_a_slot_are_those_that_it_supports() {
+        for basis in Basis::ALL {
+            let counts = [-3, -9, 10, -30];
+            let xyz = vec![0.5f32; 3 * 52];
+            let set = CurveSet::from_counts(basis, &counts, Positions::F32(&xyz)).unwrap();
+            for from in 0..set.slots() {
+                for to in from + 1..set.slots().min(from + 9) {
+                    let mut found = Vec::new();
+                    set.segments_at(from..to, |i, s| found.push((i, s)));
+                    found.sort_unstable();
+                    found.dedup();
+                    let closed = (0..set.len()).filter(|&i| set.curve(i).closed);
+                    let all = closed.flat_map(|i| (0..set.curve(i).segments).map(move |s| (i, s)));
+                    let want: Vec<(u32, u32)> = all
+                        .filter(|&(i, s)| set.support(i, s).any(|k| (from..to).contains(&k)))
+                        .map(|(i, s)| (i as u32, s))
+                        .collect();
+                    assert_eq!(found, want, "{basis:?} {from}..{to}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn update_equals_a_fresh_set() {
         let a: Vec<f64> = (0..60).map(|k| f64::from(k).sin()).collect();
         let b: Vec<f64> = (0..60).map(|k| f64::from(k).cos()).collect();

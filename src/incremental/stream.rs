@@ -4,12 +4,15 @@ use super::affine::Affine;
 use super::reference::Reference;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Axes, CurveSet};
+use crate::curve::{Axes, CurveSet, LANES};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Slots that are looked at together.
-pub(super) const CHUNK: usize = 16;
+/// Slots that are marked together.
+pub(super) const CHUNK: usize = 8;
+
+/// Slots that are looked at together, as long as nothing has moved too far.
+const COARSE: usize = 64;
 
 /// Slots that are worth a task.
 const GRAIN: usize = 1 << 17;
@@ -51,12 +54,18 @@ mod num {
     {
         /// Half a unit in the last place of 1.
         const U: f64;
+        /// The largest finite number.
+        const MAX: Self;
+        /// Coordinates up to this have squares that can be added.
+        const LARGEST: f64;
         fn from_f64(x: f64) -> Self;
         fn from_f32(x: f32) -> Self;
     }
 
     impl Real for f32 {
         const U: f64 = f32::EPSILON as f64 / 2.0;
+        const MAX: f32 = f32::MAX;
+        const LARGEST: f64 = 1e18;
         #[inline(always)]
         fn from_f64(x: f64) -> f32 {
             x as f32
@@ -69,6 +78,8 @@ mod num {
 
     impl Real for f64 {
         const U: f64 = f64::EPSILON / 2.0;
+        const MAX: f64 = f64::MAX;
+        const LARGEST: f64 = 1e150;
         #[inline(always)]
         fn from_f64(x: f64) -> f64 {
             x
@@ -81,39 +92,40 @@ mod num {
 }
 
 impl<T: Real> Condition<T> {
-    fn new(affine: &Affine, reference: &CurveSet, now: &CurveSet) -> Condition<T> {
+    /// None where squares could overflow.
+    fn new(affine: &Affine, reference: &CurveSet, now: &CurveSet) -> Option<Condition<T>> {
         let rows: Vec<f64> = (0..3)
             .map(|r| affine.m.row(r).iter().map(|m| m.abs()).sum())
             .collect();
         let largest = rows.into_iter().fold(0.0, f64::max);
         let size = largest * reference.max_abs() + affine.t.amax() + now.max_abs();
-        Condition {
+        (size < T::LARGEST).then(|| Condition {
             m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| T::from_f64(affine.m[(r, c)]))),
             t: [0, 1, 2].map(|r| T::from_f64(affine.t[r])),
             sigma: T::from_f64(affine.sigma * (1.0 - 16.0 * T::U)),
             error: T::from_f64(16.0 * T::U * size * (1.0 + 4.0 * T::U)),
-        }
+        })
     }
 
-    /// Whether a chunk has a point that breaks the condition. Its size is known to the compiler, which makes vectors
-    /// of it.
+    /// The least that is left of the bounds of `N` points, where none is broken: negative where one is. The number of
+    /// points is known to the compiler, which makes vectors of them.
     #[inline(always)]
-    fn broken(&self, p: [&[T; CHUNK]; 3], q: [&[T; CHUNK]; 3], allowances: &[f32; CHUNK]) -> bool {
-        let mut fine = [false; CHUNK];
-        for k in 0..CHUNK {
-            let q = [q[0][k], q[1][k], q[2][k]];
-            let mut square = T::default();
-            for r in 0..3 {
-                let m = &self.m[r];
-                let at = m[0] * q[0] + m[1] * q[1] + m[2] * q[2] + self.t[r];
-                let d = p[r][k] - at;
-                square = square + d * d;
+    fn left<const N: usize>(&self, p: [&[T; N]; 3], q: [&[T; N]; 3], allowances: &[f32; N]) -> T {
+        let mut least = [T::MAX; LANES];
+        for k in (0..N).step_by(LANES) {
+            for l in 0..LANES {
+                let q = [q[0][k + l], q[1][k + l], q[2][k + l]];
+                let mut square = T::default();
+                for (p, (m, &t)) in p.iter().zip(self.m.iter().zip(&self.t)) {
+                    let d = p[k + l] - (m[0] * q[0] + m[1] * q[1] + m[2] * q[2] + t);
+                    square = square + d * d;
+                }
+                let most = self.sigma * T::from_f32(allowances[k + l]) - self.error;
+                let left = smaller(most * most - square, most);
+                least[l] = smaller(least[l], left);
             }
-            let most = self.sigma * T::from_f32(allowances[k]) - self.error;
-            // Not fine also where there is no number.
-            fine[k] = (most > T::default()) & (square <= most * most);
         }
-        !fine.into_iter().fold(true, |all, fine| all & fine)
+        least.into_iter().fold(T::MAX, smaller)
     }
 
     #[inline(always)]
@@ -125,26 +137,49 @@ impl<T: Real> Condition<T> {
         first: usize,
         found: &mut Vec<u32>,
     ) {
-        let (chunks, rest) = allowances.as_chunks();
-        let [px, py, pz] = p.map(|v| v.as_chunks().0);
-        let [qx, qy, qz] = q.map(|v| v.as_chunks().0);
-        let eight = px.iter().zip(py).zip(pz).zip(qx.iter().zip(qy).zip(qz));
+        let (parts, rest) = allowances.as_chunks::<COARSE>();
+        let [px, py, pz] = p.map(|v| v.as_chunks::<COARSE>().0);
+        let [qx, qy, qz] = q.map(|v| v.as_chunks::<COARSE>().0);
+        let points = px.iter().zip(py).zip(pz).zip(qx.iter().zip(qy).zip(qz));
         for (c, (allowances, (((px, py), pz), ((qx, qy), qz)))) in
-            chunks.iter().zip(eight).enumerate()
+            parts.iter().zip(points).enumerate()
         {
-            if self.broken([px, py, pz], [qx, qy, qz], allowances) {
+            if self.left([px, py, pz], [qx, qy, qz], allowances) < T::default() {
+                let (p, q) = ([&px[..], py, pz], [&qx[..], qy, qz]);
+                self.scan_chunks(p, q, allowances, first + c * (COARSE / CHUNK), found);
+            }
+        }
+        let at = parts.len() * COARSE;
+        let [p, q] = [cut(p, at..at + rest.len()), cut(q, at..at + rest.len())];
+        self.scan_chunks(p, q, rest, first + at / CHUNK, found);
+    }
+
+    /// [`Condition::scan`], chunk by chunk.
+    fn scan_chunks(
+        &self,
+        p: [&[T]; 3],
+        q: [&[T]; 3],
+        allowances: &[f32],
+        first: usize,
+        found: &mut Vec<u32>,
+    ) {
+        for c in 0..allowances.len().div_ceil(CHUNK) {
+            let range = c * CHUNK..allowances.len().min((c + 1) * CHUNK);
+            // Points that have not moved fill the last one up.
+            let part = |v: [&[T]; 3]| v.map(|v| filled_up(&v[range.clone()], T::default()));
+            let (p, q) = (part(p), part(q));
+            let allowances = filled_up(&allowances[range.clone()], f32::INFINITY);
+            if self.left(p.each_ref(), q.each_ref(), &allowances) < T::default() {
                 found.push((first + c) as u32);
             }
         }
-        if !rest.is_empty() {
-            // Points that have not moved fill the last chunk up.
-            let end = |v: [&[T]; 3]| v.map(|v| filled_up(&v[v.len() - rest.len()..], T::default()));
-            let (p, q, allowances) = (end(p), end(q), filled_up(rest, f32::INFINITY));
-            if self.broken(p.each_ref(), q.each_ref(), &allowances) {
-                found.push((first + chunks.len()) as u32);
-            }
-        }
     }
+}
+
+/// The smaller of two numbers, neither of which is NaN.
+#[inline(always)]
+fn smaller<T: PartialOrd>(a: T, b: T) -> T {
+    if a < b { a } else { b }
 }
 
 fn filled_up<T: Copy>(values: &[T], with: T) -> [T; CHUNK] {
@@ -184,7 +219,10 @@ fn scan_all<T: Real>(
     limit: usize,
     found: &mut Vec<u32>,
 ) {
-    let condition = Condition::<T>::new(affine, &reference.set, set);
+    let Some(condition) = Condition::<T>::new(affine, &reference.set, set) else {
+        // Every one may have moved.
+        return found.extend(0..set.slots().div_ceil(CHUNK) as u32);
+    };
     let allowances = &reference.allowances[..];
     let part = |range: Range<usize>, found: &mut Vec<u32>| {
         let [p, q] = [cut(p, range.clone()), cut(q, range.clone())];
