@@ -11,6 +11,7 @@ mod output;
 mod replay;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod session;
+mod study;
 #[cfg(feature = "bus")]
 mod watch;
 
@@ -44,6 +45,7 @@ enum Command {
     Certify(certify::Args),
     Check(check::Args),
     Generate(generate::Args),
+    Study(study::Args),
     #[cfg(feature = "bus")]
     Watch(watch::Args),
     #[cfg(feature = "mcap")]
@@ -99,6 +101,7 @@ pub fn main() -> ExitCode {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
+        Command::Study(args) => study::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]
