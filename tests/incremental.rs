@@ -205,7 +205,10 @@ impl Movie {
                 Event::Flatten(self.random.below(3))
             }
             3 => Event::Spike(i, a),
-            _ if i == j => Event::Repeat(j, b),
+            // B-splines with a common knot have a common tangent and curvature there: 0.1 s until that is given up.
+            _ if i == j || (self.set.basis() == Basis::BSpline && !self.random.one_in(12)) => {
+                Event::Repeat(j, b)
+            }
             _ => Event::Contact([i, a], [j, b]),
         }
     }
