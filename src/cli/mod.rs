@@ -13,6 +13,7 @@ mod plan;
 mod replay;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod session;
+mod study;
 #[cfg(feature = "bus")]
 mod watch;
 
@@ -47,6 +48,7 @@ enum Command {
     Check(check::Args),
     Generate(generate::Args),
     Plan(plan::Args),
+    Study(study::Args),
     #[cfg(feature = "bus")]
     Watch(watch::Args),
     #[cfg(feature = "mcap")]
@@ -103,6 +105,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::run(args, cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Plan(args) => plan::run(args, cli.json),
+        Command::Study(args) => study::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]

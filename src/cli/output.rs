@@ -73,6 +73,15 @@ pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce()
     })
 }
 
+/// A progress bar of so many frames; nothing where stderr is no terminal. It is drawn by the caller's thread, between
+/// the frames.
+pub fn frames_bar(frames: u64) -> ProgressBar {
+    ProgressBar::new(frames).with_style(
+        ProgressStyle::with_template("{msg} [{bar:40}] {human_pos}/{human_len} frames, {eta} left")
+            .expect("the template is constant and valid"),
+    )
+}
+
 /// Whether stderr is a terminal.
 pub fn console_on_stderr() -> bool {
     std::io::IsTerminal::is_terminal(&std::io::stderr())

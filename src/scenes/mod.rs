@@ -19,11 +19,15 @@
 //!
 //! Signs follow one rule: where a curve goes through a disc towards the side from which the boundary of the disc
 //! runs counterclockwise, it counts +1. This is the sign of Arai's sum (see [`crate::kernels`]).
+//!
+//! A scene, or any other set of curves, moves by [`Frames`]; [`pull_throughs`] are what breaks it.
 
 mod chainmail;
 mod isotopy;
 mod knit;
+mod motion;
 mod pen;
+mod pull_through;
 mod random;
 mod ribbon;
 mod rubber_bands;
@@ -32,6 +36,9 @@ mod torus;
 mod torus_link;
 mod torus_zero;
 mod woundball;
+
+pub use motion::{Frames, Motion, MotionKind};
+pub use pull_through::{PullThrough, pull_throughs};
 
 use crate::certificate::{Certificate, Link};
 use crate::curve::CurveSet;

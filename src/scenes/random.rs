@@ -8,7 +8,16 @@ impl Random {
         Random(seed)
     }
 
-    fn next(&mut self) -> u64 {
+    /// Numbers of their own for every key.
+    pub fn keyed<const N: usize>(key: [u64; N]) -> Random {
+        Random(
+            key.iter()
+                .fold(0, |state, part| Random(state ^ part).next()),
+        )
+    }
+
+    /// 64 random bits.
+    pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -1,0 +1,401 @@
+//! `linkwatch study frames`: what a moving frame costs, against the amplitude of its motion.
+//!
+//! Every frame is read once, taken over into the curve set, and verified incrementally; every few frames a second
+//! verifier computes everything, for its time and for its verdict. All of it alternates frame by frame, so that a
+//! busy machine slows all of it alike.
+
+use crate::cli::Outcome;
+use crate::cli::output::{self, count, plural};
+use linkwatch::scenes::{Frames, Motion};
+use linkwatch::{AbortOn, CurveSet, Error, Positions, Report, Result, Route, Verifier};
+use serde_json::{Value, json};
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Full runs of a row: enough for a median.
+const FULL_RUNS: u64 = 25;
+
+/// Time moving frames: incremental verification against a plain read of the frame and a full run
+///
+/// Motions are words joined by `+`: still, smooth (waves of 40 diameters), iid (noise of each point), translate (5
+/// diameters a frame), rotate (3 degrees a frame), stretch and scale (0.8 to 1.25). The amplitude is that of smooth and
+/// iid. The exit code is 1 where a verdict is not that of the full run.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A model (.bcc, .obj, .vect), or a scene as `linkwatch generate` takes it
+    #[arg(value_name = "MODEL|SCENE")]
+    input: String,
+    /// Diameter of the yarn, in units of the model [default: that of the scene, where it has one]
+    #[arg(long, value_name = "D", value_parser = positive)]
+    diameter: Option<f64>,
+    /// Frames of each motion and amplitude
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..))]
+    frames: u64,
+    /// Motions, separated by commas
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "smooth,iid,smooth+translate,translate,rotate,stretch"
+    )]
+    motions: Vec<Motion>,
+    /// Amplitudes in diameters, separated by commas
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "0,1e-4,1e-3,1e-2,0.05,0.1,0.2,0.5",
+        value_parser = amplitude
+    )]
+    amplitudes: Vec<f64>,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(x) if f64::is_finite(x) && x > 0.0 => Ok(x),
+        _ => Err("expected a number above 0".into()),
+    }
+}
+
+fn amplitude(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(x) if f64::is_finite(x) && x >= 0.0 => Ok(x),
+        _ => Err("expected numbers from 0 on".into()),
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
+    let input = super::model_or_scene(&args.input)?;
+    let diameter = args.diameter.or(input.diameter).ok_or_else(|| {
+        let what = "has no diameter of its own to measure amplitudes in: give --diameter";
+        Error::Usage(format!("{} {what}", args.input))
+    })?;
+    let mut set = input.curves;
+    let mut frames = Frames::new(&set, diameter);
+    let threads = rayon::current_num_threads();
+    if !as_json {
+        output::line(format_args!(
+            "{}: {} of {}, {diameter} across; {} each, {}; medians",
+            args.input,
+            plural(set.len() as u64, "curve"),
+            plural(set.segments() as u64, "segment"),
+            plural(args.frames, "frame"),
+            plural(threads as u64, "thread"),
+        ))?;
+        output::line(HEADER)?;
+    }
+    let cases: Vec<(&Motion, f64)> = args
+        .motions
+        .iter()
+        .flat_map(|motion| {
+            // What does not depend on the amplitude is measured once.
+            let amplitudes = match motion.has_amplitude() {
+                true => &args.amplitudes[..],
+                false => &[0.0],
+            };
+            amplitudes.iter().map(move |&a| (motion, a))
+        })
+        .collect();
+    let bar = output::frames_bar(args.frames * cases.len() as u64);
+    let mut rows = Vec::with_capacity(cases.len());
+    for (motion, amplitude) in cases {
+        bar.set_message(format!("{motion} {amplitude}"));
+        let mut row = Row::new(motion, amplitude);
+        let mut verifiers = Verifiers::of(&mut set, &mut frames)?;
+        for frame in 1..=args.frames {
+            let positions = frames.at(motion, amplitude * diameter, frame);
+            let full = frame % (args.frames / FULL_RUNS).max(1) == 0;
+            let differs = row.measure(&mut verifiers, &mut set, positions, (frame, full))?;
+            if let Some(what) = differs {
+                bar.suspend(|| tracing::error!("{motion} {amplitude}, frame {frame}: {what}"));
+            }
+            bar.inc(1);
+        }
+        if !as_json {
+            bar.suspend(|| output::line(row.line()))?;
+        }
+        rows.push(row);
+    }
+    bar.finish_and_clear();
+
+    let all = |f: fn(&Row) -> &Vec<f64>| median(rows.iter().flat_map(f).copied());
+    let (read, update, full) = (all(|r| &r.read), all(|r| &r.update), all(|r| &r.full));
+    let sum = |f: fn(&Row) -> u64| rows.iter().map(f).sum::<u64>();
+    let (compared, equal) = (sum(Row::compared), sum(|r| r.equal));
+    if as_json {
+        output::json(&json!({
+            "model": args.input,
+            "diameter": diameter,
+            "curves": set.len(),
+            "segments": set.segments(),
+            "frames": args.frames,
+            "threads": threads,
+            "read_ms": read,
+            "update_ms": update,
+            "full_ms": full,
+            "compared": compared,
+            "equal": equal,
+            "rows": rows.iter().map(Row::json).collect::<Vec<_>>(),
+        }))?;
+    } else {
+        output::line(format_args!(
+            "read {read:.4} ms, update {update:.3} ms, full run {full:.3} ms; \
+             {} of {} verdicts as in the full run",
+            count(equal),
+            count(compared),
+        ))?;
+    }
+    Ok(match equal == compared {
+        true => Outcome::Fine,
+        false => Outcome::Changed,
+    })
+}
+
+/// The verifier that is measured, and the one that computes everything.
+struct Verifiers {
+    incremental: Verifier,
+    full: Verifier,
+}
+
+impl Verifiers {
+    /// Both have seen frame 0, which is their baseline.
+    fn of(set: &mut CurveSet, frames: &mut Frames) -> Result<Verifiers> {
+        let mut verifiers = Verifiers {
+            incremental: Verifier::new(AbortOn::Never),
+            full: Verifier::new(AbortOn::Never),
+        };
+        verifiers.incremental.set_incremental(true);
+        set.update(frames.at(&Motion::new([]), 0.0, 0))?;
+        for verifier in [&mut verifiers.incremental, &mut verifiers.full] {
+            verifier.step(0, 0.0, set)?;
+        }
+        Ok(verifiers)
+    }
+}
+
+/// What the frames of one motion and amplitude took. Times are in milliseconds.
+struct Row {
+    motion: String,
+    /// In diameters.
+    amplitude: f64,
+    read: Vec<f64>,
+    update: Vec<f64>,
+    frame: Vec<f64>,
+    full: Vec<f64>,
+    /// Frames that went the full, the quiet and the partial way.
+    routes: [u64; 3],
+    /// Sums over all frames.
+    blocks: u64,
+    marked: u64,
+    recertified: u64,
+    recomputed: u64,
+    /// Full runs that said the same.
+    equal: u64,
+    /// Full runs whose verdict was not intact.
+    broken: u64,
+}
+
+const HEADER: &str = "motion             amplitude     read    full   frame   /read     p95  marked  \
+                      recertified  recomputed  full/quiet/partial %  verdicts";
+
+impl Row {
+    fn new(motion: &Motion, amplitude: f64) -> Row {
+        Row {
+            motion: motion.to_string(),
+            amplitude,
+            read: Vec::new(),
+            update: Vec::new(),
+            frame: Vec::new(),
+            full: Vec::new(),
+            routes: [0; 3],
+            blocks: 0,
+            marked: 0,
+            recertified: 0,
+            recomputed: 0,
+            equal: 0,
+            broken: 0,
+        }
+    }
+
+    /// Measures one frame. Says what differs, where the full run comes to another result.
+    fn measure(
+        &mut self,
+        verifiers: &mut Verifiers,
+        set: &mut CurveSet,
+        positions: Positions<'_>,
+        (frame, full): (u64, bool),
+    ) -> Result<Option<String>> {
+        timed(&mut self.read, || largest(black_box(positions)));
+        timed(&mut self.update, || set.update(black_box(positions)))?;
+        let verifier = &mut verifiers.incremental;
+        let report = timed(&mut self.frame, || verifier.step(frame, 0.0, set))?;
+        let work = verifier.work();
+        self.routes[match work.route {
+            Route::Full => 0,
+            Route::Quiet => 1,
+            Route::Partial => 2,
+        }] += 1;
+        self.blocks += work.blocks;
+        self.marked += work.marked;
+        self.recertified += work.recertified;
+        self.recomputed += work.recomputed;
+        if !full {
+            return Ok(None);
+        }
+        // Once more, so that both verifiers come after the same work of one thread.
+        set.update(black_box(positions))?;
+        let expected = timed(&mut self.full, || verifiers.full.step(frame, 0.0, set))?;
+        self.broken += u64::from(expected.verdict != linkwatch::Verdict::Intact);
+        if same(&expected, &report) {
+            self.equal += 1;
+            return Ok(None);
+        }
+        let words = |r: &Report| {
+            let (changes, defects) = (r.changes.len() as u64, r.defects.len() as u64);
+            let (changes, defects) = (plural(changes, "change"), plural(defects, "defect"));
+            format!("{} ({changes}, {defects})", r.verdict)
+        };
+        let (expected, found) = (words(&expected), words(&report));
+        Ok(Some(format!("{found}, but the full run says {expected}")))
+    }
+
+    fn compared(&self) -> u64 {
+        self.full.len() as u64
+    }
+
+    /// The share of frames that took a route.
+    fn share(&self, route: usize) -> f64 {
+        self.routes[route] as f64 / self.frame.len() as f64
+    }
+
+    fn marked_share(&self) -> f64 {
+        self.marked as f64 / self.blocks.max(1) as f64
+    }
+
+    /// The mean of a sum over the frames.
+    fn each(&self, sum: u64) -> f64 {
+        sum as f64 / self.frame.len() as f64
+    }
+
+    fn line(&self) -> String {
+        let [read, full, frame] = [&self.read, &self.full, &self.frame].map(|v| median_of(v));
+        let [whole, quiet, partial] = [0, 1, 2].map(|route| 100.0 * self.share(route));
+        let broken = match self.broken {
+            0 => String::new(),
+            n => format!(" ({} not intact)", count(n)),
+        };
+        format!(
+            "{:18} {:>9} {read:>8.4} {full:>7.3} {frame:>7.3} {:>7.2} {:>7.3} {:>6.2}% {:>12.1} {:>11.1}  {:>20}  {}/{}{broken}",
+            self.motion,
+            self.amplitude,
+            frame / read,
+            percentile(&self.frame, 95),
+            100.0 * self.marked_share(),
+            self.each(self.recertified),
+            self.each(self.recomputed),
+            format!("{whole:.0}/{quiet:.0}/{partial:.0}"),
+            self.equal,
+            self.compared(),
+        )
+    }
+
+    fn json(&self) -> Value {
+        let [read, update, full, frame] =
+            [&self.read, &self.update, &self.full, &self.frame].map(|v| median_of(v));
+        json!({
+            "motion": self.motion,
+            "amplitude": self.amplitude,
+            "read_ms": read,
+            "update_ms": update,
+            "full_ms": full,
+            "frame_ms": frame,
+            "frame_p95_ms": percentile(&self.frame, 95),
+            "ratio_to_read": frame / read,
+            "marked_share": self.marked_share(),
+            "recertified": self.each(self.recertified),
+            "recomputed": self.each(self.recomputed),
+            "routes": {
+                "full": self.routes[0],
+                "quiet": self.routes[1],
+                "partial": self.routes[2],
+            },
+            "compared": self.compared(),
+            "equal": self.equal,
+            "not_intact": self.broken,
+        })
+    }
+}
+
+/// Whether two reports say the same about the topology of a frame.
+fn same(a: &Report, b: &Report) -> bool {
+    (a.verdict, &a.changes, &a.defects) == (b.verdict, &b.changes, &b.defects)
+}
+
+/// Runs `work` and appends the milliseconds that it took.
+fn timed<T>(times: &mut Vec<f64>, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = black_box(work());
+    times.push(start.elapsed().as_secs_f64() * 1e3);
+    result
+}
+
+/// The largest coordinate: the least that can be done with a frame, by one thread.
+fn largest(positions: Positions<'_>) -> f64 {
+    // Many maxima side by side, so that the compiler uses vectors.
+    fn of<T: Copy + PartialOrd>(values: &[T], least: T) -> T {
+        let larger = |a: T, b: T| if a > b { a } else { b };
+        let mut lanes = [least; 32];
+        let mut chunks = values.chunks_exact(lanes.len());
+        for chunk in &mut chunks {
+            for (lane, &x) in lanes.iter_mut().zip(chunk) {
+                *lane = larger(*lane, x);
+            }
+        }
+        let rest = chunks.remainder().iter().copied();
+        lanes.into_iter().chain(rest).fold(least, larger)
+    }
+    match positions {
+        Positions::F32(v) => of(v, f32::NEG_INFINITY).into(),
+        Positions::F64(v) => of(v, f64::NEG_INFINITY),
+    }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    median_of(&values.collect::<Vec<f64>>())
+}
+
+fn median_of(values: &[f64]) -> f64 {
+    percentile(values, 50)
+}
+
+/// The nearest value at or above a share of all of them, in percent. There is one.
+fn percentile(values: &[f64], percent: usize) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[(sorted.len() * percent / 100).min(sorted.len() - 1)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_plain_read_reads_everything() {
+        let mut v: Vec<f32> = (0..1000).map(|k| -(k as f32)).collect();
+        assert_eq!(largest(Positions::F32(&v)), 0.0);
+        for at in [1, 500, 999] {
+            v[at] = 7.0;
+            assert_eq!(largest(Positions::F32(&v)), 7.0);
+            v[at] = -1.0;
+        }
+        assert_eq!(largest(Positions::F64(&[-3.0, -2.0, -5.0])), -2.0);
+    }
+
+    #[test]
+    fn percentiles_of_few_and_many() {
+        assert_eq!((median_of(&[5.0]), percentile(&[5.0], 95)), (5.0, 5.0));
+        let v: Vec<f64> = (0..100).rev().map(f64::from).collect();
+        assert_eq!((median_of(&v), percentile(&v, 95)), (50.0, 95.0));
+    }
+}

@@ -1,0 +1,130 @@
+//! Pull-throughs to plant: a piece of one curve, carried through a neighbouring one.
+
+use crate::curve::{CurveSet, Point, point_at};
+use crate::pairs::{LinkSearch, Pair, Trees, closest_approach};
+use crate::verdict::Place;
+use rayon::prelude::*;
+
+/// How far a piece is carried, in distances of the two curves: to the other side, and little further, where there may
+/// be other curves.
+const WAY: f64 = 1.5;
+
+/// Sine of the angle at which two curves must pass one another. Where they run side by side, a piece that is carried
+/// over may come back around the other curve, and nothing has changed.
+const LEAST_SINE: f64 = 0.3;
+
+/// Chords in which the nearest point of a spline segment is searched.
+const CHORDS: usize = 16;
+
+/// A segment of one curve that can be pulled through another; see [`Frames::pull`](super::Frames::pull).
+#[derive(Clone, Debug, PartialEq)]
+pub struct PullThrough {
+    /// The curves, the one that is moved first. Its number is the smaller one.
+    pub pair: (u32, u32),
+    /// Where they come closest before: there the one goes through the other.
+    pub place: Place,
+    /// Control points that move, counted over all curves.
+    pub(super) points: Vec<usize>,
+    /// How far they move.
+    pub(super) by: Point,
+}
+
+/// The pull-throughs that can be planted into a set, those of the nearest curves first: one for each pair of closed
+/// curves that is near enough to be linked and passes crosswise where it is closest.
+///
+/// The control points of one segment are carried along the shortest connection, to the other side of the other curve.
+/// The linking number of the pair changes by one, and no other linking number changes, as long as nothing else is
+/// in the way: neither a third curve nor another piece of the second one. Where curves are dense, that is to be verified.
+pub fn pull_throughs(set: &CurveSet) -> Vec<PullThrough> {
+    let mut trees = Trees::default();
+    trees.refit(set);
+    let mut search = LinkSearch::default();
+    let pairs = search.find(trees.roots());
+    let first: Vec<usize> = set
+        .curves()
+        .iter()
+        .scan(0, |at, c| {
+            let first = *at;
+            *at += c.points as usize;
+            Some(first)
+        })
+        .collect();
+    let mut found: Vec<PullThrough> = pairs
+        .par_iter()
+        .filter_map(|&pair| pull_through(set, &trees, pair, first[pair.0 as usize]))
+        .collect();
+    found.sort_by(|a, b| {
+        let distances = a.place.distance.total_cmp(&b.place.distance);
+        distances.then(a.pair.cmp(&b.pair))
+    });
+    found
+}
+
+/// The pull-through of a pair, where there is one. `first` is the first control point of the first curve.
+fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Option<PullThrough> {
+    let (i, j) = (pair.0 as usize, pair.1 as usize);
+    let (basis, points) = (set.basis(), set.curve(i).points as usize);
+    if points <= basis.window() {
+        // The curve would be moved as a whole.
+        return None;
+    }
+    let place = closest_approach(set, trees, i, j);
+    let (p, u) = nearest(set, i, place.segments[0], place.point);
+    let (q, v) = nearest(set, j, place.segments[1], place.point);
+    let sine = norm(cross(u, v)) / (norm(u) * norm(v));
+    // Not a number where an edge has no length.
+    if place.distance <= 0.0 || sine.is_nan() || sine < LEAST_SINE {
+        return None;
+    }
+    let start = place.segments[0] as usize * basis.stride() + points - basis.lead(true);
+    let window = (start..start + basis.window()).map(|k| first + k % points);
+    Some(PullThrough {
+        pair,
+        place,
+        points: window.collect(),
+        by: [0, 1, 2].map(|x| WAY * (q[x] - p[x])),
+    })
+}
+
+/// The point of a segment that is nearest to another point, and the direction of the curve there.
+///
+/// The middle of the shortest connection of two straight segments has the ends of that connection as its nearest
+/// points.
+fn nearest(set: &CurveSet, i: usize, segment: u32, to: Point) -> (Point, Point) {
+    let b = set.segment(i, segment as usize);
+    let chords = if set.basis().is_polyline() { 1 } else { CHORDS };
+    let at = |k: usize| match k {
+        0 => b[0],
+        k if k == chords => b[3],
+        k => point_at(&b, k as f64 / chords as f64),
+    };
+    let candidates = (0..chords).map(|k| {
+        let (start, d) = (at(k), sub(at(k + 1), at(k)));
+        let t = dot(sub(to, start), d) / dot(d, d);
+        // No length, no direction: 0 for NaN.
+        let t = if t > 0.0 { t.min(1.0) } else { 0.0 };
+        (std::array::from_fn(|x| start[x] + t * d[x]), d)
+    });
+    let distance = |c: &(Point, Point)| norm(sub(c.0, to));
+    let nearest = candidates.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    nearest.expect("a segment has chords")
+}
+
+fn sub(a: Point, b: Point) -> Point {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: Point, b: Point) -> Point {
+    [0, 1, 2].map(|x| {
+        let (y, z) = ((x + 1) % 3, (x + 2) % 3);
+        a[y] * b[z] - a[z] * b[y]
+    })
+}
+
+fn norm(a: Point) -> f64 {
+    dot(a, a).sqrt()
+}

@@ -1,0 +1,527 @@
+//! Incremental verification against full verification: on every frame of random moving sets, the same verdict, the
+//! same changes and defects with the same places.
+//!
+//! `cargo test --release --test incremental` runs thousands of sequences in seconds. Many more, for an hour or so:
+//!
+//! ```sh
+//! cargo test --release --test incremental -- --ignored --nocapture
+//! ```
+//!
+//! Everything follows from the seed of a sequence, which a failure names.
+
+use linkwatch::scenes::{Frames, Motion, MotionKind, Scene, pull_throughs};
+use linkwatch::{
+    AbortOn, Basis, CurveSet, Point, Positions, Precision, Report, Route, Verdict, Verifier,
+};
+use std::f64::consts::TAU;
+
+/// Marsaglia's xorshift64*.
+struct Random(u64);
+
+impl Random {
+    fn new(seed: u64) -> Random {
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+        // Neighbouring seeds begin alike.
+        (0..8).for_each(|_| _ = random.next());
+        random
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 16
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        (self.next() % n as u64) as usize
+    }
+
+    fn one_in(&mut self, n: usize) -> bool {
+        self.below(n) == 0
+    }
+
+    fn between(&mut self, lo: f64, hi: f64) -> f64 {
+        lo + (hi - lo) * (self.next() as f64 / (1u64 << 48) as f64)
+    }
+
+    fn point(&mut self, size: f64) -> Point {
+        [(); 3].map(|()| self.between(-size, size))
+    }
+
+    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[self.below(from.len())]
+    }
+}
+
+/// Control points of one curve: a number that suits the basis. Some are `large` enough for several levels of boxes.
+fn size(random: &mut Random, basis: Basis, closed: bool, large: bool) -> usize {
+    let n = match random.below(12) {
+        0 if large => 60 + random.below(200),
+        1 => 3,
+        _ => 4 + random.below(24),
+    };
+    match (basis, closed) {
+        (Basis::Bezier, true) => 3 * n.div_ceil(3),
+        (Basis::Bezier, false) => 3 * n.div_ceil(3) + 1,
+        (_, true) => n,
+        (_, false) => n.max(4),
+    }
+}
+
+/// Random curves: a chain, rings anywhere, random polygons, strands side by side, or a lattice full of ties.
+fn random_set(random: &mut Random, basis: Basis, precision: Precision, curves: usize) -> CurveSet {
+    let shape = random.below(5);
+    // Points anywhere: long, they take long.
+    let tangled = matches!(shape, 2 | 4);
+    let mut counts = Vec::new();
+    let mut xyz = Vec::new();
+    for i in 0..curves {
+        let closed = i < 2 || !random.one_in(5);
+        let n = size(random, basis, closed, !tangled);
+        counts.push(if closed { -(n as i32) } else { n as i32 });
+        let (centre, u, v) = match shape {
+            // Each ring through the next.
+            0 => {
+                let (up, side) = ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0]);
+                let across = if i % 2 == 0 { side } else { up };
+                ([1.3 * i as f64, 0.0, 0.0], [1.0, 0.0, 0.0], across)
+            }
+            // Nested, a little apart.
+            3 => {
+                let r = 1.0 + 0.05 * i as f64;
+                (
+                    [0.0, 0.0, 0.03 * i as f64],
+                    [r, 0.0, 0.0],
+                    [0.0, r, 0.1 * r],
+                )
+            }
+            _ => (random.point(1.0), random.point(1.2), random.point(1.2)),
+        };
+        let wobble = random.pick(&[0.0, 0.01, 0.2]);
+        for k in 0..n {
+            let (s, c) = (TAU * k as f64 / n as f64).sin_cos();
+            let bump = random.point(wobble);
+            let p: Point = match shape {
+                2 => random.point(1.0),
+                4 => random.point(3.0).map(f64::round),
+                _ => std::array::from_fn(|x| centre[x] + c * u[x] + s * v[x] + bump[x]),
+            };
+            xyz.extend(p);
+        }
+    }
+    match precision {
+        Precision::F64 => CurveSet::from_counts(basis, &counts, Positions::F64(&xyz)),
+        Precision::F32 => {
+            let xyz: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+            CurveSet::from_counts(basis, &counts, Positions::F32(&xyz))
+        }
+    }
+    .unwrap()
+}
+
+/// Something that happens to a frame after its motion, for a few frames.
+#[derive(Clone, Copy, Debug)]
+enum Event {
+    /// Points of the second curve are also points of the first.
+    Contact([usize; 2], [usize; 2]),
+    /// The curve shrinks to its first points, so many.
+    Collapse(usize, usize),
+    /// Two neighbouring points of a curve are one.
+    Repeat(usize, usize),
+    /// One coordinate of the whole frame is the same everywhere.
+    Flatten(usize),
+    /// One point goes far away.
+    Spike(usize, usize),
+}
+
+/// The frames of one sequence.
+struct Movie {
+    random: Random,
+    set: CurveSet,
+    frames: Frames,
+    pulls: Vec<linkwatch::scenes::PullThrough>,
+    motion: Motion,
+    amplitude: f64,
+    /// Whether the waves stay and grow, instead of being others in every frame.
+    steady: bool,
+    /// Frames since the motion began.
+    age: u64,
+    /// How far each curve has gone by itself, and how far it goes in a frame.
+    ways: Vec<[Point; 2]>,
+    events: Vec<(Event, u64)>,
+}
+
+impl Movie {
+    fn new(mut random: Random, set: CurveSet) -> Movie {
+        let mut movie = Movie {
+            frames: Frames::new(&set, 0.2).with_seed(random.next()),
+            pulls: pull_throughs(&set),
+            motion: MotionKind::Still.into(),
+            amplitude: 0.0,
+            steady: false,
+            age: 0,
+            ways: vec![[[0.0; 3]; 2]; set.len()],
+            events: Vec::new(),
+            random,
+            set,
+        };
+        movie.change_motion();
+        movie
+    }
+
+    fn change_motion(&mut self) {
+        let random = &mut self.random;
+        let kinds = 1 + random.below(2);
+        let kinds: Vec<_> = (0..kinds).map(|_| random.pick(&MotionKind::ALL)).collect();
+        self.motion = Motion::new(kinds);
+        self.amplitude = 0.3 * 10f64.powf(random.between(-6.0, 0.0));
+        self.steady = random.one_in(2);
+        self.age = 0;
+    }
+
+    /// First slot of a curve's points among all of them.
+    fn first(&self, curve: usize) -> usize {
+        self.set.curves()[..curve]
+            .iter()
+            .map(|c| c.points as usize)
+            .sum()
+    }
+
+    /// A random curve and one of its points.
+    fn somewhere(&mut self) -> (usize, usize) {
+        let i = self.random.below(self.set.len());
+        let n = self.set.curve(i).points as usize;
+        (i, self.random.below(n))
+    }
+
+    fn random_event(&mut self) -> Event {
+        let ((i, a), (j, b)) = (self.somewhere(), self.somewhere());
+        match self.random.below(6) {
+            0 => Event::Collapse(i, 1 + self.random.below(3)),
+            1 => Event::Repeat(i, a),
+            // Splines in a plane cross everywhere, and each crossing is refined until it is given up.
+            2 if self.set.basis().is_polyline() || self.set.points() < 40 => {
+                Event::Flatten(self.random.below(3))
+            }
+            3 => Event::Spike(i, a),
+            // B-splines with a common knot have a common tangent and curvature there: 0.1 s until that is given up.
+            _ if i == j || (self.set.basis() == Basis::BSpline && !self.random.one_in(12)) => {
+                Event::Repeat(j, b)
+            }
+            _ => Event::Contact([i, a], [j, b]),
+        }
+    }
+
+    /// Moves the set to another frame.
+    fn advance(&mut self, frame: u64) {
+        self.age += 1;
+        if self.random.one_in(9) {
+            self.change_motion();
+        }
+        if self.random.one_in(10) && !self.pulls.is_empty() {
+            let at = self.random.below(self.pulls.len());
+            self.frames.pull(&self.pulls[at]);
+        }
+        if self.random.one_in(12) {
+            self.frames.release();
+        }
+        let curve = self.random.below(self.ways.len());
+        match self.random.below(30) {
+            // A teleport.
+            0 => self.ways[curve][0] = self.random.point(2.0),
+            // On its own way from now on.
+            1 => {
+                let step = 0.3 * 10f64.powf(self.random.between(-3.0, 0.0));
+                self.ways[curve][1] = self.random.point(step);
+            }
+            2 => self.ways[curve][1] = [0.0; 3],
+            3 => self.ways.fill([[0.0; 3]; 2]),
+            _ => {}
+        }
+        if self.random.one_in(9) {
+            let event = self.random_event();
+            let last = frame + self.random.below(4) as u64;
+            self.events.push((event, last));
+        }
+        self.events.retain(|&(_, last)| frame <= last);
+
+        let mut xyz = match self.steady {
+            true => values(
+                self.frames
+                    .at(&self.motion, self.amplitude * self.age as f64, 1),
+            ),
+            false => values(self.frames.at(&self.motion, self.amplitude, frame)),
+        };
+        let mut at = 0;
+        for (c, [gone, step]) in self.set.curves().iter().zip(&mut self.ways) {
+            let end = at + 3 * c.points as usize;
+            for x in 0..3 {
+                gone[x] += step[x];
+                xyz[at..end]
+                    .iter_mut()
+                    .skip(x)
+                    .step_by(3)
+                    .for_each(|v| *v += gone[x]);
+            }
+            at = end;
+        }
+        for &(event, _) in &self.events {
+            self.apply(event, &mut xyz);
+        }
+        if self.random.one_in(40) {
+            // Refused, and half of it is written.
+            let at = self.random.below(xyz.len());
+            let mut broken = xyz.clone();
+            broken[at] = f64::NAN;
+            update(&mut self.set, &broken).unwrap_err();
+        }
+        update(&mut self.set, &xyz).unwrap();
+    }
+
+    fn apply(&self, event: Event, xyz: &mut [f64]) {
+        let points = |i: usize| self.set.curve(i).points as usize;
+        let slot = |i: usize, k: usize| 3 * (self.first(i) + k % points(i));
+        let mut copy = |from: usize, to: usize| xyz.copy_within(from..from + 3, to);
+        match event {
+            Event::Contact([i, a], [j, b]) => match self.set.basis() {
+                // A knot follows from three control points.
+                Basis::BSpline => (0..3).for_each(|k| copy(slot(i, a + k), slot(j, b + k))),
+                // Where segments meet.
+                Basis::Bezier => copy(slot(i, a - a % 3), slot(j, b - b % 3)),
+                Basis::Polyline | Basis::CatmullRom => copy(slot(i, a), slot(j, b)),
+            },
+            Event::Collapse(i, n) => (0..points(i)).for_each(|k| copy(slot(i, k % n), slot(i, k))),
+            Event::Repeat(i, a) => copy(slot(i, a), slot(i, a + 1)),
+            Event::Flatten(x) => {
+                let value = xyz[x];
+                xyz.iter_mut().skip(x).step_by(3).for_each(|v| *v = value);
+            }
+            Event::Spike(i, a) => xyz[slot(i, a)] += 5.0,
+        }
+    }
+}
+
+fn values(positions: Positions<'_>) -> Vec<f64> {
+    match positions {
+        Positions::F32(v) => v.iter().map(|&x| x.into()).collect(),
+        Positions::F64(v) => v.to_vec(),
+    }
+}
+
+fn update(set: &mut CurveSet, xyz: &[f64]) -> linkwatch::Result<()> {
+    match set.precision() {
+        Precision::F64 => set.update(Positions::F64(xyz)),
+        Precision::F32 => {
+            let xyz: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+            set.update(Positions::F32(&xyz))
+        }
+    }
+}
+
+/// The verifier under test, and the one that it must equal.
+struct Both {
+    incremental: Verifier,
+    full: Verifier,
+    tally: Tally,
+}
+
+/// Frames seen.
+#[derive(Debug, Default)]
+struct Tally {
+    intact: u64,
+    changed: u64,
+    contact: u64,
+    undecided: u64,
+    full: u64,
+    quiet: u64,
+    partial: u64,
+}
+
+impl Tally {
+    fn add(&mut self, o: &Tally) {
+        self.intact += o.intact;
+        self.changed += o.changed;
+        self.contact += o.contact;
+        self.undecided += o.undecided;
+        self.full += o.full;
+        self.quiet += o.quiet;
+        self.partial += o.partial;
+    }
+}
+
+impl Both {
+    fn new() -> Both {
+        let mut incremental = Verifier::new(AbortOn::default());
+        incremental.set_incremental(true);
+        Both {
+            incremental,
+            full: Verifier::new(AbortOn::default()),
+            tally: Tally::default(),
+        }
+    }
+
+    /// Verifies a frame both ways and compares all that is said about it. Returns it.
+    fn step(&mut self, frame: u64, set: &CurveSet, what: &dyn std::fmt::Display) -> Report {
+        let found = self.incremental.step(frame, 0.5, set).unwrap();
+        let mut expected = self.full.step(frame, 0.5, set).unwrap();
+        // Beside the sizes of the scene, counts of work depend on the frames before.
+        let sizes = |r: &Report| (r.stats.curves, r.stats.segments, r.stats.open_curves);
+        assert_eq!(sizes(&found), sizes(&expected), "{what}, frame {frame}");
+        expected.stats = found.stats;
+        assert_eq!(found, expected, "{what}, frame {frame}");
+        *match found.verdict {
+            Verdict::Intact => &mut self.tally.intact,
+            Verdict::Changed => &mut self.tally.changed,
+            Verdict::Contact => &mut self.tally.contact,
+            _ => &mut self.tally.undecided,
+        } += 1;
+        *match self.incremental.work().route {
+            Route::Full => &mut self.tally.full,
+            Route::Quiet => &mut self.tally.quiet,
+            Route::Partial => &mut self.tally.partial,
+        } += 1;
+        found
+    }
+}
+
+/// Runs sequences of random sets and motions, and checks that they were worth it.
+fn sequences(basis: Basis, precision: Precision, seeds: std::ops::Range<u64>) {
+    let mut all = Tally::default();
+    for seed in seeds {
+        let mut random = Random::new(seed);
+        let curves = 2 + random.below(6);
+        let set = random_set(&mut random, basis, precision, curves);
+        let length = if seed % 50 == 0 {
+            150
+        } else {
+            20 + random.below(15) as u64
+        };
+        let mut movie = Movie::new(random, set);
+        let mut both = Both::new();
+        let what = format!("{basis:?} {precision:?} seed {seed}");
+        for frame in 0..length {
+            if frame > 0 || seed % 4 == 0 {
+                movie.advance(frame);
+            }
+            both.step(frame, &movie.set, &what);
+        }
+        all.add(&both.tally);
+    }
+    println!("{basis:?} {precision:?}: {all:?}");
+    let total = all.intact + all.changed + all.contact + all.undecided;
+    for (verdict, least) in [(all.intact, 10), (all.changed, 10), (all.undecided, 100)] {
+        assert!(verdict > total / least / 2, "{all:?}");
+    }
+    // Points of splines are computed: where they touch, they are too close to tell.
+    assert_eq!(all.contact > total / 20, basis == Basis::Polyline);
+}
+
+#[test]
+fn polylines_in_single_precision() {
+    sequences(Basis::Polyline, Precision::F32, 0..800);
+}
+
+#[test]
+fn polylines_in_double_precision() {
+    sequences(Basis::Polyline, Precision::F64, 10_000..10_800);
+}
+
+#[test]
+fn catmull_rom_curves() {
+    sequences(Basis::CatmullRom, Precision::F32, 20_000..20_500);
+    sequences(Basis::CatmullRom, Precision::F64, 30_000..30_200);
+}
+
+#[test]
+fn b_splines() {
+    sequences(Basis::BSpline, Precision::F32, 40_000..40_500);
+    sequences(Basis::BSpline, Precision::F64, 50_000..50_200);
+}
+
+#[test]
+fn bezier_curves() {
+    sequences(Basis::Bezier, Precision::F32, 60_000..60_200);
+    sequences(Basis::Bezier, Precision::F64, 70_000..70_100);
+}
+
+/// For changes of the incremental verification: 60 times as many, other seeds.
+#[test]
+#[ignore = "takes an hour"]
+fn very_many_sequences() {
+    for basis in Basis::ALL {
+        for precision in [Precision::F32, Precision::F64] {
+            sequences(basis, precision, 1_000_000..1_025_000);
+        }
+    }
+}
+
+/// The curves of a stream may be others from one frame to the next, as long as their number is the same.
+#[test]
+fn sets_that_are_others_than_before() {
+    for seed in 0..150 {
+        let mut random = Random::new(900_000 + seed);
+        let mut movies: Vec<Movie> = (0..3)
+            .map(|_| {
+                let basis = random.pick(&Basis::ALL);
+                let precision = random.pick(&[Precision::F32, Precision::F64]);
+                let set = random_set(&mut random, basis, precision, 4);
+                Movie::new(Random::new(random.next()), set)
+            })
+            .collect();
+        let mut both = Both::new();
+        let mut now = 0;
+        for frame in 0..30 {
+            if random.one_in(5) {
+                now = random.below(movies.len());
+            }
+            movies[now].advance(frame);
+            both.step(frame, &movies[now].set, &format!("seed {seed}, set {now}"));
+        }
+    }
+}
+
+/// Every planted pull-through is found in its frame, and gone when it is taken back, whatever else moves.
+#[test]
+fn planted_pull_throughs_are_found() {
+    for (text, diameter) in [
+        ("chainmail:rows=5,columns=5", 0.2),
+        ("chainmail:rows=5,columns=5,crumple=1", 0.2),
+        ("knit:rows=4,stitches=16,segments=512", 1.0),
+        ("knit:rows=5,stitches=20,segments=2000", 1.0),
+        ("ribbon:segments=3000,lambda=30", 0.01),
+    ] {
+        let mut set = text.parse::<Scene>().unwrap().build().unwrap().curves;
+        let pulls = pull_throughs(&set);
+        for (name, amplitude) in [
+            ("still", 0.0),
+            ("smooth", 1e-3),
+            ("iid", 1e-3),
+            ("translate", 0.0),
+            ("rotate+smooth", 1e-4),
+            ("scale+iid", 1e-4),
+        ] {
+            let motion: Motion = name.parse().unwrap();
+            let mut frames = Frames::new(&set, diameter);
+            let mut both = Both::new();
+            let what = format!("{text} {name}");
+            for frame in 0..30 {
+                let pull = &pulls[frame as usize % pulls.len()];
+                // Some stay for a while.
+                let pulled = frame % 3 == 2 || (10..14).contains(&frame);
+                if pulled {
+                    frames.pull(pull);
+                }
+                set.update(frames.at(&motion, amplitude * diameter, frame))
+                    .unwrap();
+                let report = both.step(frame, &set, &what);
+                let pairs: Vec<_> = report.changes.iter().map(|c| (c.i, c.j)).collect();
+                let planted = if pulled { vec![pull.pair] } else { vec![] };
+                assert_eq!(pairs, planted, "{what}, frame {frame}");
+                frames.release();
+            }
+            // The scene as it was, for the next motion.
+            set.update(frames.at(&motion, 0.0, 0)).unwrap();
+        }
+    }
+}
