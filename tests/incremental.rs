@@ -381,6 +381,10 @@ impl Both {
             Route::Quiet => &mut self.tally.quiet,
             Route::Partial => &mut self.tally.partial,
         } += 1;
+        // Most references are ready for the next frame, some come later.
+        if frame % 4 != 3 {
+            self.incremental.settle();
+        }
         found
     }
 }
@@ -413,24 +417,27 @@ fn sequences(basis: Basis, precision: Precision, seeds: std::ops::Range<u64>) {
     for (verdict, least) in [(all.intact, 10), (all.changed, 10), (all.undecided, 100)] {
         assert!(verdict > total / least / 2, "{all:?}");
     }
+    for route in [all.full, all.quiet, all.partial] {
+        assert!(route > total / 10, "{all:?}");
+    }
     // Points of splines are computed: where they touch, they are too close to tell.
     assert_eq!(all.contact > total / 20, basis == Basis::Polyline);
 }
 
 #[test]
 fn polylines_in_single_precision() {
-    sequences(Basis::Polyline, Precision::F32, 0..800);
+    sequences(Basis::Polyline, Precision::F32, 0..400);
 }
 
 #[test]
 fn polylines_in_double_precision() {
-    sequences(Basis::Polyline, Precision::F64, 10_000..10_800);
+    sequences(Basis::Polyline, Precision::F64, 10_000..10_400);
 }
 
 #[test]
 fn catmull_rom_curves() {
-    sequences(Basis::CatmullRom, Precision::F32, 20_000..20_500);
-    sequences(Basis::CatmullRom, Precision::F64, 30_000..30_200);
+    sequences(Basis::CatmullRom, Precision::F32, 20_000..20_250);
+    sequences(Basis::CatmullRom, Precision::F64, 30_000..30_100);
 }
 
 #[test]

@@ -134,7 +134,7 @@ pub struct Stats {
     pub tests: u64,
     /// Crossings counted.
     pub crossings: u64,
-    /// Segment pairs whose boxes overlap in space.
+    /// Segment pairs of splines whose boxes overlap in space, which the discretization looked at.
     pub overlaps: u64,
     /// Points that the discretization added.
     pub refined: u64,
