@@ -20,8 +20,12 @@ impl Box3 {
         hi: [f32::NEG_INFINITY; 3],
     };
 
+    /// Whether this is the box of nothing.
+    pub fn is_empty(&self) -> bool {
+        self.lo[0] > self.hi[0]
+    }
+
     /// Whether the closed boxes share a point.
-    #[cfg(test)]
     pub fn overlaps(&self, other: &Box3) -> bool {
         (0..3).all(|x| self.lo[x] <= other.hi[x] && other.lo[x] <= self.hi[x])
     }
@@ -77,6 +81,19 @@ impl BoxGroup {
             lo: [0, 1, 2].map(|x| self.lo[x][i]),
             hi: [0, 1, 2].map(|x| self.hi[x][i]),
         }
+    }
+
+    /// In every lane the box around the boxes of both groups.
+    #[inline(always)]
+    pub fn union(&self, other: &BoxGroup) -> BoxGroup {
+        let mut out = BoxGroup::EMPTY;
+        for x in 0..3 {
+            for k in 0..LANES {
+                out.lo[x][k] = smaller(self.lo[x][k], other.lo[x][k]);
+                out.hi[x][k] = larger(self.hi[x][k], other.hi[x][k]);
+            }
+        }
+        out
     }
 
     /// Empties the lanes from `count` on.

@@ -46,3 +46,46 @@ impl<'a> Separation<'a> {
             .map(drop)
     }
 }
+
+/// Can two segments meet while their control points move from one frame to another, on straight lines at constant
+/// speed?
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MovingSeparation<'a> {
+    frames: [&'a CurveSet; 2],
+    curves: [usize; 2],
+    margin: f64,
+}
+
+impl<'a> MovingSeparation<'a> {
+    pub fn new(frames: [&'a CurveSet; 2], curves: [usize; 2]) -> Self {
+        let [m, n] = frames.map(|set| separation_margin(set.max_abs(), set.pad()));
+        MovingSeparation {
+            frames,
+            curves,
+            margin: m.max(n),
+        }
+    }
+
+    /// Whether the hulls of two segments are apart at all times, and so are all pieces of them.
+    #[inline(always)]
+    pub fn apart(&self, s: u32, t: u32) -> bool {
+        let [before, after] = self.frames.map(|set| {
+            [(self.curves[0], s), (self.curves[1], t)].map(|(i, s)| Hull {
+                points: set.hull(i, s as usize),
+            })
+        });
+        Hull::separated_throughout([before.each_ref(), after.each_ref()], self.margin)
+    }
+
+    /// Whether the first curve runs one way along segments `s` and `t`, which follow one another: neither meets itself
+    /// or the other one, but where they are joined.
+    #[inline(always)]
+    pub fn one_way(&self, s: u32, t: u32) -> bool {
+        let frames = self.frames.map(|set| {
+            [s, t].map(|s| Hull {
+                points: set.hull(self.curves[0], s as usize),
+            })
+        });
+        Hull::run_one_way(&frames, self.margin)
+    }
+}

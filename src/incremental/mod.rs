@@ -1,5 +1,9 @@
 //! Frame after frame: what moved, and what it may have broken.
 
+mod ledger;
+
+pub use ledger::PullThrough;
+
 /// What a frame took. No part of a [`Report`](crate::Report): it depends on the frames before and on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Work {

@@ -19,7 +19,7 @@ pub(crate) use descent::{Agenda, Query, SegmentPairs, descend};
 pub(crate) use overlaps::overlapping_segments;
 pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;
-pub(crate) use trees::{CurveTree, Node, Trees};
+pub(crate) use trees::{CurveTree, Leaves, Node, Trees};
 
 /// A pair of curves, `i < j`.
 pub(crate) type Pair = (u32, u32);
