@@ -20,12 +20,8 @@ impl Box3 {
         hi: [f32::NEG_INFINITY; 3],
     };
 
-    /// Whether this is the box of nothing.
-    pub fn is_empty(&self) -> bool {
-        self.lo[0] > self.hi[0]
-    }
-
     /// Whether the closed boxes share a point.
+    #[cfg(test)]
     pub fn overlaps(&self, other: &Box3) -> bool {
         (0..3).all(|x| self.lo[x] <= other.hi[x] && other.lo[x] <= self.hi[x])
     }

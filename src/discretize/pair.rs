@@ -3,6 +3,7 @@
 use super::halving::Halving;
 use super::hulls::{Hull, separation_margin};
 use crate::curve::CurveSet;
+use std::ops::Range;
 
 /// Are the hulls of two segments apart?
 #[derive(Clone, Copy, Debug)]
@@ -69,23 +70,37 @@ impl<'a> MovingSeparation<'a> {
     /// Whether the hulls of two segments are apart at all times, and so are all pieces of them.
     #[inline(always)]
     pub fn apart(&self, s: u32, t: u32) -> bool {
-        let [before, after] = self.frames.map(|set| {
-            [(self.curves[0], s), (self.curves[1], t)].map(|(i, s)| Hull {
-                points: set.hull(i, s as usize),
-            })
-        });
-        Hull::separated_throughout([before.each_ref(), after.each_ref()], self.margin)
+        let [first, second] = [self.hulls(self.curves[0], s), self.hulls(self.curves[1], t)];
+        let frames = [[&first[0], &second[0]], [&first[1], &second[1]]];
+        Hull::separated_throughout(frames, self.margin)
     }
 
-    /// Whether the first curve runs one way along segments `s` and `t`, which follow one another: neither meets itself
-    /// or the other one, but where they are joined.
+    /// Adds those of the segments of the first curve, with themselves and with the next ones, along which it is not
+    /// known to run one way at all times: where it does, neither of them meets itself or the other, but where they are
+    /// joined. `after` comes after the last one, and is the last one where the curve ends.
     #[inline(always)]
-    pub fn one_way(&self, s: u32, t: u32) -> bool {
-        let frames = self.frames.map(|set| {
-            [s, t].map(|s| Hull {
-                points: set.hull(self.curves[0], s as usize),
-            })
-        });
-        Hull::run_one_way(&frames, self.margin)
+    pub fn add_turns(&self, segments: Range<u32>, after: u32, near: &mut Vec<(u32, u32)>) {
+        let i = self.curves[0];
+        let [mut before_s, mut after_s] = self.hulls(i, segments.start);
+        for s in segments.clone() {
+            let next = if s + 1 < segments.end { s + 1 } else { after };
+            let [before_t, after_t] = self.hulls(i, next);
+            let frames = [[before_s, before_t], [after_s, after_t]];
+            if !Hull::run_one_way(&frames, self.margin) {
+                near.push((s, s));
+                if s != next {
+                    near.push((s.min(next), s.max(next)));
+                }
+            }
+            [before_s, after_s] = [before_t, after_t];
+        }
+    }
+
+    /// The hull of a segment in both frames.
+    #[inline(always)]
+    fn hulls(&self, i: usize, s: u32) -> [Hull; 2] {
+        let [before, after] = self.frames;
+        let points = [before.hull(i, s as usize), after.hull(i, s as usize)];
+        points.map(|points| Hull { points })
     }
 }

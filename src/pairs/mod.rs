@@ -15,7 +15,7 @@ mod trees;
 #[cfg(test)]
 pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{closest_approach, closest_of_segments};
-pub(crate) use descent::{Agenda, Query, SegmentPairs, descend};
+pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
 pub(crate) use overlaps::overlapping_segments;
 pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;

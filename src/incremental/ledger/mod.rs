@@ -235,12 +235,7 @@ impl Ledger {
             outcome.sums.extend_from_slice(&part.sums);
             outcome.counts.add(&part.counts);
         }
-        outcome.events.sort_by(|a, b| {
-            let key = |e: &PullThrough| (e.i, e.j, e.segments, e.sign);
-            a.fraction
-                .total_cmp(&b.fraction)
-                .then_with(|| key(a).cmp(&key(b)))
-        });
+        sort(&mut outcome.events);
         outcome
     }
 
@@ -266,6 +261,15 @@ impl Ledger {
             self.pairs.par_sort_unstable();
         }
     }
+}
+
+/// Puts passages in the order in which they came; those at one time by pair and segments.
+fn sort(events: &mut [PullThrough]) {
+    let key = |e: &PullThrough| (e.i, e.j, e.segments, e.sign);
+    events.sort_by(|a, b| {
+        let by_time = a.fraction.total_cmp(&b.fraction);
+        by_time.then_with(|| key(a).cmp(&key(b)))
+    });
 }
 
 /// The boxes that contain every segment at all times between two frames.

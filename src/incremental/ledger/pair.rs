@@ -5,13 +5,15 @@ use super::{Counts, Marked, PullThrough};
 use crate::certificate::Link;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{BoxGroup, CurveSet, LANES, Lanes, Point, Portable, point_at};
+use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Point, Portable, point_at};
 use crate::discretize::{Halving, MovingSeparation, Separation};
 use crate::exact::{Decided, Edges, Ties, passages};
 use crate::pairs::{
     Agenda, CurveTree, Node, Pair, Query, SegmentPairs, Trees, closest_of_segments, descend,
+    overlapping,
 };
 use crate::verdict::{Defect, DefectKind};
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Pieces of a spline segment, at least.
@@ -25,6 +27,12 @@ const STEPS: usize = 4096;
 
 /// Rounds of these after which a task shares out what is left.
 const ROUNDS: usize = 3;
+
+/// Segments of a leaf.
+const BLOCK: u32 = LANES as u32;
+
+/// Blocks of one curve that are worth a task of their own.
+const BLOCKS: usize = 1 << 12;
 
 /// Near pairs of spline segments that are worth a task of their own.
 const GRAIN: usize = 1 << 12;
@@ -105,52 +113,56 @@ impl<'a> Step<'a> {
     pub fn pair(&self, pair: Pair, workspace: &mut Workspace, part: &mut Part) {
         let task = Task::new(*self, pair);
         let Workspace { gathered, cuts } = workspace;
-        gathered.near.clear();
-        gathered.found.clear();
-        gathered.agenda.clear();
-        gathered.found.counts.pairs = 1;
-        task.start(gathered);
         task.gather(gathered);
         let Gathered { near, found, .. } = gathered;
-        let [i, j] = task.curves;
-        let undecided = |kind, segments| Defect {
-            i: i as u32,
-            j: Some(j as u32),
-            kind,
-            place: closest_of_segments(self.frames[1], [i, j], segments),
-        };
-        if task.entangled() {
-            part.undecided.push(undecided(DefectKind::TooClose, [0, 0]));
-            part.counts.add(&found.counts);
-            return;
-        }
-        if !near.is_empty() {
+        let done = if task.entangled() {
+            Err([0, 0])
+        } else if near.is_empty() {
+            Ok(())
+        } else {
             near.sort_unstable();
             // A closed curve of two segments has each of them after the other.
             near.dedup();
-            if let Err(segments) = cuts.fill(&task, near) {
-                part.undecided
-                    .push(undecided(DefectKind::TooClose, segments));
-                part.counts.add(&found.counts);
-                return;
-            }
-            task.add_splines_shared(cuts, near, found);
-        }
-        part.counts.add(&found.counts);
-        found.ties.sort_unstable();
-        found.ties.dedup();
-        let ties = found.ties.iter();
-        part.undecided
-            .extend(ties.map(|&segments| undecided(DefectKind::Contact, segments)));
-        let curves = [i, j].map(|i| self.frames[0].curve(i));
-        cancel(&mut found.passages, curves);
-        part.events.extend(found.passages.iter().map(|f| f.event));
-        let lambda = found.passages.iter().map(|f| i64::from(f.event.sign)).sum();
-        if i != j && lambda != 0 && curves.iter().all(|c| c.closed) {
-            let (i, j) = pair;
-            part.sums.push(Link { i, j, lambda });
-        }
+            let split = cuts.fill(&task, near);
+            split.map(|()| task.add_splines_shared(cuts, near, found))
+        };
+        task.settle(done, found, part);
     }
+
+    /// [`Step::pair`] with all pairs of segments as candidates (and the splits that the true ones ask for).
+    #[cfg(test)]
+    pub fn pair_by_brute_force(&self, pair: Pair, part: &mut Part) {
+        let task = Task::new(*self, pair);
+        let Workspace {
+            mut gathered,
+            mut cuts,
+        } = Workspace::default();
+        task.gather(&mut gathered);
+        let Gathered { near, found, .. } = &mut gathered;
+        near.sort_unstable();
+        near.dedup();
+        found.clear();
+        let [n, m] = task.curves.map(|i| self.frames[0].curve(i).segments);
+        let all = (0..n).flat_map(|s| (0..m).map(move |t| (s, t)));
+        let all: Vec<_> = all.filter(|&(s, t)| !task.own() || s <= t).collect();
+        let done = if task.splines() {
+            let split = cuts.fill(&task, near);
+            split.map(|()| task.add_splines(&cuts, &all, found))
+        } else {
+            let different = all.iter().filter(|&&(s, t)| !task.own() || s != t);
+            different.for_each(|&(s, t)| task.add_edges(s, t, found));
+            Ok(())
+        };
+        task.settle(done, found, part);
+    }
+}
+
+/// A part of the visits of a task.
+enum Visit {
+    /// What is below the node pairs of the agenda.
+    Agenda,
+    /// Blocks of a curve, for itself.
+    Along(Range<u32>),
 }
 
 /// One pair of curves, or a curve and itself.
@@ -191,41 +203,60 @@ impl<'a> Task<'a> {
         self.step.trees.of(self.step.frames[0], self.curves[side])
     }
 
-    /// Node pairs to start with.
-    fn start(&self, gathered: &mut Gathered) {
+    /// Gathers everything.
+    fn gather(&self, gathered: &mut Gathered) {
+        gathered.near.clear();
+        gathered.found.clear();
+        gathered.found.counts.pairs = 1;
+        gathered.agenda.clear();
         let (first, second) = (self.tree(0), self.tree(1));
-        if !self.own() {
+        if self.own() {
+            self.visit(Visit::Along(0..self.segments().div_ceil(BLOCK)), gathered);
+            above_the_leaves(first, &mut gathered.agenda);
+        } else {
             gathered.agenda.push((first.root(), second.root()));
-            return;
         }
-        gathered.candidates.all.clear();
-        off_diagonal(first, first.root(), gathered);
-        self.look_at_candidates(gathered);
-        if self.splines() {
-            self.add_neighbours(&mut gathered.near);
-        }
+        self.visit(Visit::Agenda, gathered);
     }
 
-    /// Adds the segments of a curve, with themselves and their successors, along which it does not run one way.
-    fn add_neighbours(&self, near: &mut Vec<(u32, u32)>) {
-        let curve = self.step.frames[0].curve(self.curves[0]);
-        let n = curve.segments;
-        for s in 0..n {
-            let next = if s + 1 < n { s + 1 } else { 0 };
-            // An open curve ends.
-            let next = if next == 0 && !curve.closed { s } else { next };
-            if self.is_marked(s, next) && !self.separation.one_way(s, next) {
-                near.push((s, s));
-                if s != next {
-                    near.push((s.min(next), s.max(next)));
-                }
-            }
+    /// Segments of the first curve.
+    fn segments(&self) -> u32 {
+        self.step.frames[0].curve(self.curves[0]).segments
+    }
+
+    /// Adds to `part` what was found, or that two segments are too close.
+    fn settle(&self, done: Result<(), [u32; 2]>, found: &mut Tally, part: &mut Part) {
+        let frames = self.step.frames;
+        let [i, j] = self.curves.map(|i| i as u32);
+        part.counts.add(&found.counts);
+        let undecided = |kind, segments| Defect {
+            i,
+            j: Some(j),
+            kind,
+            place: closest_of_segments(frames[1], self.curves, segments),
+        };
+        if let Err(segments) = done {
+            let defect = undecided(DefectKind::TooClose, segments);
+            return part.undecided.push(defect);
+        }
+        found.ties.sort_unstable();
+        found.ties.dedup();
+        let ties = found.ties.iter();
+        part.undecided
+            .extend(ties.map(|&segments| undecided(DefectKind::Contact, segments)));
+        let curves = self.curves.map(|i| frames[0].curve(i));
+        cancel(&mut found.passages, curves);
+        part.events.extend(found.passages.iter().map(|f| f.event));
+        let signs = found.passages.iter().map(|f| i64::from(f.event.sign));
+        let lambda = signs.sum();
+        if !self.own() && lambda != 0 && curves.iter().all(|c| c.closed) {
+            part.sums.push(Link { i, j, lambda });
         }
     }
 
     fn is_marked(&self, s: u32, t: u32) -> bool {
         let [i, j] = self.curves;
-        let block = |s: u32| s / LANES as u32;
+        let block = |s: u32| s / BLOCK;
         self.step
             .marked
             .is_none_or(|marked| marked(i, block(s)) || marked(j, block(t)))
@@ -238,41 +269,66 @@ impl<'a> Task<'a> {
         apart <= 1 || (curve.closed && apart == curve.segments - 1)
     }
 
-    /// Visits everything below the node pairs of the agenda.
-    fn gather(&self, gathered: &mut Gathered) {
+    /// Makes a part of the visits with the instructions that there are.
+    fn visit(&self, visit: Visit, gathered: &mut Gathered) {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
             // SAFETY: the token says that the processor has them.
-            return unsafe { self.gather_avx2(avx2, gathered) };
+            return unsafe { self.visit_avx2(avx2, visit, gathered) };
         }
-        self.gather_with(Portable, gathered);
+        self.visit_with(Portable, visit, gathered);
     }
 
-    /// [`Task::gather_with`], compiled with AVX2.
+    /// [`Task::visit_with`], compiled with AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn gather_avx2(&self, avx2: Avx2, gathered: &mut Gathered) {
-        self.gather_with(avx2, gathered);
+    fn visit_avx2(&self, avx2: Avx2, visit: Visit, gathered: &mut Gathered) {
+        self.visit_with(avx2, visit, gathered);
     }
 
     #[inline(always)]
-    fn gather_with<L: Lanes>(&self, simd: L, gathered: &mut Gathered) {
+    fn visit_with<L: Lanes>(&self, simd: L, visit: Visit, gathered: &mut Gathered) {
+        match visit {
+            Visit::Agenda => self.visit_agenda(simd, gathered),
+            Visit::Along(blocks) if blocks.len() > BLOCKS => {
+                let middle = blocks.start + blocks.len() as u32 / 2;
+                let (left, right) = (blocks.start..middle, middle..blocks.end);
+                self.share(gathered, [Visit::Along(left), Visit::Along(right)], vec![]);
+            }
+            Visit::Along(blocks) => {
+                for block in blocks {
+                    self.visit_block(simd, block, gathered);
+                }
+            }
+        }
+    }
+
+    /// Visits everything below the node pairs of the agenda.
+    #[inline(always)]
+    fn visit_agenda<L: Lanes>(&self, simd: L, gathered: &mut Gathered) {
         let both = [self.tree(0), self.tree(1)];
         let query = Query {
             w: 2,
             meeting: false,
         };
         for round in 0.. {
-            if gathered.agenda.is_empty() {
-                return;
-            }
-            if round >= ROUNDS && gathered.agenda.len() > 1 {
-                return self.share(gathered);
-            }
             let Gathered {
                 agenda, candidates, ..
-            } = gathered;
+            } = &mut *gathered;
+            if agenda.is_empty() {
+                return;
+            }
+            if round >= ROUNDS && agenda.len() > 1 {
+                // Every second one: node pairs at the bottom have more below them.
+                let mut mine = false;
+                let others = agenda.extract_if(.., |_| {
+                    mine = !mine;
+                    !mine
+                });
+                let others = others.collect();
+                return self.share(gathered, [Visit::Agenda, Visit::Agenda], others);
+            }
             descend::<L, true>(simd, both, query, agenda, candidates, (STEPS, BATCH));
             self.look_at_candidates(gathered);
             if self.entangled() {
@@ -281,20 +337,58 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Gathers in two halves.
-    #[cold]
-    fn share(&self, gathered: &mut Gathered) {
-        let mut other = Gathered::default();
-        // Every second one: node pairs at the bottom have more below them.
-        let mut mine = false;
-        gathered.agenda.retain(|&pair| {
-            mine = !mine;
-            if !mine {
-                other.agenda.push(pair);
+    /// Visits the segments of a block of a curve, with one another and (splines) with themselves and the next ones.
+    #[inline(always)]
+    fn visit_block<L: Lanes>(&self, simd: L, block: u32, gathered: &mut Gathered) {
+        let first = block * BLOCK;
+        let mut room = BoxGroup::EMPTY;
+        let boxes = *self.tree(0).children(Node::new(0, block), &mut room);
+        for k in 0..BLOCK {
+            // Its next one is its neighbour.
+            let mut lanes = overlapping(simd, &boxes.lane(k as usize), &boxes) & !0 << (k + 2);
+            while lanes != 0 {
+                let l = lanes.trailing_zeros();
+                gathered.candidates.all.push((first + k, first + l));
+                lanes &= lanes - 1;
             }
-            mine
-        });
-        rayon::join(|| self.gather(gathered), || self.gather(&mut other));
+        }
+        self.look_at_candidates(gathered);
+        if !self.splines() {
+            return;
+        }
+        let curve = self.step.frames[0].curve(self.curves[0]);
+        let last = (first + BLOCK).min(curve.segments);
+        // An open curve ends.
+        let after = match (last < curve.segments, curve.closed) {
+            (true, _) => last,
+            (false, true) => 0,
+            (false, false) => last - 1,
+        };
+        if self.is_marked(first, after) {
+            let known = gathered.near.len();
+            self.separation
+                .add_turns(first..last, after, &mut gathered.near);
+            if self.step.marked.is_some() {
+                let mut at = 0;
+                gathered.near.retain(|&(s, t)| {
+                    at += 1;
+                    at <= known || self.is_marked(s, t)
+                });
+            }
+        }
+    }
+
+    /// Makes two parts of the visits side by side; the second one has an agenda of its own.
+    #[cold]
+    fn share(&self, gathered: &mut Gathered, [mine, others]: [Visit; 2], agenda: Agenda) {
+        let mut other = Gathered {
+            agenda,
+            ..Gathered::default()
+        };
+        rayon::join(
+            || self.visit(mine, gathered),
+            || self.visit(others, &mut other),
+        );
         gathered.near.append(&mut other.near);
         gathered.found.append(&mut other.found);
     }
@@ -430,29 +524,25 @@ fn joined(before: &Edges, after: &Edges) -> bool {
     (0..2).any(|k| (0..2).any(|l| before[0][k] == before[1][l] && after[0][k] == after[1][l]))
 }
 
-/// Adds pairs of different nodes or segments below a node whose boxes overlap, each pair once: nodes to the agenda,
-/// segments to the candidates.
-fn off_diagonal(tree: CurveTree<'_>, node: Node, gathered: &mut Gathered) {
+/// Adds pairs of different nodes above the leaves, children of one node, whose boxes overlap: with what is below them,
+/// every pair of segments of different leaves once.
+fn above_the_leaves(tree: CurveTree<'_>, agenda: &mut Agenda) {
+    let mut nodes = vec![tree.root()];
     let mut room = BoxGroup::EMPTY;
-    let group = *tree.children(node, &mut room);
-    for k in 0..LANES {
-        let own = group.lane(k);
-        if own.is_empty() {
-            // The curve ends.
-            return;
+    while let Some(node) = nodes.pop() {
+        if node.level == 0 {
+            continue;
         }
-        for l in k + 1..LANES {
-            if own.overlaps(&group.lane(l)) {
-                let (k, l) = (k as u32, l as u32);
-                if node.level > 0 {
-                    gathered.agenda.push((node.child(k), node.child(l)));
-                } else {
-                    gathered.candidates.all.push((node.lane(k), node.lane(l)));
-                }
+        let boxes = *tree.children(node, &mut room);
+        for k in 0..BLOCK {
+            let own = boxes.lane(k as usize);
+            if own == Box3::EMPTY {
+                break;
             }
-        }
-        if node.level > 0 {
-            off_diagonal(tree, node.child(k as u32), gathered);
+            nodes.push(node.child(k));
+            let lanes = overlapping(Portable, &own, &boxes);
+            let later = (k + 1..BLOCK).filter(|l| lanes >> l & 1 != 0);
+            agenda.extend(later.map(|l| (node.child(k), node.child(l))));
         }
     }
 }

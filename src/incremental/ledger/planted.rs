@@ -108,7 +108,7 @@ fn strands(r: &mut Random, plant: Plant) -> ([Vec<Point>; 2], [Vec<Point>; 2]) {
 /// A planted step; `None` where a passage is too near to a joint, or to the ends of the step, to be told by name.
 pub(super) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene> {
     let ([a, b], [a_back, b_back]) = strands(r, plant);
-    let (moving, resting) = (a.len(), b.len());
+    let moving = a.len();
     // Past the resting strand, and past both of a finger.
     let far = if plant == Plant::Cancelling { 1.6 } else { 0.8 };
     let start = r.between(-0.75, -0.15);
@@ -221,10 +221,12 @@ pub(super) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene>
             .collect();
         CurveSet::from_counts(basis, &counts, Positions::F64(&xyz)).unwrap()
     });
-    let mut step: Point = [0, 1, 2].map(|x| scale * by[x]);
-    step.rotate_left(turn);
-    let known = solve(&frames, &own, step, scale)?;
-    let _ = resting;
+    let motions = [by, drift].map(|v| {
+        let mut v = v.map(|x| scale * x);
+        v.rotate_left(turn);
+        v
+    });
+    let known = solve(&frames, &own, motions, scale)?;
     Some(Scene { frames, known })
 }
 
@@ -244,10 +246,15 @@ fn bezier(points: &[Point], closed: bool) -> Vec<Point> {
 }
 
 /// Parts of a spline segment in whose chords passages are sought.
-const FINE: usize = 24;
+const FINE: usize = 16;
 
-/// All passages of what moves by `step` (and the drift of all) through what rests.
-fn solve(frames: &[CurveSet; 2], own: &[u32], step: Point, scale: f64) -> Option<Vec<Known>> {
+/// All passages of what moves by `step` through what rests, while all drifts.
+fn solve(
+    frames: &[CurveSet; 2],
+    own: &[u32],
+    [step, drift]: [Point; 2],
+    scale: f64,
+) -> Option<Vec<Known>> {
     let fine = if frames[0].basis().is_polyline() {
         1
     } else {
@@ -262,14 +269,13 @@ fn solve(frames: &[CurveSet; 2], own: &[u32], step: Point, scale: f64) -> Option
         ]
     };
     let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    // The motion of all, by that of a point that nothing else moves: the smallest motions are those.
     let size = |v: Point| dot(v, v).sqrt();
     struct Fine {
         curve: u32,
         segment: u32,
         at: [f64; 2],
         before: [Point; 2],
-        motion: Point,
+        motions: [Point; 2],
     }
     let mut parts: Vec<Fine> = Vec::new();
     for &i in own {
@@ -279,35 +285,38 @@ fn solve(frames: &[CurveSet; 2], own: &[u32], step: Point, scale: f64) -> Option
                 let [p, q] = frames
                     .each_ref()
                     .map(|set| at.map(|t| set.eval(i as usize, s, t)));
-                let ends = [0, 1].map(|e| sub(q[e], p[e]));
                 parts.push(Fine {
                     curve: i,
                     segment: s as u32,
                     at,
                     before: p,
-                    motion: [0, 1, 2].map(|x| 0.5 * (ends[0][x] + ends[1][x])),
+                    motions: [0, 1].map(|e| sub(q[e], p[e])),
                 });
-                // Ends that move apart: not by a linear equation.
-                if size(sub(ends[0], ends[1])) > 1e-9 * scale {
-                    parts.last_mut()?.motion = [f64::NAN; 3];
-                }
             }
         }
     }
-    let drift = {
-        // The motion of most of what rests: the one that differs from `step` more.
-        let rest = parts.iter().filter(|p| p.motion[0].is_finite());
-        let last = rest.clone().find(|p| {
-            rest.clone()
-                .any(|q| size(sub(sub(q.motion, p.motion), step)) < 1e-6 * scale)
-        })?;
-        last.motion
+    let all_by = |p: &Fine, v: Point| {
+        let off = p.motions.map(|m| size(sub(sub(m, drift), v)));
+        off[0].max(off[1]) < 1e-6 * scale
     };
-    let moves = |p: &Fine| size(sub(sub(p.motion, drift), step)) < 1e-6 * scale;
-    let rests = |p: &Fine| size(sub(p.motion, drift)) < 1e-6 * scale;
+    let (moving, resting): (Vec<&Fine>, Vec<&Fine>) = (
+        parts.iter().filter(|p| all_by(p, step)).collect(),
+        parts.iter().filter(|p| all_by(p, [0.0; 3])).collect(),
+    );
     let mut known = Vec::new();
-    for p in parts.iter().filter(|p| moves(p)) {
-        for q in parts.iter().filter(|q| rests(q)) {
+    let bounds = |points: &[Point]| {
+        let least = |x: usize| points.iter().fold(f64::MAX, |m, p| m.min(p[x]));
+        let most = |x: usize| points.iter().fold(f64::MIN, |m, p| m.max(p[x]));
+        ([0, 1, 2].map(least), [0, 1, 2].map(most))
+    };
+    let resting: Vec<_> = resting.iter().map(|q| (q, bounds(&q.before))).collect();
+    for p in moving {
+        let ends = p.before.map(|p| [p, [0, 1, 2].map(|x| p[x] + step[x])]);
+        let (lo, hi) = bounds(ends.as_flattened());
+        for (q, (from, to)) in &resting {
+            if (0..3).any(|x| hi[x] < from[x] || to[x] < lo[x]) {
+                continue;
+            }
             // p0 + s d + t v = q0 + u e
             let (d, e) = (sub(p.before[1], p.before[0]), sub(q.before[1], q.before[0]));
             let r = sub(q.before[0], p.before[0]);
