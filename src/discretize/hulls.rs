@@ -164,7 +164,7 @@ fn extent(v: &[f64; 4]) -> [f64; 2] {
 /// The margin for hulls whose control points are at most `max_abs` in magnitude times 5/3, and computed
 /// within [`crate::CurveSet::pad`].
 ///
-/// With `M = 5/3 max_abs` and `u = 2^-53`, [`Hull::apart_along`] computes `n . (p - o)` with an error of at most
+/// With `M = 5/3 max_abs` and `u = 2^-53`, [`Hull::sides_along`] computes `n . (p - o)` with an error of at most
 /// `|n|_1 (2 M u + 3 * 2 M u (1 + u)^3)`: the difference is at most `2 M` and rounds once, the scalar product
 /// of three terms at most three times each. Twice that for the two sides, and the pads of both hulls; `32 M u`
 /// covers the first, the pad itself (`29 M u` at most, see there) the second.

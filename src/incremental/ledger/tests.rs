@@ -410,20 +410,18 @@ fn what_is_joined_does_not_pass_through_itself() {
 fn speed() {
     use std::time::Instant;
     println!(
-        "{:12}{:>9}{:>10}{:>8}{:>12}{:>10}{:>8}{:>8}{:>8}{:>9}{:>9}{:>12}{:>12}",
+        "{:10}{:>7}{:>7}{:>7}{:>11}{:>8}{:>10}{:>8}{:>12}{:>12}{:>12}",
         "scene",
         "motion",
         "own",
         "pairs",
         "candidates",
-        "near",
-        "tests",
-        "exact",
         "events",
-        "boxes,ms",
-        "all,ms",
+        "boxes, ms",
+        "all, ms",
         "ns/segment",
-        "ns/candid."
+        "ns/candid.",
+        "certify, ms"
     );
     for (name, diameter) in [("knit", 1.0), ("chainmail", 0.2)] {
         let before = name
@@ -452,7 +450,8 @@ fn speed() {
                     open_curves: false,
                 };
                 let mut ledger = Ledger::default();
-                let mut times = [Vec::new(), Vec::new()];
+                let mut verifier = Verifier::new(AbortOn::Never);
+                let mut times = [Vec::new(), Vec::new(), Vec::new()];
                 let mut outcome = Outcome::default();
                 for _ in 0..31 {
                     let start = Instant::now();
@@ -464,24 +463,25 @@ fn speed() {
                     let start = Instant::now();
                     outcome = ledger.step(&before, &after, options, None);
                     times[1].push(start.elapsed());
+                    let start = Instant::now();
+                    verifier.certify(&after);
+                    times[2].push(start.elapsed());
                 }
-                let [boxes, all] = times.map(|mut t| {
+                let [boxes, all, certify] = times.map(|mut t| {
                     t.sort();
                     t[0].as_secs_f64()
                 });
                 let c = outcome.counts;
                 println!(
-                    "{name:12}{motion:>9}{own:>10}{:>8}{:>12}{:>10}{:>8}{:>8}{:>8}{:>9.2}{:>9.2}{:>12.1}{:>12.1}",
+                    "{name:10}{motion:>7}{own:>7}{:>7}{:>11}{:>8}{:>10.2}{:>8.2}{:>12.1}{:>12.1}{:>12.2}",
                     c.pairs,
                     c.candidates,
-                    c.near,
-                    c.tests,
-                    c.exact,
                     outcome.events.len(),
                     1e3 * boxes,
                     1e3 * all,
                     1e9 * all / before.segments() as f64,
                     1e9 * (all - boxes) / c.candidates as f64,
+                    1e3 * certify,
                 );
             }
         }
