@@ -8,6 +8,10 @@
 //!
 //! No chain of frames: each one is compared with the reference frame itself, so nothing adds up.
 
+mod ledger;
+
+pub use ledger::PullThrough;
+
 /// What a frame took. No part of a [`Report`](crate::Report): it depends on the frames before and on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Work {

@@ -107,7 +107,7 @@ impl DefectKind {
 pub struct Defect {
     /// First curve, from 0.
     pub i: u32,
-    /// Second curve, greater than `i`; none where the curve alone is the matter.
+    /// Second curve, greater than `i`, or equal where a curve meets itself; none where the curve alone is the matter.
     pub j: Option<u32>,
     /// What is wrong.
     pub kind: DefectKind,
