@@ -2,10 +2,10 @@
 
 mod frames;
 
-use super::Outcome;
+use super::{Outcome, input};
 use clap::Subcommand;
 use linkwatch::scenes::Scene;
-use linkwatch::{CurveSet, Result, model};
+use linkwatch::{CurveSet, Result};
 use std::path::Path;
 
 /// Measure what verification costs, beside what it is compared with
@@ -34,20 +34,10 @@ struct Input {
     diameter: Option<f64>,
 }
 
-/// Reads the model, where there is such a file or the name is that of one; builds the scene otherwise.
+/// Reads the model or builds the scene that an argument names.
 fn model_or_scene(text: &str) -> Result<Input> {
-    let path = Path::new(text);
-    let extension = path.extension().unwrap_or_default();
-    let named = ["bcc", "obj", "vect"].map(|known| extension.eq_ignore_ascii_case(known));
-    if named.contains(&true) || path.exists() {
-        return Ok(Input {
-            curves: model::read(path)?,
-            diameter: None,
-        });
-    }
-    let scene: Scene = text.parse()?;
     Ok(Input {
-        curves: scene.build()?.curves,
-        diameter: scene.value("diameter"),
+        curves: input::read(Path::new(text))?,
+        diameter: text.parse().ok().and_then(|s: Scene| s.value("diameter")),
     })
 }
