@@ -163,7 +163,13 @@ impl Verifier {
             pairs: boxed.elapsed(),
             ..Timings::default()
         };
-        let repeated = (0..set.len()).into_par_iter();
+        // Only polylines can have any.
+        let curves = if set.basis().is_polyline() {
+            set.len()
+        } else {
+            0
+        };
+        let repeated = (0..curves).into_par_iter();
         Stats {
             repeated_vertices: repeated.map(|i| set.repeated_vertices(i) as u64).sum(),
             ..sizes(set)

@@ -347,9 +347,6 @@ fn update(set: &mut CurveSet, xyz: &[f64]) -> linkwatch::Result<()> {
 struct Both {
     incremental: Verifier,
     full: Verifier,
-    /// Whether the next frame waits for what is done beside the stream, so that the way of each frame follows from the
-    /// seed.
-    settled: bool,
     tally: Tally,
 }
 
@@ -384,7 +381,6 @@ impl Both {
         Both {
             incremental,
             full: Verifier::new(AbortOn::default()),
-            settled: true,
             tally: Tally::default(),
         }
     }
@@ -409,7 +405,8 @@ impl Both {
             Route::Quiet => &mut self.tally.quiet,
             Route::Partial => &mut self.tally.partial,
         } += 1;
-        if self.settled {
+        // Most references are ready for the next frame, some come later.
+        if frame % 4 != 3 {
             self.incremental.settle();
         }
         found
@@ -420,13 +417,11 @@ impl Both {
 fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) {
     let all = run(basis, precision, seeds, 2..=MOST);
     let total = all.intact + all.changed + all.contact + all.undecided;
-    for (count, share) in [
-        (all.intact, 20),
-        (all.changed, 20),
-        (all.undecided, 200),
-        (all.quiet, 50),
-    ] {
-        assert!(count > total / share, "{all:?}");
+    for (verdict, least) in [(all.intact, 10), (all.changed, 10), (all.undecided, 100)] {
+        assert!(verdict > total / least / 2, "{all:?}");
+    }
+    for route in [all.full, all.quiet, all.partial] {
+        assert!(route > total / 10, "{all:?}");
     }
     // Points of splines are computed: where they touch, they are too close to tell.
     assert_eq!(all.contact > total / 20, basis == Basis::Polyline);
@@ -466,7 +461,6 @@ fn run(
         };
         let mut movie = Movie::new(random, set);
         let mut both = Both::new();
-        both.settled = seed % 8 != 7;
         let what = format!("{basis:?} {precision:?} seed {seed}");
         for frame in 0..length {
             if frame > 0 || seed % 4 == 0 {
@@ -482,12 +476,12 @@ fn run(
 
 #[test]
 fn polylines_in_single_precision() {
-    sequences(Basis::Polyline, Precision::F32, 0..500);
+    sequences(Basis::Polyline, Precision::F32, 0..400);
 }
 
 #[test]
 fn polylines_in_double_precision() {
-    sequences(Basis::Polyline, Precision::F64, 10_000..10_500);
+    sequences(Basis::Polyline, Precision::F64, 10_000..10_400);
 }
 
 #[test]

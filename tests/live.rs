@@ -226,9 +226,15 @@ fn kept_recordings_give_their_verdicts() {
         let expected = std::fs::read_to_string(recording.with_extension("jsonl")).unwrap();
         let replayed = replay(&recording);
         let expected = json_lines(&expected);
+        // The work that a verdict takes may change from version to version.
+        let said = |report: &serde_json::Value| {
+            let mut report = report.clone();
+            report["stats"].take();
+            report
+        };
         assert_eq!(
-            replayed.reports(),
-            expected.iter().collect::<Vec<_>>(),
+            replayed.reports().into_iter().map(said).collect::<Vec<_>>(),
+            expected.iter().map(said).collect::<Vec<_>>(),
             "{recording:?}"
         );
         assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);

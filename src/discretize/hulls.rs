@@ -36,13 +36,25 @@ impl Hull {
     /// the true ones; see [`separation_margin`] for what it must cover beyond that.
     #[inline(always)]
     pub fn separated(&self, other: &Hull, margin: f64) -> bool {
-        let (da, db) = (self.chord(), other.chord());
-        // Strands that cross at an angle: the common normal of the chords.
-        if self.apart_along(other, cross(da, db), margin) {
-            return true;
+        Self::separated_throughout([[self, other]], margin)
+    }
+
+    /// Whether some tested axis separates the hulls of two segments in all these frames, the same one on the same
+    /// side: then it does at all times between, for control points that move on straight lines at constant speed.
+    ///
+    /// For `n . p` of every control point is linear in time: if all of one segment are below all of the other at both
+    /// ends of a step, by some distance, they are by that distance at all times between.
+    #[inline(always)]
+    pub fn separated_throughout<const N: usize>(frames: [[&Hull; 2]; N], margin: f64) -> bool {
+        // Axes are chosen by the sums over the frames; which ones are, needs no proof.
+        let (mut da, mut db, mut between) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+        for [a, b] in frames {
+            da = add(da, a.chord());
+            db = add(db, b.chord());
+            between = add(between, sub(b.sum(), a.sum()));
         }
-        let between = sub(other.sum(), self.sum());
-        if self.apart_along(other, between, margin) {
+        // Strands that cross at an angle: the common normal of the chords.
+        if apart_along(frames, cross(da, db), margin) || apart_along(frames, between, margin) {
             return true;
         }
         // Nearly parallel strands: the way from one to the other, made orthogonal to a chord.
@@ -55,24 +67,35 @@ impl Hull {
                     between[1] - c * d[1],
                     between[2] - c * d[2],
                 ];
-                if self.apart_along(other, normal, margin) {
+                if apart_along(frames, normal, margin) {
                     return true;
                 }
             }
         }
-        self.boxes_apart(other, margin)
+        let mut apart = false;
+        for x in 0..3 {
+            let mut sides = [true; 2];
+            for [a, b] in frames {
+                let ([a_lo, a_hi], [b_lo, b_hi]) = (extent(&a.points[x]), extent(&b.points[x]));
+                sides[0] &= a_hi + 2.0 * margin < b_lo;
+                sides[1] &= b_hi + 2.0 * margin < a_lo;
+            }
+            apart |= sides[0] | sides[1];
+        }
+        apart
     }
 
-    /// Whether the hulls, dilated by `margin`, lie on two sides of a plane with normal `n`.
+    /// Whether this hull, dilated by `margin` as is the other one, lies before a plane with normal `n` that the other
+    /// lies behind; and whether it is the other way round.
     #[inline(always)]
-    fn apart_along(&self, other: &Hull, n: Point, margin: f64) -> bool {
+    fn sides_along(&self, other: &Hull, n: Point, margin: f64) -> (bool, bool) {
         // The constant covers underflow, of this product and of those below.
         let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
         let origin = [self.points[0][0], self.points[1][0], self.points[2][0]];
         let [a_lo, a_hi] = extent(&self.heights(origin, n));
         let [b_lo, b_hi] = extent(&other.heights(origin, n));
         // Strict: a normal of zero separates nothing.
-        (a_hi + slack < b_lo) | (b_hi + slack < a_lo)
+        (a_hi + slack < b_lo, b_hi + slack < a_lo)
     }
 
     /// `n . (p - origin)` for all control points.
@@ -87,16 +110,44 @@ impl Hull {
         out
     }
 
-    /// Whether the boxes are more than `2 margin` apart along an axis.
+    /// Whether the curves of these segments run one way along some axis, in all frames and at all times between: no
+    /// point of theirs, taken in this order, is where another one is.
+    ///
+    /// The derivative of a cubic is a convex combination of the differences of its control points. With all of
+    /// those in the half-space of one axis at both ends of a step, they are in it at all times between. A difference
+    /// is computed within twice the error of a control point, which `margin` covers as it does for heights.
     #[inline(always)]
-    fn boxes_apart(&self, other: &Hull, margin: f64) -> bool {
-        let mut apart = false;
-        for (a, b) in self.points.iter().zip(&other.points) {
-            let ([a_lo, a_hi], [b_lo, b_hi]) = (extent(a), extent(b));
-            apart |= (a_hi + 2.0 * margin < b_lo) | (b_hi + 2.0 * margin < a_lo);
+    pub fn run_one_way<const N: usize, const M: usize>(
+        frames: &[[Hull; M]; N],
+        margin: f64,
+    ) -> bool {
+        let mut n = [0.0; 3];
+        for hull in frames.as_flattened() {
+            n = add(n, hull.chord());
         }
-        apart
+        let slack = 4.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
+        let mut all = true;
+        for hull in frames.as_flattened() {
+            let [x, y, z] = &hull.points;
+            for k in 0..3 {
+                let along =
+                    (x[k + 1] - x[k]) * n[0] + (y[k + 1] - y[k]) * n[1] + (z[k + 1] - z[k]) * n[2];
+                all &= along > slack;
+            }
+        }
+        all
     }
+}
+
+/// Whether a plane with normal `n` is between the hulls, dilated by `margin`, in every frame, on the same side.
+#[inline(always)]
+fn apart_along<const N: usize>(frames: [[&Hull; 2]; N], n: Point, margin: f64) -> bool {
+    let mut sides = [true; 2];
+    for [a, b] in frames {
+        let (before, behind) = a.sides_along(b, n, margin);
+        sides = [sides[0] & before, sides[1] & behind];
+    }
+    sides[0] | sides[1]
 }
 
 /// The smallest and the largest of four numbers, none of which is NaN.
@@ -113,7 +164,7 @@ fn extent(v: &[f64; 4]) -> [f64; 2] {
 /// The margin for hulls whose control points are at most `max_abs` in magnitude times 5/3, and computed
 /// within [`crate::CurveSet::pad`].
 ///
-/// With `M = 5/3 max_abs` and `u = 2^-53`, [`Hull::apart_along`] computes `n . (p - o)` with an error of at most
+/// With `M = 5/3 max_abs` and `u = 2^-53`, [`Hull::sides_along`] computes `n . (p - o)` with an error of at most
 /// `|n|_1 (2 M u + 3 * 2 M u (1 + u)^3)`: the difference is at most `2 M` and rounds once, the scalar product
 /// of three terms at most three times each. Twice that for the two sides, and the pads of both hulls; `32 M u`
 /// covers the first, the pad itself (`29 M u` at most, see there) the second.
@@ -157,6 +208,11 @@ pub(super) fn tight_bounds(p: &Bezier) -> Bounds {
 /// Whether two boxes are more than `2 margin` apart along an axis.
 pub(super) fn boxes_apart(a: &Bounds, b: &Bounds, margin: f64) -> bool {
     (0..3).any(|x| a.1[x] + 2.0 * margin < b.0[x] || b.1[x] + 2.0 * margin < a.0[x])
+}
+
+#[inline(always)]
+fn add(a: Point, b: Point) -> Point {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 #[inline(always)]

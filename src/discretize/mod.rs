@@ -19,7 +19,7 @@ mod pair;
 
 pub use global::{Polylines, homotopic_polylines};
 pub(crate) use halving::{Halving, Splits};
-pub(crate) use pair::Separation;
+pub(crate) use pair::{MovingSeparation, Separation};
 
 /// Halvings of a segment after which a pair counts as too close: pieces are then `2^-30` of a segment, and
 /// their hulls, which flatten with the square of their length, thinner than coordinates can resolve.

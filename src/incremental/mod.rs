@@ -8,6 +8,10 @@
 //!
 //! No chain of frames: each one is compared with the reference frame itself, so nothing adds up.
 
+mod ledger;
+
+pub use ledger::PullThrough;
+
 /// What a frame took. No part of a [`Report`](crate::Report): it depends on the frames before and on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Work {
@@ -57,6 +61,9 @@ mod tests;
 
 /// Of all chunks of slots, the share above which a closer look costs more than computing everything.
 const MANY_CHUNKS: f64 = 0.02;
+
+/// Chunks that are always worth a closer look.
+const FEW_CHUNKS: usize = 16;
 
 /// Of all potential links, the share above which it does.
 const MANY_PAIRS: f64 = 0.25;
@@ -112,12 +119,21 @@ impl Monitor {
         let Known {
             reference, paid, ..
         } = known;
+        // What a degenerate loop is linked with was not computed there.
+        if reference
+            .certificate
+            .undefined
+            .iter()
+            .any(|d| d.j.is_none())
+        {
+            return Finding::Nothing;
+        }
         work.blocks = reference.blocks;
         work.reference_age = Some(self.frame - reference.frame);
         let Some(affine) = Affine::fit(&reference.sample, set) else {
             return Finding::Nothing;
         };
-        let limit = (chunks as f64 * MANY_CHUNKS) as usize;
+        let limit = FEW_CHUNKS.max((chunks as f64 * MANY_CHUNKS) as usize);
         self.chunks.clear();
         moved_chunks(reference, &affine, set, limit, &mut self.chunks);
         if self.chunks.is_empty() {

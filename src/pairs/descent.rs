@@ -110,6 +110,13 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
     steps
 }
 
+/// Lanes whose boxes overlap a box in space.
+#[inline(always)]
+pub(crate) fn overlapping<L: Lanes>(simd: L, one: &Box3, group: &BoxGroup) -> u32 {
+    let w = 2;
+    apart::<L, true, true>(simd, One::of_box(one, w), Eight::load(simd, group, w)) ^ 0xff
+}
+
 /// A box in the frame `(u, v, w)`. Kept in registers: a box in memory, written in parts and read whole, is what
 /// the processor waits for longest.
 #[derive(Clone, Copy)]

@@ -8,7 +8,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Basis, Box3, BoxGroup, CurveSet, LANES, Lanes, Portable};
+use crate::curve::{Basis, Box3, BoxGroup, Curve, CurveSet, LANES, Lanes, Portable};
 
 /// Levels of the deepest tree: `8^11 > 2^32` segments.
 const LEVELS: usize = 11;
@@ -48,6 +48,39 @@ impl Node {
     }
 }
 
+/// What trees are refitted to: the boxes of all segments.
+pub(crate) trait Leaves: Copy + Send + Sync {
+    /// The curves, for their sizes.
+    fn curves(&self) -> &[Curve];
+    /// Whether curve `i` has a tree; if not, its root is empty.
+    fn has_tree(&self, i: usize) -> bool;
+    /// Whether the boxes of single segments are stored for a curve of so many. [`CurveTree::children`] takes those
+    /// that are not from the set of curves.
+    fn stored(&self, segments: u32) -> bool;
+    /// Boxes of the segments `8 g .. 8 g + 8` of curve `i`; lanes past its end are empty.
+    fn boxes(&self, i: usize, g: usize) -> BoxGroup;
+}
+
+/// The closed curves of a frame.
+impl Leaves for &CurveSet {
+    fn curves(&self) -> &[Curve] {
+        CurveSet::curves(self)
+    }
+
+    fn has_tree(&self, i: usize) -> bool {
+        self.curve(i).closed
+    }
+
+    fn stored(&self, segments: u32) -> bool {
+        stores_leaves(self.basis(), segments)
+    }
+
+    #[inline(always)]
+    fn boxes(&self, i: usize, g: usize) -> BoxGroup {
+        self.leaf_boxes(i, g)
+    }
+}
+
 /// Where the groups of one curve lie.
 #[derive(Clone, Copy, Debug)]
 struct Layout {
@@ -79,24 +112,31 @@ impl Trees {
 
     /// Refits all boxes to a frame. Allocates only where the curves are others than before.
     pub fn refit(&mut self, set: &CurveSet) {
-        let same = self.layouts.len() == set.len()
-            && self.layouts.iter().zip(set.curves()).all(|(l, c)| {
-                l.segments == c.segments && l.leaves == stores_leaves(set.basis(), c.segments)
-            });
+        self.refit_to(set);
+    }
+
+    /// Refits all boxes to those of the leaves. Allocates only where the curves are others than before.
+    pub fn refit_to<S: Leaves>(&mut self, leaves: S) {
+        let curves = leaves.curves();
+        let same =
+            self.layouts.len() == curves.len()
+                && self.layouts.iter().zip(curves).all(|(l, c)| {
+                    l.segments == c.segments && l.leaves == leaves.stored(c.segments)
+                });
         if !same {
             self.layouts.clear();
             let mut at = 0;
-            for c in set.curves() {
-                let layout = Layout::new(c.segments, stores_leaves(set.basis(), c.segments), at);
+            for c in curves {
+                let layout = Layout::new(c.segments, leaves.stored(c.segments), at);
                 at += layout.groups;
                 self.layouts.push(layout);
             }
             self.groups.clear();
             self.groups.resize(at as usize, BoxGroup::EMPTY);
             self.roots.clear();
-            self.roots.resize(set.len(), Box3::EMPTY);
+            self.roots.resize(curves.len(), Box3::EMPTY);
         }
-        refit_range(set, 0, &self.layouts, &mut self.groups, &mut self.roots);
+        refit_range(leaves, 0, &self.layouts, &mut self.groups, &mut self.roots);
     }
 
     /// Refits the boxes of some curves, sorted; those of all others are left as they are, which may be those of an
@@ -122,12 +162,12 @@ impl Trees {
         }
     }
 
-    /// Boxes of the closed curves; open curves have empty ones and so no potential links.
+    /// Boxes of the curves that have a tree; the others have empty ones and so no potential links.
     pub fn roots(&self) -> &[Box3] {
         &self.roots
     }
 
-    /// The tree of curve `i`, which is closed.
+    /// The tree of curve `i`, which has one. Leaves that are not stored are those of `set`.
     pub fn of<'a>(&'a self, set: &'a CurveSet, i: usize) -> CurveTree<'a> {
         CurveTree {
             set,
@@ -255,8 +295,8 @@ impl Layout {
 }
 
 /// Refits the trees of the curves from `first` on; halves the range while it is worth a task of its own.
-fn refit_range(
-    set: &CurveSet,
+fn refit_range<S: Leaves>(
+    source: S,
     first: usize,
     layouts: &[Layout],
     groups: &mut [BoxGroup],
@@ -270,8 +310,8 @@ fn refit_range(
         let (left_groups, right_groups) = groups.split_at_mut(split);
         let (left_roots, right_roots) = roots.split_at_mut(mid);
         rayon::join(
-            || refit_range(set, first, left, left_groups, left_roots),
-            || refit_range(set, first + mid, right, right_groups, right_roots),
+            || refit_range(source, first, left, left_groups, left_roots),
+            || refit_range(source, first + mid, right, right_groups, right_roots),
         );
         return;
     }
@@ -279,8 +319,8 @@ fn refit_range(
     for (k, layout) in layouts.iter().enumerate() {
         let own = &mut groups[at..at + layout.groups as usize];
         at += own.len();
-        roots[k] = if set.curve(first + k).closed {
-            refit_curve(set, first + k, layout, own)
+        roots[k] = if source.has_tree(first + k) {
+            refit_curve(source, first + k, layout, own)
         } else {
             Box3::EMPTY
         };
@@ -288,17 +328,17 @@ fn refit_range(
 }
 
 /// Refits the tree of one curve; returns its root box.
-fn refit_curve(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
+fn refit_curve<S: Leaves>(source: S, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
     let leaves = (layout.segments as usize).div_ceil(LANES);
     let (stored, upper) = groups.split_at_mut(if layout.leaves { leaves } else { 0 });
     if leaves == 1 {
-        let leaf = set.leaf_boxes(i, 0);
+        let leaf = source.boxes(i, 0);
         stored.fill(leaf);
         return leaf.bounds();
     }
     let (mut below, mut level) = upper.split_at_mut(leaves.div_ceil(LANES));
     let strip = Strip {
-        set,
+        source,
         i,
         first: 0,
         leaves,
@@ -315,8 +355,8 @@ fn refit_curve(set: &CurveSet, i: usize, layout: &Layout, groups: &mut [BoxGroup
 }
 
 /// Consecutive leaves of a curve, with the groups above them.
-struct Strip<'a> {
-    set: &'a CurveSet,
+struct Strip<'a, S> {
+    source: S,
     /// The curve.
     i: usize,
     /// First leaf.
@@ -328,7 +368,7 @@ struct Strip<'a> {
     stored: &'a mut [BoxGroup],
 }
 
-impl Strip<'_> {
+impl<S: Leaves> Strip<'_, S> {
     /// Refits the leaves and the level above; halves the strip while it is worth a task of its own.
     fn refit(self) {
         if !Trees::shares_out(self.leaves * LANES) {
@@ -336,7 +376,7 @@ impl Strip<'_> {
         }
         let mid = self.below.len() / 2;
         let Strip {
-            set,
+            source,
             i,
             first,
             leaves,
@@ -347,7 +387,7 @@ impl Strip<'_> {
         let (left_below, right_below) = below.split_at_mut(mid);
         let (left_stored, right_stored) = stored.split_at_mut(left_leaves.min(stored.len()));
         let left = Strip {
-            set,
+            source,
             i,
             first,
             leaves: left_leaves,
@@ -355,7 +395,7 @@ impl Strip<'_> {
             stored: left_stored,
         };
         let right = Strip {
-            set,
+            source,
             i,
             first: first + left_leaves,
             leaves: leaves - left_leaves,
@@ -389,7 +429,7 @@ impl Strip<'_> {
             let at = k * LANES;
             let count = (self.leaves - at).min(LANES);
             for (g, leaf) in eight[..count].iter_mut().enumerate() {
-                *leaf = self.set.leaf_boxes(self.i, self.first + at + g);
+                *leaf = self.source.boxes(self.i, self.first + at + g);
             }
             eight[count..].fill(BoxGroup::EMPTY);
             if !self.stored.is_empty() {

@@ -44,6 +44,12 @@ impl fmt::Display for Change {
 impl fmt::Display for Defect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.j {
+            Some(j) if j == self.i => write!(
+                f,
+                "parts of curve {j} {}, {}",
+                self.kind.words(),
+                self.place
+            ),
             Some(j) => write!(
                 f,
                 "curves {} and {j} {}, {}",

@@ -107,7 +107,7 @@ impl DefectKind {
 pub struct Defect {
     /// First curve, from 0.
     pub i: u32,
-    /// Second curve, greater than `i`; none where the curve alone is the matter.
+    /// Second curve, greater than `i`, or equal where a curve meets itself; none where the curve alone is the matter.
     pub j: Option<u32>,
     /// What is wrong.
     pub kind: DefectKind,
@@ -134,7 +134,7 @@ pub struct Stats {
     pub tests: u64,
     /// Crossings counted.
     pub crossings: u64,
-    /// Segment pairs whose boxes overlap in space.
+    /// Segment pairs of splines whose boxes overlap in space, which the discretization looked at.
     pub overlaps: u64,
     /// Points that the discretization added.
     pub refined: u64,

@@ -58,11 +58,6 @@
 //! **One curve with itself.** There is no translating one edge without the other, and no number to be preserved.
 //! [`Ties::Report`] decides what is no tie and tells the rest. Edges that share a vertex are always a tie.
 
-#![cfg_attr(
-    not(test),
-    expect(dead_code, reason = "used by the ledger, which comes with it")
-)]
-
 mod exact;
 mod filter;
 mod polynomial;

@@ -1,0 +1,302 @@
+//! The ledger of crossings: which curves passed through one another from one frame to the next, where, when, and
+//! with what sign.
+//!
+//! Between two frames of the same curves every control point moves on a straight line at constant speed. A linking
+//! number says that something was pulled through; the ledger says where and at what time of the step, and sees what no
+//! linking number can: two passages that cancel, a curve that passes through itself, and open curves.
+//!
+//! **Candidates.** A point of a segment, spline or edge, is a combination of its control points with weights that are
+//! not negative, add up to 1, and do not change; so it moves on a straight line too. The box around the segment's boxes
+//! in both frames is convex and contains it at both ends of the step, and hence at all times between. Trees of such
+//! *swept* boxes, a sweep over their roots, and a descent in space give the pairs of segments that may meet at all.
+//! Pairs of splines go on only if no plane separates their control points in both frames, on the same side
+//! ([`MovingSeparation`]).
+//!
+//! **Pieces.** Passages are those of polylines ([`crate::exact`]). Edges are their own. A spline's are straight
+//! between points at fixed parameters, so their vertices move on straight lines too: four pieces a segment, for the
+//! sake of the place, and wherever the discretization of the pair splits it in either frame. With the splits of a
+//! frame the polylines are link homotopic to the splines in that frame ([`crate::discretize`]), and more
+//! splits do no harm, since the hull of a part is within the hull of the whole. Each segment has the same pieces with
+//! all segments of the other curve. So for two closed curves that have linking numbers in both frames
+//!
+//! ```text
+//! sum of the signs of all passages = linking number after - linking number before
+//! ```
+//!
+//! which [`Outcome::check`] tells. Which passages there are in between, and when, is that of the polylines.
+//!
+//! **A curve with itself.** Pieces that share an end in both frames are joined there: their four ends lie in one plane
+//! at all times, and they pass through nothing but by folding up. They are left out. So are neighbouring spline segments
+//! along which the curve runs one way at all times, in the direction of some axis: it cannot come back to where it was.
+//! Everything else counts, however near along the curve, since any shorter stretch that meets itself does pass through
+//! itself. There is no number to be preserved, and no translation that would break ties: those are reported.
+//!
+//! **Ties between pairs of pieces.** Where a curve touches the joint of two pieces of another and goes back, one piece
+//! may count +1 and the other -1. Two opposite signs of one pair of curves at the same time and the same place of both
+//! curves, as far as times are proven, cancel: nothing passed through. Two real passages that cancel are at
+//! different times or at different places.
+
+#![cfg_attr(
+    not(test),
+    expect(dead_code, reason = "used by the verifier, which comes with it")
+)]
+
+mod net;
+mod pair;
+#[cfg(test)]
+mod planted;
+#[cfg(test)]
+mod tests;
+
+use self::pair::{Part, Step, Workspace};
+use crate::certificate::{Certificate, Link};
+use crate::curve::{BoxGroup, Curve, CurveSet, Point};
+use crate::pairs::{Leaves, LinkSearch, Pair, Trees};
+use crate::verdict::Defect;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::fmt;
+
+#[cfg(doc)]
+use crate::discretize::MovingSeparation;
+
+/// One curve was pulled through another, or through itself, between two frames.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PullThrough {
+    /// First curve, from 0.
+    pub i: u32,
+    /// Second curve: greater than `i`, or equal where the curve passes through itself.
+    pub j: u32,
+    /// The segment of either curve.
+    pub segments: [u32; 2],
+    /// When, as a fraction of the step from one frame to the next, under linear motion.
+    pub fraction: f64,
+    /// What it adds to the linking number of two closed curves: 1 or -1. For a curve and itself, half of what it adds
+    /// to its writhe.
+    pub sign: i32,
+    /// Where, in the units of the simulation.
+    pub point: Point,
+}
+
+impl fmt::Display for PullThrough {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.point;
+        let [s, t] = self.segments;
+        if self.i == self.j {
+            write!(f, "curve {} was pulled through itself", self.i)?;
+        } else {
+            write!(f, "curve {} was pulled through curve {}", self.i, self.j)?;
+        }
+        write!(
+            f,
+            " at {:.3} of the step ({:+}), at ({x:.4}, {y:.4}, {z:.4}), segments {s} and {t}",
+            self.fraction, self.sign
+        )
+    }
+}
+
+/// What a ledger looks for, beside passages between closed curves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct LedgerOptions {
+    /// Passages of a curve through itself.
+    pub self_crossings: bool,
+    /// Passages of open curves.
+    pub open_curves: bool,
+}
+
+/// Whether a block of eight segments (those from `8 block` on, of a curve) may have passed through anything.
+pub(crate) type Marked<'a> = &'a (dyn Fn(usize, u32) -> bool + Sync);
+
+/// What happened in a step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Outcome {
+    /// All passages, in the order in which they came; those at one time by pair and segments.
+    pub events: Vec<PullThrough>,
+    /// Pairs of which nothing is said: too close in one of the frames for their polylines to stand for them, or with
+    /// too many candidates. And places at which a curve touches itself in a way that cannot be told from a passage.
+    /// The second curve equals the first for a curve and itself. Sorted by pair.
+    pub undecided: Vec<Defect>,
+    /// Sums of the signs of two closed curves, where they are not 0, sorted by pair.
+    pub sums: Vec<Link>,
+    /// What it took.
+    pub counts: Counts,
+}
+
+/// What a step took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counts {
+    /// Pairs of curves with overlapping swept boxes, and curves looked at for themselves.
+    pub pairs: u64,
+    /// Pairs of segments with overlapping swept boxes.
+    pub candidates: u64,
+    /// Those of them that no axis separates.
+    pub near: u64,
+    /// Pairs of pieces tested.
+    pub tests: u64,
+    /// Those of them that were decided by exact arithmetic.
+    pub exact: u64,
+}
+
+impl Counts {
+    fn add(&mut self, o: &Counts) {
+        self.pairs += o.pairs;
+        self.candidates += o.candidates;
+        self.near += o.near;
+        self.tests += o.tests;
+        self.exact += o.exact;
+    }
+}
+
+impl Outcome {
+    /// Pairs of closed curves whose linking number changed by another number than the sum of their passages: none,
+    /// unless something is wrong. Pairs without a linking number in a frame, and undecided ones, are left out.
+    pub fn check(&self, before: &Certificate, after: &Certificate) -> Vec<Pair> {
+        let mut rest: BTreeMap<Pair, i64> = BTreeMap::new();
+        let mut add = |links: &[Link], sign: i64| {
+            for link in links {
+                *rest.entry((link.i, link.j)).or_default() += sign * link.lambda;
+            }
+        };
+        add(&before.links, 1);
+        add(&self.sums, 1);
+        add(&after.links, -1);
+        rest.retain(|_, rest| *rest != 0);
+        let lists = [&before.undefined, &after.undefined, &self.undecided];
+        for defect in lists.into_iter().flatten() {
+            match defect.j {
+                Some(j) => drop(rest.remove(&(defect.i, j))),
+                None => rest.retain(|&(i, j), _| i != defect.i && j != defect.i),
+            }
+        }
+        rest.into_keys().collect()
+    }
+}
+
+/// Finds passages, step after step. Its buffers serve every step.
+///
+/// The outcome does not depend on the number of threads of the rayon pool that it is called in.
+#[derive(Debug, Default)]
+pub(crate) struct Ledger {
+    trees: Trees,
+    search: LinkSearch,
+    pairs: Vec<Pair>,
+    parts: Vec<Part>,
+}
+
+impl Ledger {
+    /// All passages between two frames.
+    ///
+    /// With `marked`, only those of which at least one of the two segments is in a marked block; the caller knows that
+    /// there are no others.
+    ///
+    /// # Panics
+    /// If the frames are not of the same curves.
+    pub fn step(
+        &mut self,
+        before: &CurveSet,
+        after: &CurveSet,
+        options: LedgerOptions,
+        marked: Option<Marked<'_>>,
+    ) -> Outcome {
+        assert!(
+            before.basis() == after.basis() && before.curves() == after.curves(),
+            "two frames of the same curves"
+        );
+        let frames = [before, after];
+        let swept = Swept {
+            frames,
+            open: options.open_curves,
+        };
+        self.trees.refit_to(swept);
+        self.find_pairs(swept, options.self_crossings, marked);
+        let step = Step {
+            frames,
+            trees: &self.trees,
+            marked,
+        };
+        let pairs = &self.pairs[..];
+        // Parts small enough to share out, large enough to be worth it. A large pair shares itself out.
+        let size = (pairs.len() / (32 * rayon::current_num_threads())).clamp(1, 256);
+        let count = pairs.len().div_ceil(size);
+        self.parts.resize_with(count, Part::default);
+        self.parts
+            .par_iter_mut()
+            .zip(pairs.par_chunks(size))
+            .for_each_init(Workspace::default, |workspace, (part, pairs)| {
+                part.clear();
+                for &pair in pairs {
+                    step.pair(pair, workspace, part);
+                }
+            });
+        let mut outcome = Outcome::default();
+        for part in &self.parts {
+            outcome.events.extend_from_slice(&part.events);
+            outcome.undecided.extend_from_slice(&part.undecided);
+            outcome.sums.extend_from_slice(&part.sums);
+            outcome.counts.add(&part.counts);
+        }
+        sort(&mut outcome.events);
+        outcome
+    }
+
+    /// Pairs of curves that may meet, and of a curve and itself where asked for, sorted.
+    fn find_pairs(&mut self, swept: Swept<'_>, own: bool, marked: Option<Marked<'_>>) {
+        let curves = swept.curves();
+        let moved: Option<Vec<bool>> = marked.map(|marked| {
+            let any = |i: usize| {
+                let blocks = curves[i].segments.div_ceil(8);
+                (0..blocks).any(|block| marked(i, block))
+            };
+            (0..curves.len()).into_par_iter().map(any).collect()
+        });
+        let moved = |i: u32| moved.as_ref().is_none_or(|moved| moved[i as usize]);
+        let found = self.search.find(self.trees.roots());
+        self.pairs.clear();
+        self.pairs
+            .extend(found.iter().filter(|&&(i, j)| moved(i) || moved(j)));
+        if own {
+            let alone =
+                (0..curves.len() as u32).filter(|&i| swept.has_tree(i as usize) && moved(i));
+            self.pairs.extend(alone.map(|i| (i, i)));
+            self.pairs.par_sort_unstable();
+        }
+    }
+}
+
+/// Puts passages in the order in which they came; those at one time by pair and segments.
+fn sort(events: &mut [PullThrough]) {
+    let key = |e: &PullThrough| (e.i, e.j, e.segments, e.sign);
+    events.sort_by(|a, b| {
+        let by_time = a.fraction.total_cmp(&b.fraction);
+        by_time.then_with(|| key(a).cmp(&key(b)))
+    });
+}
+
+/// The boxes that contain every segment at all times between two frames.
+#[derive(Clone, Copy)]
+struct Swept<'a> {
+    frames: [&'a CurveSet; 2],
+    /// Whether open curves have trees.
+    open: bool,
+}
+
+impl Leaves for Swept<'_> {
+    fn curves(&self) -> &[Curve] {
+        self.frames[0].curves()
+    }
+
+    fn has_tree(&self, i: usize) -> bool {
+        self.open || self.curves()[i].closed
+    }
+
+    /// All of them, of either frame is none.
+    fn stored(&self, _: u32) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn boxes(&self, i: usize, g: usize) -> BoxGroup {
+        let [before, after] = self.frames;
+        before.leaf_boxes(i, g).union(&after.leaf_boxes(i, g))
+    }
+}

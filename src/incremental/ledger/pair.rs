@@ -1,0 +1,624 @@
+//! The passages of one pair of curves, or of a curve and itself.
+
+use super::net::{Found, cancel};
+use super::{Counts, Marked, PullThrough};
+use crate::certificate::Link;
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Point, Portable, point_at};
+use crate::discretize::{Halving, MovingSeparation, Separation};
+use crate::exact::{Decided, Edges, Ties, passages};
+use crate::pairs::{
+    Agenda, CurveTree, Node, Pair, Query, SegmentPairs, Trees, closest_of_segments, descend,
+    overlapping,
+};
+use crate::verdict::{Defect, DefectKind};
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Pieces of a spline segment, at least.
+const PIECES: u32 = 4;
+
+/// Candidates at which they are looked at.
+const BATCH: usize = 4096;
+
+/// Node pairs after which candidates are looked at, however few.
+const STEPS: usize = 4096;
+
+/// Rounds of these after which a task shares out what is left.
+const ROUNDS: usize = 3;
+
+/// Segments of a leaf.
+const BLOCK: u32 = LANES as u32;
+
+/// Blocks of one curve that are worth a task of their own.
+const BLOCKS: usize = 1 << 12;
+
+/// Near pairs of spline segments that are worth a task of their own.
+const GRAIN: usize = 1 << 12;
+
+/// Candidates of one pair of curves at which it counts as too close: where everything may have passed through
+/// everything, a list of passages helps nobody. Half a second.
+const MAX_CANDIDATES: u64 = 1 << 24;
+
+/// A step from one frame to the next.
+#[derive(Clone, Copy)]
+pub(super) struct Step<'a> {
+    pub frames: [&'a CurveSet; 2],
+    /// Of swept boxes.
+    pub trees: &'a Trees,
+    pub marked: Option<Marked<'a>>,
+}
+
+/// What one task found.
+#[derive(Debug, Default)]
+pub(super) struct Part {
+    pub events: Vec<PullThrough>,
+    pub undecided: Vec<Defect>,
+    pub sums: Vec<Link>,
+    pub counts: Counts,
+}
+
+impl Part {
+    pub fn clear(&mut self) {
+        self.events.clear();
+        self.undecided.clear();
+        self.sums.clear();
+        self.counts = Counts::default();
+    }
+}
+
+/// Buffers of one task.
+#[derive(Debug, Default)]
+pub(super) struct Workspace {
+    gathered: Gathered,
+    cuts: Cuts,
+}
+
+/// What a descent gathered of one pair.
+#[derive(Debug, Default)]
+struct Gathered {
+    agenda: Agenda,
+    candidates: SegmentPairs,
+    /// Spline segments that may meet.
+    near: Vec<(u32, u32)>,
+    found: Tally,
+}
+
+/// Passages and what became of the other tests.
+#[derive(Debug, Default)]
+struct Tally {
+    passages: Vec<Found>,
+    /// Segments that touch in a way that cannot be told from a passage.
+    ties: Vec<[u32; 2]>,
+    counts: Counts,
+}
+
+impl Tally {
+    fn clear(&mut self) {
+        self.passages.clear();
+        self.ties.clear();
+        self.counts = Counts::default();
+    }
+
+    fn append(&mut self, other: &mut Tally) {
+        self.passages.append(&mut other.passages);
+        self.ties.append(&mut other.ties);
+        self.counts.add(&other.counts);
+    }
+}
+
+impl<'a> Step<'a> {
+    /// Adds the passages of a pair of curves.
+    pub fn pair(&self, pair: Pair, workspace: &mut Workspace, part: &mut Part) {
+        let task = Task::new(*self, pair);
+        let Workspace { gathered, cuts } = workspace;
+        task.gather(gathered);
+        let Gathered { near, found, .. } = gathered;
+        let done = if task.entangled() {
+            Err([0, 0])
+        } else if near.is_empty() {
+            Ok(())
+        } else {
+            near.sort_unstable();
+            // A closed curve of two segments has each of them after the other.
+            near.dedup();
+            let split = cuts.fill(&task, near);
+            split.map(|()| task.add_splines_shared(cuts, near, found))
+        };
+        task.settle(done, found, part);
+    }
+
+    /// [`Step::pair`] with all pairs of segments as candidates (and the splits that the true ones ask for).
+    #[cfg(test)]
+    pub fn pair_by_brute_force(&self, pair: Pair, part: &mut Part) {
+        let task = Task::new(*self, pair);
+        let Workspace {
+            mut gathered,
+            mut cuts,
+        } = Workspace::default();
+        task.gather(&mut gathered);
+        let Gathered { near, found, .. } = &mut gathered;
+        near.sort_unstable();
+        near.dedup();
+        found.clear();
+        let [n, m] = task.curves.map(|i| self.frames[0].curve(i).segments);
+        let all = (0..n).flat_map(|s| (0..m).map(move |t| (s, t)));
+        let all: Vec<_> = all.filter(|&(s, t)| !task.own() || s <= t).collect();
+        let done = if task.splines() {
+            let split = cuts.fill(&task, near);
+            split.map(|()| task.add_splines(&cuts, &all, found))
+        } else {
+            let different = all.iter().filter(|&&(s, t)| !task.own() || s != t);
+            different.for_each(|&(s, t)| task.add_edges(s, t, found));
+            Ok(())
+        };
+        task.settle(done, found, part);
+    }
+}
+
+/// A part of the visits of a task.
+enum Visit {
+    /// What is below the node pairs of the agenda.
+    Agenda,
+    /// Blocks of a curve, for itself.
+    Along(Range<u32>),
+}
+
+/// One pair of curves, or a curve and itself.
+struct Task<'a> {
+    step: Step<'a>,
+    curves: [usize; 2],
+    separation: MovingSeparation<'a>,
+    /// Of all tasks of the pair.
+    candidates: AtomicU64,
+}
+
+impl<'a> Task<'a> {
+    fn new(step: Step<'a>, (i, j): Pair) -> Self {
+        let curves = [i as usize, j as usize];
+        Task {
+            step,
+            curves,
+            separation: MovingSeparation::new(step.frames, curves),
+            candidates: AtomicU64::new(0),
+        }
+    }
+
+    /// Whether the curves are one.
+    fn own(&self) -> bool {
+        self.curves[0] == self.curves[1]
+    }
+
+    fn splines(&self) -> bool {
+        !self.step.frames[0].basis().is_polyline()
+    }
+
+    /// Whether there are more candidates than are looked at. Some are lost then.
+    fn entangled(&self) -> bool {
+        self.candidates.load(Ordering::Relaxed) > MAX_CANDIDATES
+    }
+
+    fn tree(&self, side: usize) -> CurveTree<'a> {
+        self.step.trees.of(self.step.frames[0], self.curves[side])
+    }
+
+    /// Gathers everything.
+    fn gather(&self, gathered: &mut Gathered) {
+        gathered.near.clear();
+        gathered.found.clear();
+        gathered.found.counts.pairs = 1;
+        gathered.agenda.clear();
+        let (first, second) = (self.tree(0), self.tree(1));
+        if self.own() {
+            self.visit(Visit::Along(0..self.segments().div_ceil(BLOCK)), gathered);
+            above_the_leaves(first, &mut gathered.agenda);
+        } else {
+            gathered.agenda.push((first.root(), second.root()));
+        }
+        self.visit(Visit::Agenda, gathered);
+    }
+
+    /// Segments of the first curve.
+    fn segments(&self) -> u32 {
+        self.step.frames[0].curve(self.curves[0]).segments
+    }
+
+    /// Adds to `part` what was found, or that two segments are too close.
+    fn settle(&self, done: Result<(), [u32; 2]>, found: &mut Tally, part: &mut Part) {
+        let frames = self.step.frames;
+        let [i, j] = self.curves.map(|i| i as u32);
+        part.counts.add(&found.counts);
+        let undecided = |kind, segments| Defect {
+            i,
+            j: Some(j),
+            kind,
+            place: closest_of_segments(frames[1], self.curves, segments),
+        };
+        if let Err(segments) = done {
+            let defect = undecided(DefectKind::TooClose, segments);
+            return part.undecided.push(defect);
+        }
+        found.ties.sort_unstable();
+        found.ties.dedup();
+        let ties = found.ties.iter();
+        part.undecided
+            .extend(ties.map(|&segments| undecided(DefectKind::Contact, segments)));
+        let curves = self.curves.map(|i| frames[0].curve(i));
+        cancel(&mut found.passages, curves);
+        part.events.extend(found.passages.iter().map(|f| f.event));
+        let signs = found.passages.iter().map(|f| i64::from(f.event.sign));
+        let lambda = signs.sum();
+        if !self.own() && lambda != 0 && curves.iter().all(|c| c.closed) {
+            part.sums.push(Link { i, j, lambda });
+        }
+    }
+
+    fn is_marked(&self, s: u32, t: u32) -> bool {
+        let [i, j] = self.curves;
+        let block = |s: u32| s / BLOCK;
+        self.step
+            .marked
+            .is_none_or(|marked| marked(i, block(s)) || marked(j, block(t)))
+    }
+
+    /// Whether two segments of one curve follow one another.
+    fn adjacent(&self, s: u32, t: u32) -> bool {
+        let curve = self.step.frames[0].curve(self.curves[0]);
+        let apart = s.abs_diff(t);
+        apart <= 1 || (curve.closed && apart == curve.segments - 1)
+    }
+
+    /// Makes a part of the visits with the instructions that there are.
+    fn visit(&self, visit: Visit, gathered: &mut Gathered) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = Avx2::detect() {
+            #[expect(unsafe_code, reason = "vector instructions")]
+            // SAFETY: the token says that the processor has them.
+            return unsafe { self.visit_avx2(avx2, visit, gathered) };
+        }
+        self.visit_with(Portable, visit, gathered);
+    }
+
+    /// [`Task::visit_with`], compiled with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+    fn visit_avx2(&self, avx2: Avx2, visit: Visit, gathered: &mut Gathered) {
+        self.visit_with(avx2, visit, gathered);
+    }
+
+    #[inline(always)]
+    fn visit_with<L: Lanes>(&self, simd: L, visit: Visit, gathered: &mut Gathered) {
+        match visit {
+            Visit::Agenda => self.visit_agenda(simd, gathered),
+            Visit::Along(blocks) if blocks.len() > BLOCKS => {
+                let middle = blocks.start + blocks.len() as u32 / 2;
+                let (left, right) = (blocks.start..middle, middle..blocks.end);
+                self.share(gathered, [Visit::Along(left), Visit::Along(right)], vec![]);
+            }
+            Visit::Along(blocks) => {
+                for block in blocks {
+                    self.visit_block(simd, block, gathered);
+                }
+            }
+        }
+    }
+
+    /// Visits everything below the node pairs of the agenda.
+    #[inline(always)]
+    fn visit_agenda<L: Lanes>(&self, simd: L, gathered: &mut Gathered) {
+        let both = [self.tree(0), self.tree(1)];
+        let query = Query {
+            w: 2,
+            meeting: false,
+            reach: 0.0,
+        };
+        for round in 0.. {
+            let Gathered {
+                agenda, candidates, ..
+            } = &mut *gathered;
+            if agenda.is_empty() {
+                return;
+            }
+            if round >= ROUNDS && agenda.len() > 1 {
+                // Every second one: node pairs at the bottom have more below them.
+                let mut mine = false;
+                let others = agenda.extract_if(.., |_| {
+                    mine = !mine;
+                    !mine
+                });
+                let others = others.collect();
+                return self.share(gathered, [Visit::Agenda, Visit::Agenda], others);
+            }
+            descend::<L, true>(simd, both, query, agenda, candidates, (STEPS, BATCH));
+            self.look_at_candidates(gathered);
+            if self.entangled() {
+                gathered.agenda.clear();
+            }
+        }
+    }
+
+    /// Visits the segments of a block of a curve, with one another and (splines) with themselves and the next ones.
+    #[inline(always)]
+    fn visit_block<L: Lanes>(&self, simd: L, block: u32, gathered: &mut Gathered) {
+        let first = block * BLOCK;
+        let mut room = BoxGroup::EMPTY;
+        let boxes = *self.tree(0).children(Node::new(0, block), &mut room);
+        for k in 0..BLOCK {
+            // Its next one is its neighbour.
+            let mut lanes = overlapping(simd, &boxes.lane(k as usize), &boxes) & !0 << (k + 2);
+            while lanes != 0 {
+                let l = lanes.trailing_zeros();
+                gathered.candidates.all.push((first + k, first + l));
+                lanes &= lanes - 1;
+            }
+        }
+        self.look_at_candidates(gathered);
+        if !self.splines() {
+            return;
+        }
+        let curve = self.step.frames[0].curve(self.curves[0]);
+        let last = (first + BLOCK).min(curve.segments);
+        // An open curve ends.
+        let after = match (last < curve.segments, curve.closed) {
+            (true, _) => last,
+            (false, true) => 0,
+            (false, false) => last - 1,
+        };
+        if self.is_marked(first, after) {
+            let known = gathered.near.len();
+            self.separation
+                .add_turns(first..last, after, &mut gathered.near);
+            if self.step.marked.is_some() {
+                let mut at = 0;
+                gathered.near.retain(|&(s, t)| {
+                    at += 1;
+                    at <= known || self.is_marked(s, t)
+                });
+            }
+        }
+    }
+
+    /// Makes two parts of the visits side by side; the second one has an agenda of its own.
+    #[cold]
+    fn share(&self, gathered: &mut Gathered, [mine, others]: [Visit; 2], agenda: Agenda) {
+        let mut other = Gathered {
+            agenda,
+            ..Gathered::default()
+        };
+        rayon::join(
+            || self.visit(mine, gathered),
+            || self.visit(others, &mut other),
+        );
+        gathered.near.append(&mut other.near);
+        gathered.found.append(&mut other.found);
+    }
+
+    /// Tests candidates that are edges; keeps those that are splines and may meet.
+    #[inline(always)]
+    fn look_at_candidates(&self, gathered: &mut Gathered) {
+        let Gathered {
+            candidates,
+            near,
+            found,
+            ..
+        } = gathered;
+        let candidates = &mut candidates.all;
+        self.candidates
+            .fetch_add(candidates.len() as u64, Ordering::Relaxed);
+        found.counts.candidates += candidates.len() as u64;
+        let own = self.own();
+        for &(s, t) in candidates.iter() {
+            if (own && self.adjacent(s, t)) || !self.is_marked(s, t) {
+                continue;
+            }
+            if !self.splines() {
+                self.add_edges(s, t, found);
+            } else if !self.separation.apart(s, t) {
+                near.push((s, t));
+            }
+        }
+        candidates.clear();
+    }
+
+    /// Adds the passages of two edges of polylines.
+    fn add_edges(&self, s: u32, t: u32, found: &mut Tally) {
+        let [i, j] = self.curves;
+        let edges = |set: &CurveSet| {
+            [(i, s), (j, t)].map(|(i, s)| [set.knot(i, s as usize), set.knot(i, s as usize + 1)])
+        };
+        let [before, after] = self.step.frames.map(edges);
+        let along = |at: [f64; 2]| [f64::from(s) + at[0], f64::from(t) + at[1]];
+        self.add_passages(&before, &after, [s, t], along, found);
+    }
+
+    /// Adds the passages of two pieces, which are within these segments, and `along` both curves.
+    #[inline(always)]
+    fn add_passages(
+        &self,
+        before: &Edges,
+        after: &Edges,
+        segments: [u32; 2],
+        along: impl Fn([f64; 2]) -> [f64; 2],
+        found: &mut Tally,
+    ) {
+        if before == after || joined(before, after) {
+            return;
+        }
+        let ties = if self.own() {
+            Ties::Report
+        } else {
+            Ties::Translate
+        };
+        let [i, j] = self.curves.map(|i| i as u32);
+        let Tally {
+            passages: list,
+            ties: touching,
+            counts,
+        } = found;
+        let decided = passages(before, after, ties, &mut |p| {
+            list.push(Found {
+                event: PullThrough {
+                    i,
+                    j,
+                    segments,
+                    fraction: p.time,
+                    sign: p.sign,
+                    point: p.point,
+                },
+                along: along(p.at),
+            });
+        });
+        counts.tests += 1;
+        counts.exact += u64::from(matches!(decided, Decided::Exact | Decided::Tie));
+        if decided == Decided::Tie {
+            touching.push(segments);
+        }
+    }
+
+    /// Adds the passages of near spline segments, in parts that are shared out.
+    fn add_splines_shared(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Tally) {
+        if near.len() <= GRAIN {
+            return self.add_splines(cuts, near, found);
+        }
+        let (left, right) = near.split_at(near.len() / 2);
+        let mut other = Tally::default();
+        rayon::join(
+            || self.add_splines_shared(cuts, left, found),
+            || self.add_splines_shared(cuts, right, &mut other),
+        );
+        found.append(&mut other);
+    }
+
+    /// Adds the passages of near spline segments, sorted.
+    fn add_splines(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Tally) {
+        let (mut p, mut q) = (Vec::new(), Vec::new());
+        let mut last = None;
+        found.counts.near += near.len() as u64;
+        for &(s, t) in near {
+            if last != Some(s) {
+                cuts.vertices(self, 0, s, &mut p);
+                last = Some(s);
+            }
+            cuts.vertices(self, 1, t, &mut q);
+            for (k, a) in p.windows(2).enumerate() {
+                // A segment with itself: every two pieces once.
+                let first = if self.own() && s == t { k + 1 } else { 0 };
+                for b in q.windows(2).skip(first) {
+                    let edges = |f: usize| [a, b].map(|piece| [0, 1].map(|k| piece[k].points[f]));
+                    let along = |at: [f64; 2]| {
+                        let mix = |piece: &[Vertex], at: f64| {
+                            piece[0].at + at * (piece[1].at - piece[0].at)
+                        };
+                        [f64::from(s) + mix(a, at[0]), f64::from(t) + mix(b, at[1])]
+                    };
+                    self.add_passages(&edges(0), &edges(1), [s, t], along, found);
+                }
+            }
+        }
+    }
+}
+
+/// Whether two pieces share an end in both frames.
+#[inline(always)]
+fn joined(before: &Edges, after: &Edges) -> bool {
+    (0..2).any(|k| (0..2).any(|l| before[0][k] == before[1][l] && after[0][k] == after[1][l]))
+}
+
+/// Adds pairs of different nodes above the leaves, children of one node, whose boxes overlap: with what is below them,
+/// every pair of segments of different leaves once.
+fn above_the_leaves(tree: CurveTree<'_>, agenda: &mut Agenda) {
+    let mut nodes = vec![tree.root()];
+    let mut room = BoxGroup::EMPTY;
+    while let Some(node) = nodes.pop() {
+        if node.level == 0 {
+            continue;
+        }
+        let boxes = *tree.children(node, &mut room);
+        for k in 0..BLOCK {
+            let own = boxes.lane(k as usize);
+            if own == Box3::EMPTY {
+                break;
+            }
+            nodes.push(node.child(k));
+            let lanes = overlapping(Portable, &own, &boxes);
+            let later = (k + 1..BLOCK).filter(|l| lanes >> l & 1 != 0);
+            agenda.extend(later.map(|l| (node.child(k), node.child(l))));
+        }
+    }
+}
+
+/// A vertex of a polyline that stands for a spline.
+#[derive(Clone, Copy, Debug)]
+struct Vertex {
+    /// Its parameter in the segment.
+    at: f64,
+    /// Where it is in both frames.
+    points: [Point; 2],
+}
+
+/// Where the segments of both curves are split, beyond the even split of all.
+#[derive(Debug, Default)]
+struct Cuts {
+    /// Segment and parameter, sorted.
+    at: [Vec<(u32, f64)>; 2],
+    close: Vec<(u32, u32)>,
+    halving: Halving,
+}
+
+impl Cuts {
+    /// Splits for both frames, of all segments that are too near in them. On `Err`, two segments that are too close to
+    /// split.
+    fn fill(&mut self, task: &Task<'_>, near: &[(u32, u32)]) -> Result<(), [u32; 2]> {
+        let Cuts { at, close, halving } = self;
+        at.iter_mut().for_each(Vec::clear);
+        for set in task.step.frames {
+            let separation = Separation::new(set, task.curves);
+            close.clear();
+            separation.add_close(near, close);
+            if task.own() {
+                // Neighbours are joined: no split would part them.
+                close.retain(|&(s, t)| !task.adjacent(s, t));
+            }
+            if close.is_empty() {
+                continue;
+            }
+            separation.refine(close, halving)?;
+            for (side, splits) in halving.splits.iter().enumerate() {
+                at[if task.own() { 0 } else { side }].extend_from_slice(&splits.at);
+            }
+        }
+        for at in at.iter_mut() {
+            at.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+            at.dedup();
+        }
+        Ok(())
+    }
+
+    /// The vertices that stand for a segment of one of the curves, ends included.
+    fn vertices(&self, task: &Task<'_>, side: usize, s: u32, out: &mut Vec<Vertex>) {
+        let at = &self.at[if task.own() { 0 } else { side }];
+        let start = at.partition_point(|c| c.0 < s);
+        let own = at[start..].iter().take_while(|c| c.0 == s).map(|c| c.1);
+        out.clear();
+        let (i, frames) = (task.curves[side], task.step.frames);
+        out.push(Vertex {
+            at: 0.0,
+            points: frames.map(|set| set.knot(i, s as usize)),
+        });
+        let segments = frames.map(|set| set.segment(i, s as usize));
+        let even = (1..PIECES).map(|k| f64::from(k) / f64::from(PIECES));
+        for at in even.chain(own) {
+            out.push(Vertex {
+                at,
+                points: segments.map(|b| point_at(&b, at)),
+            });
+        }
+        out[1..].sort_unstable_by(|a, b| a.at.total_cmp(&b.at));
+        out.dedup_by_key(|v| v.at);
+        out.push(Vertex {
+            at: 1.0,
+            points: frames.map(|set| set.knot(i, s as usize + 1)),
+        });
+    }
+}

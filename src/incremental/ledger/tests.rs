@@ -1,0 +1,489 @@
+//! The ledger against linking numbers, against all pairs of pieces, and against planted passages.
+
+use super::net::{Found, cancel};
+use super::pair::{Part, Step};
+use super::planted::{Plant, Random, scene};
+use super::*;
+use crate::curve::{Basis, Positions};
+use crate::verdict::AbortOn;
+use crate::verifier::Verifier;
+use std::f64::consts::TAU;
+
+const ALL: LedgerOptions = LedgerOptions {
+    self_crossings: true,
+    open_curves: true,
+};
+
+fn certificate(set: &CurveSet) -> Certificate {
+    Verifier::new(AbortOn::Never).certify(set).0.clone()
+}
+
+/// Two frames of a few curves, of one of many kinds of motion.
+fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
+    let lattice = r.below(4) == 0;
+    let closed: Vec<bool> = (0..2 + r.below(3)).map(|_| r.below(5) != 0).collect();
+    let sizes: Vec<usize> = closed
+        .iter()
+        .map(|_| {
+            let most = [12, 12, 12, 90][r.below(4) as usize];
+            let n = 4 + r.below(most) as usize;
+            if basis == Basis::Bezier { 3 * n } else { n }
+        })
+        .collect();
+    let counts: Vec<i32> = closed
+        .iter()
+        .zip(&sizes)
+        .map(|(&closed, &n)| match (basis, closed) {
+            (_, true) => -(n as i32),
+            (Basis::Bezier, false) => n as i32 + 1,
+            (_, false) => n as i32,
+        })
+        .collect();
+    let smooth = r.below(2) == 0;
+    let curve = |r: &mut Random, n: usize| -> Vec<Point> {
+        if !smooth {
+            return (0..n).map(|_| r.vector(3.0)).collect();
+        }
+        let (center, u, v, w) = (r.vector(1.5), r.vector(2.0), r.vector(2.0), r.vector(0.7));
+        (0..n)
+            .map(|k| {
+                let t = TAU * k as f64 / n as f64;
+                let (c, s, f) = (t.cos(), t.sin(), (3.0 * t).cos());
+                [0, 1, 2].map(|x| center[x] + c * u[x] + s * v[x] + f * w[x])
+            })
+            .collect()
+    };
+    let mut before: Vec<Vec<Point>> = counts
+        .iter()
+        .map(|n| curve(r, n.unsigned_abs() as usize))
+        .collect();
+    let mut after = before.clone();
+    let size = 10f64.powf(r.between(-2.0, 0.5));
+    match r.below(6) {
+        // Each point its own way.
+        0 => {
+            for p in after.iter_mut().flatten() {
+                let v = r.vector(size);
+                *p = [0, 1, 2].map(|x| p[x] + v[x]);
+            }
+        }
+        // Each curve as a whole; some stand still.
+        1 => {
+            for curve in &mut after {
+                let size = [0.0, size][r.below(2) as usize];
+                let v = r.vector(size);
+                curve
+                    .iter_mut()
+                    .for_each(|p| *p = [0, 1, 2].map(|x| p[x] + v[x]));
+            }
+        }
+        // A turn of all.
+        2 => {
+            let (s, c) = r.between(0.0, TAU).sin_cos();
+            for p in after.iter_mut().flatten() {
+                *p = [c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]];
+            }
+        }
+        // A wave.
+        3 => {
+            let (k, v) = (r.vector(2.0), r.vector(size));
+            for p in after.iter_mut().flatten() {
+                let f = (k[0] * p[0] + k[1] * p[1] + k[2] * p[2]).sin();
+                *p = [0, 1, 2].map(|x| p[x] + f * v[x]);
+            }
+        }
+        // A few points far away: pull-throughs.
+        4 => {
+            for curve in &mut after {
+                let k = r.below(curve.len() as u64) as usize;
+                curve[k] = r.vector(3.0);
+            }
+        }
+        // Other curves.
+        _ => {
+            for curve in &mut after {
+                curve.iter_mut().for_each(|p| *p = r.vector(3.0));
+            }
+        }
+    }
+    if lattice {
+        let frames = [&mut before, &mut after];
+        for p in frames.into_iter().flatten().flatten() {
+            *p = p.map(f64::round);
+        }
+    }
+    let double = r.below(2) == 0;
+    [before, after].map(|curves| {
+        let xyz: Vec<f64> = curves.iter().flatten().flatten().copied().collect();
+        let narrow: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+        let positions = if double {
+            Positions::F64(&xyz)
+        } else {
+            Positions::F32(&narrow)
+        };
+        CurveSet::from_counts(basis, &counts, positions).unwrap()
+    })
+}
+
+/// Thousands of motions of every basis: linking numbers change by the sum of the signs.
+#[test]
+fn signs_add_up_to_the_change_of_the_linking_number() {
+    let mut ledger = Ledger::default();
+    for basis in Basis::ALL {
+        let mut r = Random::new(7 + basis as u64);
+        let (mut changed, mut events, mut undecided, mut left_out) = (0, 0, 0, 0);
+        for k in 0..1500 {
+            let [before, after] = random_step(&mut r, basis);
+            let numbers = [&before, &after].map(certificate);
+            let options = if k % 3 == 0 {
+                ALL
+            } else {
+                LedgerOptions::default()
+            };
+            let outcome = ledger.step(&before, &after, options, None);
+            assert_eq!(
+                outcome.check(&numbers[0], &numbers[1]),
+                [],
+                "{basis:?} {k}: {outcome:?}"
+            );
+            changed += usize::from(numbers[0].links != numbers[1].links);
+            events += outcome.events.len();
+            undecided += outcome.undecided.len();
+            left_out += numbers.iter().map(|n| n.undefined.len()).sum::<usize>();
+            let in_order = |w: &[PullThrough]| w[0].fraction <= w[1].fraction;
+            assert!(outcome.events.windows(2).all(in_order));
+        }
+        println!(
+            "{basis:?}: {changed} of 1500 steps changed a linking number, {events} passages, {undecided} undecided, \
+             {left_out} without a number"
+        );
+        assert!(changed > 400);
+    }
+}
+
+/// Every planted passage is told, with its curves, segments, sign, time and place; and nothing else.
+#[test]
+fn planted_passages_are_told_and_no_others() {
+    let mut ledger = Ledger::default();
+    for plant in [Plant::Single, Plant::Cancelling, Plant::Own, Plant::Open] {
+        let mut r = Random::new(40 + plant as u64);
+        let (mut done, mut refused) = (0, 0);
+        while done < 1000 {
+            let basis = Basis::ALL[done % 4];
+            let Some(scene) = scene(&mut r, basis, plant) else {
+                refused += 1;
+                assert!(refused < 10_000, "{plant:?}");
+                continue;
+            };
+            let signs: Vec<i32> = scene.known.iter().map(|k| k.sign).collect();
+            let wanted = match plant {
+                Plant::Cancelling => signs.len() == 2,
+                _ => signs.len() == 1,
+            };
+            if !wanted {
+                refused += 1;
+                continue;
+            }
+            done += 1;
+            if plant == Plant::Cancelling {
+                assert_eq!(signs.iter().sum::<i32>(), 0);
+            }
+            let [before, after] = &scene.frames;
+            let outcome = ledger.step(before, after, ALL, None);
+            assert_eq!(outcome.undecided, [], "{plant:?} {basis:?}");
+            let told: Vec<_> = outcome
+                .events
+                .iter()
+                .map(|e| ([e.i, e.j], e.segments, e.sign))
+                .collect();
+            let want: Vec<_> = scene
+                .known
+                .iter()
+                .map(|k| (k.curves, k.segments, k.sign))
+                .collect();
+            assert_eq!(told, want, "{plant:?} {basis:?} {done}: {:?}", scene.known);
+            let accuracy = if basis.is_polyline() { 1e-6 } else { 0.01 };
+            for (e, k) in outcome.events.iter().zip(&scene.known) {
+                assert!((e.fraction - k.fraction).abs() < accuracy, "{e:?} {k:?}");
+            }
+            let numbers = [before, after].map(certificate);
+            assert_eq!(outcome.check(&numbers[0], &numbers[1]), []);
+            match plant {
+                Plant::Single => assert_ne!(numbers[0].links, numbers[1].links),
+                // What no linking number sees.
+                _ => assert_eq!(numbers[0].links, numbers[1].links),
+            }
+        }
+        println!("{plant:?}: {done} told, {refused} scenes refused");
+    }
+}
+
+/// The search leaves nothing out: all pairs of pieces tell the same passages.
+#[test]
+fn the_search_finds_what_all_pairs_of_segments_have() {
+    let mut ledger = Ledger::default();
+    for basis in Basis::ALL {
+        let mut r = Random::new(80 + basis as u64);
+        let (mut events, mut undecided) = (0, 0);
+        for k in 0..200 {
+            let [before, after] = random_step(&mut r, basis);
+            let outcome = ledger.step(&before, &after, ALL, None);
+            let step = Step {
+                frames: [&before, &after],
+                trees: &ledger.trees,
+                marked: None,
+            };
+            let mut part = Part::default();
+            let n = before.len() as u32;
+            for pair in (0..n).flat_map(|i| (i..n).map(move |j| (i, j))) {
+                step.pair_by_brute_force(pair, &mut part);
+            }
+            sort(&mut part.events);
+            assert_eq!(outcome.events, part.events, "{basis:?} {k}");
+            assert_eq!(outcome.undecided, part.undecided, "{basis:?} {k}");
+            assert_eq!(outcome.sums, part.sums, "{basis:?} {k}");
+            events += outcome.events.len();
+            undecided += outcome.undecided.len();
+        }
+        println!("{basis:?}: {events} passages, {undecided} undecided");
+    }
+}
+
+/// Pairs that share themselves out, blocks left out, and any number of threads.
+#[test]
+fn the_outcome_depends_on_nothing_but_the_frames() {
+    let n = 20_000;
+    let mut r = Random::new(5);
+    let strand = |r: &mut Random, f: f64, phase: f64| -> Vec<f64> {
+        (0..n)
+            .flat_map(|k| {
+                let t = TAU * f64::from(k) / f64::from(n);
+                let (s, c) = (400.0 * t + phase).sin_cos();
+                let near = [
+                    (10.0 + 0.5 * c) * t.cos(),
+                    (10.0 + 0.5 * c) * t.sin(),
+                    0.5 * s,
+                ];
+                let off = r.vector(f);
+                [0, 1, 2].map(|x| near[x] + off[x])
+            })
+            .collect()
+    };
+    for basis in [Basis::Polyline, Basis::CatmullRom] {
+        let [before, after] = [0.001, 0.2].map(|f| {
+            let mut xyz = strand(&mut r, f, 0.0);
+            xyz.extend(strand(&mut r, f, 0.4));
+            CurveSet::from_counts(basis, &[-n, -n], Positions::F64(&xyz)).unwrap()
+        });
+        let run = |threads: usize, marked: Option<Marked<'_>>| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap()
+                .install(|| Ledger::default().step(&before, &after, ALL, marked))
+        };
+        let one = run(1, None);
+        assert!(one.events.len() > 1000, "{}", one.events.len());
+        assert_eq!(run(5, None), one);
+        let block = |e: &PullThrough, side: usize| e.segments[side] / 8;
+        let (chosen, other) = ((0usize, 700u32), (1usize, 30u32));
+        let marked = |i: usize, b: u32| (i, b) == chosen || (i, b) == other;
+        let some = run(2, Some(&marked));
+        let want: Vec<PullThrough> = one
+            .events
+            .iter()
+            .filter(|e| marked(e.i as usize, block(e, 0)) || marked(e.j as usize, block(e, 1)))
+            .copied()
+            .collect();
+        // Splines are split where they need it, and less so for less of them.
+        if basis.is_polyline() {
+            assert_eq!(some.events, want);
+        }
+        assert!(!want.is_empty() && some.events.len() < one.events.len());
+        println!("{basis:?}: {} passages, {:?}", one.events.len(), one.counts);
+    }
+}
+
+#[test]
+fn only_opposite_passages_at_one_time_and_place_cancel() {
+    let curve = |closed| {
+        let xyz = vec![0.0; 30];
+        let counts = [if closed { -10 } else { 10 }];
+        CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz))
+            .unwrap()
+            .curve(0)
+    };
+    let found = |along: [f64; 2], fraction, sign| Found {
+        event: PullThrough {
+            i: 0,
+            j: 1,
+            segments: along.map(|x| x as u32),
+            fraction,
+            sign,
+            point: [0.0; 3],
+        },
+        along,
+    };
+    let left = |list: &[Found], closed| {
+        let mut list = list.to_vec();
+        cancel(&mut list, [curve(closed); 2]);
+        list.len()
+    };
+    let p = |sign| found([3.0, 4.5], 0.5, sign);
+    assert_eq!(left(&[p(1), p(-1)], true), 0);
+    assert_eq!(left(&[p(1), p(1)], true), 2);
+    assert_eq!(left(&[p(1), p(-1), p(1)], true), 1);
+    // At the joint of two segments, and where a closed curve starts.
+    let q = [
+        found([2.999_999_9, 4.5], 0.5, 1),
+        found([3.0, 4.5], 0.500_000_001, -1),
+    ];
+    assert_eq!(left(&q, true), 0);
+    let q = [
+        found([9.999_999_9, 0.0], 0.5, 1),
+        found([0.0, 9.999_999_9], 0.5, -1),
+    ];
+    assert_eq!(left(&q, true), 0);
+    assert_eq!(left(&q, false), 2);
+    // At another time; at another place of one of them, as when a finger comes down on a strand.
+    let far = [
+        found([3.0, 4.5], 0.500_001, -1),
+        found([3.01, 4.5], 0.5, -1),
+        found([3.0, 4.51], 0.5, -1),
+    ];
+    for q in far {
+        assert_eq!(left(&[p(1), q], true), 2, "{q:?}");
+    }
+}
+
+/// A finger that is pulled through a strand as a whole: both its sides pass at once, and it is no tie.
+#[test]
+fn a_finger_that_passes_at_once_is_told_twice() {
+    let counts = [-4, -3];
+    let at = |z: f64| {
+        let finger = [[0., 0., z], [1., 3., z], [2., 0., z], [1., -9., z]];
+        let strand = [[-10., 1., 0.], [10., 1., 0.], [0., 1., 50.]];
+        finger
+            .into_iter()
+            .chain(strand)
+            .flatten()
+            .collect::<Vec<f64>>()
+    };
+    let [before, after] = [-1.0, 1.0]
+        .map(|z| CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&at(z))).unwrap());
+    let outcome = Ledger::default().step(&before, &after, ALL, None);
+    let told: Vec<_> = outcome
+        .events
+        .iter()
+        .map(|e| (e.segments, e.fraction))
+        .collect();
+    assert_eq!(told, [([0, 0], 0.5), ([1, 0], 0.5)]);
+    assert_eq!(outcome.events[0].sign + outcome.events[1].sign, 0);
+    assert_eq!(
+        outcome.events[0].to_string(),
+        "curve 0 was pulled through curve 1 at 0.500 of the step (-1), at (0.3333, 1.0000, 0.0000), segments 0 and 0"
+    );
+}
+
+/// Curves with repeated vertices, and curves whose ends are joined: no passages and no ties.
+#[test]
+fn what_is_joined_does_not_pass_through_itself() {
+    let [p, q, s, t] = [[0., 0., 0.], [1., 0., 0.2], [1., 1., -0.2], [0., 1., 0.3]];
+    // A closed curve that rests twice at a vertex, and an open one from vertex to vertex of it.
+    let points = [p, q, q, s, t, p, [0.5, 0.5, 3.0], s];
+    let [before, after] = [0.0, 0.3].map(|f| {
+        let bend = |v: Point| {
+            [
+                v[0] + f * v[1] * v[2],
+                v[1] - f * v[0],
+                v[2] + f * v[0] * v[1],
+            ]
+        };
+        let xyz: Vec<f64> = points.into_iter().flat_map(bend).collect();
+        CurveSet::from_counts(Basis::Polyline, &[-5, 3], Positions::F64(&xyz)).unwrap()
+    });
+    let outcome = Ledger::default().step(&before, &after, ALL, None);
+    assert_eq!((outcome.events, outcome.undecided), (vec![], vec![]));
+}
+
+/// `cargo test --release --lib ledger::tests::speed -- --ignored --nocapture`.
+#[test]
+#[ignore = "a measurement"]
+fn speed() {
+    use std::time::Instant;
+    println!(
+        "{:10}{:>7}{:>7}{:>7}{:>11}{:>8}{:>10}{:>8}{:>12}{:>12}{:>12}",
+        "scene",
+        "motion",
+        "own",
+        "pairs",
+        "candidates",
+        "events",
+        "boxes, ms",
+        "all, ms",
+        "ns/segment",
+        "ns/candid.",
+        "certify, ms"
+    );
+    for (name, diameter) in [("knit", 1.0), ("chainmail", 0.2)] {
+        let before = name
+            .parse::<crate::scenes::Scene>()
+            .unwrap()
+            .build()
+            .unwrap()
+            .curves;
+        let mut bytes = Vec::new();
+        before.write_positions(&mut bytes);
+        let xyz: Vec<f32> = bytes
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+            .collect();
+        for motion in [0.001, 0.01, 0.1] {
+            let mut r = Random::new(9);
+            let moved: Vec<f32> = xyz
+                .iter()
+                .map(|x| x + (motion * diameter * r.float()) as f32)
+                .collect();
+            let mut after = before.clone();
+            after.update(Positions::F32(&moved)).unwrap();
+            for own in [false, true] {
+                let options = LedgerOptions {
+                    self_crossings: own,
+                    open_curves: false,
+                };
+                let mut ledger = Ledger::default();
+                let mut verifier = Verifier::new(AbortOn::Never);
+                let mut times = [Vec::new(), Vec::new(), Vec::new()];
+                let mut outcome = Outcome::default();
+                for _ in 0..31 {
+                    let start = Instant::now();
+                    ledger.trees.refit_to(Swept {
+                        frames: [&before, &after],
+                        open: false,
+                    });
+                    times[0].push(start.elapsed());
+                    let start = Instant::now();
+                    outcome = ledger.step(&before, &after, options, None);
+                    times[1].push(start.elapsed());
+                    let start = Instant::now();
+                    verifier.certify(&after);
+                    times[2].push(start.elapsed());
+                }
+                let [boxes, all, certify] = times.map(|mut t| {
+                    t.sort();
+                    t[0].as_secs_f64()
+                });
+                let c = outcome.counts;
+                println!(
+                    "{name:10}{motion:>7}{own:>7}{:>7}{:>11}{:>8}{:>10.2}{:>8.2}{:>12.1}{:>12.1}{:>12.2}",
+                    c.pairs,
+                    c.candidates,
+                    outcome.events.len(),
+                    1e3 * boxes,
+                    1e3 * all,
+                    1e9 * all / before.segments() as f64,
+                    1e9 * (all - boxes) / c.candidates as f64,
+                    1e3 * certify,
+                );
+            }
+        }
+    }
+}
