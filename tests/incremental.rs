@@ -14,6 +14,7 @@ use linkwatch::{
     AbortOn, Basis, CurveSet, Point, Positions, Precision, Report, Route, Verdict, Verifier,
 };
 use std::f64::consts::TAU;
+use std::ops::{Range, RangeInclusive};
 
 /// Marsaglia's xorshift64*.
 struct Random(u64);
@@ -69,16 +70,25 @@ fn size(random: &mut Random, basis: Basis, closed: bool, large: bool) -> usize {
     }
 }
 
+/// Curves of a set all of which may be tangled.
+const MOST: usize = 7;
+
 /// Random curves: a chain, rings anywhere, random polygons, strands side by side, or a lattice full of ties.
 fn random_set(random: &mut Random, basis: Basis, precision: Precision, curves: usize) -> CurveSet {
-    let shape = random.below(5);
+    let many = curves > MOST;
+    let shape = match many {
+        true => random.pick(&[0, 1, 3]),
+        false => random.below(5),
+    };
+    // As dense as a few.
+    let room = (curves as f64 / MOST as f64).cbrt().max(1.0);
     // Points anywhere: long, they take long.
     let tangled = matches!(shape, 2 | 4);
     let mut counts = Vec::new();
     let mut xyz = Vec::new();
     for i in 0..curves {
         let closed = i < 2 || !random.one_in(5);
-        let n = size(random, basis, closed, !tangled);
+        let n = size(random, basis, closed, !tangled && !many);
         counts.push(if closed { -(n as i32) } else { n as i32 });
         let (centre, u, v) = match shape {
             // Each ring through the next.
@@ -96,7 +106,7 @@ fn random_set(random: &mut Random, basis: Basis, precision: Precision, curves: u
                     [0.0, r, 0.1 * r],
                 )
             }
-            _ => (random.point(1.0), random.point(1.2), random.point(1.2)),
+            _ => (random.point(room), random.point(1.2), random.point(1.2)),
         };
         let wobble = random.pick(&[0.0, 0.01, 0.2]);
         for k in 0..n {
@@ -127,6 +137,8 @@ enum Event {
     Contact([usize; 2], [usize; 2]),
     /// The curve shrinks to its first points, so many.
     Collapse(usize, usize),
+    /// The curve is so many times smaller, about its first point.
+    Shrink(usize, i32),
     /// Two neighbouring points of a curve are one.
     Repeat(usize, usize),
     /// One coordinate of the whole frame is the same everywhere.
@@ -143,6 +155,8 @@ struct Movie {
     pulls: Vec<linkwatch::scenes::PullThrough>,
     motion: Motion,
     amplitude: f64,
+    /// Whether little happens but to few curves.
+    calm: bool,
     /// Whether the waves stay and grow, instead of being others in every frame.
     steady: bool,
     /// Frames since the motion began.
@@ -159,6 +173,7 @@ impl Movie {
             pulls: pull_throughs(&set),
             motion: MotionKind::Still.into(),
             amplitude: 0.0,
+            calm: set.len() > MOST,
             steady: false,
             age: 0,
             ways: vec![[[0.0; 3]; 2]; set.len()],
@@ -175,7 +190,8 @@ impl Movie {
         let kinds = 1 + random.below(2);
         let kinds: Vec<_> = (0..kinds).map(|_| random.pick(&MotionKind::ALL)).collect();
         self.motion = Motion::new(kinds);
-        self.amplitude = 0.3 * 10f64.powf(random.between(-6.0, 0.0));
+        let largest = if self.calm { -3.0 } else { 0.0 };
+        self.amplitude = 0.3 * 10f64.powf(random.between(-6.0, largest));
         self.steady = random.one_in(2);
         self.age = 0;
     }
@@ -197,11 +213,12 @@ impl Movie {
 
     fn random_event(&mut self) -> Event {
         let ((i, a), (j, b)) = (self.somewhere(), self.somewhere());
-        match self.random.below(6) {
+        match self.random.below(7) {
+            6 => Event::Shrink(i, 1 << self.random.below(31)),
             0 => Event::Collapse(i, 1 + self.random.below(3)),
             1 => Event::Repeat(i, a),
             // Splines in a plane cross everywhere, and each crossing is refined until it is given up.
-            2 if self.set.basis().is_polyline() || self.set.points() < 40 => {
+            2 if !self.calm && (self.set.basis().is_polyline() || self.set.points() < 40) => {
                 Event::Flatten(self.random.below(3))
             }
             3 => Event::Spike(i, a),
@@ -216,7 +233,7 @@ impl Movie {
     /// Moves the set to another frame.
     fn advance(&mut self, frame: u64) {
         self.age += 1;
-        if self.random.one_in(9) {
+        if self.random.one_in(if self.calm { 25 } else { 9 }) {
             self.change_motion();
         }
         if self.random.one_in(10) && !self.pulls.is_empty() {
@@ -284,6 +301,13 @@ impl Movie {
         let slot = |i: usize, k: usize| 3 * (self.first(i) + k % points(i));
         let mut copy = |from: usize, to: usize| xyz.copy_within(from..from + 3, to);
         match event {
+            Event::Shrink(i, by) => {
+                let first = slot(i, 0);
+                for at in first..first + 3 * points(i) {
+                    let centre = xyz[first + at % 3];
+                    xyz[at] = centre + (xyz[at] - centre) / f64::from(by);
+                }
+            }
             Event::Contact([i, a], [j, b]) => match self.set.basis() {
                 // A knot follows from three control points.
                 Basis::BSpline => (0..3).for_each(|k| copy(slot(i, a + k), slot(j, b + k))),
@@ -389,12 +413,46 @@ impl Both {
     }
 }
 
-/// Runs sequences of random sets and motions, and checks that they were worth it.
-fn sequences(basis: Basis, precision: Precision, seeds: std::ops::Range<u64>) {
+/// Runs sequences of few curves of which all are moved about, and checks that they were worth it.
+fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) {
+    let all = run(basis, precision, seeds, 2..=MOST);
+    let total = all.intact + all.changed + all.contact + all.undecided;
+    for (verdict, least) in [(all.intact, 10), (all.changed, 10), (all.undecided, 100)] {
+        assert!(verdict > total / least / 2, "{all:?}");
+    }
+    for route in [all.full, all.quiet, all.partial] {
+        assert!(route > total / 10, "{all:?}");
+    }
+    // Points of splines are computed: where they touch, they are too close to tell.
+    assert_eq!(all.contact > total / 20, basis == Basis::Polyline);
+}
+
+/// Runs sequences of many curves of which few are moved about, so many of each basis in both precisions, and checks
+/// that they were worth it.
+fn calm_sequences(first: u64, count: u64) {
+    let mut all = Tally::default();
+    for precision in [Precision::F32, Precision::F64] {
+        for (basis, share) in Basis::ALL.into_iter().zip([1, 3, 3, 6]) {
+            let seeds = first..first + count / share;
+            all.add(&run(basis, precision, seeds, 40..=90));
+        }
+    }
+    let total = all.full + all.quiet + all.partial;
+    for route in [all.full, all.quiet, all.partial] {
+        assert!(route > total / 20, "{all:?}");
+    }
+}
+
+fn run(
+    basis: Basis,
+    precision: Precision,
+    seeds: Range<u64>,
+    curves: RangeInclusive<usize>,
+) -> Tally {
     let mut all = Tally::default();
     for seed in seeds {
         let mut random = Random::new(seed);
-        let curves = 2 + random.below(6);
+        let curves = curves.start() + random.below(curves.end() - curves.start() + 1);
         let set = random_set(&mut random, basis, precision, curves);
         let length = if seed % 50 == 0 {
             150
@@ -413,15 +471,7 @@ fn sequences(basis: Basis, precision: Precision, seeds: std::ops::Range<u64>) {
         all.add(&both.tally);
     }
     println!("{basis:?} {precision:?}: {all:?}");
-    let total = all.intact + all.changed + all.contact + all.undecided;
-    for (verdict, least) in [(all.intact, 10), (all.changed, 10), (all.undecided, 100)] {
-        assert!(verdict > total / least / 2, "{all:?}");
-    }
-    for route in [all.full, all.quiet, all.partial] {
-        assert!(route > total / 10, "{all:?}");
-    }
-    // Points of splines are computed: where they touch, they are too close to tell.
-    assert_eq!(all.contact > total / 20, basis == Basis::Polyline);
+    all
 }
 
 #[test]
@@ -436,23 +486,28 @@ fn polylines_in_double_precision() {
 
 #[test]
 fn catmull_rom_curves() {
-    sequences(Basis::CatmullRom, Precision::F32, 20_000..20_250);
-    sequences(Basis::CatmullRom, Precision::F64, 30_000..30_100);
+    sequences(Basis::CatmullRom, Precision::F32, 20_000..20_150);
+    sequences(Basis::CatmullRom, Precision::F64, 30_000..30_060);
 }
 
 #[test]
 fn b_splines() {
-    sequences(Basis::BSpline, Precision::F32, 40_000..40_500);
-    sequences(Basis::BSpline, Precision::F64, 50_000..50_200);
+    sequences(Basis::BSpline, Precision::F32, 40_000..40_150);
+    sequences(Basis::BSpline, Precision::F64, 50_000..50_060);
 }
 
 #[test]
 fn bezier_curves() {
-    sequences(Basis::Bezier, Precision::F32, 60_000..60_200);
-    sequences(Basis::Bezier, Precision::F64, 70_000..70_100);
+    sequences(Basis::Bezier, Precision::F32, 60_000..60_100);
+    sequences(Basis::Bezier, Precision::F64, 70_000..70_060);
 }
 
-/// For changes of the incremental verification: 60 times as many, other seeds.
+#[test]
+fn many_curves_of_which_few_move() {
+    calm_sequences(80_000, 36);
+}
+
+/// For changes of the incremental verification: 100 times as many, other seeds.
 #[test]
 #[ignore = "takes an hour"]
 fn very_many_sequences() {
@@ -463,10 +518,39 @@ fn very_many_sequences() {
     }
 }
 
+/// The same for [`calm_sequences`].
+#[test]
+#[ignore = "takes half an hour"]
+fn very_many_calm_sequences() {
+    calm_sequences(2_000_000, 6000);
+}
+
+/// Incremental verification called a ring degenerate that was so in its reference frame alone, when little else moved.
+#[test]
+fn a_loop_that_was_degenerate_in_the_reference_frame_recovers() {
+    let scene: Scene = "chainmail:rows=6,columns=6".parse().unwrap();
+    let mut set = scene.build().unwrap().curves;
+    let whole = values(Frames::new(&set, 1.0).at(&MotionKind::Still.into(), 0.0, 0));
+    let mut collapsed = whole.clone();
+    for k in 1..set.curve(0).points as usize {
+        collapsed.copy_within(0..3, 3 * k);
+    }
+    let mut both = Both::new();
+    for (frame, xyz) in [&whole, &collapsed, &collapsed, &whole, &whole]
+        .iter()
+        .enumerate()
+    {
+        update(&mut set, xyz).unwrap();
+        let report = both.step(frame as u64, &set, &"a ring");
+        let expected = [Verdict::Intact, Verdict::Undecided][usize::from(*xyz == &collapsed)];
+        assert_eq!(report.verdict, expected, "frame {frame}");
+    }
+}
+
 /// The curves of a stream may be others from one frame to the next, as long as their number is the same.
 #[test]
 fn sets_that_are_others_than_before() {
-    for seed in 0..150 {
+    for seed in 0..100 {
         let mut random = Random::new(900_000 + seed);
         let mut movies: Vec<Movie> = (0..3)
             .map(|_| {

@@ -5,11 +5,13 @@
 //! busy machine slows all of it alike.
 
 use crate::cli::Outcome;
+use crate::cli::input;
 use crate::cli::output::{self, count, plural};
-use linkwatch::scenes::{Frames, Motion};
+use linkwatch::scenes::{Frames, Motion, Scene};
 use linkwatch::{AbortOn, CurveSet, Error, Positions, Report, Result, Route, Verifier};
 use serde_json::{Value, json};
 use std::hint::black_box;
+use std::path::Path;
 use std::time::Instant;
 
 /// Full runs of a row: enough for a median.
@@ -66,12 +68,14 @@ fn amplitude(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
-    let input = super::model_or_scene(&args.input)?;
-    let diameter = args.diameter.or(input.diameter).ok_or_else(|| {
+    let mut set = input::read(Path::new(&args.input))?;
+    // What could be read is no scene only where it is a file.
+    let scene = args.input.parse::<Scene>().ok();
+    let own = scene.and_then(|scene| scene.value("diameter"));
+    let diameter = args.diameter.or(own).ok_or_else(|| {
         let what = "has no diameter of its own to measure amplitudes in: give --diameter";
         Error::Usage(format!("{} {what}", args.input))
     })?;
-    let mut set = input.curves;
     let mut frames = Frames::new(&set, diameter);
     let threads = rayon::current_num_threads();
     if !as_json {
