@@ -195,16 +195,7 @@ impl Verifier {
             &mut self.parts,
             &self.progress,
         );
-        let Certificate {
-            links, undefined, ..
-        } = &mut self.certificate;
-        for part in &self.parts {
-            links.extend_from_slice(&part.links);
-            undefined.extend_from_slice(&part.undefined);
-            stats.add(&part.stats);
-        }
-        // No two have the same key.
-        undefined.sort_unstable_by_key(|d| (d.i, d.j));
+        gather(&self.parts, &mut self.certificate, stats);
         self.timings.links += start.elapsed();
     }
 
@@ -252,7 +243,7 @@ impl Verifier {
             self.offer_reference(set);
             return Ok((comparison, stats));
         };
-        let stats = Stats::default();
+        let mut stats = Stats::default();
         if pairs.is_empty() && self.work.route == Route::Quiet {
             return Ok((comparison.clone(), stats));
         }
@@ -273,10 +264,7 @@ impl Verifier {
             curves: set.len(),
             ..Certificate::default()
         };
-        for part in &self.parts {
-            anew.links.extend_from_slice(&part.links);
-            anew.undefined.extend_from_slice(&part.undefined);
-        }
+        gather(&self.parts, &mut anew, &mut stats);
         let fresh = anew.compare(&baseline.of_pairs(&pairs))?;
         let comparison = comparison.patched(&pairs, fresh);
         if self.monitor.wants_reference(&self.work) {
@@ -431,6 +419,17 @@ fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progre
             .done
             .fetch_add(pairs.len() as u64, Ordering::Relaxed);
     });
+}
+
+/// Adds what the tasks computed to a certificate, and their work.
+fn gather(parts: &[Part], certificate: &mut Certificate, stats: &mut Stats) {
+    for part in parts {
+        certificate.links.extend_from_slice(&part.links);
+        certificate.undefined.extend_from_slice(&part.undefined);
+        stats.add(&part.stats);
+    }
+    // No two have the same key.
+    certificate.undefined.sort_unstable_by_key(|d| (d.i, d.j));
 }
 
 /// The size of a frame.

@@ -6,7 +6,7 @@ use super::reference::Reference;
 use crate::curve::Avx2;
 use crate::curve::{Axes, CurveSet, LANES};
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops::{Add, Mul, Range, Sub};
 
 /// Slots that are marked together.
 pub(super) const CHUNK: usize = 8;
@@ -33,61 +33,52 @@ struct Condition<T> {
     error: T,
 }
 
-/// A floating-point type of coordinates.
-trait Real: num::Real {}
-impl Real for f32 {}
-impl Real for f64 {}
+/// A floating-point type of coordinates, as far as it is needed here.
+trait Real:
+    Copy
+    + PartialOrd
+    + Default
+    + Send
+    + Sync
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+{
+    /// Half a unit in the last place of 1.
+    const U: f64;
+    /// The largest finite number.
+    const MAX: Self;
+    /// Coordinates up to this have squares that can be added.
+    const LARGEST: f64;
+    fn from_f64(x: f64) -> Self;
+    fn from_f32(x: f32) -> Self;
+}
 
-/// Numbers as far as they are needed here.
-mod num {
-    use std::ops::{Add, Mul, Sub};
-
-    pub trait Real:
-        Copy
-        + PartialOrd
-        + Default
-        + Send
-        + Sync
-        + Add<Output = Self>
-        + Sub<Output = Self>
-        + Mul<Output = Self>
-    {
-        /// Half a unit in the last place of 1.
-        const U: f64;
-        /// The largest finite number.
-        const MAX: Self;
-        /// Coordinates up to this have squares that can be added.
-        const LARGEST: f64;
-        fn from_f64(x: f64) -> Self;
-        fn from_f32(x: f32) -> Self;
+impl Real for f32 {
+    const U: f64 = f32::EPSILON as f64 / 2.0;
+    const MAX: f32 = f32::MAX;
+    const LARGEST: f64 = 1e18;
+    #[inline(always)]
+    fn from_f64(x: f64) -> f32 {
+        x as f32
     }
-
-    impl Real for f32 {
-        const U: f64 = f32::EPSILON as f64 / 2.0;
-        const MAX: f32 = f32::MAX;
-        const LARGEST: f64 = 1e18;
-        #[inline(always)]
-        fn from_f64(x: f64) -> f32 {
-            x as f32
-        }
-        #[inline(always)]
-        fn from_f32(x: f32) -> f32 {
-            x
-        }
+    #[inline(always)]
+    fn from_f32(x: f32) -> f32 {
+        x
     }
+}
 
-    impl Real for f64 {
-        const U: f64 = f64::EPSILON / 2.0;
-        const MAX: f64 = f64::MAX;
-        const LARGEST: f64 = 1e150;
-        #[inline(always)]
-        fn from_f64(x: f64) -> f64 {
-            x
-        }
-        #[inline(always)]
-        fn from_f32(x: f32) -> f64 {
-            x.into()
-        }
+impl Real for f64 {
+    const U: f64 = f64::EPSILON / 2.0;
+    const MAX: f64 = f64::MAX;
+    const LARGEST: f64 = 1e150;
+    #[inline(always)]
+    fn from_f64(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn from_f32(x: f32) -> f64 {
+        x.into()
     }
 }
 
