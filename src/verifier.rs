@@ -9,7 +9,9 @@ use crate::error::{Error, Result};
 use crate::incremental::{Finding, Monitor, Route, Work};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
-use crate::pairs::{LinkSearch, Pair, Trees, closest_approach, most_suspect_first};
+use crate::pairs::{
+    LinkSearch, Pair, Trees, closest_approach, curves_of, most_suspect_first,
+};
 use crate::verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};
 use rayon::prelude::*;
 use std::slice::SliceIndex;
@@ -440,14 +442,6 @@ fn sizes(set: &CurveSet) -> Stats {
         open_curves: set.curves().iter().filter(|c| !c.closed).count() as u64,
         ..Stats::default()
     }
-}
-
-/// The curves of some pairs, sorted.
-fn curves_of(pairs: impl Iterator<Item = Pair>) -> Vec<u32> {
-    let mut curves: Vec<u32> = pairs.flat_map(|(i, j)| [i, j]).collect();
-    curves.sort_unstable();
-    curves.dedup();
-    curves
 }
 
 /// Potential links computed by one task: few enough to share out, enough to be worth it. One of them may be a whole

@@ -23,3 +23,11 @@ pub(crate) use trees::{CurveTree, Leaves, Node, SMALL, Trees};
 
 /// A pair of curves, `i < j`.
 pub(crate) type Pair = (u32, u32);
+
+/// The curves of some pairs, sorted.
+pub(crate) fn curves_of(pairs: impl Iterator<Item = Pair>) -> Vec<u32> {
+    let mut curves: Vec<u32> = pairs.flat_map(|(i, j)| [i, j]).collect();
+    curves.sort_unstable();
+    curves.dedup();
+    curves
+}

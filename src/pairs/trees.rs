@@ -110,20 +110,10 @@ impl Trees {
         segments > GRAIN
     }
 
-    /// Refits all boxes to a frame. Allocates only where the curves are others than before.
-    pub fn refit(&mut self, set: &CurveSet) {
-        self.refit_to(set);
-    }
-
     /// Refits all boxes to those of the leaves. Allocates only where the curves are others than before.
-    pub fn refit_to<S: Leaves>(&mut self, leaves: S) {
-        let curves = leaves.curves();
-        let same =
-            self.layouts.len() == curves.len()
-                && self.layouts.iter().zip(curves).all(|(l, c)| {
-                    l.segments == c.segments && l.leaves == leaves.stored(c.segments)
-                });
-        if !same {
+    pub fn refit<S: Leaves>(&mut self, leaves: S) {
+        if !self.fit(leaves) {
+            let curves = leaves.curves();
             self.layouts.clear();
             let mut at = 0;
             for c in curves {
@@ -139,11 +129,20 @@ impl Trees {
         refit_range(leaves, 0, &self.layouts, &mut self.groups, &mut self.roots);
     }
 
+    /// Whether the stored groups are those of curves of the same sizes.
+    fn fit<S: Leaves>(&self, leaves: S) -> bool {
+        let curves = leaves.curves();
+        let fits = |(l, c): (&Layout, &Curve)| {
+            l.segments == c.segments && l.leaves == leaves.stored(c.segments)
+        };
+        self.layouts.len() == curves.len() && self.layouts.iter().zip(curves).all(fits)
+    }
+
     /// Refits the boxes of some curves, sorted; those of all others are left as they are, which may be those of an
     /// earlier frame.
-    pub fn refit_some(&mut self, set: &CurveSet, curves: &[u32]) {
-        if self.layouts.len() != set.len() || 4 * curves.len() > set.len() {
-            return self.refit(set);
+    pub fn refit_some<S: Leaves>(&mut self, leaves: S, curves: &[u32]) {
+        if !self.fit(leaves) || 4 * curves.len() > leaves.curves().len() {
+            return self.refit(leaves);
         }
         let Trees {
             layouts,
@@ -155,8 +154,8 @@ impl Trees {
             let layout = &layouts[i];
             let first = layout.start as usize;
             let own = &mut groups[first..first + layout.groups as usize];
-            roots[i] = match set.curve(i).closed {
-                true => refit_curve(set, i, layout, own),
+            roots[i] = match leaves.has_tree(i) {
+                true => refit_curve(leaves, i, layout, own),
                 false => Box3::EMPTY,
             };
         }

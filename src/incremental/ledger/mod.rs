@@ -36,11 +36,6 @@
 //! curves, as far as times are proven, cancel: nothing passed through. Two real passages that cancel are at
 //! different times or at different places.
 
-#![cfg_attr(
-    not(test),
-    expect(dead_code, reason = "used by the verifier, which comes with it")
-)]
-
 mod net;
 mod pair;
 #[cfg(test)]
@@ -49,9 +44,9 @@ mod planted;
 mod tests;
 
 use self::pair::{Part, Step, Workspace};
-use crate::certificate::{Certificate, Link};
+use crate::certificate::{Comparison, Link};
 use crate::curve::{BoxGroup, Curve, CurveSet, Point};
-use crate::pairs::{Leaves, LinkSearch, Pair, Trees};
+use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
 use crate::verdict::Defect;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -104,9 +99,6 @@ pub(crate) struct LedgerOptions {
     pub open_curves: bool,
 }
 
-/// Whether a block of eight segments (those from `8 block` on, of a curve) may have passed through anything.
-pub(crate) type Marked<'a> = &'a (dyn Fn(usize, u32) -> bool + Sync);
-
 /// What happened in a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Outcome {
@@ -150,18 +142,20 @@ impl Counts {
 impl Outcome {
     /// Pairs of closed curves whose linking number changed by another number than the sum of their passages: none,
     /// unless something is wrong. Pairs without a linking number in a frame, and undecided ones, are left out.
-    pub fn check(&self, before: &Certificate, after: &Certificate) -> Vec<Pair> {
+    ///
+    /// Both frames are given by how they compare with one baseline.
+    pub fn check(&self, before: &Comparison, after: &Comparison) -> Vec<Pair> {
         let mut rest: BTreeMap<Pair, i64> = BTreeMap::new();
-        let mut add = |links: &[Link], sign: i64| {
-            for link in links {
-                *rest.entry((link.i, link.j)).or_default() += sign * link.lambda;
+        for link in &self.sums {
+            *rest.entry((link.i, link.j)).or_default() += link.lambda;
+        }
+        for (comparison, sign) in [(before, 1), (after, -1)] {
+            for c in &comparison.changes {
+                *rest.entry((c.i, c.j)).or_default() += sign * (c.found - c.expected);
             }
-        };
-        add(&before.links, 1);
-        add(&self.sums, 1);
-        add(&after.links, -1);
+        }
         rest.retain(|_, rest| *rest != 0);
-        let lists = [&before.undefined, &after.undefined, &self.undecided];
+        let lists = [&before.defects, &after.defects, &self.undecided];
         for defect in lists.into_iter().flatten() {
             match defect.j {
                 Some(j) => drop(rest.remove(&(defect.i, j))),
@@ -186,8 +180,8 @@ pub(crate) struct Ledger {
 impl Ledger {
     /// All passages between two frames.
     ///
-    /// With `marked`, only those of which at least one of the two segments is in a marked block; the caller knows that
-    /// there are no others.
+    /// With `pairs`, sorted, those of these pairs of curves only (`(i, i)`: of a curve and itself); the caller knows
+    /// that there are no others.
     ///
     /// # Panics
     /// If the frames are not of the same curves.
@@ -196,23 +190,29 @@ impl Ledger {
         before: &CurveSet,
         after: &CurveSet,
         options: LedgerOptions,
-        marked: Option<Marked<'_>>,
+        pairs: Option<&[Pair]>,
     ) -> Outcome {
-        assert!(
-            before.basis() == after.basis() && before.curves() == after.curves(),
-            "two frames of the same curves"
-        );
+        assert!(before.same_layout(after), "two frames of the same curves");
         let frames = [before, after];
         let swept = Swept {
             frames,
             open: options.open_curves,
         };
-        self.trees.refit_to(swept);
-        self.find_pairs(swept, options.self_crossings, marked);
+        self.pairs.clear();
+        match pairs {
+            Some(pairs) => {
+                self.trees
+                    .refit_some(swept, &curves_of(pairs.iter().copied()));
+                self.pairs.extend_from_slice(pairs);
+            }
+            None => {
+                self.trees.refit(swept);
+                self.find_pairs(swept, options.self_crossings);
+            }
+        }
         let step = Step {
             frames,
             trees: &self.trees,
-            marked,
         };
         let pairs = &self.pairs[..];
         // Parts small enough to share out, large enough to be worth it. A large pair shares itself out.
@@ -240,24 +240,12 @@ impl Ledger {
     }
 
     /// Pairs of curves that may meet, and of a curve and itself where asked for, sorted.
-    fn find_pairs(&mut self, swept: Swept<'_>, own: bool, marked: Option<Marked<'_>>) {
-        let curves = swept.curves();
-        let moved: Option<Vec<bool>> = marked.map(|marked| {
-            let any = |i: usize| {
-                let blocks = curves[i].segments.div_ceil(8);
-                (0..blocks).any(|block| marked(i, block))
-            };
-            (0..curves.len()).into_par_iter().map(any).collect()
-        });
-        let moved = |i: u32| moved.as_ref().is_none_or(|moved| moved[i as usize]);
-        let found = self.search.find(self.trees.roots());
-        self.pairs.clear();
+    fn find_pairs(&mut self, swept: Swept<'_>, own: bool) {
         self.pairs
-            .extend(found.iter().filter(|&&(i, j)| moved(i) || moved(j)));
+            .extend_from_slice(self.search.find(self.trees.roots()));
         if own {
-            let alone =
-                (0..curves.len() as u32).filter(|&i| swept.has_tree(i as usize) && moved(i));
-            self.pairs.extend(alone.map(|i| (i, i)));
+            let alone = (0..swept.curves().len()).filter(|&i| swept.has_tree(i));
+            self.pairs.extend(alone.map(|i| (i as u32, i as u32)));
             self.pairs.par_sort_unstable();
         }
     }

@@ -1,7 +1,7 @@
 //! The passages of one pair of curves, or of a curve and itself.
 
 use super::net::{Found, cancel};
-use super::{Counts, Marked, PullThrough};
+use super::{Counts, PullThrough};
 use crate::certificate::Link;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
@@ -47,7 +47,6 @@ pub(super) struct Step<'a> {
     pub frames: [&'a CurveSet; 2],
     /// Of swept boxes.
     pub trees: &'a Trees,
-    pub marked: Option<Marked<'a>>,
 }
 
 /// What one task found.
@@ -254,14 +253,6 @@ impl<'a> Task<'a> {
         }
     }
 
-    fn is_marked(&self, s: u32, t: u32) -> bool {
-        let [i, j] = self.curves;
-        let block = |s: u32| s / BLOCK;
-        self.step
-            .marked
-            .is_none_or(|marked| marked(i, block(s)) || marked(j, block(t)))
-    }
-
     /// Whether two segments of one curve follow one another.
     fn adjacent(&self, s: u32, t: u32) -> bool {
         let curve = self.step.frames[0].curve(self.curves[0]);
@@ -365,18 +356,8 @@ impl<'a> Task<'a> {
             (false, true) => 0,
             (false, false) => last - 1,
         };
-        if self.is_marked(first, after) {
-            let known = gathered.near.len();
-            self.separation
-                .add_turns(first..last, after, &mut gathered.near);
-            if self.step.marked.is_some() {
-                let mut at = 0;
-                gathered.near.retain(|&(s, t)| {
-                    at += 1;
-                    at <= known || self.is_marked(s, t)
-                });
-            }
-        }
+        self.separation
+            .add_turns(first..last, after, &mut gathered.near);
     }
 
     /// Makes two parts of the visits side by side; the second one has an agenda of its own.
@@ -409,7 +390,7 @@ impl<'a> Task<'a> {
         found.counts.candidates += candidates.len() as u64;
         let own = self.own();
         for &(s, t) in candidates.iter() {
-            if (own && self.adjacent(s, t)) || !self.is_marked(s, t) {
+            if own && self.adjacent(s, t) {
                 continue;
             }
             if !self.splines() {

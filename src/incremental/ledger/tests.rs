@@ -4,6 +4,7 @@ use super::net::{Found, cancel};
 use super::pair::{Part, Step};
 use super::planted::{Plant, Random, scene};
 use super::*;
+use crate::certificate::Certificate;
 use crate::curve::{Basis, Positions};
 use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
@@ -125,6 +126,12 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
     })
 }
 
+/// [`Outcome::check`], by the certificates of both frames.
+fn unaccounted(outcome: &Outcome, [before, after]: &[Certificate; 2]) -> Vec<Pair> {
+    let none = before.compare(before).unwrap();
+    outcome.check(&none, &after.compare(before).unwrap())
+}
+
 /// Thousands of motions of every basis: linking numbers change by the sum of the signs.
 #[test]
 fn signs_add_up_to_the_change_of_the_linking_number() {
@@ -142,7 +149,7 @@ fn signs_add_up_to_the_change_of_the_linking_number() {
             };
             let outcome = ledger.step(&before, &after, options, None);
             assert_eq!(
-                outcome.check(&numbers[0], &numbers[1]),
+                unaccounted(&outcome, &numbers),
                 [],
                 "{basis:?} {k}: {outcome:?}"
             );
@@ -207,7 +214,7 @@ fn planted_passages_are_told_and_no_others() {
                 assert!((e.fraction - k.fraction).abs() < accuracy, "{e:?} {k:?}");
             }
             let numbers = [before, after].map(certificate);
-            assert_eq!(outcome.check(&numbers[0], &numbers[1]), []);
+            assert_eq!(unaccounted(&outcome, &numbers), []);
             match plant {
                 Plant::Single => assert_ne!(numbers[0].links, numbers[1].links),
                 // What no linking number sees.
@@ -231,7 +238,6 @@ fn the_search_finds_what_all_pairs_of_segments_have() {
             let step = Step {
                 frames: [&before, &after],
                 trees: &ledger.trees,
-                marked: None,
             };
             let mut part = Part::default();
             let n = before.len() as u32;
@@ -249,7 +255,7 @@ fn the_search_finds_what_all_pairs_of_segments_have() {
     }
 }
 
-/// Pairs that share themselves out, blocks left out, and any number of threads.
+/// Pairs that share themselves out, pairs left out, and any number of threads.
 #[test]
 fn the_outcome_depends_on_nothing_but_the_frames() {
     let n = 20_000;
@@ -275,29 +281,22 @@ fn the_outcome_depends_on_nothing_but_the_frames() {
             xyz.extend(strand(&mut r, f, 0.4));
             CurveSet::from_counts(basis, &[-n, -n], Positions::F64(&xyz)).unwrap()
         });
-        let run = |threads: usize, marked: Option<Marked<'_>>| {
+        let run = |threads: usize, pairs: Option<&[Pair]>| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.unwrap()
-                .install(|| Ledger::default().step(&before, &after, ALL, marked))
+                .install(|| Ledger::default().step(&before, &after, ALL, pairs))
         };
         let one = run(1, None);
         assert!(one.events.len() > 1000, "{}", one.events.len());
         assert_eq!(run(5, None), one);
-        let block = |e: &PullThrough, side: usize| e.segments[side] / 8;
-        let (chosen, other) = ((0usize, 700u32), (1usize, 30u32));
-        let marked = |i: usize, b: u32| (i, b) == chosen || (i, b) == other;
-        let some = run(2, Some(&marked));
-        let want: Vec<PullThrough> = one
-            .events
-            .iter()
-            .filter(|e| marked(e.i as usize, block(e, 0)) || marked(e.j as usize, block(e, 1)))
-            .copied()
-            .collect();
-        // Splines are split where they need it, and less so for less of them.
-        if basis.is_polyline() {
+        // Those of some pairs are the same.
+        for pairs in [&[(0, 0), (0, 1)][..], &[(1, 1)]] {
+            let some = run(2, Some(pairs));
+            let chosen = |e: &&PullThrough| pairs.contains(&(e.i, e.j));
+            let want: Vec<PullThrough> = one.events.iter().filter(chosen).copied().collect();
             assert_eq!(some.events, want);
+            assert!(!want.is_empty() && want.len() < one.events.len());
         }
-        assert!(!want.is_empty() && some.events.len() < one.events.len());
         println!("{basis:?}: {} passages, {:?}", one.events.len(), one.counts);
     }
 }
@@ -455,7 +454,7 @@ fn speed() {
                 let mut outcome = Outcome::default();
                 for _ in 0..31 {
                     let start = Instant::now();
-                    ledger.trees.refit_to(Swept {
+                    ledger.trees.refit(Swept {
                         frames: [&before, &after],
                         open: false,
                     });
