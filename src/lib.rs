@@ -35,7 +35,7 @@ pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
-pub use incremental::{PullThrough, Route, Work};
+pub use incremental::{Events, PullThrough, Route, Work};
 pub use plan::Plan;
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]

@@ -66,10 +66,27 @@ impl<'a> Positions<'a> {
 }
 
 /// Coordinates in three arrays, one an axis, in the precision that they came in.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) enum Coordinates {
     F32([Vec<f32>; 3]),
     F64([Vec<f64>; 3]),
+}
+
+impl Clone for Coordinates {
+    fn clone(&self) -> Coordinates {
+        match self {
+            Self::F32(v) => Self::F32(v.clone()),
+            Self::F64(v) => Self::F64(v.clone()),
+        }
+    }
+
+    fn clone_from(&mut self, source: &Coordinates) {
+        match (self, source) {
+            (Self::F32(to), Self::F32(from)) => to.clone_from(from),
+            (Self::F64(to), Self::F64(from)) => to.clone_from(from),
+            (to, from) => *to = from.clone(),
+        }
+    }
 }
 
 /// A value that is not finite: point, axis, value.

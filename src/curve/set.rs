@@ -31,7 +31,7 @@ const SPLINE_RANGE: f64 = f64::from_bits((1023 + 300) << 52);
 /// every segment is a window of neighbouring slots and eight segments are read at once.
 ///
 /// Invariant: every coordinate is finite, and every curve has as many points as its basis needs.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct CurveSet {
     pub(super) basis: Basis,
     pub(super) curves: Vec<Curve>,
@@ -39,6 +39,30 @@ pub struct CurveSet {
     pub(super) points: usize,
     /// Largest magnitude of any coordinate.
     max_abs: f64,
+}
+
+impl Clone for CurveSet {
+    fn clone(&self) -> CurveSet {
+        CurveSet {
+            curves: self.curves.clone(),
+            coordinates: self.coordinates.clone(),
+            ..*self
+        }
+    }
+
+    /// Copies into the memory that is there: frame after frame.
+    fn clone_from(&mut self, source: &CurveSet) {
+        let CurveSet {
+            basis,
+            curves,
+            coordinates,
+            points,
+            max_abs,
+        } = self;
+        curves.clone_from(&source.curves);
+        coordinates.clone_from(&source.coordinates);
+        (*basis, *points, *max_abs) = (source.basis, source.points, source.max_abs);
+    }
 }
 
 impl CurveSet {

@@ -6,6 +6,10 @@ use nalgebra::{Matrix3, Vector3};
 /// Points that the frame is fitted to: enough to follow the scene, few enough to cost nothing.
 const SAMPLES: usize = 1024;
 
+/// By how much points may deviate further than by their allowances and still keep apart what these keep apart: those
+/// use a share of 0.49 of each gap, and two times 0.4974 is less than all of it, with room for rounding.
+const FREE: f64 = 0.015;
+
 /// The map `q -> M q + t` from a reference frame to a later one. Its determinant is positive, so it is isotopic to
 /// the identity and changes no linking number.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +39,56 @@ impl Affine {
         }
         let m = Matrix3::identity() + moved * sample.shape;
         Affine::new(m, sample.mean + mean - m * sample.mean)
+    }
+
+    /// The map that leaves everything where it is.
+    pub fn identity() -> Affine {
+        Affine {
+            m: Matrix3::identity(),
+            t: Vector3::zeros(),
+            inverse: Matrix3::identity(),
+            sigma: 1.0,
+        }
+    }
+
+    /// What becomes of points that move on straight lines, at constant speed, from where one map has them to where
+    /// another one does, as seen in the space of the reference frame; or none, where the maps are too far apart.
+    ///
+    /// With a map and a deviation `r` at each end, `|r| <= sigma a`, a point is at `M q + T + r` at any time between,
+    /// all of them interpolated linearly. Mapped back it is within `|r| / s` of `q`, with `s` the least singular value
+    /// of the interpolated `M`: no further than `a` by more than the share of the gaps that allowances leave free, or
+    /// there is no result. A point at `y0` and `y1` is at `y0 + A (y1 - y0)` with `A = k M^-1 M1` at time `k`, and with
+    /// `D = 1 - M1^-1 M0` that is within `|D| / (4 (1 - |D|))` of `k`. The result is a bound of that: how far such a
+    /// point may be from the straight line, as a share of its way.
+    pub fn bend([from, to]: [&Affine; 2]) -> Option<f64> {
+        /// Of a whole, the part of the time that is looked at at once.
+        const PARTS: usize = 8;
+        let step = to.m - from.m;
+        let d = (to.inverse * step).norm();
+        if d > 0.25 {
+            return None;
+        }
+        let bend = d / (4.0 * (1.0 - d));
+        let most = from.sigma.max(to.sigma);
+        // No singular value of any of them differs from the first one's by more than the step's norm.
+        if most <= (from.sigma - step.norm()) * (1.0 + FREE) {
+            return Some(bend);
+        }
+        let half = 0.5 / PARTS as f64;
+        for k in 0..PARTS {
+            let at = (2 * k + 1) as f64 * half;
+            let m = from.m + step * at;
+            // `M (1 + u E)`, for `|u| <= half`, shrinks nothing by more than `M`, and what the symmetric part of E does.
+            let e = m.try_inverse()? * step;
+            let shrinks = (e + e.transpose()).symmetric_eigenvalues().amax() * half;
+            let least = m.svd(false, false).singular_values.min();
+            let sigma = |at: f64| from.sigma + at * (to.sigma - from.sigma);
+            let most = sigma(at - half).max(sigma(at + half));
+            if shrinks > 0.5 || most > least * (1.0 - shrinks).sqrt() * (1.0 + FREE) {
+                return None;
+            }
+        }
+        Some(bend)
     }
 
     /// The map, where it is one to work with.

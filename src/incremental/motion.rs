@@ -7,15 +7,25 @@ use crate::curve::{Bezier, Box3, CurveSet, LANES, Point};
 use crate::pairs::{LinkSearch, Pair};
 use rayon::prelude::*;
 
-/// Segments that moved further than they may, of one frame.
+/// Segments that moved further than they may, of a step from one frame to another.
 ///
-/// Everything is in the space of the reference frame: points of the later frame are mapped back.
+/// They are looked for in the space of the reference frame, into which both frames are mapped back.
 pub(super) struct Motion<'a> {
     reference: &'a Reference,
-    affine: &'a Affine,
-    set: &'a CurveSet,
+    ends: [(&'a Affine, &'a CurveSet); 2],
+    space: Space,
     /// Blocks of eight segments with one of these among them, sorted.
     blocks: Vec<Block>,
+}
+
+/// Where points move on straight lines at constant speed.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Space {
+    /// In the space of the reference frame. For linking numbers any way will do, so long as every map between is
+    /// isotopic to the identity.
+    Reference,
+    /// In the world. Mapped back, ways are bent by up to this share of their length ([`Affine::bend`]).
+    World { bend: f64 },
 }
 
 /// A block of eight segments of a curve.
@@ -33,14 +43,15 @@ impl<'a> Motion<'a> {
     /// The marked segments: those that depend on a point in one of the chunks of slots that breaks its allowance.
     pub fn new(
         reference: &'a Reference,
-        affine: &'a Affine,
-        set: &'a CurveSet,
+        ends: [(&'a Affine, &'a CurveSet); 2],
         chunks: &[u32],
+        space: Space,
     ) -> Motion<'a> {
+        let set = ends[1].1;
         let mut motion = Motion {
             reference,
-            affine,
-            set,
+            ends,
+            space,
             blocks: Vec::new(),
         };
         let mut segments: Vec<(u32, u32)> = Vec::new();
@@ -84,20 +95,29 @@ impl<'a> Motion<'a> {
         blocks.map(|of_one| of_one[0].curve as usize)
     }
 
-    /// A segment in the reference frame, and in the later one mapped back.
+    /// A segment at both ends, mapped back.
     fn both(&self, i: usize, s: u32) -> [Bezier; 2] {
-        let back = |p: Point| self.affine.back(p);
-        [
-            self.reference.set.segment(i, s as usize),
-            self.set.segment(i, s as usize).map(back),
-        ]
+        self.ends.map(|(affine, set)| {
+            let back = |p: Point| affine.back(p);
+            set.segment(i, s as usize).map(back)
+        })
+    }
+
+    /// A segment at both ends, where it moves on straight lines between.
+    fn straight(&self, i: usize, s: u32) -> [Bezier; 2] {
+        match self.space {
+            Space::Reference => self.both(i, s),
+            Space::World { .. } => self.ends.map(|(_, set)| set.segment(i, s as usize)),
+        }
     }
 
     /// Rounding of points that are mapped back, and of what is computed from them, generously.
     fn slack(&self) -> f64 {
-        let size =
-            self.reference.set.max_abs() + 10.0 * (self.set.max_abs() + self.affine.t.amax());
-        size * 1e-12 + 1e-300
+        let ends = self.ends.iter();
+        let size: f64 = ends
+            .map(|(affine, set)| set.max_abs() + affine.t.amax())
+            .sum();
+        (self.reference.set.max_abs() + 10.0 * size) * 1e-12 + 1e-300
     }
 
     fn swept(&self, block: &Block) -> Box3 {
@@ -106,8 +126,18 @@ impl<'a> Motion<'a> {
         for k in 0..LANES as u32 {
             if block.marked >> k & 1 != 0 {
                 let s = block.leaf * LANES as u32 + k;
-                for p in self.both(block.curve as usize, s).as_flattened() {
-                    out = out.union(&Box3::around(*p, slack));
+                let [from, to] = self.both(block.curve as usize, s);
+                for (p, q) in from.iter().zip(&to) {
+                    let bent = match self.space {
+                        Space::Reference => 0.0,
+                        Space::World { bend } => {
+                            let way = [0, 1, 2].map(|x| q[x] - p[x]);
+                            bend * way.iter().map(|d| d * d).sum::<f64>().sqrt() * (1.0 + 1e-9)
+                        }
+                    };
+                    for p in [p, q] {
+                        out = out.union(&Box3::around(*p, slack + bent));
+                    }
                 }
             }
         }
@@ -203,12 +233,12 @@ impl<'a> Motion<'a> {
 
     /// Whether the marked segments of a block are apart from the segment `t` of curve `j` at all times.
     fn block_apart(&self, block: &Block, j: u32, t: u32) -> bool {
-        let b = self.both(j as usize, t);
+        let b = self.straight(j as usize, t);
         let slack = 4.0 * (self.slack() + self.reference.set.pad());
         (0..LANES as u32)
             .filter(|k| block.marked >> k & 1 != 0)
             .all(|k| {
-                let a = self.both(block.curve as usize, block.leaf * LANES as u32 + k);
+                let a = self.straight(block.curve as usize, block.leaf * LANES as u32 + k);
                 apart_in_both(&a, &b, slack)
             })
     }

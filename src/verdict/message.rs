@@ -2,6 +2,7 @@
 
 use super::{Defect, DefectKind, Place, Report, Verdict};
 use crate::certificate::{Change, ChangeKind};
+use crate::incremental::PullThrough;
 use std::fmt;
 
 impl fmt::Display for Verdict {
@@ -91,10 +92,21 @@ impl Report {
                 n => parts.push(format!("{n} links {}", kind.word())),
             }
         }
-        match self.defects.len() {
+        match self.events.len() {
+            0 => {}
+            1 => parts.push("1 pull-through".into()),
+            n => parts.push(format!("{n} pull-throughs")),
+        }
+        let untold = self.defects.iter().filter(|d| d.kind.is_of_step()).count();
+        match self.defects.len() - untold {
             0 => {}
             1 => parts.push("1 pair or curve without a number".into()),
             n => parts.push(format!("{n} pairs or curves without a number")),
+        }
+        match untold {
+            0 => {}
+            1 => parts.push("1 step of a pair or curve undecided".into()),
+            n => parts.push(format!("{n} steps of pairs or curves undecided")),
         }
         parts.extend(self.rejected.clone());
         let detail = if parts.is_empty() {
@@ -105,9 +117,11 @@ impl Report {
         format!("frame {}: {}{detail}", self.seq, self.verdict)
     }
 
-    /// Every finding of the frame, a sentence each.
+    /// Every finding of the frame, a sentence each: changes, events, defects.
     pub fn findings(&self) -> impl Iterator<Item = String> + '_ {
         let changes = self.changes.iter().map(Change::to_string);
-        changes.chain(self.defects.iter().map(Defect::to_string))
+        let events = self.events.iter().map(PullThrough::to_string);
+        let defects = self.defects.iter().map(Defect::to_string);
+        changes.chain(events).chain(defects)
     }
 }

@@ -7,6 +7,7 @@ pub use policy::AbortOn;
 
 use crate::certificate::Change;
 use crate::curve::Point;
+use crate::incremental::PullThrough;
 
 /// The answer to "is the topology of this frame the one that it started with?".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
@@ -15,7 +16,8 @@ use crate::curve::Point;
 pub enum Verdict {
     /// Every linking number was proven to be the expected one.
     Intact = 0,
-    /// At least one linking number is another than expected.
+    /// At least one linking number is another than expected, or a curve was pulled through another or through itself
+    /// since the frame before.
     Changed = 1,
     /// Curves touch: their linking number is not defined. No pair is known to have changed.
     Contact = 2,
@@ -67,7 +69,7 @@ pub struct Place {
     pub distance: f64,
 }
 
-/// Why a pair, or every pair of a curve, has no linking number.
+/// Why a pair, or every pair of a curve, has no linking number; or why it is not told what happened to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[repr(u32)]
@@ -80,16 +82,27 @@ pub enum DefectKind {
     Degenerate = 2,
     /// The pair has a linking number now, but had none in the baseline to compare with.
     NoBaseline = 3,
+    /// Whether one was pulled through the other since the frame before cannot be told: they touched, or came too close.
+    Untold = 4,
+    /// The linking number changed by another number than the pull-throughs since the frame before add up to.
+    Unaccounted = 5,
 }
 
 impl DefectKind {
     /// Every kind, in the order of its code in recordings.
-    pub const ALL: [DefectKind; 4] = [
+    pub const ALL: [DefectKind; 6] = [
         DefectKind::Contact,
         DefectKind::TooClose,
         DefectKind::Degenerate,
         DefectKind::NoBaseline,
+        DefectKind::Untold,
+        DefectKind::Unaccounted,
     ];
+
+    /// Whether it is about the step from the frame before, not about a linking number.
+    pub fn is_of_step(self) -> bool {
+        matches!(self, DefectKind::Untold | DefectKind::Unaccounted)
+    }
 
     /// In words, for "curves 3 and 4 ..".
     pub fn words(self) -> &'static str {
@@ -98,6 +111,8 @@ impl DefectKind {
             DefectKind::TooClose => "are too close to decide",
             DefectKind::Degenerate => "has fewer than three distinct vertices",
             DefectKind::NoBaseline => "had no linking number to compare with",
+            DefectKind::Untold => "may have passed through one another: too close to tell",
+            DefectKind::Unaccounted => "changed their linking number by more than was pulled through",
         }
     }
 }
@@ -181,6 +196,9 @@ pub struct Report {
     pub abort: bool,
     /// Linking numbers that are not the expected ones, sorted by pair.
     pub changes: Vec<Change>,
+    /// Pull-throughs since the last frame that was verified, in the order in which they came; empty where they are not
+    /// looked for ([`Events`](crate::Events)).
+    pub events: Vec<PullThrough>,
     /// What could not be decided or compared, sorted by pair.
     pub defects: Vec<Defect>,
     /// Why the frame was rejected, in words.

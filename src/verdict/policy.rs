@@ -1,7 +1,7 @@
 //! When the simulator is asked to stop.
 
-use super::Verdict;
-use crate::certificate::{Change, ChangeKind};
+use super::{Report, Verdict};
+use crate::certificate::ChangeKind;
 use std::fmt;
 use std::str::FromStr;
 
@@ -9,7 +9,7 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AbortOn {
-    /// A linking number changed in any way, or curves touch.
+    /// A linking number changed in any way, curves touch, or one was pulled through.
     #[default]
     Any,
     /// A link was lost, or changed to another number.
@@ -18,28 +18,32 @@ pub enum AbortOn {
     Gained,
     /// Curves touch.
     Contact,
+    /// A curve was pulled through another, or through itself ([`Events`](crate::Events)).
+    Event,
     /// Nothing: watch and record only.
     Never,
 }
 
 impl AbortOn {
     /// Every policy.
-    pub const ALL: [AbortOn; 5] = [
+    pub const ALL: [AbortOn; 6] = [
         AbortOn::Any,
         AbortOn::Lost,
         AbortOn::Gained,
         AbortOn::Contact,
+        AbortOn::Event,
         AbortOn::Never,
     ];
 
     /// Whether these findings ask the simulator to stop.
-    pub fn aborts(self, verdict: Verdict, changes: &[Change], contact: bool) -> bool {
-        let unlike = |kind| changes.iter().any(|c| c.kind() != kind);
+    pub fn aborts(self, report: &Report) -> bool {
+        let unlike = |kind| report.changes.iter().any(|c| c.kind() != kind);
         match self {
-            AbortOn::Any => verdict == Verdict::Changed || contact,
+            AbortOn::Any => report.verdict == Verdict::Changed || report.has_contact(),
             AbortOn::Lost => unlike(ChangeKind::Gained),
             AbortOn::Gained => unlike(ChangeKind::Lost),
-            AbortOn::Contact => contact,
+            AbortOn::Contact => report.has_contact(),
+            AbortOn::Event => !report.events.is_empty(),
             AbortOn::Never => false,
         }
     }
@@ -51,6 +55,7 @@ impl AbortOn {
             AbortOn::Lost => "lost",
             AbortOn::Gained => "gained",
             AbortOn::Contact => "contact",
+            AbortOn::Event => "event",
             AbortOn::Never => "never",
         }
     }
@@ -68,45 +73,84 @@ impl FromStr for AbortOn {
         Self::ALL
             .into_iter()
             .find(|a| a.word() == s)
-            .ok_or_else(|| "expected any, lost, gained, contact or never".into())
+            .ok_or_else(|| "expected any, lost, gained, contact, event or never".into())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::certificate::Change;
+    use crate::incremental::PullThrough;
+    use crate::verdict::{Defect, DefectKind, Place};
 
-    fn change(expected: i64, found: i64) -> Change {
-        Change {
+    fn report(verdict: Verdict) -> Report {
+        Report {
+            seq: 0,
+            time: 0.0,
+            verdict,
+            abort: false,
+            changes: Vec::new(),
+            events: Vec::new(),
+            defects: Vec::new(),
+            rejected: None,
+            stats: Default::default(),
+        }
+    }
+
+    fn changed(expected: i64, found: i64) -> Report {
+        let change = Change {
             i: 0,
             j: 1,
             expected,
             found,
             place: None,
+        };
+        Report {
+            changes: vec![change],
+            ..report(Verdict::Changed)
         }
     }
 
     #[test]
     fn each_policy_stops_at_its_finding_only() {
-        let lost = [change(1, 0)];
-        let gained = [change(0, 1)];
-        let other = [change(1, 2)];
-        let stops = |changes: &[Change], contact| {
-            let verdict = if changes.is_empty() {
-                Verdict::Contact
-            } else {
-                Verdict::Changed
-            };
-            AbortOn::ALL.map(|a| a.aborts(verdict, changes, contact))
+        let contact = Defect {
+            i: 0,
+            j: Some(1),
+            kind: DefectKind::Contact,
+            place: Place {
+                segments: [0, 0],
+                point: [0.0; 3],
+                distance: 0.0,
+            },
         };
-        assert_eq!(stops(&lost, false), [true, true, false, false, false]);
-        assert_eq!(stops(&gained, false), [true, false, true, false, false]);
-        assert_eq!(stops(&other, false), [true, true, true, false, false]);
-        assert_eq!(stops(&[], true), [true, false, false, true, false]);
-        assert_eq!(
-            AbortOn::ALL.map(|a| a.aborts(Verdict::Undecided, &[], false)),
-            [false; 5]
-        );
+        let contact = Report {
+            defects: vec![contact],
+            ..report(Verdict::Contact)
+        };
+        let event = PullThrough {
+            i: 0,
+            j: 1,
+            segments: [0, 0],
+            fraction: 0.5,
+            sign: 1,
+            point: [0.0; 3],
+        };
+        let event = Report {
+            events: vec![event],
+            ..report(Verdict::Changed)
+        };
+        // any, lost, gained, contact, event, never
+        for (report, stops) in [
+            (changed(1, 0), [true, true, false, false, false, false]),
+            (changed(0, 1), [true, false, true, false, false, false]),
+            (changed(1, 2), [true, true, true, false, false, false]),
+            (contact, [true, false, false, true, false, false]),
+            (event, [true, false, false, false, true, false]),
+            (report(Verdict::Undecided), [false; 6]),
+        ] {
+            assert_eq!(AbortOn::ALL.map(|a| a.aborts(&report)), stops, "{report:?}");
+        }
     }
 
     #[test]

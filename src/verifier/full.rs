@@ -1,0 +1,271 @@
+//! A full run: all linking numbers of a frame. And parts of one, for those who know which pairs to ask for.
+
+use super::{Progress, Timings};
+use crate::certificate::{Certificate, Comparison, Link};
+use crate::curve::{Box3, CurveSet};
+use crate::error::Result;
+use crate::kernels::Linking;
+use crate::kernels::crossings::{Scene, Workspaces, linking_number};
+use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
+use crate::verdict::{Defect, DefectKind, Place, Stats};
+use rayon::prelude::*;
+use std::slice::SliceIndex;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+/// Pairs that are computed before the first look for a change; then twice as many each time.
+const FIRST_BLOCK: usize = 64;
+
+/// Computes linking numbers. Its buffers serve every frame.
+#[derive(Debug, Default)]
+pub(super) struct FullRun {
+    trees: Trees,
+    search: LinkSearch,
+    parts: Vec<Part>,
+    /// Boxes of the frame before, where the motion since then is asked for.
+    before: Vec<Box3>,
+    workspaces: Workspaces,
+    /// Of the last frame.
+    pub certificate: Certificate,
+    pub progress: Arc<Progress>,
+    pub timings: Timings,
+}
+
+impl FullRun {
+    /// Computes the certificate of a frame.
+    pub fn certify(&mut self, set: &CurveSet) -> Stats {
+        let mut stats = self.find_pairs(set);
+        self.compute_pairs(set, .., &mut stats);
+        stats
+    }
+
+    /// Computes the linking numbers of some pairs, sorted. Nothing else is said of the frame.
+    pub fn certify_pairs(&mut self, set: &CurveSet, pairs: &[Pair]) -> Certificate {
+        let start = Instant::now();
+        self.refit(set, pairs);
+        // Curves whose boxes are apart are not linked, as in a full run.
+        let roots = self.trees.roots();
+        let meet = |&(i, j): &Pair| roots[i as usize].overlaps(&roots[j as usize]);
+        let meeting: Vec<Pair> = pairs.iter().copied().filter(meet).collect();
+        let scene = Scene {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        };
+        compute_links(scene, &meeting, &mut self.parts, &self.progress);
+        let mut anew = Certificate {
+            curves: set.len(),
+            ..Certificate::default()
+        };
+        gather(&self.parts, &mut anew, &mut Stats::default());
+        self.timings.links = start.elapsed();
+        anew
+    }
+
+    /// Makes the trees of the curves of some pairs those of this frame.
+    pub fn refit(&mut self, set: &CurveSet, pairs: &[Pair]) {
+        self.trees
+            .refit_some(set, &curves_of(pairs.iter().copied()));
+    }
+
+    /// The trees: of the last frame, as far as it was asked for.
+    pub fn trees(&self) -> &Trees {
+        &self.trees
+    }
+
+    /// Potential links of the last full run.
+    pub fn potential_links(&self) -> usize {
+        self.search.pairs().len()
+    }
+
+    /// The stages before the linking numbers: boxes and potential links. Nothing is certified yet.
+    fn find_pairs(&mut self, set: &CurveSet) -> Stats {
+        let start = Instant::now();
+        self.trees.refit(set);
+        let boxed = Instant::now();
+        let Certificate {
+            curves,
+            links,
+            undefined,
+        } = &mut self.certificate;
+        *curves = set.len();
+        links.clear();
+        undefined.clear();
+        undefined.extend(degenerate_curves(set));
+        let pairs = potential_links(&self.trees, &mut self.search, undefined);
+        self.progress.done.store(0, Ordering::Relaxed);
+        let total = pairs.len() as u64;
+        self.progress.total.store(total, Ordering::Relaxed);
+        self.timings = Timings {
+            boxes: boxed - start,
+            pairs: boxed.elapsed(),
+            ..Timings::default()
+        };
+        // Only polylines can have any.
+        let curves = if set.basis().is_polyline() {
+            set.len()
+        } else {
+            0
+        };
+        let repeated = (0..curves).into_par_iter();
+        Stats {
+            repeated_vertices: repeated.map(|i| set.repeated_vertices(i) as u64).sum(),
+            ..sizes(set)
+        }
+    }
+
+    /// Adds the linking numbers of a range of the potential links to the certificate.
+    fn compute_pairs(
+        &mut self,
+        set: &CurveSet,
+        range: impl SliceIndex<[Pair], Output = [Pair]>,
+        stats: &mut Stats,
+    ) {
+        let start = Instant::now();
+        let scene = Scene {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        };
+        compute_links(
+            scene,
+            &self.search.pairs()[range],
+            &mut self.parts,
+            &self.progress,
+        );
+        gather(&self.parts, &mut self.certificate, stats);
+        self.timings.links += start.elapsed();
+    }
+
+    /// Compares a frame with the baseline, the most suspect pairs first, up to the first change.
+    ///
+    /// Pairs are taken in blocks, so that what is found does not depend on the number of threads.
+    pub fn compare_until_change(
+        &mut self,
+        set: &CurveSet,
+        baseline: &Certificate,
+    ) -> Result<(Comparison, Stats)> {
+        self.before.clear();
+        self.before.extend_from_slice(self.trees.roots());
+        let mut stats = self.find_pairs(set);
+        let (now, pairs) = (self.trees.roots(), self.search.pairs_mut());
+        most_suspect_first(pairs, &baseline.links, now, &self.before);
+        let count = pairs.len();
+        let (mut done, mut block) = (0, FIRST_BLOCK);
+        let mut unchecked = Vec::new();
+        loop {
+            unchecked.clear();
+            unchecked.extend_from_slice(&self.search.pairs()[done..]);
+            unchecked.sort_unstable();
+            stats.unchecked = unchecked.len() as u64;
+            let comparison = self.certificate.compare_except(baseline, &unchecked)?;
+            if !comparison.changes.is_empty() || done == count {
+                return Ok((comparison, stats));
+            }
+            let next = (done + block).min(count);
+            self.compute_pairs(set, done..next, &mut stats);
+            self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
+            (done, block) = (next, 2 * block);
+        }
+    }
+}
+
+/// The linking numbers of these pairs, in parts that follow one another in the order of the pairs.
+fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progress: &Progress) {
+    let size = links_per_task(pairs.len(), rayon::current_num_threads());
+    let count = pairs.len().div_ceil(size);
+    parts.resize_with(count.max(parts.len()), Part::default);
+    parts.par_iter_mut().enumerate().for_each(|(k, part)| {
+        part.links.clear();
+        part.undefined.clear();
+        part.stats = Stats::default();
+        if k >= count {
+            return;
+        }
+        let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
+        let mut workspace = scene.workspaces.take();
+        for &(i, j) in pairs {
+            match linking_number(scene, (i, j), None, &mut workspace) {
+                Linking::Number(0) => {}
+                Linking::Number(lambda) => part.links.push(Link { i, j, lambda }),
+                Linking::Undefined(kind, place) => part.undefined.push(Defect {
+                    i,
+                    j: Some(j),
+                    kind,
+                    place,
+                }),
+            }
+        }
+        part.stats = workspace.take_stats();
+        scene.workspaces.put(workspace);
+        progress
+            .done
+            .fetch_add(pairs.len() as u64, Ordering::Relaxed);
+    });
+}
+
+/// Adds what the tasks computed to a certificate, and their work.
+fn gather(parts: &[Part], certificate: &mut Certificate, stats: &mut Stats) {
+    for part in parts {
+        certificate.links.extend_from_slice(&part.links);
+        certificate.undefined.extend_from_slice(&part.undefined);
+        stats.add(&part.stats);
+    }
+    // No two have the same key.
+    certificate.undefined.sort_unstable_by_key(|d| (d.i, d.j));
+}
+
+/// The size of a frame.
+pub(super) fn sizes(set: &CurveSet) -> Stats {
+    Stats {
+        curves: set.len() as u64,
+        segments: set.segments() as u64,
+        open_curves: set.curves().iter().filter(|c| !c.closed).count() as u64,
+        ..Stats::default()
+    }
+}
+
+/// Potential links computed by one task: few enough to share out, enough to be worth it. One of them may be a whole
+/// model; it shares itself out.
+pub(crate) fn links_per_task(links: usize, threads: usize) -> usize {
+    (links / (32 * threads)).clamp(1, 256)
+}
+
+/// Pairs that may be linked: those whose boxes overlap, but for degenerate curves, which are sorted.
+pub(crate) fn potential_links<'a>(
+    trees: &Trees,
+    search: &'a mut LinkSearch,
+    degenerate: &[Defect],
+) -> &'a mut Vec<Pair> {
+    let pairs = search.find(trees.roots());
+    if !degenerate.is_empty() {
+        let whole = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
+        pairs.retain(|&(i, j)| whole(i) && whole(j));
+    }
+    pairs
+}
+
+/// What one task computed.
+#[derive(Debug, Default)]
+struct Part {
+    links: Vec<Link>,
+    undefined: Vec<Defect>,
+    stats: Stats,
+}
+
+/// Closed curves that bound nothing, in order.
+pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
+    (0..set.len())
+        .filter(|&i| set.curve(i).closed && !set.has_three_distinct_points(i))
+        .map(|i| Defect {
+            i: i as u32,
+            j: None,
+            kind: DefectKind::Degenerate,
+            place: Place {
+                segments: [0, 0],
+                point: set.point(i, 0),
+                distance: 0.0,
+            },
+        })
+}

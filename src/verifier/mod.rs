@@ -1,0 +1,387 @@
+//! The one module that knows all stages: a frame in, a report out.
+//!
+//! It has no file and no socket, and its clock only measures: live frames, recordings, model files and tests
+//! drive it alike.
+
+mod full;
+mod steps;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use full::{degenerate_curves, links_per_task, potential_links};
+
+use self::full::{FullRun, sizes};
+use self::steps::Steps;
+use crate::certificate::{Certificate, Comparison};
+use crate::curve::CurveSet;
+use crate::error::{Error, Result};
+use crate::incremental::{Events, Finding, Monitor, PullThrough, Route, Work};
+use crate::pairs::{Pair, closest_approach};
+use crate::verdict::{AbortOn, Defect, DefectKind, Report, Stats, Verdict};
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+/// How far a long run is. Shared with whoever shows it.
+#[derive(Debug, Default)]
+pub struct Progress {
+    done: AtomicU64,
+    total: AtomicU64,
+}
+
+impl Progress {
+    /// Pairs computed, and pairs in all, of the frame in work.
+    pub fn pairs(&self) -> (u64, u64) {
+        (
+            self.done.load(Ordering::Relaxed),
+            self.total.load(Ordering::Relaxed),
+        )
+    }
+}
+
+/// Time that the stages of the last frame took. No part of a [`Report`]: reports do not depend on the clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Timings {
+    /// Boxes of all segments, and the trees over them.
+    pub boxes: Duration,
+    /// Search for potential links.
+    pub pairs: Duration,
+    /// Discretization and linking numbers of all potential links.
+    pub links: Duration,
+    /// Everything, comparison included.
+    pub total: Duration,
+}
+
+/// Verifies frame after frame against a baseline. Its buffers serve every frame.
+///
+/// The result does not depend on the number of threads of the rayon pool that it is called in.
+#[derive(Debug, Default)]
+pub struct Verifier {
+    abort_on: AbortOn,
+    baseline: Option<Certificate>,
+    early_exit: bool,
+    incremental: bool,
+    paranoid: bool,
+    full: FullRun,
+    monitor: Monitor,
+    steps: Steps,
+    work: Work,
+}
+
+impl Verifier {
+    /// A verifier that takes the first frame as its baseline.
+    pub fn new(abort_on: AbortOn) -> Self {
+        Verifier {
+            abort_on,
+            ..Verifier::default()
+        }
+    }
+
+    /// A verifier with a baseline of its own.
+    pub fn with_baseline(abort_on: AbortOn, baseline: Certificate) -> Self {
+        Verifier {
+            abort_on,
+            baseline: Some(baseline),
+            ..Verifier::default()
+        }
+    }
+
+    /// Whether [`Verifier::step`] stops at the first change that it finds, and leaves the other pairs unchecked.
+    ///
+    /// Pairs are computed in the order in which they are likely to have changed, so a broken frame is told from an
+    /// intact one long before all is known. An intact frame takes as long as ever.
+    pub fn set_early_exit(&mut self, early_exit: bool) {
+        self.early_exit = early_exit;
+    }
+
+    /// Whether [`Verifier::step`] computes only what has changed since an earlier frame, where it can prove that.
+    ///
+    /// The verdicts are the same. [`Report::stats`] then has the sizes of the scene alone, since the work depends on
+    /// the frames before; see [`Verifier::work`].
+    pub fn set_incremental(&mut self, incremental: bool) {
+        self.incremental = incremental;
+    }
+
+    /// Whether an incremental verifier computes everything as well and compares: for those who do not trust it, and for
+    /// its tests. Where the results differ, the report is the one of the full run, [`Work::disagreed`] says so, and from
+    /// then on every frame is computed in full.
+    pub fn set_paranoid(&mut self, paranoid: bool) {
+        self.paranoid = paranoid;
+    }
+
+    /// Which pull-throughs [`Verifier::step`] looks for, from one frame to the next ([`Report::events`]).
+    ///
+    /// A frame with one is [`Verdict::Changed`], whatever its linking numbers. The sum of the signs of the
+    /// pull-throughs of two closed curves is always compared with the change of their linking number; where these differ,
+    /// the frame has a defect ([`DefectKind::Unaccounted`]). The first frame has no frame before it, and no pull-throughs.
+    /// With [`Verifier::set_early_exit`], which leaves linking numbers unknown, none are looked for.
+    pub fn set_events(&mut self, events: Events) {
+        self.steps = Steps::new(events);
+        self.monitor = Monitor::new(self.steps.options());
+    }
+
+    /// What the last frame took.
+    pub fn work(&self) -> Work {
+        self.work
+    }
+
+    /// What frames are compared with, once there is something.
+    pub fn baseline(&self) -> Option<&Certificate> {
+        self.baseline.as_ref()
+    }
+
+    /// A view on the progress of the frame in work.
+    pub fn progress(&self) -> Arc<Progress> {
+        Arc::clone(&self.full.progress)
+    }
+
+    /// Time that the last frame took.
+    pub fn timings(&self) -> Timings {
+        self.full.timings
+    }
+
+    /// All linking numbers of a frame.
+    pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
+        let start = Instant::now();
+        let stats = self.full.certify(set);
+        self.full.timings.total = start.elapsed();
+        (&self.full.certificate, stats)
+    }
+
+    /// Waits for work beside the stream to end, so that the next frame profits from it. For measurements.
+    pub fn settle(&mut self) {
+        self.monitor.settle();
+    }
+
+    /// Verifies one frame. The first one becomes the baseline where there is none.
+    ///
+    /// Where pull-throughs are looked for, the positions are copied, to be compared with those of the next frame;
+    /// [`Verifier::step_shared`] needs no copy.
+    ///
+    /// Errors: [`Error::CertificateMismatch`] where the baseline is of another number of curves;
+    /// [`Error::NothingClosed`] where no curve is closed and no pull-throughs are looked for: nothing was verified then,
+    /// so nothing is intact; [`Error::LayoutChanged`] where pull-throughs are looked for between other curves than before.
+    pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
+        let (report, comparison) = self.verify(seq, time, set)?;
+        self.steps.remember_copy(set, comparison);
+        Ok(report)
+    }
+
+    /// [`Verifier::step`] of a frame that is shared with the caller until the next one has been verified.
+    pub fn step_shared(&mut self, seq: u64, time: f64, set: &Arc<CurveSet>) -> Result<Report> {
+        let (report, comparison) = self.verify(seq, time, set)?;
+        self.steps.remember(Arc::clone(set), comparison);
+        Ok(report)
+    }
+
+    /// The report on a frame, and how its linking numbers compare with the baseline.
+    fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, Comparison)> {
+        if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
+            return Err(Error::CertificateMismatch {
+                certificate: b.curves,
+                model: set.len(),
+            });
+        }
+        let closed = set.curves().iter().any(|c| c.closed);
+        if !closed && self.steps.events() == Events::Off {
+            return Err(Error::NothingClosed { curves: set.len() });
+        }
+        self.steps.check_layout(set)?;
+        let start = Instant::now();
+        self.work = Work::default();
+        let (mut comparison, stats) = self.compare(set)?;
+        self.add_places(set, &mut comparison);
+        let mut defects = comparison.defects.clone();
+        let events = match self.early_exit {
+            true => Vec::new(),
+            false => self.look_for_events(set, &comparison, &mut defects),
+        };
+        let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
+        let verdict = if !(comparison.changes.is_empty() && events.is_empty()) {
+            Verdict::Changed
+        } else if contact {
+            Verdict::Contact
+        } else if !defects.is_empty() {
+            Verdict::Undecided
+        } else {
+            Verdict::Intact
+        };
+        let mut report = Report {
+            seq,
+            time,
+            verdict,
+            abort: false,
+            changes: comparison.changes.clone(),
+            events,
+            defects,
+            rejected: None,
+            stats,
+        };
+        report.abort = self.abort_on.aborts(&report);
+        self.full.timings.total = start.elapsed();
+        Ok((report, comparison))
+    }
+
+    /// Compares a frame with the baseline, in the way that was asked for.
+    fn compare(&mut self, set: &CurveSet) -> Result<(Comparison, Stats)> {
+        let Some(baseline) = self.baseline.take() else {
+            let stats = self.full.certify(set);
+            let baseline = self.full.certificate.clone();
+            let comparison = baseline.compare(&baseline);
+            self.baseline = Some(baseline);
+            self.offer_reference(set);
+            return Ok((comparison?, self.counted(set, stats)));
+        };
+        let compared = if self.incremental {
+            self.compare_incrementally(set, &baseline)
+        } else if self.early_exit {
+            self.full.compare_until_change(set, &baseline)
+        } else {
+            self.compare_fully(set, &baseline)
+        };
+        self.baseline = Some(baseline);
+        let (comparison, stats) = compared?;
+        Ok((comparison, self.counted(set, stats)))
+    }
+
+    /// The counts that a report carries: of work only where that depends on the frame alone.
+    fn counted(&self, set: &CurveSet, stats: Stats) -> Stats {
+        match self.incremental {
+            true => sizes(set),
+            false => stats,
+        }
+    }
+
+    fn compare_fully(
+        &mut self,
+        set: &CurveSet,
+        baseline: &Certificate,
+    ) -> Result<(Comparison, Stats)> {
+        let stats = self.full.certify(set);
+        self.work.recomputed = stats.potential_links;
+        Ok((self.full.certificate.compare(baseline)?, stats))
+    }
+
+    /// Compares a frame with the baseline, computing only what is not known from the reference frame.
+    fn compare_incrementally(
+        &mut self,
+        set: &CurveSet,
+        baseline: &Certificate,
+    ) -> Result<(Comparison, Stats)> {
+        let before = self.steps.before();
+        let finding = self.monitor.look(before, set, baseline, &mut self.work);
+        let (Finding::AllBut(pairs), Some((known, comparison))) = (finding, self.monitor.known())
+        else {
+            let compared = self.compare_fully(set, baseline)?;
+            self.offer_reference(set);
+            return Ok(compared);
+        };
+        let comparison = match &pairs[..] {
+            [] => comparison.clone(),
+            pairs => {
+                let anew = self.full.certify_pairs(set, pairs);
+                let fresh = anew.compare(&baseline.of_pairs(pairs))?;
+                let comparison = comparison.patched(pairs, fresh);
+                if self.monitor.wants_reference(&self.work) {
+                    let certificate = known.patched(pairs, &anew);
+                    let links = self.full.potential_links();
+                    self.monitor.make_reference(set.clone(), certificate, links);
+                }
+                comparison
+            }
+        };
+        if self.paranoid {
+            let stats = self.full.certify(set);
+            let full = self.full.certificate.compare(baseline)?;
+            if full != comparison {
+                self.disagree();
+            }
+            return Ok((full, stats));
+        }
+        Ok((comparison, Stats::default()))
+    }
+
+    /// Takes note of an error of the incremental verification, and gives it up.
+    fn disagree(&mut self) {
+        self.work.disagreed = true;
+        self.incremental = false;
+    }
+
+    /// Lets the frame whose certificate has just been computed become the reference, where that may pay.
+    fn offer_reference(&mut self, set: &CurveSet) {
+        if self.incremental && self.monitor.wants_reference(&self.work) {
+            let links = self.full.potential_links();
+            let certificate = self.full.certificate.clone();
+            self.monitor.make_reference(set.clone(), certificate, links);
+        }
+    }
+
+    /// Says where each changed pair is closest.
+    fn add_places(&mut self, set: &CurveSet, comparison: &mut Comparison) {
+        if comparison.changes.is_empty() {
+            return;
+        }
+        // Trees of what the frame did not ask for may be those of an earlier frame.
+        if self.work.route != Route::Full {
+            let pairs: Vec<Pair> = comparison.changes.iter().map(|c| (c.i, c.j)).collect();
+            self.full.refit(set, &pairs);
+        }
+        let trees = self.full.trees();
+        comparison.changes.par_iter_mut().for_each(|c| {
+            let (i, j) = (c.i as usize, c.j as usize);
+            // An open curve has no tree; it has no number either, and so no change but a lost one.
+            if set.curve(i).closed && set.curve(j).closed {
+                c.place = Some(closest_approach(set, trees, i, j));
+            }
+        });
+    }
+
+    /// Pull-throughs since the frame before, where they are looked for; adds what is not known of the step to the
+    /// defects.
+    fn look_for_events(
+        &mut self,
+        set: &CurveSet,
+        comparison: &Comparison,
+        defects: &mut Vec<Defect>,
+    ) -> Vec<PullThrough> {
+        let Some(before) = self.steps.before() else {
+            return Vec::new();
+        };
+        let pairs = match self.incremental {
+            true => self.monitor.may_have_passed(before, set),
+            false => None,
+        };
+        let (mut outcome, searched) = self.steps.outcome(set, pairs.as_deref());
+        if self.paranoid && pairs.is_some() {
+            let (full, _) = self.steps.outcome(set, None);
+            if (&full.events, &full.undecided) != (&outcome.events, &outcome.undecided) {
+                self.disagree();
+            }
+            outcome = full;
+        }
+        self.work.searched = searched;
+        let full = &mut self.full;
+        let place = |(i, j): Pair| {
+            full.refit(set, &[(i, j)]);
+            closest_approach(set, full.trees(), i as usize, j as usize)
+        };
+        self.steps.add_defects(&outcome, comparison, place, defects);
+        outcome.events
+    }
+
+    /// The report on a frame that broke its contract.
+    pub fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
+        Report {
+            seq,
+            time,
+            verdict: Verdict::Rejected,
+            abort: false,
+            changes: Vec::new(),
+            events: Vec::new(),
+            defects: Vec::new(),
+            rejected: Some(why.to_string()),
+            stats: Stats::default(),
+        }
+    }
+}
