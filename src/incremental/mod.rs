@@ -49,7 +49,7 @@ mod stream;
 
 use self::affine::Affine;
 use self::motion::Motion;
-use self::reference::Reference;
+use self::reference::{Cover, Reference};
 use self::stream::{CHUNK, moved_chunks};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
@@ -147,7 +147,7 @@ impl Monitor {
         let motion = Motion::new(reference, &affine, set, &self.chunks);
         work.marked = motion.blocks() as u64;
         // A loop that has shrunk to a point or a line is for the full run to tell.
-        if motion.curves().any(|i| !set.has_three_distinct_points(i)) {
+        if motion.loops().any(|i| !set.has_three_distinct_points(i)) {
             return Finding::Nothing;
         }
         let (pairs, recertified) = motion.affected(&mut self.search);
@@ -196,7 +196,8 @@ impl Monitor {
                 .num_threads(1)
                 .build()
                 .ok()?;
-            Some(pool.install(|| Reference::build(set, certificate, frame, potential_links)))
+            let cover = Cover::default();
+            Some(pool.install(|| Reference::build(set, certificate, frame, potential_links, cover)))
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());
         // Without a thread there is no reference, and every frame is computed in full.

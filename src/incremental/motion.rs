@@ -46,7 +46,7 @@ impl<'a> Motion<'a> {
         let mut segments: Vec<(u32, u32)> = Vec::new();
         for &chunk in chunks {
             let slots = chunk as usize * CHUNK..(chunk as usize + 1) * CHUNK;
-            set.segments_at(slots, |i, s| segments.push((i, s)));
+            set.segments_at(slots, reference.cover.open, |i, s| segments.push((i, s)));
         }
         segments.sort_unstable();
         segments.dedup();
@@ -78,10 +78,11 @@ impl<'a> Motion<'a> {
         self.blocks.len()
     }
 
-    /// Curves with a marked segment, each once.
-    pub fn curves(&self) -> impl Iterator<Item = usize> + '_ {
+    /// Closed curves with a marked segment, each once.
+    pub fn loops(&self) -> impl Iterator<Item = usize> + '_ {
         let blocks = self.blocks.chunk_by(|a, b| a.curve == b.curve);
-        blocks.map(|of_one| of_one[0].curve as usize)
+        let curves = blocks.map(|of_one| of_one[0].curve as usize);
+        curves.filter(|&i| self.set.curve(i).closed)
     }
 
     /// A segment in the reference frame, and in the later one mapped back.
@@ -114,7 +115,7 @@ impl<'a> Motion<'a> {
         out
     }
 
-    /// Pairs of curves that may have touched on the way, sorted; and how many others came near and were proven apart.
+    /// Pairs of closed curves that may have touched on the way, sorted; and how many others came near and were proven apart.
     ///
     /// A pair that is not among them has its linking number of the reference frame.
     pub fn affected(&self, search: &mut LinkSearch) -> (Vec<Pair>, usize) {
@@ -135,7 +136,9 @@ impl<'a> Motion<'a> {
             boxes[i] = boxes[i].union(&block.swept);
         }
         let pairs = search.find(&boxes);
-        pairs.retain(|&(i, j)| marked[i as usize] || marked[j as usize]);
+        let closed = |i: u32| self.set.curve(i as usize).closed;
+        pairs
+            .retain(|&(i, j)| (marked[i as usize] || marked[j as usize]) && closed(i) && closed(j));
         let near: Vec<(Pair, bool, bool)> = pairs
             .par_iter()
             .map(|&pair| {

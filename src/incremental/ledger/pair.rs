@@ -264,9 +264,7 @@ impl<'a> Task<'a> {
 
     /// Whether two segments of one curve follow one another.
     fn adjacent(&self, s: u32, t: u32) -> bool {
-        let curve = self.step.frames[0].curve(self.curves[0]);
-        let apart = s.abs_diff(t);
-        apart <= 1 || (curve.closed && apart == curve.segments - 1)
+        self.step.frames[0].curve(self.curves[0]).adjacent(s, t)
     }
 
     /// Makes a part of the visits with the instructions that there are.
