@@ -20,6 +20,35 @@ pub struct Curve {
     pub closed: bool,
 }
 
+impl Curve {
+    /// Whether two of its segments are one, or follow one another.
+    #[inline]
+    pub(crate) fn adjacent(&self, s: u32, t: u32) -> bool {
+        let apart = s.abs_diff(t);
+        apart <= 1 || (self.closed && apart == self.segments - 1)
+    }
+
+    /// The segment after this one; this one, where an open curve ends.
+    #[inline]
+    pub(crate) fn after(&self, s: u32) -> u32 {
+        match (s + 1 < self.segments, self.closed) {
+            (true, _) => s + 1,
+            (false, true) => 0,
+            (false, false) => s,
+        }
+    }
+
+    /// The segment before this one; this one, where an open curve starts.
+    #[inline]
+    pub(crate) fn before(&self, s: u32) -> u32 {
+        match (s, self.closed) {
+            (1.., _) => s - 1,
+            (0, true) => self.segments - 1,
+            (0, false) => s,
+        }
+    }
+}
+
 /// Largest coordinate of a spline, `2^300`: the products of three differences of its points, which the
 /// discretization forms, then stay finite. (Polylines have no limit.)
 const SPLINE_RANGE: f64 = f64::from_bits((1023 + 300) << 52);
@@ -264,9 +293,14 @@ impl CurveSet {
         (at..at + self.basis.window()).map(move |k| body.start + (k + n - lead) % n)
     }
 
-    /// The segments of closed curves that depend on a point in one of these slots, or on the point that it is a copy
-    /// of.
-    pub(crate) fn segments_at(&self, slots: Range<usize>, mut segment: impl FnMut(u32, u32)) {
+    /// The segments of closed curves, and of open ones where asked for, that depend on a point in one of these slots, or
+    /// on the point that it is a copy of.
+    pub(crate) fn segments_at(
+        &self,
+        slots: Range<usize>,
+        open: bool,
+        mut segment: impl FnMut(u32, u32),
+    ) {
         let (stride, window) = (self.basis.stride(), self.basis.window());
         let first = self
             .curves
@@ -278,7 +312,7 @@ impl CurveSet {
             }
             let (c, lead) = (self.curves[i], self.basis.lead(self.curves[i].closed));
             let here = slots.start.max(body.start)..slots.end.min(body.end);
-            if !c.closed {
+            if !c.closed && !open {
                 continue;
             }
             for slot in here {
@@ -286,6 +320,13 @@ impl CurveSet {
                 let (n, at) = (c.segments as usize, slot - body.start + lead);
                 let last = at / stride;
                 for back in 0..window.div_ceil(stride) {
+                    if !c.closed {
+                        let before = last.checked_sub(back).filter(|&s| s < n);
+                        if let Some(s) = before.filter(|s| at - s * stride < window) {
+                            segment(i as u32, s as u32);
+                        }
+                        continue;
+                    }
                     let s = (last + n - back) % n;
                     let start = s * stride;
                     let total = n * stride;
@@ -597,17 +638,17 @@ mod tests {
     #[test]
     fn segments_at_a_slot_are_those_that_it_supports() {
         for basis in Basis::ALL {
-            let counts = [-3, -9, 10, -30];
-            let xyz = vec![0.5f32; 3 * 52];
+            let counts = [-3, -9, 10, -30, 4];
+            let xyz = vec![0.5f32; 3 * 56];
             let set = CurveSet::from_counts(basis, &counts, Positions::F32(&xyz)).unwrap();
-            for from in 0..set.slots() {
+            for (from, open) in (0..set.slots()).flat_map(|k| [(k, false), (k, true)]) {
                 for to in from + 1..set.slots().min(from + 9) {
                     let mut found = Vec::new();
-                    set.segments_at(from..to, |i, s| found.push((i, s)));
+                    set.segments_at(from..to, open, |i, s| found.push((i, s)));
                     found.sort_unstable();
                     found.dedup();
-                    let closed = (0..set.len()).filter(|&i| set.curve(i).closed);
-                    let all = closed.flat_map(|i| (0..set.curve(i).segments).map(move |s| (i, s)));
+                    let some = (0..set.len()).filter(|&i| open || set.curve(i).closed);
+                    let all = some.flat_map(|i| (0..set.curve(i).segments).map(move |s| (i, s)));
                     let want: Vec<(u32, u32)> = all
                         .filter(|&(i, s)| set.support(i, s).any(|k| (from..to).contains(&k)))
                         .map(|(i, s)| (i as u32, s))

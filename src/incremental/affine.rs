@@ -123,11 +123,11 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Points of closed curves, evenly spread over them.
-    pub fn new(set: &CurveSet) -> Sample {
+    /// Points of closed curves, and of open ones where asked for, evenly spread over them.
+    pub fn new(set: &CurveSet, open: bool) -> Sample {
         let step = (set.points() / SAMPLES).max(1);
         let slots = (0..set.len())
-            .filter(|&i| set.curve(i).closed)
+            .filter(|&i| open || set.curve(i).closed)
             .flat_map(|i| set.body(i))
             .step_by(step);
         let points: Vec<_> = slots.map(|k| (k, Vector3::from(set.at(k)))).collect();

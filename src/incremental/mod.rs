@@ -20,7 +20,7 @@ mod stream;
 mod tests;
 
 pub use ledger::PullThrough;
-pub(crate) use ledger::{Ledger, LedgerOptions, Outcome};
+pub(crate) use ledger::{Ledger, Outcome};
 pub(crate) use monitor::{Finding, Monitor};
 
 use std::fmt;
@@ -61,6 +61,15 @@ impl FromStr for Events {
         let found = Self::ALL.iter().find(|e| e.1 == s).map(|e| e.0);
         found.ok_or_else(|| "expected off, between or all".into())
     }
+}
+
+/// Which segments are looked at, beside those of two different closed curves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Cover {
+    /// Those of one curve.
+    pub own: bool,
+    /// Those of open curves.
+    pub open: bool,
 }
 
 /// What a frame took. No part of a [`Report`](crate::Report): it depends on the frames before and on the clock.

@@ -3,8 +3,8 @@
 use super::affine::Affine;
 use super::motion::{Motion, Space};
 use super::reference::Reference;
-use super::stream::{CHUNK, moved_chunks};
-use super::{LedgerOptions, Route, Work};
+use super::stream::moved_chunks;
+use super::{Cover, Route, Work};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::pairs::{LinkSearch, Pair};
@@ -29,7 +29,7 @@ const LONGEST_PAUSE: u64 = 256;
 #[derive(Debug, Default)]
 pub(crate) struct Monitor {
     /// What else a reference frame is to cover, beside the linking numbers.
-    ledger: LedgerOptions,
+    cover: Cover,
     reference: Option<Known>,
     /// A reference frame in the making.
     making: Option<JoinHandle<Option<Reference>>>,
@@ -86,10 +86,10 @@ impl Survey {
 }
 
 impl Monitor {
-    /// A monitor whose reference frames tell the ledger with these options where it need not look.
-    pub fn new(ledger: LedgerOptions) -> Self {
+    /// A monitor that also tells a ledger with this cover where it need not look.
+    pub fn new(cover: Cover) -> Self {
         Monitor {
-            ledger,
+            cover,
             ..Monitor::default()
         }
     }
@@ -137,14 +137,10 @@ impl Monitor {
         let motion = Motion::new(reference, ends, chunks, Space::Reference);
         work.marked = motion.blocks() as u64;
         // A loop that has shrunk to a point or a line is for the full run to tell.
-        let whole = |i: usize| !set.curve(i).closed || set.has_three_distinct_points(i);
-        if !motion.curves().all(whole) {
+        if !motion.loops().all(|i| set.has_three_distinct_points(i)) {
             return Finding::Nothing;
         }
         let (pairs, recertified) = motion.affected(&mut self.search);
-        // The reference frame may cover more than linking numbers.
-        let linkable = |&(i, j): &Pair| i != j && [i, j].iter().all(|&i| set.curve(i as usize).closed);
-        let pairs: Vec<Pair> = pairs.into_iter().filter(linkable).collect();
         let many = MANY_PAIRS * reference.potential_links as f64;
         if pairs.len() as f64 > many.max(8.0) {
             return Finding::Nothing;
@@ -198,14 +194,14 @@ impl Monitor {
         potential_links: usize,
     ) {
         let frame = self.frame;
-        let cover = self.ledger;
+        let cover = self.cover;
         let make = move || {
             // A thread of its own: the stream's are busy with the next frames.
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(1)
                 .build()
                 .ok()?;
-            let build = || Reference::build(set, certificate, cover, frame, potential_links);
+            let build = || Reference::build(set, certificate, frame, potential_links, cover);
             Some(pool.install(build))
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());

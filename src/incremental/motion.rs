@@ -4,6 +4,7 @@ use super::affine::Affine;
 use super::reference::{Reference, normals, signed_gap};
 use super::stream::CHUNK;
 use crate::curve::{Bezier, Box3, CurveSet, LANES, Point};
+use crate::discretize::MovingSeparation;
 use crate::pairs::{LinkSearch, Pair};
 use rayon::prelude::*;
 
@@ -57,7 +58,7 @@ impl<'a> Motion<'a> {
         let mut segments: Vec<(u32, u32)> = Vec::new();
         for &chunk in chunks {
             let slots = chunk as usize * CHUNK..(chunk as usize + 1) * CHUNK;
-            set.segments_at(slots, |i, s| segments.push((i, s)));
+            set.segments_at(slots, reference.cover.open, |i, s| segments.push((i, s)));
         }
         segments.sort_unstable();
         segments.dedup();
@@ -89,10 +90,11 @@ impl<'a> Motion<'a> {
         self.blocks.len()
     }
 
-    /// Curves with a marked segment, each once.
-    pub fn curves(&self) -> impl Iterator<Item = usize> + '_ {
+    /// Closed curves with a marked segment, each once.
+    pub fn loops(&self) -> impl Iterator<Item = usize> + '_ {
         let blocks = self.blocks.chunk_by(|a, b| a.curve == b.curve);
-        blocks.map(|of_one| of_one[0].curve as usize)
+        let curves = blocks.map(|of_one| of_one[0].curve as usize);
+        curves.filter(|&i| self.reference.set.curve(i).closed)
     }
 
     /// A segment at both ends, mapped back.
@@ -146,7 +148,8 @@ impl<'a> Motion<'a> {
 
     /// Pairs of curves that may have touched on the way, sorted; and how many others came near and were proven apart.
     ///
-    /// A pair that is not among them has its linking number of the reference frame.
+    /// In the space of the reference frame: pairs of closed curves; one that is not among them has its linking number
+    /// of the reference frame. In the world: all pairs that the reference frame covers, `(i, i)` for a curve and itself.
     pub fn affected(&self, search: &mut LinkSearch) -> (Vec<Pair>, usize) {
         let reference = self.reference;
         // What is not marked stays within the reach of where it was; a pair of unmarked segments does not touch.
@@ -166,6 +169,18 @@ impl<'a> Motion<'a> {
         }
         let pairs = search.find(&boxes);
         pairs.retain(|&(i, j)| marked[i as usize] || marked[j as usize]);
+        match self.space {
+            Space::Reference => {
+                let closed = |i: u32| reference.set.curve(i as usize).closed;
+                pairs.retain(|&(i, j)| closed(i) && closed(j));
+            }
+            Space::World { .. } if reference.cover.own => {
+                let alone = (0..marked.len()).filter(|&i| marked[i]);
+                pairs.extend(alone.map(|i| (i as u32, i as u32)));
+                pairs.sort_unstable();
+            }
+            Space::World { .. } => {}
+        }
         let near: Vec<(Pair, bool, bool)> = pairs
             .par_iter()
             .map(|&pair| {
@@ -186,9 +201,14 @@ impl<'a> Motion<'a> {
 
     /// Whether marked segments came near the other curve, and whether all that did are proven apart at all times.
     fn look_at(&self, (i, j): Pair, reach: f32) -> (bool, bool) {
+        let own = i == j;
+        if own && !self.runs_one_way(i) {
+            return (true, false);
+        }
         let mut near = false;
         // Marked ones against unmarked ones, both ways.
-        for (a, b) in [(i, j), (j, i)] {
+        let both = [(i, j), (j, i)];
+        for &(a, b) in &both[..if own { 1 } else { 2 }] {
             let tree = self.reference.trees.of(&self.reference.set, b as usize);
             let others = self.blocks_of(b);
             for block in self.blocks_of(a) {
@@ -215,7 +235,7 @@ impl<'a> Motion<'a> {
         // Marked ones against marked ones.
         for a in self.blocks_of(i) {
             for b in self.blocks_of(j) {
-                if a.swept.overlaps(&b.swept) {
+                if !(own && b.leaf < a.leaf) && a.swept.overlaps(&b.swept) {
                     near = true;
                     let mut bits = b.marked;
                     while bits != 0 {
@@ -231,16 +251,39 @@ impl<'a> Motion<'a> {
         (near, true)
     }
 
+    /// Whether a curve runs one way at all times along each marked segment with those before and after it, so that
+    /// these do not pass through themselves or one another. Neighbouring edges never do.
+    fn runs_one_way(&self, i: u32) -> bool {
+        let set = &self.reference.set;
+        if set.basis().is_polyline() {
+            return true;
+        }
+        let curve = set.curve(i as usize);
+        let frames = self.ends.map(|(_, set)| set);
+        let separation = MovingSeparation::new(frames, [i as usize; 2]);
+        let mut turns = Vec::new();
+        for block in self.blocks_of(i) {
+            for k in (0..LANES as u32).filter(|k| block.marked >> k & 1 != 0) {
+                let s = block.leaf * LANES as u32 + k;
+                for s in [curve.before(s), s] {
+                    separation.add_turns(s..s + 1, curve.after(s), &mut turns);
+                }
+            }
+        }
+        turns.is_empty()
+    }
+
     /// Whether the marked segments of a block are apart from the segment `t` of curve `j` at all times.
     fn block_apart(&self, block: &Block, j: u32, t: u32) -> bool {
         let b = self.straight(j as usize, t);
+        let curve = self.reference.set.curve(j as usize);
         let slack = 4.0 * (self.slack() + self.reference.set.pad());
         (0..LANES as u32)
             .filter(|k| block.marked >> k & 1 != 0)
-            .all(|k| {
-                let a = self.straight(block.curve as usize, block.leaf * LANES as u32 + k);
-                apart_in_both(&a, &b, slack)
-            })
+            .map(|k| block.leaf * LANES as u32 + k)
+            // Neighbours are joined.
+            .filter(|&s| block.curve != j || !curve.adjacent(s, t))
+            .all(|s| apart_in_both(&self.straight(block.curve as usize, s), &b, slack))
     }
 }
 

@@ -8,13 +8,24 @@
 //! closed curves; where hulls meet, over their halves. If no point has moved further, then no two curves touched on
 //! the straight way from the reference frame, and every linking number is what it was.
 //!
+//! A reference may [`Cover`] more: open curves in the same way, and a curve with itself. For the latter, segments that
+//! are no neighbours stay apart as those of two curves do. Neighbouring edges lie in one plane at all times. A
+//! neighbouring pair of spline segments meets nowhere but at its joint while the differences of consecutive Bezier
+//! control points have a positive component along one axis: the derivative of the curve is a convex combination of
+//! them. If control points move by 1 at most, such a difference moves by the sum `w` of the magnitudes of its
+//! coefficients: with a component `c` along a unit vector it stays positive while they move less than `c / w`.
+//!
 //! Cost: a descent of all pairs of curves that come within the reach of one another, and some tests of hulls for
 //! each pair of segments within it.
 
+use super::Cover;
 use super::affine::Sample;
+use super::stream::CHUNK;
 use crate::certificate::Certificate;
-use crate::curve::{Basis, Bezier, Box3, CurveSet, Point, sub_segment};
-use crate::pairs::{LinkSearch, Trees, closest_of_segments, closest_points, segments_within};
+use crate::curve::{Basis, Bezier, Box3, BoxGroup, Curve, CurveSet, Point, sub_segment};
+use crate::pairs::{
+    Leaves, LinkSearch, Trees, closest_of_segments, closest_points, segments_within,
+};
 use rayon::prelude::*;
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -29,10 +40,16 @@ const SAMPLES: usize = 64;
 /// Halvings of two segments whose hulls meet, in search of a gap.
 const DEPTH: u32 = 3;
 
+/// Steps of the search for the axis along which a curve runs one way: few are needed but where it hardly does.
+const TURNS: usize = 8;
+
 /// A frame with proven linking numbers, and what may move how far.
 #[derive(Debug)]
 pub(super) struct Reference {
     pub set: CurveSet,
+    /// What the allowances hold for.
+    pub cover: Cover,
+    /// Trees of all curves that are covered.
     pub trees: Trees,
     pub certificate: Certificate,
     /// Number of the frame, as the monitor counts.
@@ -44,9 +61,10 @@ pub(super) struct Reference {
     /// Blocks of eight segments in all.
     pub blocks: u64,
     /// For every slot of the coordinates, the distance that its point may move. Infinite where it is a copy, padding or
-    /// of an open curve.
+    /// of a curve that is not covered.
     pub allowances: Vec<f32>,
-    /// The largest allowance: segments that are further apart than twice this were not compared.
+    /// How far hulls move at most while no control point moves further than it may: segments that are further apart
+    /// than twice this were not compared.
     pub reach: f64,
 }
 
@@ -56,19 +74,22 @@ impl Reference {
         certificate: Certificate,
         frame: u64,
         potential_links: usize,
+        cover: Cover,
     ) -> Reference {
         let mut trees = Trees::default();
-        trees.refit(&set);
-        let sample = Sample::new(&set);
+        trees.refit(Covered { set: &set, cover });
+        let sample = Sample::new(&set, cover.open);
         let blocks = set
             .curves()
             .iter()
             .map(|c| u64::from(c.segments.div_ceil(8)));
         let blocks = blocks.sum();
-        let reach = typical_clearance(&set, &trees) * 0.5;
-        let allowances = allowances(&set, &trees, &certificate, reach);
+        let allowances = Allowances::new(&set, &trees, cover);
+        let reach = allowances.reach;
+        let allowances = allowances.fill(&certificate);
         Reference {
             set,
+            cover,
             trees,
             certificate,
             frame,
@@ -79,107 +100,265 @@ impl Reference {
             reach,
         }
     }
-}
 
-/// A distance that most segments have from all other curves: the upper quartile of a sample. Infinite where there is no
-/// other curve.
-fn typical_clearance(set: &CurveSet, trees: &Trees) -> f64 {
-    let closed: Vec<usize> = (0..set.len()).filter(|&i| set.curve(i).closed).collect();
-    let total: usize = closed.iter().map(|&i| set.curve(i).segments as usize).sum();
-    let step = (total / SAMPLES).max(1);
-    let mut samples = Vec::new();
-    let mut at = step / 2;
-    for &i in &closed {
-        let n = set.curve(i).segments as usize;
-        while at < n {
-            samples.push((i, at as u32));
-            at += step;
-        }
-        at -= n;
+    /// Chunks of slots in all.
+    pub fn chunks(&self) -> usize {
+        self.allowances.len().div_ceil(CHUNK)
     }
-    let mut distances: Vec<f64> = samples
-        .par_iter()
-        .map(|&(i, s)| clearance(set, trees, i, s))
-        .collect();
-    distances.sort_by(f64::total_cmp);
-    let quartile = distances.get(distances.len() * 3 / 4);
-    let all = 4.0 * set.max_abs().max(f64::MIN_POSITIVE);
-    quartile.map_or(all, |d| d.min(all))
 }
 
-/// Distance of a segment from all other closed curves.
-fn clearance(set: &CurveSet, trees: &Trees, i: usize, s: u32) -> f64 {
-    let own = set.leaf_boxes(i, s as usize / 8).lane(s as usize % 8);
-    let best = Cell::new(f64::INFINITY);
-    let nearer = |b: &Box3| own.dist_sq_below(b) < best.get() * best.get();
-    for (j, root) in trees.roots().iter().enumerate() {
-        if j != i && *root != Box3::EMPTY && nearer(root) {
-            trees.of(set, j).visit(nearer, |t| {
-                let place = closest_of_segments(set, [i, j], [s, t]);
-                best.set(best.get().min(place.distance));
-            });
-        }
+/// The boxes of the curves that are covered.
+#[derive(Clone, Copy)]
+struct Covered<'a> {
+    set: &'a CurveSet,
+    cover: Cover,
+}
+
+impl Leaves for Covered<'_> {
+    fn curves(&self) -> &[Curve] {
+        self.set.curves()
     }
-    best.get()
+
+    fn has_tree(&self, i: usize) -> bool {
+        self.cover.open || self.set.curve(i).closed
+    }
+
+    fn stored(&self, segments: u32) -> bool {
+        Leaves::stored(&self.set, segments)
+    }
+
+    #[inline(always)]
+    fn boxes(&self, i: usize, g: usize) -> BoxGroup {
+        self.set.leaf_boxes(i, g)
+    }
 }
 
-fn allowances(set: &CurveSet, trees: &Trees, certificate: &Certificate, reach: f64) -> Vec<f32> {
-    let allowed: Vec<AtomicU32> = (0..set.slots())
-        .map(|_| AtomicU32::new(f32::INFINITY.to_bits()))
-        .collect();
-    // Allowances are not negative, so their bits compare as they do.
-    let lower = |slot: usize, to: f64| {
+/// Allowances in the making.
+struct Allowances<'a> {
+    set: &'a CurveSet,
+    trees: &'a Trees,
+    cover: Cover,
+    reach: f64,
+    /// Bits of each, which compare as they do: none is negative.
+    slots: Vec<AtomicU32>,
+}
+
+impl<'a> Allowances<'a> {
+    fn new(set: &'a CurveSet, trees: &'a Trees, cover: Cover) -> Self {
+        let mut all = Allowances {
+            set,
+            trees,
+            cover,
+            reach: 0.0,
+            slots: Vec::new(),
+        };
+        all.reach = all.typical_clearance() * 0.5;
+        let none = || AtomicU32::new(f32::INFINITY.to_bits());
+        all.slots.resize_with(set.slots(), none);
+        all
+    }
+
+    /// Curves that are covered.
+    fn curves(&self) -> impl Iterator<Item = usize> + '_ {
+        let Allowances { set, cover, .. } = *self;
+        (0..set.len()).filter(move |&i| Covered { set, cover }.has_tree(i))
+    }
+
+    fn lower(&self, slots: impl Iterator<Item = usize>, to: f64) {
         let to = (to.max(0.0) as f32) * (1.0 - 1e-6);
-        allowed[slot].fetch_min(to.to_bits(), Ordering::Relaxed);
-    };
-    let degenerate = |i: usize| {
-        let mut undefined = certificate.undefined.iter();
-        undefined.any(|d| d.j.is_none() && d.i as usize == i)
-    };
-    (0..set.len()).into_par_iter().for_each(|i| {
-        if set.curve(i).closed {
-            // A loop must keep three distinct points.
-            let most = if degenerate(i) {
-                0.0
-            } else {
-                reach.min(SHARE * spread_of_three(set, i))
-            };
-            set.body(i).for_each(|slot| lower(slot, most));
+        for slot in slots {
+            self.slots[slot].fetch_min(to.to_bits(), Ordering::Relaxed);
         }
-    });
-    let rounding = set.max_abs() * f64::from_bits((1023 - 22) << 52);
-    let dilated: Vec<Box3> = trees
-        .roots()
-        .iter()
-        .map(|b| b.dilated((reach + rounding) as f32))
-        .collect();
-    let mut search = LinkSearch::default();
-    let slack = 4.0 * (set.pad() + set.max_abs() * f64::from_bits((1023 - 47) << 52)) + 1e-300;
-    let stiffness = match set.basis() {
-        Basis::CatmullRom => 0.75,
-        _ => 1.0,
-    };
-    search.find(&dilated).par_iter().for_each(|&(i, j)| {
-        let pair = [i as usize, j as usize];
-        let within = (2.0 * reach + 2.0 * rounding) as f32;
-        for (s, t) in segments_within(set, trees, pair[0], pair[1], within) {
-            let hulls = [(pair[0], s), (pair[1], t)].map(|(i, s)| set.segment(i, s as usize));
-            let gap = gap(&hulls[0], &hulls[1], DEPTH) - slack;
-            if SHARE * stiffness * gap >= reach {
-                continue;
+    }
+
+    /// Rounding of gaps, of hulls now and of those of a later frame.
+    fn slack(&self) -> f64 {
+        let set = self.set;
+        4.0 * (set.pad() + set.max_abs() * f64::from_bits((1023 - 47) << 52)) + 1e-300
+    }
+
+    /// How far control points may move for hulls to move by 1.
+    fn stiffness(&self) -> f64 {
+        match self.set.basis() {
+            Basis::CatmullRom => 0.75,
+            _ => 1.0,
+        }
+    }
+
+    /// All allowances.
+    fn fill(self, certificate: &Certificate) -> Vec<f32> {
+        let curves: Vec<usize> = self.curves().collect();
+        curves.par_iter().for_each(|&i| {
+            self.bound(i, certificate);
+            if self.cover.own && !self.set.basis().is_polyline() {
+                self.bound_turns(i);
             }
-            for (i, s) in [(pair[0], s), (pair[1], t)] {
-                for slot in set.support(i, s) {
-                    lower(slot, SHARE * stiffness * gap);
+        });
+        let set = self.set;
+        // Of single-precision boxes.
+        let rounding = set.max_abs() * f64::from_bits((1023 - 22) << 52);
+        // What is further apart bounds nothing below the reach.
+        let within = (self.reach / SHARE + 2.0 * rounding).min(f32::MAX.into()) as f32;
+        let dilated: Vec<Box3> = self
+            .trees
+            .roots()
+            .iter()
+            .map(|b| b.dilated(0.5 * within + rounding as f32))
+            .collect();
+        let mut search = LinkSearch::default();
+        let pairs = search.find(&dilated);
+        if self.cover.own {
+            pairs.extend(curves.iter().map(|&i| (i as u32, i as u32)));
+        }
+        pairs.par_iter().for_each(|&(i, j)| {
+            let (i, j) = (i as usize, j as usize);
+            for (s, t) in segments_within(set, self.trees, i, j, within) {
+                if i != j || (s < t && !set.curve(i).adjacent(s, t)) {
+                    self.keep_apart([(i, s), (j, t)]);
                 }
             }
+        });
+        self.slots
+            .into_iter()
+            .map(|a| f32::from_bits(a.into_inner()))
+            .collect()
+    }
+
+    /// Bounds that all points of a curve have.
+    fn bound(&self, i: usize, certificate: &Certificate) {
+        let mut undefined = certificate.undefined.iter();
+        let mut most = self.stiffness() * self.reach;
+        if undefined.any(|d| d.j.is_none() && d.i as usize == i) {
+            most = 0.0;
+        } else if self.set.curve(i).closed {
+            // A loop must keep three distinct points.
+            most = most.min(SHARE * spread_of_three(self.set, i));
         }
-    });
-    allowed
-        .into_iter()
-        .map(|a| f32::from_bits(a.into_inner()))
-        .collect()
+        self.lower(self.set.body(i), most);
+    }
+
+    /// Bounds that keep two segments apart.
+    #[inline(always)]
+    fn keep_apart(&self, segments: [(usize, u32); 2]) {
+        let [a, b] = segments.map(|(i, s)| self.set.segment(i, s as usize));
+        let gap = gap(&a, &b, DEPTH) - self.slack();
+        if SHARE * gap >= self.reach {
+            return;
+        }
+        for (i, s) in segments {
+            self.lower(self.set.support(i, s), self.stiffness() * SHARE * gap);
+        }
+    }
+
+    /// Bounds that keep a curve running one way along each of its segments and the next one.
+    fn bound_turns(&self, i: usize) {
+        let (set, n) = (self.set, self.set.curve(i).segments);
+        let weights = weights(set.basis());
+        let steps = |s: u32| -> [Point; 3] {
+            let b = set.segment(i, s as usize);
+            [0, 1, 2].map(|k| [0, 1, 2].map(|x| (b[k + 1][x] - b[k][x]) / weights[k]))
+        };
+        for s in 0..n {
+            let next = set.curve(i).after(s);
+            let both = [steps(s), steps(next)];
+            // No weight is less than a third.
+            let most = 2.0 * SHARE * (least_component(both.as_flattened()) - 3.0 * self.slack());
+            self.lower(set.support(i, s).chain(set.support(i, next)), most);
+        }
+    }
+
+    /// A distance that most segments have from all that they must be kept apart from: the upper quartile of a sample.
+    /// Infinite where there is nothing.
+    fn typical_clearance(&self) -> f64 {
+        let set = self.set;
+        let total: usize = self.curves().map(|i| set.curve(i).segments as usize).sum();
+        let step = (total / SAMPLES).max(1);
+        let mut samples = Vec::new();
+        let mut at = step / 2;
+        for i in self.curves() {
+            let n = set.curve(i).segments as usize;
+            while at < n {
+                samples.push((i, at as u32));
+                at += step;
+            }
+            at -= n;
+        }
+        let mut distances: Vec<f64> = samples
+            .par_iter()
+            .map(|&(i, s)| self.clearance(i, s))
+            .collect();
+        distances.sort_by(f64::total_cmp);
+        let quartile = distances.get(distances.len() * 3 / 4);
+        let all = 4.0 * set.max_abs().max(f64::MIN_POSITIVE);
+        quartile.map_or(all, |d| d.min(all))
+    }
+
+    /// Distance of a segment from all that it must be kept apart from.
+    fn clearance(&self, i: usize, s: u32) -> f64 {
+        let (set, trees) = (self.set, self.trees);
+        let own = set.leaf_boxes(i, s as usize / 8).lane(s as usize % 8);
+        let best = Cell::new(f64::INFINITY);
+        let nearer = |b: &Box3| own.dist_sq_below(b) < best.get() * best.get();
+        for (j, root) in trees.roots().iter().enumerate() {
+            if (j != i || self.cover.own) && *root != Box3::EMPTY && nearer(root) {
+                trees.of(set, j).visit(nearer, |t| {
+                    if j != i || !set.curve(i).adjacent(s, t) {
+                        let place = closest_of_segments(set, [i, j], [s, t]);
+                        best.set(best.get().min(place.distance));
+                    }
+                });
+            }
+        }
+        best.get()
+    }
 }
+
+/// How far the differences of consecutive Bezier control points move, at most, while control points move by 1: sums of
+/// the magnitudes of their coefficients, see [`Basis::hull`].
+fn weights(basis: Basis) -> [f64; 3] {
+    match basis {
+        // (q2 - q0) / 6, 5/6 (q2 - q1) - (q3 - q0) / 6, (q3 - q1) / 6.
+        Basis::CatmullRom => [1.0 / 3.0, 2.0, 1.0 / 3.0],
+        // (q2 - q0) / 6, (q2 - q1) / 3, (q3 - q1) / 6.
+        Basis::BSpline => [1.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0],
+        Basis::Bezier | Basis::Polyline => [2.0; 3],
+    }
+}
+
+/// The least component of some vectors along a unit vector for which it is large: within rounding, and 0 where none
+/// was found that makes all of them positive.
+///
+/// The best one points to where the convex hull of the vectors is nearest to the origin: the search goes there, from
+/// their mean towards the vector that has the least component at a time.
+fn least_component(vectors: &[Point]) -> f64 {
+    let dot = |p: Point, q: Point| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+    let mut n = [0.0; 3];
+    for v in vectors {
+        n = [0, 1, 2].map(|x| n[x] + v[x] / vectors.len() as f64);
+    }
+    let mut best = 0.0f64;
+    for _ in 0..TURNS {
+        let (least, v) = vectors
+            .iter()
+            .map(|&v| (dot(v, n), v))
+            .fold((f64::INFINITY, n), |a, b| if b.0 < a.0 { b } else { a });
+        let length_sq = dot(n, n);
+        if !(length_sq > TINY && length_sq.is_finite()) {
+            break;
+        }
+        best = best.max(least / length_sq.sqrt());
+        let d = [0, 1, 2].map(|x| v[x] - n[x]);
+        let t = (length_sq - least) / dot(d, d);
+        if !(t > 0.0) {
+            break;
+        }
+        n = [0, 1, 2].map(|x| n[x] + t.min(1.0) * d[x]);
+    }
+    best
+}
+
+/// Squares of lengths below this may have lost digits.
+const TINY: f64 = 1e-200;
 
 /// A distance that three control points of a curve have from one another.
 fn spread_of_three(set: &CurveSet, i: usize) -> f64 {
@@ -254,10 +433,11 @@ pub(super) fn normals(a: &Bezier, b: &Bezier) -> [Point; 8] {
 /// The gap of two hulls along a direction: positive where `a` lies below `b`, negative where it lies above, 0 where
 /// neither does.
 pub(super) fn signed_gap(a: &Bezier, b: &Bezier, n: Point) -> f64 {
-    let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-    if !(length > 0.0 && length.is_finite()) {
+    let length_sq = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+    if !(length_sq > TINY && length_sq.is_finite()) {
         return 0.0;
     }
+    let length = length_sq.sqrt();
     let extent = |p: &Bezier| {
         let mut out = [f64::INFINITY, f64::NEG_INFINITY];
         for p in p {
@@ -274,5 +454,157 @@ pub(super) fn signed_gap(a: &Bezier, b: &Bezier, n: Point) -> f64 {
         (b_hi - a_lo) / length
     } else {
         0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::Positions;
+    use crate::incremental::ledger::{Ledger, LedgerOptions};
+    use crate::verdict::AbortOn;
+    use crate::verifier::Verifier;
+    use proptest::prelude::*;
+
+    /// A few curves.
+    #[derive(Clone, Debug)]
+    struct Scene {
+        basis: Basis,
+        counts: Vec<i32>,
+        xyz: Vec<f64>,
+        double: bool,
+    }
+
+    impl Scene {
+        fn set(&self, xyz: &[f64]) -> CurveSet {
+            let narrow: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+            let positions = match self.double {
+                true => Positions::F64(xyz),
+                false => Positions::F32(&narrow),
+            };
+            CurveSet::from_counts(self.basis, &self.counts, positions).unwrap()
+        }
+    }
+
+    /// A ring that waves, as a whole or a part of it, or any points.
+    fn points(n: usize) -> impl Strategy<Value = Vec<Point>> {
+        let vector = || prop::array::uniform3(-1.0f64..1.0);
+        let ring = (
+            vector(),
+            vector(),
+            vector(),
+            vector(),
+            0.0..0.3f64,
+            1u8..5,
+            0.3..1.0f64,
+        );
+        let ring = ring.prop_map(move |(center, u, v, w, size, f, part)| -> Vec<Point> {
+            (0..n)
+                .map(|k| {
+                    let t = part * std::f64::consts::TAU * k as f64 / n as f64;
+                    let wave = size * (f64::from(f) * t).cos();
+                    let at = |x: usize| t.cos() * u[x] + t.sin() * v[x] + wave * w[x];
+                    [0, 1, 2].map(|x| center[x] + 2.0 * at(x))
+                })
+                .collect()
+        });
+        prop_oneof![3 => ring, 1 => prop::collection::vec(prop::array::uniform3(-2.0..2.0f64), n)]
+    }
+
+    fn scene() -> impl Strategy<Value = Scene> {
+        let basis = prop::sample::select(Basis::ALL.to_vec());
+        let curve = (any::<bool>(), 2usize..14);
+        let curves = prop::collection::vec(curve, 1..4);
+        (basis, curves, any::<bool>()).prop_flat_map(|(basis, curves, double)| {
+            let counts: Vec<i32> = curves
+                .iter()
+                .map(|&(closed, n)| match (basis, closed) {
+                    (Basis::Bezier, true) => -3 * n as i32,
+                    (Basis::Bezier, false) => 3 * n as i32 + 1,
+                    (_, true) => -(n as i32) - 1,
+                    (_, false) => n as i32 + 3,
+                })
+                .collect();
+            let all: Vec<_> = counts
+                .iter()
+                .map(|n| points(n.unsigned_abs() as usize))
+                .collect();
+            all.prop_map(move |points| Scene {
+                basis,
+                counts: counts.clone(),
+                xyz: points.into_iter().flatten().flatten().collect(),
+                double,
+            })
+        })
+    }
+
+    /// Moves every point as far as it may, in a direction of its own or in that of its curve.
+    fn moved(
+        scene: &Scene,
+        reference: &Reference,
+        seed: u64,
+        (together, share): (bool, f64),
+    ) -> CurveSet {
+        let mut state = seed | 1;
+        let mut random = move || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        };
+        let set = &reference.set;
+        let mut xyz = Vec::new();
+        for i in 0..set.len() {
+            let whole = [0; 3].map(|_| random());
+            for slot in set.body(i) {
+                let v = if together {
+                    whole
+                } else {
+                    [0; 3].map(|_| random())
+                };
+                let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+                let allowed = f64::from(reference.allowances[slot]).min(10.0);
+                let p = set.at(slot);
+                let mut q = [0, 1, 2].map(|x| p[x] + share * allowed * v[x] / length);
+                if !scene.double {
+                    q = q.map(|x| f64::from(x as f32));
+                }
+                let d = [0, 1, 2].map(|x| q[x] - p[x]);
+                let moved = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+                xyz.extend(if moved <= allowed { q } else { p });
+            }
+        }
+        scene.set(&xyz)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1500))]
+
+        /// Nothing that is covered meets between two frames within the allowances: the ledger has no entry.
+        #[test]
+        fn within_the_allowances_nothing_covered_meets(
+            scene in scene(),
+            own in any::<bool>(),
+            open in any::<bool>(),
+            seeds in prop::array::uniform2(any::<u64>()),
+            together in any::<bool>(),
+        ) {
+            let set = scene.set(&scene.xyz);
+            let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
+            let mut ledger = Ledger::default();
+            let options = LedgerOptions { self_crossings: own, open_curves: open };
+            // What is too close to tell stays so.
+            let unknown = ledger.step(&set, &set, options, None).undecided;
+            let reference = Reference::build(set.clone(), certificate, 0, 0, Cover { own, open });
+            prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
+            let [a, b] = seeds.map(|seed| moved(&scene, &reference, seed, (together, 0.999_999)));
+            for (before, after) in [(&set, &a), (&set, &b), (&a, &b)] {
+                let outcome = ledger.step(before, after, options, None);
+                prop_assert_eq!(&outcome.events, &[]);
+                for defect in &outcome.undecided {
+                    prop_assert!(unknown.iter().any(|u| (u.i, u.j) == (defect.i, defect.j)), "{defect:?}");
+                }
+            }
+        }
     }
 }

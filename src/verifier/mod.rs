@@ -118,7 +118,7 @@ impl Verifier {
     /// With [`Verifier::set_early_exit`], which leaves linking numbers unknown, none are looked for.
     pub fn set_events(&mut self, events: Events) {
         self.steps = Steps::new(events);
-        self.monitor = Monitor::new(self.steps.options());
+        self.monitor = Monitor::new(self.steps.cover());
     }
 
     /// What the last frame took.

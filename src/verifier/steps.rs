@@ -3,7 +3,7 @@
 use crate::certificate::Comparison;
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Events, Ledger, LedgerOptions, Outcome};
+use crate::incremental::{Cover, Events, Ledger, Outcome};
 use crate::pairs::Pair;
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
@@ -36,10 +36,10 @@ impl Steps {
     }
 
     /// What the ledger looks for.
-    pub fn options(&self) -> LedgerOptions {
-        LedgerOptions {
-            self_crossings: self.events == Events::All,
-            open_curves: self.events != Events::Off,
+    pub fn cover(&self) -> Cover {
+        Cover {
+            own: self.events == Events::All,
+            open: self.events != Events::Off,
         }
     }
 
@@ -104,11 +104,11 @@ impl Steps {
     /// # Panics
     /// If there is none, or of other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> (Outcome, u64) {
-        let options = self.options();
+        let cover = self.cover();
         let last = self.last.as_ref().expect("callers look for it first");
         let outcome = match pairs {
             Some([]) => Outcome::default(),
-            pairs => self.ledger.step(&last.set, set, options, pairs),
+            pairs => self.ledger.step(&last.set, set, cover, pairs),
         };
         let searched = outcome.counts.pairs;
         (outcome, searched)

@@ -44,6 +44,7 @@ mod planted;
 mod tests;
 
 use self::pair::{Part, Step, Workspace};
+use super::Cover;
 use crate::certificate::{Comparison, Link};
 use crate::curve::{BoxGroup, Curve, CurveSet, Point};
 use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
@@ -88,15 +89,6 @@ impl fmt::Display for PullThrough {
             self.fraction, self.sign
         )
     }
-}
-
-/// What a ledger looks for, beside passages between closed curves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct LedgerOptions {
-    /// Passages of a curve through itself.
-    pub self_crossings: bool,
-    /// Passages of open curves.
-    pub open_curves: bool,
 }
 
 /// What happened in a step.
@@ -189,14 +181,14 @@ impl Ledger {
         &mut self,
         before: &CurveSet,
         after: &CurveSet,
-        options: LedgerOptions,
+        cover: Cover,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
         assert!(before.same_layout(after), "two frames of the same curves");
         let frames = [before, after];
         let swept = Swept {
             frames,
-            open: options.open_curves,
+            open: cover.open,
         };
         self.pairs.clear();
         match pairs {
@@ -207,7 +199,7 @@ impl Ledger {
             }
             None => {
                 self.trees.refit(swept);
-                self.find_pairs(swept, options.self_crossings);
+                self.find_pairs(swept, cover.own);
             }
         }
         let step = Step {

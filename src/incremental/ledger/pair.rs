@@ -255,9 +255,7 @@ impl<'a> Task<'a> {
 
     /// Whether two segments of one curve follow one another.
     fn adjacent(&self, s: u32, t: u32) -> bool {
-        let curve = self.step.frames[0].curve(self.curves[0]);
-        let apart = s.abs_diff(t);
-        apart <= 1 || (curve.closed && apart == curve.segments - 1)
+        self.step.frames[0].curve(self.curves[0]).adjacent(s, t)
     }
 
     /// Makes a part of the visits with the instructions that there are.
@@ -350,12 +348,7 @@ impl<'a> Task<'a> {
         }
         let curve = self.step.frames[0].curve(self.curves[0]);
         let last = (first + BLOCK).min(curve.segments);
-        // An open curve ends.
-        let after = match (last < curve.segments, curve.closed) {
-            (true, _) => last,
-            (false, true) => 0,
-            (false, false) => last - 1,
-        };
+        let after = curve.after(last - 1);
         self.separation
             .add_turns(first..last, after, &mut gathered.near);
     }

@@ -10,9 +10,9 @@ use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 use std::f64::consts::TAU;
 
-const ALL: LedgerOptions = LedgerOptions {
-    self_crossings: true,
-    open_curves: true,
+const ALL: Cover = Cover {
+    own: true,
+    open: true,
 };
 
 fn certificate(set: &CurveSet) -> Certificate {
@@ -145,7 +145,7 @@ fn signs_add_up_to_the_change_of_the_linking_number() {
             let options = if k % 3 == 0 {
                 ALL
             } else {
-                LedgerOptions::default()
+                Cover::default()
             };
             let outcome = ledger.step(&before, &after, options, None);
             assert_eq!(
@@ -444,9 +444,9 @@ fn speed() {
             let mut after = before.clone();
             after.update(Positions::F32(&moved)).unwrap();
             for own in [false, true] {
-                let options = LedgerOptions {
-                    self_crossings: own,
-                    open_curves: false,
+                let options = Cover {
+                    own: own,
+                    open: false,
                 };
                 let mut ledger = Ledger::default();
                 let mut verifier = Verifier::new(AbortOn::Never);
