@@ -11,7 +11,8 @@
 
 use linkwatch::scenes::{Frames, Motion, MotionKind, Scene, pull_throughs};
 use linkwatch::{
-    AbortOn, Basis, CurveSet, Point, Positions, Precision, Report, Route, Verdict, Verifier,
+    AbortOn, Basis, CurveSet, DefectKind, Events, Point, Positions, Precision, Report, Route, Verdict,
+    Verifier,
 };
 use std::f64::consts::TAU;
 use std::ops::{Range, RangeInclusive};
@@ -360,6 +361,11 @@ struct Tally {
     full: u64,
     quiet: u64,
     partial: u64,
+    /// Pull-throughs, and steps of which it was not told what happened.
+    events: u64,
+    untold: u64,
+    /// Frames that were not searched for them, though they moved.
+    unsearched: u64,
 }
 
 impl Tally {
@@ -371,16 +377,21 @@ impl Tally {
         self.full += o.full;
         self.quiet += o.quiet;
         self.partial += o.partial;
+        self.events += o.events;
+        self.untold += o.untold;
+        self.unsearched += o.unsearched;
     }
 }
 
 impl Both {
-    fn new() -> Both {
-        let mut incremental = Verifier::new(AbortOn::default());
+    fn new(events: Events) -> Both {
+        let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::default()));
         incremental.set_incremental(true);
+        incremental.set_events(events);
+        full.set_events(events);
         Both {
             incremental,
-            full: Verifier::new(AbortOn::default()),
+            full,
             tally: Tally::default(),
         }
     }
@@ -400,7 +411,14 @@ impl Both {
             Verdict::Contact => &mut self.tally.contact,
             _ => &mut self.tally.undecided,
         } += 1;
-        *match self.incremental.work().route {
+        let defects = || found.defects.iter().map(|d| d.kind);
+        // Beside the events, the sum of their signs is compared with the linking numbers in every frame.
+        assert!(defects().all(|kind| kind != DefectKind::Unaccounted), "{what}, frame {frame}: {found:?}");
+        self.tally.events += found.events.len() as u64;
+        self.tally.untold += defects().filter(|kind| kind.is_of_step()).count() as u64;
+        let work = self.incremental.work();
+        self.tally.unsearched += u64::from(frame > 0 && work.searched == 0);
+        *match work.route {
             Route::Full => &mut self.tally.full,
             Route::Quiet => &mut self.tally.quiet,
             Route::Partial => &mut self.tally.partial,
@@ -459,9 +477,10 @@ fn run(
         } else {
             20 + random.below(15) as u64
         };
+        let events = random.pick(&[Events::Off, Events::Between, Events::All]);
+        let mut both = Both::new(events);
+        let what = format!("{basis:?} {precision:?} seed {seed}, events {events}");
         let mut movie = Movie::new(random, set);
-        let mut both = Both::new();
-        let what = format!("{basis:?} {precision:?} seed {seed}");
         for frame in 0..length {
             if frame > 0 || seed % 4 == 0 {
                 movie.advance(frame);
@@ -535,7 +554,7 @@ fn a_loop_that_was_degenerate_in_the_reference_frame_recovers() {
     for k in 1..set.curve(0).points as usize {
         collapsed.copy_within(0..3, 3 * k);
     }
-    let mut both = Both::new();
+    let mut both = Both::new(Events::Off);
     for (frame, xyz) in [&whole, &collapsed, &collapsed, &whole, &whole]
         .iter()
         .enumerate()
@@ -560,7 +579,8 @@ fn sets_that_are_others_than_before() {
                 Movie::new(Random::new(random.next()), set)
             })
             .collect();
-        let mut both = Both::new();
+        // Between other curves there is no motion.
+        let mut both = Both::new(Events::Off);
         let mut now = 0;
         for frame in 0..30 {
             if random.one_in(5) {
@@ -594,7 +614,7 @@ fn planted_pull_throughs_are_found() {
         ] {
             let motion: Motion = name.parse().unwrap();
             let mut frames = Frames::new(&set, diameter);
-            let mut both = Both::new();
+            let mut both = Both::new(Events::All);
             let what = format!("{text} {name}");
             for frame in 0..30 {
                 let pull = &pulls[frame as usize % pulls.len()];

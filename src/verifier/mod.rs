@@ -5,8 +5,6 @@
 
 mod full;
 mod steps;
-#[cfg(test)]
-mod tests;
 
 pub(crate) use full::{degenerate_curves, links_per_task, potential_links};
 
