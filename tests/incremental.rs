@@ -11,8 +11,8 @@
 
 use linkwatch::scenes::{Frames, Motion, MotionKind, Scene, pull_throughs};
 use linkwatch::{
-    AbortOn, Basis, CurveSet, DefectKind, Events, Point, Positions, Precision, Report, Route, Verdict,
-    Verifier,
+    AbortOn, Basis, CurveSet, DefectKind, Events, Point, Positions, Precision, Report, Route,
+    Verdict, Verifier,
 };
 use std::f64::consts::TAU;
 use std::ops::{Range, RangeInclusive};
@@ -413,7 +413,10 @@ impl Both {
         } += 1;
         let defects = || found.defects.iter().map(|d| d.kind);
         // Beside the events, the sum of their signs is compared with the linking numbers in every frame.
-        assert!(defects().all(|kind| kind != DefectKind::Unaccounted), "{what}, frame {frame}: {found:?}");
+        assert!(
+            defects().all(|kind| kind != DefectKind::Unaccounted),
+            "{what}, frame {frame}: {found:?}"
+        );
         self.tally.events += found.events.len() as u64;
         self.tally.untold += defects().filter(|kind| kind.is_of_step()).count() as u64;
         let work = self.incremental.work();

@@ -1,11 +1,12 @@
 //! What the watcher says to the simulator, in Rust and in words.
 
 use super::wire::{
-    FINDING_CHANGE, FINDING_DEFECT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE, VERDICT_MAGIC,
-    VerdictWire,
+    FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE,
+    VERDICT_MAGIC, VerdictWire,
 };
 use crate::certificate::{Change, ChangeKind};
 use crate::error::{Error, Result};
+use crate::incremental::PullThrough;
 use crate::verdict::{Defect, DefectKind, Place, Report, Verdict};
 use std::fmt;
 use std::time::Duration;
@@ -33,12 +34,14 @@ pub struct Counters {
     pub rejected: u64,
 }
 
-/// The first thing found in a frame, in the order of the curves.
+/// The first thing found in a frame: a change, else a pull-through, else a defect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
     /// A linking number that is not the expected one.
     Change(Change),
-    /// A pair or a curve without a linking number.
+    /// One curve was pulled through another, or through itself.
+    Event(PullThrough),
+    /// A pair or a curve without a linking number, or with an undecided step.
     Defect(Defect),
 }
 
@@ -63,7 +66,9 @@ pub struct VerdictMessage {
     pub gained: u32,
     /// Links with another number.
     pub changed: u32,
-    /// Pairs or curves without a number.
+    /// Pull-throughs since the last frame that was verified.
+    pub events: u32,
+    /// Pairs or curves without a number, or with an undecided step.
     pub defects: u32,
     /// The first finding.
     pub first: Option<Finding>,
@@ -107,13 +112,19 @@ impl fmt::Display for VerdictMessage {
             let links = if n == 1 { "link" } else { "links" };
             write!(f, ", {n} {links} {word}")?;
         }
+        match self.events {
+            0 => {}
+            1 => write!(f, ", 1 pull-through")?,
+            n => write!(f, ", {n} pull-throughs")?,
+        }
         match self.defects {
             0 => {}
-            1 => write!(f, ", 1 pair or curve without a number")?,
-            n => write!(f, ", {n} pairs or curves without a number")?,
+            1 => write!(f, ", 1 pair or curve undecided")?,
+            n => write!(f, ", {n} pairs or curves undecided")?,
         }
         match &self.first {
             Some(Finding::Change(change)) => write!(f, ": {change}")?,
+            Some(Finding::Event(event)) => write!(f, ": {event}")?,
             Some(Finding::Defect(defect)) => write!(f, ": {defect}")?,
             None => {}
         }
@@ -143,6 +154,7 @@ impl VerdictWire {
             gained: 0,
             changed: 0,
             defects: 0,
+            events: 0,
             finding: FINDING_NONE,
             i: 0,
             j: NO_CURVE,
@@ -150,6 +162,7 @@ impl VerdictWire {
             segments: [0; 2],
             has_place: 0,
             reason_len: 0,
+            reserved: 0,
             expected: 0,
             found: 0,
             point: [0.0; 3],
@@ -158,7 +171,7 @@ impl VerdictWire {
             skipped: counters.skipped,
             rejected: counters.rejected,
             check_ns: 0,
-            reason: [0; 208],
+            reason: [0; 200],
         }
     }
 
@@ -178,6 +191,7 @@ impl VerdictWire {
             lost: count(ChangeKind::Lost),
             gained: count(ChangeKind::Gained),
             changed: count(ChangeKind::Changed),
+            events: u32::try_from(report.events.len()).unwrap_or(u32::MAX),
             defects: u32::try_from(report.defects.len()).unwrap_or(u32::MAX),
             check_ns: u64::try_from(check.as_nanos()).unwrap_or(u64::MAX),
             ..VerdictWire::new(MessageKind::Verdict, session, counters)
@@ -187,6 +201,15 @@ impl VerdictWire {
             (wire.i, wire.j) = (change.i, change.j);
             (wire.expected, wire.found) = (change.expected, change.found);
             wire.set_place(change.place);
+        } else if let Some(event) = report.events.first() {
+            wire.finding = FINDING_EVENT;
+            (wire.i, wire.j) = (event.i, event.j);
+            wire.found = event.sign.into();
+            wire.set_place(Some(Place {
+                segments: event.segments,
+                point: event.point,
+                distance: event.fraction,
+            }));
         } else if let Some(defect) = report.defects.first() {
             wire.finding = FINDING_DEFECT;
             (wire.i, wire.j) = (defect.i, defect.j.unwrap_or(NO_CURVE));
@@ -245,6 +268,14 @@ impl VerdictWire {
                 found: self.found,
                 place: (self.has_place != 0).then_some(place),
             })),
+            FINDING_EVENT => Some(Finding::Event(PullThrough {
+                i: self.i,
+                j: self.j,
+                segments: self.segments,
+                fraction: self.distance,
+                sign: if self.found < 0 { -1 } else { 1 },
+                point: self.point,
+            })),
             FINDING_DEFECT => Some(Finding::Defect(Defect {
                 i: self.i,
                 j: (self.j != NO_CURVE).then_some(self.j),
@@ -267,6 +298,7 @@ impl VerdictWire {
             lost: self.lost,
             gained: self.gained,
             changed: self.changed,
+            events: self.events,
             defects: self.defects,
             first,
             reason: (!reason.is_empty()).then(|| String::from_utf8_lossy(reason).into_owned()),
@@ -292,6 +324,7 @@ mod tests {
             verdict,
             abort: false,
             changes: Vec::new(),
+            events: Vec::new(),
             defects: Vec::new(),
             rejected: None,
             stats: Stats::default(),
@@ -332,6 +365,27 @@ mod tests {
             "frame 12: changed, 1 link lost, 1 link changed: curves 3 and 4 came apart: linking \
              number 1 expected, 0 found, near (1.0000, 2.0000, 3.0000), segments 7 and 8, 2.500e-1 \
              apart. Stop or roll back"
+        );
+    }
+
+    #[test]
+    fn a_pull_through_arrives() {
+        let event = PullThrough {
+            i: 3,
+            j: 3,
+            segments: [7, 9],
+            fraction: 0.25,
+            sign: -1,
+            point: [1.0, 2.0, 3.0],
+        };
+        let mut r = report(Verdict::Changed);
+        r.events = vec![event];
+        let m = sent(&r);
+        assert_eq!((m.first, m.events), (Some(Finding::Event(event)), 1));
+        assert_eq!(
+            m.to_string(),
+            "frame 12: changed, 1 pull-through: curve 3 was pulled through itself at 0.250 of the step (-1), at \
+             (1.0000, 2.0000, 3.0000), segments 7 and 9"
         );
     }
 

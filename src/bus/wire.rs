@@ -13,7 +13,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
 /// Counts up with every change of either struct or of the payload.
-pub(super) const LAYOUT_VERSION: u32 = 1;
+pub(super) const LAYOUT_VERSION: u32 = 2;
 
 /// Start of the payload and of the positions in it: a cache line, and the widest vector load.
 pub(super) const ALIGNMENT: usize = 64;
@@ -63,6 +63,9 @@ pub(super) const FINDING_CHANGE: u32 = 1;
 /// A pair or a curve without a number.
 pub(super) const FINDING_DEFECT: u32 = 2;
 
+/// A pull-through: `found` is its sign, `distance` the fraction of the step.
+pub(super) const FINDING_EVENT: u32 = 3;
+
 /// Stands for "no second curve" in [`VerdictWire::j`].
 pub(super) const NO_CURVE: u32 = u32::MAX;
 
@@ -85,6 +88,7 @@ pub(super) struct VerdictWire {
     pub gained: u32,
     pub changed: u32,
     pub defects: u32,
+    pub events: u32,
     pub finding: u32,
     pub i: u32,
     pub j: u32,
@@ -93,6 +97,7 @@ pub(super) struct VerdictWire {
     pub has_place: u32,
     /// Bytes used of `reason`.
     pub reason_len: u32,
+    pub reserved: u32,
     pub expected: i64,
     pub found: i64,
     pub point: [f64; 3],
@@ -102,7 +107,7 @@ pub(super) struct VerdictWire {
     pub rejected: u64,
     pub check_ns: u64,
     /// Why a frame was rejected: UTF-8, cut at a character.
-    pub reason: [u8; 208],
+    pub reason: [u8; 200],
 }
 
 // No hidden padding: the sizes are the sums of the fields, and both are whole words.

@@ -1,6 +1,7 @@
 //! `linkwatch check`: models against a certificate.
 
 use super::Outcome;
+use super::look_for::LookFor;
 use super::output::{self, plural, with_progress};
 use linkwatch::{AbortOn, Certificate, Error, Report, Result, Verifier, model};
 use std::collections::BTreeSet;
@@ -16,8 +17,10 @@ pub struct Args {
     #[arg(long, value_name = "CERT")]
     against: PathBuf,
     /// Stop at the first change of a model, the most suspect pairs first
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["events", "own"])]
     early_exit: bool,
+    #[command(flatten)]
+    look_for: LookFor,
     /// Write the pairs that differ, a line `i,j,expected,found` each
     #[arg(long, value_name = "FILE")]
     diff_pairs: Option<PathBuf>,
@@ -31,6 +34,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let expected = Certificate::read(&args.against)?;
     let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
     verifier.set_early_exit(args.early_exit);
+    verifier.set_events(args.look_for.events(AbortOn::Never));
     let mut outcome = Outcome::Fine;
     let mut pairs = BTreeSet::new();
     let mut failed = None;

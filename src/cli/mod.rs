@@ -6,6 +6,7 @@ mod generate;
 mod input;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod live;
+mod look_for;
 mod measure;
 mod output;
 mod plan;

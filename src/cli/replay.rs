@@ -4,7 +4,8 @@ use super::Outcome;
 use super::output::plural;
 use super::session::{Judge, Judged, Session, Sinks, Tally};
 use linkwatch::{
-    AbortOn, Ending, Error, RecordedItem, RecordedVerdict, RecordingReader, Report, Result, Verdict,
+    AbortOn, Ending, Error, Events, RecordedItem, RecordedVerdict, RecordingReader, Report, Result,
+    Verdict,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -45,16 +46,27 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     // Known once the first item was read.
     let policy = reader.metadata().get("abort_on");
     let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
+    let looked_for = reader.metadata().get("events");
+    let looked_for: Events = looked_for.and_then(|e| e.parse().ok()).unwrap_or_default();
     let judge = Judge {
         abort_on: args.judge.abort_on.or(recorded),
         ..args.judge.clone()
     };
     args.sinks.refuse_to_overwrite(&args.recording)?;
     let mut replay = Replay {
-        session: Session::new(&judge, &args.sinks, baseline, &title, metadata, json)?,
+        session: Session::new(
+            &judge,
+            &args.sinks,
+            baseline,
+            looked_for,
+            &title,
+            metadata,
+            json,
+        )?,
         // Another policy or baseline gives other verdicts, and is meant to.
         compare: judge.abort_on.unwrap_or_default() == recorded.unwrap_or_default()
-            && judge.baseline.is_none(),
+            && judge.baseline.is_none()
+            && judge.look_for.events(AbortOn::Never) <= looked_for,
         tally: Tally::default(),
         last: None,
         unlike: 0,
@@ -141,6 +153,7 @@ impl Replay {
                 let judged = Judged {
                     report: Arc::new(report),
                     check: progress.check,
+                    work: progress.work,
                     curves: None,
                 };
                 self.session.publish(judged, self.tally)?;

@@ -2,12 +2,13 @@
 
 use super::Outcome;
 use super::live::Live;
+use super::look_for::LookFor;
 use super::output::{self, count, millis, plural};
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 use linkwatch::Overflow;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, FrameRecord, Report, Result,
-    SinkQueue, Verdict, Verifier,
+    AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, Events, FrameRecord,
+    PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
 };
 #[cfg(feature = "rerun")]
 use linkwatch::{ViewerSink, ViewerTarget};
@@ -29,15 +30,20 @@ const WAITING: usize = 8;
 /// Time that the sinks have to finish when the run is over.
 const FINISH: Duration = Duration::from_secs(30);
 
-/// What frames are compared with, and what to do about it.
+/// What frames are compared with, what is looked for, and what to do about it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Judge {
     /// What frames are compared with: `first-frame`, or a certificate file
     #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
-    /// What asks the simulator to stop: any, lost, gained, contact or never [default: any]
+    /// What asks the simulator to stop: any, lost, gained, contact, event or never [default: any]
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
+    #[command(flatten)]
+    pub look_for: LookFor,
+    /// Compute every frame in full as well, and compare: slow, for those who want to be sure
+    #[arg(long)]
+    pub paranoid: bool,
 }
 
 /// Where expected linking numbers come from.
@@ -138,6 +144,7 @@ impl Sinks {
 pub struct Judged {
     pub report: Arc<Report>,
     pub check: Duration,
+    pub work: Work,
     pub curves: Option<Arc<CurveSet>>,
 }
 
@@ -167,16 +174,19 @@ pub struct Session {
     first_violation: Option<String>,
     tally: Tally,
     checks: Durations,
+    /// Frames that took the full, the quiet and the partial way.
+    routes: [u64; 3],
     /// Curves left out of every verdict, once a frame was verified.
     open_curves: Option<u64>,
 }
 
 impl Session {
-    /// Prepares a run. `default_baseline` serves where the user names none.
+    /// Prepares a run. `default_baseline` and `default_events` serve where the user names none.
     pub fn new(
         judge: &Judge,
         sinks: &Sinks,
         default_baseline: Option<(Certificate, String)>,
+        default_events: Events,
         title: &str,
         mut metadata: BTreeMap<String, String>,
         json: bool,
@@ -190,10 +200,15 @@ impl Session {
         };
         let abort_on = judge.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
-        let (verifier, origin) = match given {
+        let events = judge.look_for.events(abort_on).max(default_events);
+        metadata.insert("events".into(), events.to_string());
+        let (mut verifier, origin) = match given {
             Some((certificate, origin)) => (Verifier::with_baseline(abort_on, certificate), origin),
             None => (Verifier::new(abort_on), "first frame".to_owned()),
         };
+        verifier.set_incremental(true);
+        verifier.set_paranoid(judge.paranoid);
+        verifier.set_events(events);
         Ok(Session {
             verifier,
             origin,
@@ -208,6 +223,7 @@ impl Session {
             first_violation: None,
             tally: Tally::default(),
             checks: Durations::default(),
+            routes: [0; 3],
             open_curves: None,
         })
     }
@@ -226,25 +242,39 @@ impl Session {
     ) -> Result<Judged> {
         let start = Instant::now();
         let mut set = self.free_curves();
-        let outcome = ingest(&mut set).and_then(|()| match &set {
-            Some(set) => self.verifier.step(seq, time, set),
+        let ingested = ingest(&mut set);
+        let set = set.map(Arc::new);
+        let outcome = ingested.and_then(|()| match &set {
+            Some(set) => self.verifier.step_shared(seq, time, set),
             None => Err(Error::Usage("the frame holds no curves".into())),
         });
         let (report, curves) = match outcome {
-            Ok(report) => (report, set.map(Arc::new)),
+            Ok(report) => (report, set),
             // Not this frame's fault: no frame of this simulator would fit.
             Err(e @ Error::CertificateMismatch { .. }) => return Err(e),
             Err(e) => {
                 // Half of this frame, half of the one before: good for its layout only.
-                self.pool.extend(set.map(Arc::new));
+                self.pool.extend(set);
                 (self.verifier.reject(seq, time, &e), None)
             }
         };
         let check = start.elapsed();
         self.pool.extend(curves.clone());
+        let work = match report.verdict {
+            Verdict::Rejected => Work::default(),
+            _ => self.verifier.work(),
+        };
+        if work.disagreed {
+            tracing::error!(
+                "frame {seq}: the incremental verification was wrong, which is an error of linkwatch; \
+                 the full one holds, for this frame and from here on"
+            );
+            self.data_lost();
+        }
         Ok(Judged {
             report: Arc::new(report),
             check,
+            work,
             curves,
         })
     }
@@ -266,6 +296,7 @@ impl Session {
         let Judged {
             report,
             check,
+            work,
             curves,
         } = judged;
         self.tally = tally;
@@ -286,8 +317,9 @@ impl Session {
                 self.open_curves = Some(report.stats.open_curves);
             }
             self.checks.add(check);
+            self.routes[work.route as usize] += 1;
         }
-        self.tell(&report, check)?;
+        self.tell(&report, check, &work)?;
         let record = Arc::new(FrameRecord {
             curves,
             report,
@@ -295,6 +327,7 @@ impl Session {
             skipped: tally.skipped,
             rejected: tally.rejected,
             check,
+            work,
             received: SystemTime::now(),
         });
         self.queues
@@ -304,26 +337,29 @@ impl Session {
     }
 
     /// Says what this frame brought that was not said before.
-    fn tell(&mut self, report: &Report, check: Duration) -> Result<()> {
+    fn tell(&mut self, report: &Report, check: Duration, work: &Work) -> Result<()> {
         if self.json {
             output::json(&serde_json::json!({
                 "report": report,
                 "ms": check.as_secs_f64() * 1e3,
+                "work": work,
                 "verified": self.tally.verified,
                 "skipped": self.tally.skipped,
                 "rejected": self.tally.rejected,
             }))?;
         }
         self.live.status(format_args!(
-            "frame {}: {}, {}; {} verified, {} skipped",
+            "frame {}: {}, {} ({}); {} verified, {} skipped",
             report.seq,
             report.verdict,
             millis(check),
+            in_words(work),
             count(self.tally.verified),
             count(self.tally.skipped),
         ));
         let key = |c: &Change| (c.i, c.j, c.found);
-        let fresh = report.changes.iter().any(|c| !self.told.contains(&key(c)));
+        let fresh = !report.events.is_empty()
+            || report.changes.iter().any(|c| !self.told.contains(&key(c)));
         let turned = self.last_verdict.is_some_and(|v| v != report.verdict);
         let first_and_bad = self.last_verdict.is_none() && report.verdict != Verdict::Intact;
         self.last_verdict = Some(report.verdict);
@@ -336,6 +372,7 @@ impl Session {
             .filter(|c| !self.told.contains(&key(c)));
         let sentences: Vec<String> = new_changes
             .map(Change::to_string)
+            .chain(report.events.iter().map(PullThrough::to_string))
             .chain(report.defects.iter().map(|d| d.to_string()))
             .collect();
         self.told = report.changes.iter().map(key).collect();
@@ -401,6 +438,7 @@ impl Session {
             (_, Outcome::Undecided) => "undecided or incomplete",
         };
         let (median, slowest) = (self.checks.median(), self.checks.longest);
+        let [full, quiet, partial] = self.routes;
         self.live.clear();
         if self.json {
             output::json(&serde_json::json!({
@@ -412,6 +450,7 @@ impl Session {
                     "median_ms": median.as_secs_f64() * 1e3,
                     "max_ms": slowest.as_secs_f64() * 1e3,
                     "first_violation": self.first_violation,
+                    "routes": { "full": full, "quiet": quiet, "partial": partial },
                     "open_curves": self.open_curves,
                 }
             }))?;
@@ -425,6 +464,14 @@ impl Session {
             millis(median),
             millis(slowest),
         );
+        if quiet + partial > 0 {
+            line += &format!(
+                "\n{} had not moved too far, {} in few places, {} computed in full",
+                plural(quiet, "frame"),
+                count(partial),
+                count(full)
+            );
+        }
         if let Some(first) = &self.first_violation {
             line += &format!("\nfirst: {first}");
         }
@@ -436,6 +483,24 @@ impl Session {
         }
         output::line(line)?;
         Ok(self.outcome)
+    }
+}
+
+/// What a frame took, in a few words.
+fn in_words(work: &Work) -> String {
+    let age = match work.reference_age {
+        Some(age) => format!(", reference {}", plural(age, "frame")),
+        None => String::new(),
+    };
+    match work.route {
+        Route::Quiet => format!("quiet{age}"),
+        Route::Full => format!("full, {}{age}", plural(work.recomputed, "pair")),
+        Route::Partial => format!(
+            "{} of {} blocks marked, {} recomputed{age}",
+            count(work.marked),
+            count(work.blocks),
+            plural(work.recomputed, "pair"),
+        ),
     }
 }
 

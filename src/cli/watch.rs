@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::output::plural;
 use super::session::{Judge, Session, Sinks, Tally};
-use linkwatch::{Counters, Event, Result, Sidecar, SidecarOptions};
+use linkwatch::{Counters, Event, Events, Result, Sidecar, SidecarOptions};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,6 +38,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         &args.judge,
         &args.sinks,
         None,
+        Events::Off,
         &args.service,
         metadata,
         json,

@@ -461,7 +461,7 @@ pub(super) fn signed_gap(a: &Bezier, b: &Bezier, n: Point) -> f64 {
 mod tests {
     use super::*;
     use crate::curve::Positions;
-    use crate::incremental::ledger::{Ledger, LedgerOptions};
+    use crate::incremental::ledger::Ledger;
     use crate::verdict::AbortOn;
     use crate::verifier::Verifier;
     use proptest::prelude::*;
@@ -592,7 +592,7 @@ mod tests {
             let set = scene.set(&scene.xyz);
             let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
             let mut ledger = Ledger::default();
-            let options = LedgerOptions { self_crossings: own, open_curves: open };
+            let options = Cover { own: own, open: open };
             // What is too close to tell stays so.
             let unknown = ledger.step(&set, &set, options, None).undecided;
             let reference = Reference::build(set.clone(), certificate, 0, 0, Cover { own, open });

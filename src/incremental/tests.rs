@@ -1,7 +1,6 @@
 //! Frames followed, against frames computed in full.
 
-use super::*;
-use crate::curve::Positions;
+use crate::curve::{CurveSet, Positions};
 use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 use std::time::Instant;

@@ -21,6 +21,7 @@ pub use viewer::{ViewerSink, ViewerTarget};
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::error::Result;
+use crate::incremental::Work;
 use crate::verdict::Report;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -49,6 +50,8 @@ pub struct FrameRecord {
     pub rejected: u64,
     /// How long the verification of this frame took.
     pub check: Duration,
+    /// What it took: another run may take another way to the same report.
+    pub work: Work,
     /// When the frame arrived.
     pub received: SystemTime,
 }

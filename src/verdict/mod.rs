@@ -112,7 +112,9 @@ impl DefectKind {
             DefectKind::Degenerate => "has fewer than three distinct vertices",
             DefectKind::NoBaseline => "had no linking number to compare with",
             DefectKind::Untold => "may have passed through one another: too close to tell",
-            DefectKind::Unaccounted => "changed their linking number by more than was pulled through",
+            DefectKind::Unaccounted => {
+                "changed their linking number by more than was pulled through"
+            }
         }
     }
 }

@@ -142,11 +142,7 @@ fn signs_add_up_to_the_change_of_the_linking_number() {
         for k in 0..1500 {
             let [before, after] = random_step(&mut r, basis);
             let numbers = [&before, &after].map(certificate);
-            let options = if k % 3 == 0 {
-                ALL
-            } else {
-                Cover::default()
-            };
+            let options = if k % 3 == 0 { ALL } else { Cover::default() };
             let outcome = ledger.step(&before, &after, options, None);
             assert_eq!(
                 unaccounted(&outcome, &numbers),

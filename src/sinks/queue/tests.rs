@@ -77,6 +77,7 @@ fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
             verdict,
             abort: false,
             changes: Vec::new(),
+            events: Vec::new(),
             defects: Vec::new(),
             rejected: None,
             stats: Default::default(),
@@ -85,6 +86,7 @@ fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
         skipped: 0,
         rejected: 0,
         check: Duration::ZERO,
+        work: Default::default(),
         received: SystemTime::UNIX_EPOCH,
     })
 }

@@ -6,6 +6,7 @@
 use crate::certificate::{Certificate, Change, Link};
 use crate::curve::{Basis, Precision};
 use crate::error::{Error, Result};
+use crate::incremental::{PullThrough, Route, Work};
 use crate::sinks::BaselineRecord;
 use crate::verdict::{Defect, DefectKind, Place, Report, Stats, Verdict};
 use prost::bytes::Bytes;
@@ -59,6 +60,8 @@ pub(super) struct ReportMessage {
     pub rejected: Option<String>,
     #[prost(message, optional, tag = "8")]
     pub stats: Option<StatsMessage>,
+    #[prost(message, repeated, tag = "9")]
+    pub events: Vec<PullThroughMessage>,
 }
 
 #[derive(Clone, Copy, PartialEq, prost::Message)]
@@ -71,6 +74,50 @@ pub(super) struct ProgressMessage {
     pub rejected: u64,
     #[prost(uint64, tag = "4")]
     pub check_ns: u64,
+    #[prost(message, optional, tag = "5")]
+    pub work: Option<WorkMessage>,
+}
+
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+pub(super) struct WorkMessage {
+    #[prost(int32, tag = "1")]
+    pub route: i32,
+    #[prost(uint64, tag = "2")]
+    pub blocks: u64,
+    #[prost(uint64, tag = "3")]
+    pub marked: u64,
+    #[prost(uint64, tag = "4")]
+    pub recertified: u64,
+    #[prost(uint64, tag = "5")]
+    pub recomputed: u64,
+    #[prost(uint64, tag = "6")]
+    pub searched: u64,
+    #[prost(uint64, optional, tag = "7")]
+    pub reference_age: Option<u64>,
+    #[prost(bool, tag = "8")]
+    pub disagreed: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+pub(super) struct PullThroughMessage {
+    #[prost(uint32, tag = "1")]
+    pub i: u32,
+    #[prost(uint32, tag = "2")]
+    pub j: u32,
+    #[prost(uint32, tag = "3")]
+    pub segment_i: u32,
+    #[prost(uint32, tag = "4")]
+    pub segment_j: u32,
+    #[prost(double, tag = "5")]
+    pub fraction: f64,
+    #[prost(sint32, tag = "6")]
+    pub sign: i32,
+    #[prost(double, tag = "7")]
+    pub x: f64,
+    #[prost(double, tag = "8")]
+    pub y: f64,
+    #[prost(double, tag = "9")]
+    pub z: f64,
 }
 
 #[derive(Clone, Copy, PartialEq, prost::Message)]
@@ -258,6 +305,67 @@ impl TryFrom<DefectMessage> for Defect {
     }
 }
 
+impl From<&PullThrough> for PullThroughMessage {
+    fn from(e: &PullThrough) -> Self {
+        let ([segment_i, segment_j], [x, y, z]) = (e.segments, e.point);
+        PullThroughMessage {
+            i: e.i,
+            j: e.j,
+            segment_i,
+            segment_j,
+            fraction: e.fraction,
+            sign: e.sign,
+            x,
+            y,
+            z,
+        }
+    }
+}
+
+impl From<PullThroughMessage> for PullThrough {
+    fn from(e: PullThroughMessage) -> Self {
+        PullThrough {
+            i: e.i,
+            j: e.j,
+            segments: [e.segment_i, e.segment_j],
+            fraction: e.fraction,
+            sign: e.sign,
+            point: [e.x, e.y, e.z],
+        }
+    }
+}
+
+impl From<&Work> for WorkMessage {
+    fn from(w: &Work) -> Self {
+        WorkMessage {
+            route: code(&Route::ALL, w.route),
+            blocks: w.blocks,
+            marked: w.marked,
+            recertified: w.recertified,
+            recomputed: w.recomputed,
+            searched: w.searched,
+            reference_age: w.reference_age,
+            disagreed: w.disagreed,
+        }
+    }
+}
+
+impl TryFrom<WorkMessage> for Work {
+    type Error = Error;
+    fn try_from(w: WorkMessage) -> Result<Self> {
+        Ok(Work {
+            route: from_code(&Route::ALL, w.route, "route of a frame")?,
+            blocks: w.blocks,
+            marked: w.marked,
+            recertified: w.recertified,
+            recomputed: w.recomputed,
+            searched: w.searched,
+            reference_age: w.reference_age,
+            disagreed: w.disagreed,
+        })
+    }
+}
+
 impl From<&Report> for ReportMessage {
     fn from(r: &Report) -> Self {
         let change = |c: &Change| ChangeMessage {
@@ -274,6 +382,7 @@ impl From<&Report> for ReportMessage {
             verdict: code(&Verdict::ALL, r.verdict),
             abort: r.abort,
             changes: r.changes.iter().map(change).collect(),
+            events: r.events.iter().map(Into::into).collect(),
             defects: r.defects.iter().map(Into::into).collect(),
             rejected: r.rejected.clone(),
             stats: Some(StatsMessage {
@@ -311,6 +420,7 @@ impl TryFrom<ReportMessage> for Report {
             verdict: from_code(&Verdict::ALL, r.verdict, "verdict of a report")?,
             abort: r.abort,
             changes: r.changes.into_iter().map(change).collect(),
+            events: r.events.into_iter().map(Into::into).collect(),
             defects: collect(r.defects)?,
             rejected: r.rejected,
             stats: Stats {

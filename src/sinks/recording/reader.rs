@@ -7,6 +7,7 @@ use super::messages::{
 use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
+use crate::incremental::Work;
 use crate::ingest::{RawFrame, ingest};
 use crate::sinks::BaselineRecord;
 use crate::verdict::Report;
@@ -50,6 +51,8 @@ pub struct RecordedProgress {
     pub rejected: u64,
     /// How long the verification of this frame took.
     pub check: Duration,
+    /// What it took.
+    pub work: Work,
 }
 
 /// The curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
@@ -302,6 +305,8 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
                     skipped: p.skipped,
                     rejected: p.rejected,
                     check: Duration::from_nanos(p.check_ns),
+                    // Recordings of earlier versions have none.
+                    work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
                 },
             })
         }

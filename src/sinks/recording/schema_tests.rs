@@ -136,12 +136,33 @@ fn the_structs_are_those_of_the_schema() {
             exact: 11,
             unchecked: 12,
         }),
+        events: vec![PullThroughMessage {
+            i: 1,
+            j: 2,
+            segment_i: 3,
+            segment_j: 4,
+            fraction: 0.5,
+            sign: -1,
+            x: 6.5,
+            y: 7.5,
+            z: 8.5,
+        }],
     };
     let progress = ProgressMessage {
         verified: 1,
         skipped: 2,
         rejected: 3,
         check_ns: 4,
+        work: Some(WorkMessage {
+            route: 1,
+            blocks: 2,
+            marked: 3,
+            recertified: 4,
+            recomputed: 5,
+            searched: 6,
+            reference_age: Some(7),
+            disagreed: true,
+        }),
     };
     agrees(
         "Verdict",
@@ -169,6 +190,7 @@ fn the_structs_are_those_of_the_schema() {
 #[test]
 fn the_codes_are_those_of_the_schema() {
     use crate::curve::{Basis, Precision};
+    use crate::incremental::Route;
     use crate::verdict::{DefectKind, Verdict};
     let pool = DescriptorPool::decode(DESCRIPTORS).unwrap();
     let check = |name: &str, words: Vec<String>| {
@@ -195,6 +217,7 @@ fn the_codes_are_those_of_the_schema() {
         "VerdictCode",
         Verdict::ALL.iter().map(|v| debug(v)).collect(),
     );
+    check("Route", Route::ALL.iter().map(|v| debug(v)).collect());
     check(
         "DefectKind",
         DefectKind::ALL.iter().map(|v| debug(v)).collect(),

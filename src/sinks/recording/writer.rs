@@ -138,6 +138,7 @@ impl Sink for RecordingSink {
                 skipped: record.skipped,
                 rejected: record.rejected,
                 check_ns: record.check.as_nanos().try_into().unwrap_or(u64::MAX),
+                work: Some((&record.work).into()),
             }),
         };
         self.write(self.verdicts, &message, record.report.seq, time)
