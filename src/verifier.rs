@@ -301,7 +301,7 @@ impl Verifier {
                 model: set.len(),
             });
         }
-        if set.curves().iter().all(|c| !c.closed) {
+        if set.open_curves() == set.len() {
             return Err(Error::NothingClosed { curves: set.len() });
         }
         let start = Instant::now();
@@ -437,7 +437,7 @@ fn sizes(set: &CurveSet) -> Stats {
     Stats {
         curves: set.len() as u64,
         segments: set.segments() as u64,
-        open_curves: set.curves().iter().filter(|c| !c.closed).count() as u64,
+        open_curves: set.open_curves() as u64,
         ..Stats::default()
     }
 }

@@ -44,6 +44,7 @@ pub enum Route {
 
 mod affine;
 mod motion;
+mod packed;
 mod reference;
 mod stream;
 

@@ -12,6 +12,7 @@
 //! each pair of segments within it.
 
 use super::affine::Sample;
+use super::packed::Packed;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Bezier, Box3, CurveSet, Point, sub_segment};
 use crate::pairs::{LinkSearch, Trees, closest_of_segments, closest_points, segments_within};
@@ -46,6 +47,8 @@ pub(super) struct Reference {
     /// For every slot of the coordinates, the distance that its point may move. Infinite where it is a copy, padding or
     /// of an open curve.
     pub allowances: Vec<f32>,
+    /// Points and allowances once more, small.
+    pub packed: Vec<Packed>,
     /// The largest allowance: segments that are further apart than twice this were not compared.
     pub reach: f64,
 }
@@ -67,6 +70,7 @@ impl Reference {
         let blocks = blocks.sum();
         let reach = typical_clearance(&set, &trees) * 0.5;
         let allowances = allowances(&set, &trees, &certificate, reach);
+        let packed = Packed::blocks(&set, &allowances);
         Reference {
             set,
             trees,
@@ -76,6 +80,7 @@ impl Reference {
             sample,
             blocks,
             allowances,
+            packed,
             reach,
         }
     }
