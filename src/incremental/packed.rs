@@ -23,6 +23,7 @@ const GIVEN_AWAY: f64 = 0.125;
 
 /// The points of a block of slots in the reference frame: `origin + scale * offset`.
 #[derive(Debug)]
+#[repr(align(64))]
 pub(super) struct Packed {
     origin: Point,
     scale: f32,

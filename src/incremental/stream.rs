@@ -206,6 +206,27 @@ fn scan_all<T: Real>(
     found.sort_unstable();
 }
 
+/// Blocks of the reference frame that are asked for before they are needed.
+const AHEAD: usize = 8;
+
+/// Asks for a block: the processor does so by itself only up to the end of each page, and what was used a frame ago
+/// may be far away by now.
+#[inline(always)]
+fn fetch(packed: &[Packed], block: usize) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(block) = packed.get(block) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let start: *const Packed = block;
+        for line in (0..size_of::<Packed>()).step_by(64) {
+            #[expect(unsafe_code, reason = "a hint for the cache")]
+            // SAFETY: nothing is read.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(start.cast::<i8>().wrapping_add(line));
+            }
+        }
+    }
+}
+
 /// A frame, and what it is compared with.
 struct Scan<'a, T> {
     condition: Condition<T>,
@@ -241,7 +262,8 @@ impl<T: Real> Scan<'_, T> {
         let packed = &self.packed[range.start / BLOCK..range.end / BLOCK];
         let points = px.iter().zip(py).zip(pz);
         let mut at = range.start;
-        for (packed, ((px, py), pz)) in packed.iter().zip(points) {
+        for (b, (packed, ((px, py), pz))) in packed.iter().zip(points).enumerate() {
+            fetch(self.packed, range.start / BLOCK + b + AHEAD);
             if !self.quick.holds::<T, FMA>(packed, [px, py, pz]) {
                 self.chunks(at..at + BLOCK, found);
             }
