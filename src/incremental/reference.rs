@@ -134,7 +134,8 @@ fn allowances(set: &CurveSet, trees: &Trees, certificate: &Certificate, reach: f
         .collect();
     // Allowances are not negative, so their bits compare as they do.
     let lower = |slot: usize, to: f64| {
-        let to = (to.max(0.0) as f32) * (1.0 - 1e-6);
+        // Infinity says that there is no bound.
+        let to = to.clamp(0.0, f32::MAX.into()) as f32 * (1.0 - 1e-6);
         allowed[slot].fetch_min(to.to_bits(), Ordering::Relaxed);
     };
     let degenerate = |i: usize| {

@@ -207,7 +207,7 @@ fn scan_all<T: Real>(
 }
 
 /// Blocks of the reference frame that are asked for before they are needed.
-const AHEAD: usize = 8;
+const AHEAD: usize = 16;
 
 /// Asks for a block: the processor does so by itself only up to the end of each page, and what was used a frame ago
 /// may be far away by now.
@@ -282,6 +282,152 @@ impl<T: Real> Scan<'_, T> {
             let allowances = filled_up(&self.allowances[range.clone()], f32::INFINITY);
             if self.condition.left(&p, &q, &allowances) < T::default() {
                 found.push((at / CHUNK) as u32);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certificate::Certificate;
+    use crate::curve::{Basis, Positions};
+    use nalgebra::{Matrix3, Rotation3, Vector3};
+    use proptest::prelude::*;
+
+    /// Curves of these sizes; slots from 0 to some 500.
+    const COUNTS: [i32; 9] = [-64, -15, -15, -15, -40, 30, -130, -9, -100];
+
+    fn set(xyz: &[f64], single: bool) -> CurveSet {
+        if single {
+            let xyz: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+            CurveSet::from_counts(Basis::CatmullRom, &COUNTS, Positions::F32(&xyz)).unwrap()
+        } else {
+            CurveSet::from_counts(Basis::CatmullRom, &COUNTS, Positions::F64(xyz)).unwrap()
+        }
+    }
+
+    /// A reference frame with allowances of 0.01 to 1 at its control points, times a scale.
+    fn reference(mut random: impl FnMut() -> f64, scale: f64, single: bool) -> Reference {
+        let points: usize = COUNTS.iter().map(|c| c.unsigned_abs() as usize).sum();
+        let mut at = [0.0; 3];
+        let mut xyz = Vec::new();
+        for _ in 0..points {
+            at = at.map(|x| 0.99 * x + random());
+            xyz.extend(at.map(|x| scale * x));
+        }
+        let set = set(&xyz, single);
+        let mut reference = Reference::build(set, Certificate::default(), 0, 0);
+        let mut allowances = vec![f32::INFINITY; reference.set.slots()];
+        for i in (0..COUNTS.len()).filter(|&i| reference.set.curve(i).closed) {
+            for slot in reference.set.body(i) {
+                let a = scale * 10f64.powf(random() - 1.0);
+                allowances[slot] = a.min(f32::MAX.into()) as f32;
+            }
+        }
+        reference.packed = Packed::blocks(&reference.set, &allowances);
+        reference.allowances = allowances;
+        reference
+    }
+
+    /// A frame whose points moved by some share of their allowances, those of open curves anyhow.
+    fn moved(
+        r: &Reference,
+        affine: &Affine,
+        mut share: impl FnMut(usize) -> Vector3<f64>,
+    ) -> Vec<f64> {
+        let slots = (0..COUNTS.len()).flat_map(|i| r.set.body(i));
+        let points = slots.map(|slot| {
+            let a = f64::from(r.allowances[slot].min(r.set.max_abs() as f32));
+            affine.m * (Vector3::from(r.set.at(slot)) + share(slot) * a) + affine.t
+        });
+        points.flat_map(|p| [p.x, p.y, p.z]).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
+
+        #[test]
+        fn what_moved_further_than_it_may_is_marked_and_what_did_not_by_far_is_not(
+            seed in 1u64..u64::MAX,
+            single: bool,
+            exponent in -1.0f64..1.0,
+            turn in prop_oneof![Just(0.0), 0.0..1e-3, 0.0..3.0],
+            hair in prop_oneof![-1e-6..1e-6, -1e-3..1e-3, 0.0..3.0],
+            few in 1usize..20,
+            threads in 1usize..3,
+        ) {
+            let mut state = seed;
+            let mut random = move || {
+                state ^= state << 13;
+                state ^= state >> 7;
+                state ^= state << 17;
+                (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+            };
+            // Down to scales where squares underflow, and up to those where they overflow.
+            let largest = match single {
+                true => 30.0,
+                false if exponent < 0.0 => 85.0,
+                false => 36.0,
+            };
+            let scale = 10f64.powf(exponent.powi(3) * largest);
+            let r = reference(&mut random, scale, single);
+            let axis = Vector3::from([random(), random(), random()]);
+            let direction = |v: Vector3<f64>| v.try_normalize(1e-9).unwrap_or(Vector3::x());
+            let rotation = Rotation3::new(direction(axis) * turn);
+            let t = Vector3::from([random(), random(), random()]) * scale;
+            let stretch = Matrix3::identity() * (1.0 + turn * 0.3 * random());
+            let affine = Affine::new(rotation.matrix() * stretch, t).unwrap();
+            let mut any = || direction(Vector3::from([random(), random(), random()]));
+
+            // A few go to the border of what they may or beyond, half of them at the border of a chunk or a block.
+            let step = r.set.slots() / few;
+            let next = |slot: usize| slot % step == 0 || slot % (BLOCK * few) == BLOCK - 1;
+            let frame = moved(&r, &affine, |slot| any() * if next(slot) { 1.0 + hair } else { 0.3 });
+            let frame = set(&frame, single);
+            let mut found = Vec::new();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let limit = usize::MAX;
+            pool.install(|| moved_chunks(&r, &affine, &frame, limit, &mut found));
+            for slot in (0..frame.slots()).filter(|&k| r.allowances[k] < f32::INFINITY) {
+                let [p, q] = [&frame, &r.set].map(|s| Vector3::from(s.at(slot)) / scale);
+                let off = (affine.inverse * (p - affine.t / scale) - q).norm();
+                if off > f64::from(r.allowances[slot]) / scale * (1.0 + 1e-9) {
+                    prop_assert!(found.contains(&((slot / CHUNK) as u32)), "{slot}: {off}");
+                }
+            }
+
+            let still = moved(&r, &affine, |_| any() * 0.5);
+            found.clear();
+            moved_chunks(&r, &affine, &set(&still, single), limit, &mut found);
+            if (1e-10..1e10).contains(&scale) {
+                prop_assert!(found.is_empty(), "{found:?}");
+            }
+        }
+
+        #[test]
+        fn most_blocks_are_told_to_be_quiet_at_once(seed in 1u64..u64::MAX, single: bool, turn in 0.0..3.0) {
+            let mut state = seed;
+            let mut random = move || {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+            };
+            let r = reference(&mut random, 1.0, single);
+            let affine = Affine::new(Rotation3::new(Vector3::y() * turn).into_inner(), Vector3::x()).unwrap();
+            let frame = set(&moved(&r, &affine, |_| Vector3::x() * 1e-3), single);
+            let quick = match single {
+                true => Quick::new::<f32>(&affine, &r.set, &frame),
+                false => Quick::new::<f64>(&affine, &r.set, &frame),
+            };
+            for (b, packed) in r.packed.iter().enumerate() {
+                let part = b * BLOCK..(b + 1) * BLOCK;
+                let holds = match frame.axes() {
+                    Axes::F32(p) => quick.holds::<f32, false>(packed, cut(p, part).map(|v| v.as_array().unwrap())),
+                    Axes::F64(p) => quick.holds::<f64, true>(packed, cut(p, part).map(|v| v.as_array().unwrap())),
+                };
+                // But for those with a part of the open curve, which has no copies at its ends.
+                let open = r.set.body(5);
+                prop_assert!(holds || (b * BLOCK < open.end + 8 && (b + 1) * BLOCK + 8 > open.start));
             }
         }
     }
