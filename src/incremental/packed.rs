@@ -149,7 +149,7 @@ impl Quick {
         }
         let radius = f64::from(block.radius);
         let bound = self.sigma * f64::from(block.allowance) - self.error - self.share * radius;
-        if !(bound > 0.0) {
+        if bound <= 0.0 {
             return false;
         }
         let mut origin = [T::default(); 3];

@@ -382,7 +382,7 @@ mod tests {
 
             // A few go to the border of what they may or beyond, half of them at the border of a chunk or a block.
             let step = r.set.slots() / few;
-            let next = |slot: usize| slot % step == 0 || slot % (BLOCK * few) == BLOCK - 1;
+            let next = |slot: usize| slot.is_multiple_of(step) || slot % (BLOCK * few) == BLOCK - 1;
             let frame = moved(&r, &affine, |slot| any() * if next(slot) { 1.0 + hair } else { 0.3 });
             let frame = set(&frame, single);
             let mut found = Vec::new();
