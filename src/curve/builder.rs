@@ -1,8 +1,9 @@
 //! Curve sets from counts and positions, in one go or curve by curve.
 
-use super::set::{Curve, CurveSet};
-use super::{Basis, LANES, Positions, Precision};
+use super::set::{Curve, CurveSet, slots_of};
+use super::{Basis, Positions, Precision};
 use crate::error::{Error, Result};
+use std::sync::Arc;
 
 impl CurveSet {
     /// Starts a set. `points` is a hint that saves reallocation; check it against the data that backs it first.
@@ -41,11 +42,9 @@ impl CurveSet {
     }
 }
 
-/// Slots that a curve takes, or `None` where the count does not fit the basis: every window of the last,
-/// possibly partial, group of eight segments lies inside.
+/// Slots that a curve takes, or `None` where the count does not fit the basis.
 fn slots(basis: Basis, points: usize, closed: bool) -> Option<usize> {
-    let segments = basis.segments(points, closed)?;
-    Some((segments.next_multiple_of(LANES) - 1) * basis.stride() + basis.window())
+    Some(slots_of(basis, basis.segments(points, closed)?))
 }
 
 /// Fills a [`CurveSet`] curve by curve, from a stream of any chunk size.
@@ -93,13 +92,15 @@ impl CurveSetBuilder {
             });
         }
         set.coordinates.grow(slots);
-        set.curves.push(Curve {
+        Arc::make_mut(&mut set.curves).push(Curve {
             first: first as u32,
             points: points as u32,
             segments: segments as u32,
             closed,
         });
         set.points += points;
+        set.segments += segments;
+        set.open_curves += usize::from(!closed);
         self.written = 0;
         Ok(())
     }

@@ -6,6 +6,7 @@ use super::coordinates::{Axes, Coordinates, Knots};
 use super::{Basis, Bezier, Point, Positions, Precision, point_at};
 use crate::error::{Error, Result};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// One curve of a [`CurveSet`]: its size and where its control points lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,9 +64,13 @@ const SPLINE_RANGE: f64 = f64::from_bits((1023 + 300) << 52);
 #[derive(Debug)]
 pub struct CurveSet {
     pub(super) basis: Basis,
-    pub(super) curves: Vec<Curve>,
+    /// Shared by clones, so that those of one set are told to have the same curves at once.
+    pub(super) curves: Arc<Vec<Curve>>,
     pub(super) coordinates: Coordinates,
     pub(super) points: usize,
+    /// Counted when the curves came in: to ask for them costs no pass over the curves.
+    pub(super) segments: usize,
+    pub(super) open_curves: usize,
     /// Largest magnitude of any coordinate.
     max_abs: f64,
 }
@@ -86,12 +91,20 @@ impl Clone for CurveSet {
             curves,
             coordinates,
             points,
+            segments,
+            open_curves,
             max_abs,
         } = self;
         curves.clone_from(&source.curves);
         coordinates.clone_from(&source.coordinates);
-        (*basis, *points, *max_abs) = (source.basis, source.points, source.max_abs);
+        (*basis, *max_abs) = (source.basis, source.max_abs);
+        (*points, *segments, *open_curves) = (source.points, source.segments, source.open_curves);
     }
+}
+
+/// Slots that a curve takes: every window of the last, possibly partial, group of eight segments lies inside.
+pub(super) fn slots_of(basis: Basis, segments: usize) -> usize {
+    (segments.next_multiple_of(LANES) - 1) * basis.stride() + basis.window()
 }
 
 impl CurveSet {
@@ -99,9 +112,11 @@ impl CurveSet {
     pub(super) fn empty(basis: Basis, precision: Precision, slots: usize) -> CurveSet {
         CurveSet {
             basis,
-            curves: Vec::new(),
+            curves: Arc::default(),
             coordinates: Coordinates::with_capacity(precision, slots),
             points: 0,
+            segments: 0,
+            open_curves: 0,
             max_abs: 0.0,
         }
     }
@@ -157,7 +172,8 @@ impl CurveSet {
         Ok(())
     }
 
-    /// Copies the points that a closed curve repeats at its ends.
+    /// Copies the points that a closed curve repeats at its ends, up to its last slot: what pads the last group of
+    /// segments moves as the curve does.
     pub(super) fn wrap(&mut self, i: usize) {
         let c = self.curves[i];
         if !c.closed {
@@ -165,10 +181,10 @@ impl CurveSet {
         }
         let (first, n) = (c.first as usize, c.points as usize);
         let lead = self.basis.lead(true);
-        let used = (c.segments as usize - 1) * self.basis.stride() + self.basis.window();
+        let slots = slots_of(self.basis, c.segments as usize);
         let body = first + lead;
         let each = |k: usize| (first + k, body + (k + n - lead) % n);
-        for k in (0..lead).chain(lead + n..used) {
+        for k in (0..lead).chain(lead + n..slots) {
             let (to, from) = each(k);
             self.coordinates.copy(from, to);
         }
@@ -178,7 +194,7 @@ impl CurveSet {
     pub(crate) fn same_layout(&self, other: &CurveSet) -> bool {
         self.basis == other.basis
             && self.precision() == other.precision()
-            && self.curves == other.curves
+            && (Arc::ptr_eq(&self.curves, &other.curves) || self.curves == other.curves)
     }
 
     /// How control points become curves.
@@ -208,7 +224,12 @@ impl CurveSet {
 
     /// Segments of all curves together.
     pub fn segments(&self) -> usize {
-        self.curves.iter().map(|c| c.segments as usize).sum()
+        self.segments
+    }
+
+    /// Curves that are not closed.
+    pub(crate) fn open_curves(&self) -> usize {
+        self.open_curves
     }
 
     /// Curve `i`.
@@ -424,7 +445,7 @@ impl CurveSet {
     /// little-endian bytes: what a recording stores.
     pub fn write_positions(&self, out: &mut Vec<u8>) {
         out.reserve(3 * self.points * self.precision().bytes());
-        for c in &self.curves {
+        for c in self.curves.iter() {
             let body = c.first as usize + self.basis.lead(c.closed);
             for k in body..body + c.points as usize {
                 self.coordinates.append_bytes(k, out);

@@ -10,6 +10,9 @@ const SAMPLES: usize = 1024;
 /// use a share of 0.49 of each gap, and two times 0.4974 is less than all of it, with room for rounding.
 const FREE: f64 = 0.015;
 
+/// Neighbours that are taken together: they share a line of the cache.
+const TOGETHER: usize = 8;
+
 /// The map `q -> M q + t` from a reference frame to a later one. Its determinant is positive, so it is isotopic to
 /// the identity and changes no linking number.
 #[derive(Clone, Copy, Debug)]
@@ -106,6 +109,13 @@ impl Affine {
         })
     }
 
+    /// The largest sum of a row of `M`, without signs: `M` makes no coordinate larger by more than that.
+    pub fn largest_row(&self) -> f64 {
+        let rows = self.m.row_iter();
+        rows.map(|r| r.iter().map(|m| m.abs()).sum())
+            .fold(0.0, f64::max)
+    }
+
     /// The point of the reference frame that is mapped to `p`.
     pub fn back(&self, p: Point) -> Point {
         (self.inverse * (Vector3::from(p) - self.t)).into()
@@ -129,8 +139,9 @@ impl Sample {
         let slots = (0..set.len())
             .filter(|&i| open || set.curve(i).closed)
             .flat_map(|i| set.body(i))
-            .step_by(step);
-        let points: Vec<_> = slots.map(|k| (k, Vector3::from(set.at(k)))).collect();
+            .enumerate()
+            .filter(|(k, _)| (k / TOGETHER).is_multiple_of(step));
+        let points: Vec<_> = slots.map(|(_, k)| (k, Vector3::from(set.at(k)))).collect();
         let share = 1.0 / points.len().max(1) as f64;
         let mean: Vector3<f64> = points.iter().map(|(_, q)| q * share).sum();
         let spread: Matrix3<f64> = points

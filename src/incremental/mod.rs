@@ -14,6 +14,7 @@ mod affine;
 mod ledger;
 mod monitor;
 mod motion;
+mod packed;
 mod reference;
 mod stream;
 #[cfg(test)]

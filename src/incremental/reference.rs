@@ -20,6 +20,7 @@
 
 use super::Cover;
 use super::affine::Sample;
+use super::packed::Packed;
 use super::stream::CHUNK;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Bezier, Box3, BoxGroup, Curve, CurveSet, Point, sub_segment};
@@ -63,6 +64,8 @@ pub(super) struct Reference {
     /// For every slot of the coordinates, the distance that its point may move. Infinite where it is a copy, padding or
     /// of a curve that is not covered.
     pub allowances: Vec<f32>,
+    /// Points and allowances once more, small.
+    pub packed: Vec<Packed>,
     /// How far hulls move at most while no control point moves further than it may: segments that are further apart
     /// than twice this were not compared.
     pub reach: f64,
@@ -87,6 +90,7 @@ impl Reference {
         let allowances = Allowances::new(&set, &trees, cover);
         let reach = allowances.reach;
         let allowances = allowances.fill(&certificate);
+        let packed = Packed::blocks(&set, &allowances);
         Reference {
             set,
             cover,
@@ -97,6 +101,7 @@ impl Reference {
             sample,
             blocks,
             allowances,
+            packed,
             reach,
         }
     }
@@ -165,7 +170,8 @@ impl<'a> Allowances<'a> {
     }
 
     fn lower(&self, slots: impl Iterator<Item = usize>, to: f64) {
-        let to = (to.max(0.0) as f32) * (1.0 - 1e-6);
+        // Infinity says that there is no bound.
+        let to = to.clamp(0.0, f32::MAX.into()) as f32 * (1.0 - 1e-6);
         for slot in slots {
             self.slots[slot].fetch_min(to.to_bits(), Ordering::Relaxed);
         }

@@ -1,20 +1,18 @@
 //! One pass over a frame: has any point moved further than it may?
 
 use super::affine::Affine;
+use super::packed::{BLOCK, Packed, Quick};
 use super::reference::Reference;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Axes, CurveSet, LANES};
+use crate::curve::{Axes, CurveSet};
 use rayon::prelude::*;
 use std::ops::{Add, Mul, Range, Sub};
 
 /// Slots that are marked together.
 pub(super) const CHUNK: usize = 8;
 
-/// Slots that are looked at together, as long as nothing has moved too far.
-const COARSE: usize = 64;
-
-/// Slots that are worth a task.
+/// Slots that are worth a task, in whole blocks.
 const GRAIN: usize = 1 << 17;
 
 /// The condition of a frame: `|p - (M q + t)| <= sigma a` for every point `p`, with `q` where it was in the reference
@@ -24,7 +22,8 @@ const GRAIN: usize = 1 << 17;
 /// `B` the largest coordinates of both frames, each of three products is off by `2 u |m| B` (`M` is rounded as well),
 /// their sum and `t` by `4 u (|m|_1 B + |t|)`, the difference by `u` times the same and `A`: `8 u (|m|_1 B + |t| + A)`
 /// an axis is more than that in all, and twice that more than the length of the three. The square of the
-/// length and the bound round by some `u`, which `1 - 16 u` on `sigma` covers.
+/// length and the bound round by some `u`, which `1 - 16 u` on `sigma` covers; where they underflow, they are off by
+/// much less than the square of [`Real::TINY`].
 #[derive(Clone, Copy, Debug)]
 struct Condition<T> {
     m: [[T; 3]; 3],
@@ -34,7 +33,7 @@ struct Condition<T> {
 }
 
 /// A floating-point type of coordinates, as far as it is needed here.
-trait Real:
+pub(super) trait Real:
     Copy
     + PartialOrd
     + Default
@@ -50,14 +49,18 @@ trait Real:
     const MAX: Self;
     /// Coordinates up to this have squares that can be added.
     const LARGEST: f64;
+    /// Far more than the root of the least number.
+    const TINY: Self;
     fn from_f64(x: f64) -> Self;
     fn from_f32(x: f32) -> Self;
+    fn narrowed(self) -> f32;
 }
 
 impl Real for f32 {
     const U: f64 = f32::EPSILON as f64 / 2.0;
     const MAX: f32 = f32::MAX;
     const LARGEST: f64 = 1e18;
+    const TINY: f32 = f32::from_bits((127 - 70) << 23);
     #[inline(always)]
     fn from_f64(x: f64) -> f32 {
         x as f32
@@ -66,12 +69,17 @@ impl Real for f32 {
     fn from_f32(x: f32) -> f32 {
         x
     }
+    #[inline(always)]
+    fn narrowed(self) -> f32 {
+        self
+    }
 }
 
 impl Real for f64 {
     const U: f64 = f64::EPSILON / 2.0;
     const MAX: f64 = f64::MAX;
     const LARGEST: f64 = 1e150;
+    const TINY: f64 = f64::from_bits((1023 - 520) << 52);
     #[inline(always)]
     fn from_f64(x: f64) -> f64 {
         x
@@ -80,90 +88,40 @@ impl Real for f64 {
     fn from_f32(x: f32) -> f64 {
         x.into()
     }
+    #[inline(always)]
+    fn narrowed(self) -> f32 {
+        self as f32
+    }
 }
 
 impl<T: Real> Condition<T> {
     /// None where squares could overflow.
     fn new(affine: &Affine, reference: &CurveSet, now: &CurveSet) -> Option<Condition<T>> {
-        let rows: Vec<f64> = (0..3)
-            .map(|r| affine.m.row(r).iter().map(|m| m.abs()).sum())
-            .collect();
-        let largest = rows.into_iter().fold(0.0, f64::max);
-        let size = largest * reference.max_abs() + affine.t.amax() + now.max_abs();
+        let size = affine.largest_row() * reference.max_abs() + affine.t.amax() + now.max_abs();
         (size < T::LARGEST).then(|| Condition {
             m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| T::from_f64(affine.m[(r, c)]))),
             t: [0, 1, 2].map(|r| T::from_f64(affine.t[r])),
             sigma: T::from_f64(affine.sigma * (1.0 - 16.0 * T::U)),
-            error: T::from_f64(16.0 * T::U * size * (1.0 + 4.0 * T::U)),
+            error: T::from_f64(16.0 * T::U * size * (1.0 + 4.0 * T::U)) + T::TINY,
         })
     }
 
-    /// The least that is left of the bounds of `N` points, where none is broken: negative where one is. The number of
+    /// The least that is left of the bounds of some points, where none is broken: negative where one is. The number of
     /// points is known to the compiler, which makes vectors of them.
     #[inline(always)]
-    fn left<const N: usize>(&self, p: [&[T; N]; 3], q: [&[T; N]; 3], allowances: &[f32; N]) -> T {
-        let mut least = [T::MAX; LANES];
-        for k in (0..N).step_by(LANES) {
-            for l in 0..LANES {
-                let q = [q[0][k + l], q[1][k + l], q[2][k + l]];
-                let mut square = T::default();
-                for (p, (m, &t)) in p.iter().zip(self.m.iter().zip(&self.t)) {
-                    let d = p[k + l] - (m[0] * q[0] + m[1] * q[1] + m[2] * q[2] + t);
-                    square = square + d * d;
-                }
-                let most = self.sigma * T::from_f32(allowances[k + l]) - self.error;
-                let left = smaller(most * most - square, most);
-                least[l] = smaller(least[l], left);
+    fn left(&self, p: &[[T; CHUNK]; 3], q: &[[T; CHUNK]; 3], allowances: &[f32; CHUNK]) -> T {
+        let mut left = [T::MAX; CHUNK];
+        for (l, left) in left.iter_mut().enumerate() {
+            let q = [q[0][l], q[1][l], q[2][l]];
+            let mut square = T::default();
+            for (p, (m, &t)) in p.iter().zip(self.m.iter().zip(&self.t)) {
+                let d = p[l] - (m[0] * q[0] + m[1] * q[1] + m[2] * q[2] + t);
+                square = square + d * d;
             }
+            let most = self.sigma * T::from_f32(allowances[l]) - self.error;
+            *left = smaller(most * most - square, most);
         }
-        least.into_iter().fold(T::MAX, smaller)
-    }
-
-    #[inline(always)]
-    fn scan(
-        &self,
-        p: [&[T]; 3],
-        q: [&[T]; 3],
-        allowances: &[f32],
-        first: usize,
-        found: &mut Vec<u32>,
-    ) {
-        let (parts, rest) = allowances.as_chunks::<COARSE>();
-        let [px, py, pz] = p.map(|v| v.as_chunks::<COARSE>().0);
-        let [qx, qy, qz] = q.map(|v| v.as_chunks::<COARSE>().0);
-        let points = px.iter().zip(py).zip(pz).zip(qx.iter().zip(qy).zip(qz));
-        for (c, (allowances, (((px, py), pz), ((qx, qy), qz)))) in
-            parts.iter().zip(points).enumerate()
-        {
-            if self.left([px, py, pz], [qx, qy, qz], allowances) < T::default() {
-                let (p, q) = ([&px[..], py, pz], [&qx[..], qy, qz]);
-                self.scan_chunks(p, q, allowances, first + c * (COARSE / CHUNK), found);
-            }
-        }
-        let at = parts.len() * COARSE;
-        let [p, q] = [cut(p, at..at + rest.len()), cut(q, at..at + rest.len())];
-        self.scan_chunks(p, q, rest, first + at / CHUNK, found);
-    }
-
-    /// [`Condition::scan`], chunk by chunk.
-    fn scan_chunks(
-        &self,
-        p: [&[T]; 3],
-        q: [&[T]; 3],
-        allowances: &[f32],
-        first: usize,
-        found: &mut Vec<u32>,
-    ) {
-        for c in 0..allowances.len().div_ceil(CHUNK) {
-            let range = c * CHUNK..allowances.len().min((c + 1) * CHUNK);
-            // Points that have not moved fill the last one up.
-            let part = |v: [&[T]; 3]| v.map(|v| filled_up(&v[range.clone()], T::default()));
-            let (p, q) = (part(p), part(q));
-            let allowances = filled_up(&allowances[range.clone()], f32::INFINITY);
-            if self.left(p.each_ref(), q.each_ref(), &allowances) < T::default() {
-                found.push((first + c) as u32);
-            }
-        }
+        left.into_iter().fold(T::MAX, smaller)
     }
 }
 
@@ -210,23 +168,25 @@ fn scan_all<T: Real>(
     limit: usize,
     found: &mut Vec<u32>,
 ) {
-    let Some(condition) = Condition::<T>::new(affine, &reference.set, set) else {
+    let Some(condition) = Condition::new(affine, &reference.set, set) else {
         // Every one may have moved.
         return found.extend(0..set.slots().div_ceil(CHUNK) as u32);
     };
-    let allowances = &reference.allowances[..];
-    let part = |range: Range<usize>, found: &mut Vec<u32>| {
-        let [p, q] = [cut(p, range.clone()), cut(q, range.clone())];
-        let first = range.start / CHUNK;
-        scan(&condition, p, q, &allowances[range], first, found);
+    let scan = Scan {
+        condition,
+        quick: Quick::new::<T>(affine, &reference.set, set),
+        packed: &reference.packed,
+        p,
+        q,
+        allowances: &reference.allowances,
     };
     let ranges = |size: usize| {
-        let n = allowances.len();
+        let n = scan.allowances.len();
         (0..n.div_ceil(size)).map(move |k| k * size..n.min((k + 1) * size))
     };
-    if allowances.len() <= GRAIN || rayon::current_num_threads() == 1 {
+    if scan.allowances.len() <= GRAIN || rayon::current_num_threads() == 1 {
         for range in ranges(GRAIN / 8) {
-            part(range, found);
+            scan.part(range, found);
             // Enough is known.
             if found.len() > limit {
                 return;
@@ -238,7 +198,7 @@ fn scan_all<T: Real>(
         .par_bridge()
         .map(|range| {
             let mut found = Vec::new();
-            part(range, &mut found);
+            scan.part(range, &mut found);
             found
         })
         .collect();
@@ -246,34 +206,240 @@ fn scan_all<T: Real>(
     found.sort_unstable();
 }
 
-/// [`Condition::scan`] with the instructions that there are.
-fn scan<T: Real>(
-    condition: &Condition<T>,
-    p: [&[T]; 3],
-    q: [&[T]; 3],
-    allowances: &[f32],
-    first: usize,
-    found: &mut Vec<u32>,
-) {
+/// Blocks of the reference frame that are asked for before they are needed.
+const AHEAD: usize = 16;
+
+/// Asks for a block: the processor does so by itself only up to the end of each page, and what was used a frame ago
+/// may be far away by now.
+#[inline(always)]
+fn fetch(packed: &[Packed], block: usize) {
     #[cfg(target_arch = "x86_64")]
-    if Avx2::detect().is_some() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the processor has just been asked.
-        return unsafe { scan_avx2(condition, p, q, allowances, first, found) };
+    if let Some(block) = packed.get(block) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let start: *const Packed = block;
+        for line in (0..size_of::<Packed>()).step_by(64) {
+            #[expect(unsafe_code, reason = "a hint for the cache")]
+            // SAFETY: nothing is read.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(start.cast::<i8>().wrapping_add(line));
+            }
+        }
     }
-    condition.scan(p, q, allowances, first, found);
 }
 
-/// [`Condition::scan`], compiled with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-fn scan_avx2<T: Real>(
-    condition: &Condition<T>,
-    p: [&[T]; 3],
-    q: [&[T]; 3],
-    allowances: &[f32],
-    first: usize,
-    found: &mut Vec<u32>,
-) {
-    condition.scan(p, q, allowances, first, found);
+/// A frame, and what it is compared with.
+struct Scan<'a, T> {
+    condition: Condition<T>,
+    quick: Quick,
+    packed: &'a [Packed],
+    p: [&'a [T]; 3],
+    q: [&'a [T]; 3],
+    allowances: &'a [f32],
+}
+
+impl<T: Real> Scan<'_, T> {
+    /// Adds the chunks of a range of slots, whole blocks but for its end, with the instructions that there are.
+    fn part(&self, range: Range<usize>, found: &mut Vec<u32>) {
+        #[cfg(target_arch = "x86_64")]
+        if Avx2::detect().is_some() && std::arch::is_x86_feature_detected!("fma") {
+            #[expect(unsafe_code, reason = "vector instructions")]
+            // SAFETY: the processor has just been asked.
+            return unsafe { self.blocks_avx2(range, found) };
+        }
+        self.blocks::<false>(range, found);
+    }
+
+    /// [`Scan::blocks`], compiled with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,fma,popcnt")]
+    fn blocks_avx2(&self, range: Range<usize>, found: &mut Vec<u32>) {
+        self.blocks::<true>(range, found);
+    }
+
+    #[inline(always)]
+    fn blocks<const FMA: bool>(&self, range: Range<usize>, found: &mut Vec<u32>) {
+        let [px, py, pz] = cut(self.p, range.clone()).map(|v| v.as_chunks::<BLOCK>().0);
+        let packed = &self.packed[range.start / BLOCK..range.end / BLOCK];
+        let points = px.iter().zip(py).zip(pz);
+        let mut at = range.start;
+        for (b, (packed, ((px, py), pz))) in packed.iter().zip(points).enumerate() {
+            fetch(self.packed, range.start / BLOCK + b + AHEAD);
+            if !self.quick.holds::<T, FMA>(packed, [px, py, pz]) {
+                self.chunks(at..at + BLOCK, found);
+            }
+            at += BLOCK;
+        }
+        self.chunks(at..range.end, found);
+    }
+
+    /// Adds chunks by the points and the allowances themselves.
+    fn chunks(&self, range: Range<usize>, found: &mut Vec<u32>) {
+        for at in range.clone().step_by(CHUNK) {
+            let range = at..range.end.min(at + CHUNK);
+            // Points that have not moved fill the last one up.
+            let part = |v: [&[T]; 3]| v.map(|v| filled_up(&v[range.clone()], T::default()));
+            let (p, q) = (part(self.p), part(self.q));
+            let allowances = filled_up(&self.allowances[range.clone()], f32::INFINITY);
+            if self.condition.left(&p, &q, &allowances) < T::default() {
+                found.push((at / CHUNK) as u32);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certificate::Certificate;
+    use crate::curve::{Basis, Positions};
+    use nalgebra::{Matrix3, Rotation3, Vector3};
+    use proptest::prelude::*;
+
+    /// Curves of these sizes; slots from 0 to some 500.
+    const COUNTS: [i32; 9] = [-64, -15, -15, -15, -40, 30, -130, -9, -100];
+
+    fn set(xyz: &[f64], single: bool) -> CurveSet {
+        if single {
+            let xyz: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+            CurveSet::from_counts(Basis::CatmullRom, &COUNTS, Positions::F32(&xyz)).unwrap()
+        } else {
+            CurveSet::from_counts(Basis::CatmullRom, &COUNTS, Positions::F64(xyz)).unwrap()
+        }
+    }
+
+    /// A reference frame with allowances of 0.01 to 1 at its control points, times a scale; the same where `even`.
+    fn reference(
+        mut random: impl FnMut() -> f64,
+        scale: f64,
+        single: bool,
+        even: bool,
+    ) -> Reference {
+        let points: usize = COUNTS.iter().map(|c| c.unsigned_abs() as usize).sum();
+        let mut at = [0.0; 3];
+        let mut xyz = Vec::new();
+        for _ in 0..points {
+            at = at.map(|x| 0.99 * x + random());
+            xyz.extend(at.map(|x| scale * x));
+        }
+        let set = set(&xyz, single);
+        let mut reference = Reference::build(set, Certificate::default(), 0, 0);
+        let mut allowances = vec![f32::INFINITY; reference.set.slots()];
+        for i in (0..COUNTS.len()).filter(|&i| reference.set.curve(i).closed) {
+            for slot in reference.set.body(i) {
+                let a = scale
+                    * if even {
+                        0.1
+                    } else {
+                        10f64.powf(random() - 1.0)
+                    };
+                allowances[slot] = a.min(f32::MAX.into()) as f32;
+            }
+        }
+        reference.packed = Packed::blocks(&reference.set, &allowances);
+        reference.allowances = allowances;
+        reference
+    }
+
+    /// A frame whose points moved by some share of their allowances, those of open curves anyhow.
+    fn moved(
+        r: &Reference,
+        affine: &Affine,
+        mut share: impl FnMut(usize) -> Vector3<f64>,
+    ) -> Vec<f64> {
+        let slots = (0..COUNTS.len()).flat_map(|i| r.set.body(i));
+        let points = slots.map(|slot| {
+            let a = f64::from(r.allowances[slot].min(r.set.max_abs() as f32));
+            affine.m * (Vector3::from(r.set.at(slot)) + share(slot) * a) + affine.t
+        });
+        points.flat_map(|p| [p.x, p.y, p.z]).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
+
+        #[test]
+        fn what_moved_further_than_it_may_is_marked_and_what_did_not_by_far_is_not(
+            seed in 1u64..u64::MAX,
+            single: bool,
+            even: bool,
+            exponent in -1.0f64..1.0,
+            turn in prop_oneof![Just(0.0), 0.0..1e-3, 0.0..3.0],
+            hair in prop_oneof![-1e-6..1e-6, -1e-3..1e-3, 0.0..3.0],
+            few in 1usize..20,
+            threads in 1usize..3,
+        ) {
+            let mut state = seed;
+            let mut random = move || {
+                state ^= state << 13;
+                state ^= state >> 7;
+                state ^= state << 17;
+                (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+            };
+            // Down to scales where squares underflow, and up to those where they overflow.
+            let largest = match single {
+                true => 30.0,
+                false if exponent < 0.0 => 85.0,
+                false => 36.0,
+            };
+            let scale = 10f64.powf(exponent.powi(3) * largest);
+            let r = reference(&mut random, scale, single, even);
+            let axis = Vector3::from([random(), random(), random()]);
+            let direction = |v: Vector3<f64>| v.try_normalize(1e-9).unwrap_or(Vector3::x());
+            let rotation = Rotation3::new(direction(axis) * turn);
+            let t = Vector3::from([random(), random(), random()]) * scale;
+            let stretch = Matrix3::identity() * (1.0 + turn * 0.3 * random());
+            let affine = Affine::new(rotation.matrix() * stretch, t).unwrap();
+            let mut any = || direction(Vector3::from([random(), random(), random()]));
+
+            // A few go to the border of what they may or beyond, half of them at the border of a chunk or a block.
+            let step = r.set.slots() / few;
+            let next = |slot: usize| slot.is_multiple_of(step) || slot % (BLOCK * few) == BLOCK - 1;
+            let frame = moved(&r, &affine, |slot| any() * if next(slot) { 1.0 + hair } else { 0.3 });
+            let frame = set(&frame, single);
+            let mut found = Vec::new();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let limit = usize::MAX;
+            pool.install(|| moved_chunks(&r, &affine, &frame, limit, &mut found));
+            for slot in (0..frame.slots()).filter(|&k| r.allowances[k] < f32::INFINITY) {
+                let [p, q] = [&frame, &r.set].map(|s| Vector3::from(s.at(slot)) / scale);
+                let off = (affine.inverse * (p - affine.t / scale) - q).norm();
+                if off > f64::from(r.allowances[slot]) / scale * (1.0 + 1e-9) {
+                    prop_assert!(found.contains(&((slot / CHUNK) as u32)), "{slot}: {off}");
+                }
+            }
+
+            let still = moved(&r, &affine, |_| any() * 0.5);
+            found.clear();
+            moved_chunks(&r, &affine, &set(&still, single), limit, &mut found);
+            if (1e-10..1e10).contains(&scale) {
+                prop_assert!(found.is_empty(), "{found:?}");
+            }
+        }
+
+        #[test]
+        fn most_blocks_are_told_to_be_quiet_at_once(seed in 1u64..u64::MAX, single: bool, turn in 0.0..3.0) {
+            let mut state = seed;
+            let mut random = move || {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+            };
+            let r = reference(&mut random, 1.0, single, false);
+            let affine = Affine::new(Rotation3::new(Vector3::y() * turn).into_inner(), Vector3::x()).unwrap();
+            let frame = set(&moved(&r, &affine, |_| Vector3::x() * 1e-3), single);
+            let quick = match single {
+                true => Quick::new::<f32>(&affine, &r.set, &frame),
+                false => Quick::new::<f64>(&affine, &r.set, &frame),
+            };
+            for (b, packed) in r.packed.iter().enumerate() {
+                let part = b * BLOCK..(b + 1) * BLOCK;
+                let holds = match frame.axes() {
+                    Axes::F32(p) => quick.holds::<f32, false>(packed, cut(p, part).map(|v| v.as_array().unwrap())),
+                    Axes::F64(p) => quick.holds::<f64, true>(packed, cut(p, part).map(|v| v.as_array().unwrap())),
+                };
+                // But for those with a part of the open curve, which has no copies at its ends.
+                let open = r.set.body(5);
+                prop_assert!(holds || (b * BLOCK < open.end + 8 && (b + 1) * BLOCK + 8 > open.start));
+            }
+        }
+    }
 }

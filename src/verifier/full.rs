@@ -221,7 +221,7 @@ pub(super) fn sizes(set: &CurveSet) -> Stats {
     Stats {
         curves: set.len() as u64,
         segments: set.segments() as u64,
-        open_curves: set.curves().iter().filter(|c| !c.closed).count() as u64,
+        open_curves: set.open_curves() as u64,
         ..Stats::default()
     }
 }

@@ -181,7 +181,7 @@ impl Verifier {
                 model: set.len(),
             });
         }
-        let closed = set.curves().iter().any(|c| c.closed);
+        let closed = set.open_curves() < set.len();
         if !closed && self.steps.events() == Events::Off {
             return Err(Error::NothingClosed { curves: set.len() });
         }

@@ -56,11 +56,11 @@ impl Steps {
         let curves = before.curves().iter().zip(set.curves());
         let points = curves.map(|(a, b)| ("control points of a curve", a.points, b.points));
         let bytes = [before, set].map(|set| set.precision().bytes() as u32);
-        let closed = [before, set].map(|set| set.curves().iter().filter(|c| c.closed).count());
+        let open = [before, set].map(CurveSet::open_curves);
         let numbers = [
             ("curves", before.len() as u32, set.len() as u32),
             ("bytes of a coordinate", bytes[0], bytes[1]),
-            ("closed curves", closed[0] as u32, closed[1] as u32),
+            ("open curves", open[0] as u32, open[1] as u32),
         ];
         let differs = |c: &(&str, u32, u32)| c.1 != c.2;
         let found = numbers.into_iter().chain(points).find(differs);
