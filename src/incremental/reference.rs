@@ -20,26 +20,31 @@
 
 use super::affine::Sample;
 use crate::certificate::Certificate;
-use crate::curve::{Basis, Bezier, Box3, BoxGroup, Curve, CurveSet, Point, sub_segment};
-use crate::pairs::{
-    Leaves, LinkSearch, Trees, closest_of_segments, closest_points, segments_within,
-};
+use crate::curve::{Basis, Bezier, Box3, BoxGroup, Curve, CurveSet, LANES, Point, sub_segment};
+use crate::pairs::{Leaves, LinkSearch, Node, Trees, closest_points, segments_within};
 use rayon::prelude::*;
-use std::cell::Cell;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Of the distance that keeps two segments apart, the share that may be used up: what is left keeps them apart by
 /// more than rounding and by more than the discretization of splines needs.
 const SHARE: f64 = 0.49;
 
-/// Segments whose clearance is looked at to choose the reach.
+/// Blocks whose clearance is looked at to choose the reach.
 const SAMPLES: usize = 64;
 
 /// Halvings of two segments whose hulls meet, in search of a gap.
 const DEPTH: u32 = 3;
 
-/// Steps of the search for the axis along which a curve runs one way: few are needed but where it hardly does.
-const TURNS: usize = 8;
+/// Steps of the search for the best axis: few are needed but where it is hardly one.
+const STEPS: usize = 8;
+
+/// Of the distance of two chords, the share from which on the gap of their hulls is good enough.
+const GOOD: f64 = 0.95;
+
+/// Of the distance of two chords, the share below which halves are looked at.
+const POOR: f64 = 0.7;
 
 /// Which segments a reference frame keeps apart, beside those of two different closed curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -243,12 +248,20 @@ impl<'a> Allowances<'a> {
     #[inline(always)]
     fn keep_apart(&self, segments: [(usize, u32); 2]) {
         let [a, b] = segments.map(|(i, s)| self.set.segment(i, s as usize));
-        let gap = gap(&a, &b, DEPTH) - self.slack();
-        if SHARE * gap >= self.reach {
-            return;
-        }
-        for (i, s) in segments {
-            self.lower(self.set.support(i, s), self.stiffness() * SHARE * gap);
+        let support = || {
+            segments
+                .into_iter()
+                .flat_map(|(i, s)| self.set.support(i, s))
+        };
+        // A gap from which on all that it bounds is bounded already, by more than rounding.
+        let now = |slot: usize| self.slots[slot].load(Ordering::Relaxed);
+        let most = f32::from_bits(support().map(now).max().unwrap_or(0));
+        let share = self.stiffness() * SHARE;
+        let enough = f64::from(most) * (1.0 + 1e-5) / share + self.slack();
+        let gap = gap(&a, &b, enough, DEPTH);
+        // Where it is enough, it may be more or less so, by the order of things.
+        if gap < enough {
+            self.lower(support(), share * (gap - self.slack()));
         }
     }
 
@@ -274,25 +287,26 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// A distance that most segments have from all that they must be kept apart from: the upper quartile of a sample.
-    /// Infinite where there is nothing.
+    /// A distance that most blocks of segments have from all that they must be kept apart from: the upper quartile of a
+    /// sample.
     fn typical_clearance(&self) -> f64 {
         let set = self.set;
-        let total: usize = self.curves().map(|i| set.curve(i).segments as usize).sum();
+        let count = |i: usize| (set.curve(i).segments as usize).div_ceil(LANES);
+        let total: usize = self.curves().map(count).sum();
         let step = (total / SAMPLES).max(1);
         let mut samples = Vec::new();
         let mut at = step / 2;
         for i in self.curves() {
-            let n = set.curve(i).segments as usize;
+            let n = count(i);
             while at < n {
-                samples.push((i, at as u32));
+                samples.push((i, at));
                 at += step;
             }
             at -= n;
         }
         let mut distances: Vec<f64> = samples
             .par_iter()
-            .map(|&(i, s)| self.clearance(i, s))
+            .map(|&(i, g)| self.clearance(i, g))
             .collect();
         distances.sort_by(f64::total_cmp);
         let quartile = distances.get(distances.len() * 3 / 4);
@@ -300,24 +314,68 @@ impl<'a> Allowances<'a> {
         quartile.map_or(all, |d| d.min(all))
     }
 
-    /// Distance of a segment from all that it must be kept apart from.
-    fn clearance(&self, i: usize, s: u32) -> f64 {
+    /// The distance of a block of segments from all that they must be kept apart from, where chords stand for them:
+    /// what is nearest is looked at first. Infinite where there is nothing.
+    fn clearance(&self, i: usize, block: usize) -> f64 {
         let (set, trees) = (self.set, self.trees);
-        let own = set.leaf_boxes(i, s as usize / 8).lane(s as usize % 8);
-        let best = Cell::new(f64::INFINITY);
-        let nearer = |b: &Box3| own.dist_sq_below(b) < best.get() * best.get();
-        for (j, root) in trees.roots().iter().enumerate() {
-            if (j != i || self.cover.own) && *root != Box3::EMPTY && nearer(root) {
-                trees.of(set, j).visit(nearer, |t| {
-                    if j != i || !set.curve(i).adjacent(s, t) {
-                        let place = closest_of_segments(set, [i, j], [s, t]);
-                        best.set(best.get().min(place.distance));
+        let boxes = set.leaf_boxes(i, block);
+        let bounds = boxes.bounds();
+        let chord = |i: usize, s: u32| [0, 1].map(|k| set.knot(i, s as usize + k));
+        let segments = (0..LANES as u32).map(|k| (block * LANES) as u32 + k);
+        let n = set.curve(i).segments;
+        let own: Vec<_> = segments
+            .filter(|&s| s < n)
+            .map(|s| (s, chord(i, s)))
+            .collect();
+        // The bits of distances, which are not negative, compare as they do.
+        let entry = |j: usize, b: &Box3, node: Option<Node>, at: u32| {
+            (
+                Reverse(bounds.dist_sq_below(b).to_bits()),
+                j,
+                at,
+                node.map(|n| n.level),
+            )
+        };
+        let others = trees
+            .roots()
+            .iter()
+            .enumerate()
+            .filter(|&(j, root)| (j != i || self.cover.own) && *root != Box3::EMPTY);
+        let mut heap: BinaryHeap<_> = others
+            .map(|(j, root)| entry(j, root, Some(trees.of(set, j).root()), 0))
+            .collect();
+        let mut best = f64::INFINITY;
+        let mut room = BoxGroup::EMPTY;
+        while let Some((Reverse(bits), j, at, level)) = heap.pop() {
+            if f64::from_bits(bits) >= best * best {
+                break;
+            }
+            let Some(level) = level else {
+                let [p, q] = chord(j, at);
+                for &(s, [a, b]) in &own {
+                    if j != i || !set.curve(i).adjacent(s, at) {
+                        best = best.min(distance(closest_points(a, b, p, q)));
                     }
-                });
+                }
+                continue;
+            };
+            let node = Node::new(level, at);
+            let group = *trees.of(set, j).children(node, &mut room);
+            for k in 0..LANES {
+                let lane = group.lane(k);
+                if lane != Box3::EMPTY {
+                    let below = (level > 0).then(|| node.child(k as u32));
+                    heap.push(entry(j, &lane, below, node.lane(k as u32)));
+                }
             }
         }
-        best.get()
+        best
     }
+}
+
+fn distance([p, q]: [Point; 2]) -> f64 {
+    let d = [0, 1, 2].map(|x| p[x] - q[x]);
+    (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
 }
 
 /// How far the differences of consecutive Bezier control points move, at most, while control points move by 1: sums of
@@ -334,34 +392,44 @@ fn weights(basis: Basis) -> [f64; 3] {
 
 /// The least component of some vectors along a unit vector for which it is large: within rounding, and 0 where none
 /// was found that makes all of them positive.
-///
-/// The best one points to where the convex hull of the vectors is nearest to the origin: the search goes there, from
-/// their mean towards the vector that has the least component at a time.
 fn least_component(vectors: &[Point]) -> f64 {
-    let dot = |p: Point, q: Point| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-    let mut n = [0.0; 3];
-    for v in vectors {
-        n = [0, 1, 2].map(|x| n[x] + v[x] / vectors.len() as f64);
-    }
+    let share = 1.0 / vectors.len() as f64;
+    let mean = [0, 1, 2].map(|x| vectors.iter().map(|v| v[x] * share).sum());
+    let least = |n: Point| {
+        let all = vectors.iter().map(|&v| (dot(v, n), v));
+        all.fold((f64::INFINITY, n), |a, b| if b.0 < a.0 { b } else { a })
+    };
+    best_component(mean, f64::INFINITY, least)
+}
+
+/// The least component, along a unit vector for which it is large, of all vectors in a convex set: that of a first
+/// vector which is `enough`, or the best found, or 0.
+///
+/// `n` is in the set, and `least` is a vector of the set with the least product with a given one, and this product. The
+/// best axis points to where the set is nearest to the origin: the search goes there, from `n` straight towards the
+/// vector with the least component at a time.
+#[inline(always)]
+fn best_component(mut n: Point, enough: f64, least: impl Fn(Point) -> (f64, Point)) -> f64 {
     let mut best = 0.0f64;
-    for _ in 0..TURNS {
-        let (least, v) = vectors
-            .iter()
-            .map(|&v| (dot(v, n), v))
-            .fold((f64::INFINITY, n), |a, b| if b.0 < a.0 { b } else { a });
+    for _ in 0..STEPS {
         let length_sq = dot(n, n);
         if !(length_sq > TINY && length_sq.is_finite()) {
             break;
         }
-        best = best.max(least / length_sq.sqrt());
+        let (height, v) = least(n);
+        best = best.max(height / length_sq.sqrt());
         let d = [0, 1, 2].map(|x| v[x] - n[x]);
-        let t = (length_sq - least) / dot(d, d);
-        if t <= 0.0 || t.is_nan() {
+        let t = (length_sq - height) / dot(d, d);
+        if best >= enough || t <= 0.0 || t.is_nan() {
             break;
         }
         n = [0, 1, 2].map(|x| n[x] + t.min(1.0) * d[x]);
     }
     best
+}
+
+fn dot(p: Point, q: Point) -> f64 {
+    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
 
 /// Squares of lengths below this may have lost digits.
@@ -370,10 +438,6 @@ const TINY: f64 = 1e-200;
 /// A distance that three control points of a curve have from one another.
 fn spread_of_three(set: &CurveSet, i: usize) -> f64 {
     let n = set.curve(i).points as usize;
-    let distance = |a: Point, b: Point| {
-        let d = [0, 1, 2].map(|x| a[x] - b[x]);
-        (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
-    };
     let points = || (0..n).map(|k| set.point(i, k));
     let furthest = |of: &dyn Fn(Point) -> f64| {
         points()
@@ -381,30 +445,48 @@ fn spread_of_three(set: &CurveSet, i: usize) -> f64 {
             .map_or(([0.0; 3], 0.0), |p| (p, of(p)))
     };
     let a = set.point(i, 0);
-    let (b, ab) = furthest(&|p| distance(p, a));
-    let (_, c) = furthest(&|p| distance(p, a).min(distance(p, b)));
+    let (b, ab) = furthest(&|p| distance([p, a]));
+    let (_, c) = furthest(&|p| distance([p, a]).min(distance([p, b])));
     c.min(ab)
 }
 
-/// The gap of the hulls of two segments along the best of some directions, or of their halves where the hulls meet:
-/// a lower bound of it, within rounding, and 0 where none was found.
-fn gap(a: &Bezier, b: &Bezier, depth: u32) -> f64 {
-    let mut best = 0.0f64;
-    for n in normals(a, b) {
-        best = best.max(signed_gap(a, b, n).abs());
-    }
-    if best > 0.0 || depth == 0 {
+/// A gap of two segments: a lower bound of their distance, within rounding, and 0 where none was found. It is that of
+/// their hulls or, where it is poor, the least one of their halves.
+///
+/// A gap which is not less than `enough` is some such one; a smaller one does not depend on `enough`.
+fn gap(a: &Bezier, b: &Bezier, enough: f64, depth: u32) -> f64 {
+    let chords = closest_points(a[0], a[3], b[0], b[3]);
+    let between = distance(chords);
+    let best = gap_of_hulls(a, b, chords, enough.min(GOOD * between));
+    if depth == 0 || best >= enough.min(POOR * between) {
         return best;
     }
     let halves = |p: &Bezier| [sub_segment(p, 0.0, 0.5), sub_segment(p, 0.5, 1.0)];
     let (a, b) = (halves(a), halves(b));
     let mut least = f64::INFINITY;
-    for a in &a {
-        for b in &b {
-            least = least.min(gap(a, b, depth - 1));
+    for (a, b) in a.iter().flat_map(|a| b.iter().map(move |b| (a, b))) {
+        if least > best {
+            least = least.min(gap(a, b, enough.min(least), depth - 1));
         }
     }
-    least
+    best.max(least)
+}
+
+/// The gap of two hulls, each of which contains one of these points, along the best axis that was found.
+#[inline(always)]
+fn gap_of_hulls(a: &Bezier, b: &Bezier, [p, q]: [Point; 2], enough: f64) -> f64 {
+    let sub = |p: Point, q: Point| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+    let [from, to] = [a, b].map(|p| p.map(|p| sub(p, a[0])));
+    best_component(sub(q, p), enough, |n| {
+        let height = |p: Point| (dot(p, n), p);
+        let lower = |a: (f64, Point), b: (f64, Point)| if b.0 < a.0 { b } else { a };
+        let higher = |a: (f64, Point), b: (f64, Point)| if b.0 > a.0 { b } else { a };
+        let [p0, p1, p2, p3] = from.map(height);
+        let [q0, q1, q2, q3] = to.map(height);
+        let (top, p) = higher(higher(p0, p1), higher(p2, p3));
+        let (bottom, q) = lower(lower(q0, q1), lower(q2, q3));
+        (bottom - top, sub(q, p))
+    })
 }
 
 /// Directions in which two segments may be apart: the shortest connection of their chords, the common normal of these,

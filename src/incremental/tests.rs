@@ -102,3 +102,64 @@ fn speed() {
         }
     }
 }
+
+#[test]
+#[ignore = "a measurement: cargo test --release --lib incremental::tests::reference_speed -- --ignored --nocapture"]
+fn reference_speed() {
+    for input in [
+        "knit",
+        "chainmail",
+        "glove",
+        "knittubeinit",
+        "knittubebroken",
+    ] {
+        let set = match input.parse::<crate::scenes::Scene>() {
+            Ok(scene) => scene.build().unwrap().curves,
+            Err(_) => {
+                let path = format!("/work/shared/models/{input}.bcc");
+                crate::model::read(std::path::Path::new(&path)).unwrap()
+            }
+        };
+        let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .unwrap();
+        for cover in [(false, false), (true, true)] {
+            let cover = Cover {
+                own: cover.0,
+                open: cover.1,
+            };
+            let mut times = vec![];
+            let mut reference = None;
+            for _ in 0..5 {
+                let (set, certificate) = (set.clone(), certificate.clone());
+                let start = Instant::now();
+                reference = Some(pool.install(|| Reference::build(set, certificate, 0, 0, cover)));
+                times.push(start.elapsed().as_secs_f64() * 1e3);
+            }
+            times.sort_by(f64::total_cmp);
+            let reference = reference.unwrap();
+            let mut a: Vec<f32> = reference
+                .allowances
+                .iter()
+                .copied()
+                .filter(|a| a.is_finite())
+                .collect();
+            a.sort_by(f32::total_cmp);
+            let zero = a.iter().filter(|a| **a == 0.0).count();
+            let at = |q: usize| a[(a.len() - 1) * q / 100];
+            println!(
+                "{input:15} {} segments {cover:?}: {:.1} ms, reach {:.4}, zero {zero} of {}, 1% {} 10% {} 50% {} 90% {}",
+                set.segments(),
+                times[2],
+                reference.reach,
+                a.len(),
+                at(1),
+                at(10),
+                at(50),
+                at(90)
+            );
+        }
+    }
+}
