@@ -20,8 +20,13 @@
 
 use super::affine::Sample;
 use crate::certificate::Certificate;
-use crate::curve::{Basis, Bezier, Box3, BoxGroup, Curve, CurveSet, LANES, Point, sub_segment};
-use crate::pairs::{Leaves, LinkSearch, Node, Trees, closest_points, segments_within};
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use crate::curve::{Basis, Bezier, Box3, BoxGroup, Curve, CurveSet, LANES, Lanes, Point, Portable};
+use crate::discretize::Hull;
+use crate::pairs::{
+    Agenda, Leaves, LinkSearch, Node, Query, SegmentPairs, Trees, closest_points, descend,
+};
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -32,10 +37,13 @@ use std::sync::atomic::{AtomicU32, Ordering};
 const SHARE: f64 = 0.49;
 
 /// Blocks whose clearance is looked at to choose the reach.
-const SAMPLES: usize = 64;
+const SAMPLES: usize = 32;
 
 /// Halvings of two segments whose hulls meet, in search of a gap.
 const DEPTH: u32 = 3;
+
+/// Pairs of segments that are gathered before they are looked at.
+const BATCH: usize = 1024;
 
 /// Steps of the search for the best axis: few are needed but where it is hardly one.
 const STEPS: usize = 8;
@@ -114,6 +122,13 @@ impl Reference {
     }
 }
 
+/// Buffers of a task.
+#[derive(Default)]
+struct Room {
+    agenda: Agenda,
+    near: SegmentPairs,
+}
+
 /// The boxes of the curves that are covered.
 #[derive(Clone, Copy)]
 struct Covered<'a> {
@@ -174,7 +189,9 @@ impl<'a> Allowances<'a> {
     fn lower(&self, slots: impl Iterator<Item = usize>, to: f64) {
         let to = (to.max(0.0) as f32) * (1.0 - 1e-6);
         for slot in slots {
-            self.slots[slot].fetch_min(to.to_bits(), Ordering::Relaxed);
+            if self.slots[slot].load(Ordering::Relaxed) > to.to_bits() {
+                self.slots[slot].fetch_min(to.to_bits(), Ordering::Relaxed);
+            }
         }
     }
 
@@ -217,14 +234,11 @@ impl<'a> Allowances<'a> {
         if self.cover.own {
             pairs.extend(curves.iter().map(|&i| (i as u32, i as u32)));
         }
-        pairs.par_iter().for_each(|&(i, j)| {
-            let (i, j) = (i as usize, j as usize);
-            for (s, t) in segments_within(set, self.trees, i, j, within) {
-                if i != j || (s < t && !set.curve(i).adjacent(s, t)) {
-                    self.keep_apart([(i, s), (j, t)]);
-                }
-            }
-        });
+        pairs
+            .par_iter()
+            .for_each_init(Room::default, |room, &(i, j)| {
+                self.keep_apart([i as usize, j as usize], within, room);
+            });
         self.slots
             .into_iter()
             .map(|a| f32::from_bits(a.into_inner()))
@@ -239,29 +253,78 @@ impl<'a> Allowances<'a> {
             most = 0.0;
         } else if self.set.curve(i).closed {
             // A loop must keep three distinct points.
-            most = most.min(SHARE * spread_of_three(self.set, i));
+            most = most.min(SHARE * spread_of_three(self.set, i, most / SHARE));
         }
         self.lower(self.set.body(i), most);
     }
 
-    /// Bounds that keep two segments apart.
+    /// Bounds that keep segments of two curves apart, or of a curve and itself, with the instructions that there are.
+    fn keep_apart(&self, curves: [usize; 2], within: f32, room: &mut Room) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = Avx2::detect() {
+            #[expect(unsafe_code, reason = "vector instructions")]
+            // SAFETY: the token says that the processor has them.
+            return unsafe { self.keep_apart_avx2(avx2, curves, within, room) };
+        }
+        self.keep_apart_with(Portable, curves, within, room);
+    }
+
+    /// [`Allowances::keep_apart_with`], compiled with AVX2.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+    fn keep_apart_avx2(&self, avx2: Avx2, curves: [usize; 2], within: f32, room: &mut Room) {
+        self.keep_apart_with(avx2, curves, within, room);
+    }
+
     #[inline(always)]
-    fn keep_apart(&self, segments: [(usize, u32); 2]) {
-        let [a, b] = segments.map(|(i, s)| self.set.segment(i, s as usize));
-        let support = || {
-            segments
-                .into_iter()
-                .flat_map(|(i, s)| self.set.support(i, s))
+    fn keep_apart_with<L: Lanes>(
+        &self,
+        simd: L,
+        curves: [usize; 2],
+        reach: f32,
+        Room { agenda, near }: &mut Room,
+    ) {
+        let trees = curves.map(|i| self.trees.of(self.set, i));
+        agenda.push((trees[0].root(), trees[1].root()));
+        let query = Query {
+            w: 2,
+            meeting: false,
+            reach,
         };
-        // A gap from which on all that it bounds is bounded already, by more than rounding.
+        while !agenda.is_empty() {
+            descend::<L, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
+            self.keep_all_apart(curves, &near.all);
+            near.all.clear();
+        }
+    }
+
+    /// Bounds for near segments, quick where pairs with the same first one follow one another.
+    #[inline(always)]
+    fn keep_all_apart(&self, [i, j]: [usize; 2], pairs: &[(u32, u32)]) {
+        let (set, slack, share) = (self.set, self.slack(), self.stiffness() * SHARE);
         let now = |slot: usize| self.slots[slot].load(Ordering::Relaxed);
-        let most = f32::from_bits(support().map(now).max().unwrap_or(0));
-        let share = self.stiffness() * SHARE;
-        let enough = f64::from(most) * (1.0 + 1e-5) / share + self.slack();
-        let gap = gap(&a, &b, enough, DEPTH);
-        // Where it is enough, it may be more or less so, by the order of things.
-        if gap < enough {
-            self.lower(support(), share * (gap - self.slack()));
+        for pairs in pairs.chunk_by(|a, b| a.0 == b.0) {
+            let s = pairs[0].0;
+            let a = Hull::new(set.hull(i, s as usize));
+            for &(_, t) in pairs {
+                if i == j && (s >= t || set.curve(i).adjacent(s, t)) {
+                    continue;
+                }
+                let support = || set.support(i, s).chain(set.support(j, t));
+                // A gap from which on all that it bounds is bounded already, by more than rounding.
+                let most = f32::from_bits(support().map(now).max().unwrap_or(0));
+                let enough = f64::from(most) * (1.0 + 1e-5) / share + slack;
+                let b = Hull::new(set.hull(j, t as usize));
+                // Most are further apart than anybody asks.
+                let mut gap = a.gap_along(&b, sub(b.center(), a.center()));
+                if gap < enough {
+                    gap = gap.max(larger_gap(&a, &b, enough, DEPTH));
+                }
+                // Where it is enough, it may be more or less so, by the order of things.
+                if gap < enough {
+                    self.lower(support(), share * (gap - slack));
+                }
+            }
         }
     }
 
@@ -428,6 +491,10 @@ fn best_component(mut n: Point, enough: f64, least: impl Fn(Point) -> (f64, Poin
     best
 }
 
+fn sub(p: Point, q: Point) -> Point {
+    [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
+}
+
 fn dot(p: Point, q: Point) -> f64 {
     p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
@@ -435,14 +502,21 @@ fn dot(p: Point, q: Point) -> f64 {
 /// Squares of lengths below this may have lost digits.
 const TINY: f64 = 1e-200;
 
-/// A distance that three control points of a curve have from one another.
-fn spread_of_three(set: &CurveSet, i: usize) -> f64 {
-    let n = set.curve(i).points as usize;
-    let points = || (0..n).map(|k| set.point(i, k));
+/// A distance that three control points of a curve have from one another: the first one found that is `enough`, or
+/// about the largest.
+fn spread_of_three(set: &CurveSet, i: usize, enough: f64) -> f64 {
     let furthest = |of: &dyn Fn(Point) -> f64| {
-        points()
-            .max_by(|&p, &q| of(p).total_cmp(&of(q)))
-            .map_or(([0.0; 3], 0.0), |p| (p, of(p)))
+        let mut best = ([0.0; 3], 0.0);
+        for p in (0..set.curve(i).points as usize).map(|k| set.point(i, k)) {
+            let far = of(p);
+            if far > best.1 {
+                best = (p, far);
+            }
+            if far >= enough {
+                break;
+            }
+        }
+        best
     };
     let a = set.point(i, 0);
     let (b, ab) = furthest(&|p| distance([p, a]));
@@ -454,38 +528,35 @@ fn spread_of_three(set: &CurveSet, i: usize) -> f64 {
 /// their hulls or, where it is poor, the least one of their halves.
 ///
 /// A gap which is not less than `enough` is some such one; a smaller one does not depend on `enough`.
-fn gap(a: &Bezier, b: &Bezier, enough: f64, depth: u32) -> f64 {
-    let chords = closest_points(a[0], a[3], b[0], b[3]);
+#[inline(never)]
+fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
+    let [[p0, p3], [q0, q3]] = [a, b].map(|h| [0, 3].map(|k| h.point(k)));
+    let chords = closest_points(p0, p3, q0, q3);
     let between = distance(chords);
     let best = gap_of_hulls(a, b, chords, enough.min(GOOD * between));
     if depth == 0 || best >= enough.min(POOR * between) {
         return best;
     }
-    let halves = |p: &Bezier| [sub_segment(p, 0.0, 0.5), sub_segment(p, 0.5, 1.0)];
-    let (a, b) = (halves(a), halves(b));
+    let (a, b) = (a.halves(), b.halves());
     let mut least = f64::INFINITY;
     for (a, b) in a.iter().flat_map(|a| b.iter().map(move |b| (a, b))) {
         if least > best {
-            least = least.min(gap(a, b, enough.min(least), depth - 1));
+            least = least.min(larger_gap(a, b, enough.min(least), depth - 1));
         }
     }
     best.max(least)
 }
 
 /// The gap of two hulls, each of which contains one of these points, along the best axis that was found.
-#[inline(always)]
-fn gap_of_hulls(a: &Bezier, b: &Bezier, [p, q]: [Point; 2], enough: f64) -> f64 {
-    let sub = |p: Point, q: Point| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-    let [from, to] = [a, b].map(|p| p.map(|p| sub(p, a[0])));
+fn gap_of_hulls(a: &Hull, b: &Hull, [p, q]: [Point; 2], enough: f64) -> f64 {
     best_component(sub(q, p), enough, |n| {
-        let height = |p: Point| (dot(p, n), p);
-        let lower = |a: (f64, Point), b: (f64, Point)| if b.0 < a.0 { b } else { a };
-        let higher = |a: (f64, Point), b: (f64, Point)| if b.0 > a.0 { b } else { a };
-        let [p0, p1, p2, p3] = from.map(height);
-        let [q0, q1, q2, q3] = to.map(height);
-        let (top, p) = higher(higher(p0, p1), higher(p2, p3));
-        let (bottom, q) = lower(lower(q0, q1), lower(q2, q3));
-        (bottom - top, sub(q, p))
+        let [from, to] = a.heights_of_both(b, n);
+        let (mut i, mut j) = (0, 0);
+        for k in 1..4 {
+            i = if from[k] > from[i] { k } else { i };
+            j = if to[k] < to[j] { k } else { j };
+        }
+        (to[j] - from[i], sub(b.point(j), a.point(i)))
     })
 }
 
