@@ -42,6 +42,17 @@ impl Hull {
         out
     }
 
+    /// The point of the curve beside a point of its chord, roughly.
+    pub fn beside(&self, p: Point) -> Point {
+        let start = self.point(0);
+        let d = self.chord();
+        let t = dot(sub(p, start), d) / dot(d, d).max(f64::MIN_POSITIVE);
+        let (s, t) = (1.0 - t, t);
+        let [a, b, c, d] = [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t];
+        self.points
+            .map(|p| a * p[0] + b * p[1] + c * p[2] + d * p[3])
+    }
+
     /// The heights of the points of both hulls along a vector, above the first point of this one.
     #[inline(always)]
     pub fn heights_of_both(&self, other: &Hull, n: Point) -> [[f64; 4]; 2] {

@@ -39,8 +39,8 @@ const SHARE: f64 = 0.49;
 /// Blocks whose clearance is looked at to choose the reach.
 const SAMPLES: usize = 32;
 
-/// Halvings of two segments whose hulls meet, in search of a gap.
-const DEPTH: u32 = 3;
+/// Halvings of two segments whose hulls are much nearer than they are, in search of a gap.
+const DEPTH: u32 = 5;
 
 /// Pairs of segments that are gathered before they are looked at.
 const BATCH: usize = 1024;
@@ -48,11 +48,11 @@ const BATCH: usize = 1024;
 /// Steps of the search for the best axis: few are needed but where it is hardly one.
 const STEPS: usize = 8;
 
-/// Of the distance of two chords, the share from which on the gap of their hulls is good enough.
+/// Of the best that an axis may turn out to be, the share from which on it is good enough.
 const GOOD: f64 = 0.95;
 
-/// Of the distance of two chords, the share below which halves are looked at.
-const POOR: f64 = 0.7;
+/// Of about the distance of two segments, the share below which a gap of their hulls is poor.
+const POOR: f64 = 0.8;
 
 /// Which segments a reference frame keeps apart, beside those of two different closed curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -483,7 +483,8 @@ fn best_component(mut n: Point, enough: f64, least: impl Fn(Point) -> (f64, Poin
         best = best.max(height / length_sq.sqrt());
         let d = [0, 1, 2].map(|x| v[x] - n[x]);
         let t = (length_sq - height) / dot(d, d);
-        if best >= enough || t <= 0.0 || t.is_nan() {
+        // No axis is better than the way to a vector of the set.
+        if best >= enough.min(GOOD * length_sq.sqrt()) || t <= 0.0 || t.is_nan() {
             break;
         }
         n = [0, 1, 2].map(|x| n[x] + t.min(1.0) * d[x]);
@@ -531,10 +532,11 @@ fn spread_of_three(set: &CurveSet, i: usize, enough: f64) -> f64 {
 #[inline(never)]
 fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
     let [[p0, p3], [q0, q3]] = [a, b].map(|h| [0, 3].map(|k| h.point(k)));
-    let chords = closest_points(p0, p3, q0, q3);
-    let between = distance(chords);
-    let best = gap_of_hulls(a, b, chords, enough.min(GOOD * between));
-    if depth == 0 || best >= enough.min(POOR * between) {
+    let [p, q] = closest_points(p0, p3, q0, q3);
+    // Where two curves bend around one another, their chords may be nearer by far.
+    let beside = [a.beside(p), b.beside(q)];
+    let best = gap_of_hulls(a, b, beside, enough);
+    if depth == 0 || best >= enough.min(POOR * distance(beside)) {
         return best;
     }
     let (a, b) = (a.halves(), b.halves());
