@@ -22,7 +22,7 @@ use super::affine::Sample;
 use crate::certificate::Certificate;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Basis, Bezier, Box3, BoxGroup, Curve, CurveSet, LANES, Lanes, Point, Portable};
+use crate::curve::{Basis, Box3, BoxGroup, Curve, CurveSet, LANES, Lanes, Point, Portable};
 use crate::discretize::Hull;
 use crate::pairs::{
     Agenda, Leaves, LinkSearch, Node, Query, SegmentPairs, Trees, closest_points, descend,
@@ -174,7 +174,7 @@ impl<'a> Allowances<'a> {
             reach: 0.0,
             slots: Vec::new(),
         };
-        all.reach = all.typical_clearance() * 0.5;
+        all.reach = all.typical_clearance() * SHARE * GOOD;
         let none = || AtomicU32::new(f32::INFINITY.to_bits());
         all.slots.resize_with(set.slots(), none);
         all
@@ -377,18 +377,18 @@ impl<'a> Allowances<'a> {
         quartile.map_or(all, |d| d.min(all))
     }
 
-    /// The distance of a block of segments from all that they must be kept apart from, where chords stand for them:
-    /// what is nearest is looked at first. Infinite where there is nothing.
+    /// The distance of a block of segments from all that they must be kept apart from, roughly: what is nearest is
+    /// looked at first. Infinite where there is nothing.
     fn clearance(&self, i: usize, block: usize) -> f64 {
         let (set, trees) = (self.set, self.trees);
         let boxes = set.leaf_boxes(i, block);
         let bounds = boxes.bounds();
-        let chord = |i: usize, s: u32| [0, 1].map(|k| set.knot(i, s as usize + k));
+        let hull = |i: usize, s: u32| Hull::new(set.hull(i, s as usize));
         let segments = (0..LANES as u32).map(|k| (block * LANES) as u32 + k);
         let n = set.curve(i).segments;
         let own: Vec<_> = segments
             .filter(|&s| s < n)
-            .map(|s| (s, chord(i, s)))
+            .map(|s| (s, hull(i, s)))
             .collect();
         // The bits of distances, which are not negative, compare as they do.
         let entry = |j: usize, b: &Box3, node: Option<Node>, at: u32| {
@@ -414,10 +414,10 @@ impl<'a> Allowances<'a> {
                 break;
             }
             let Some(level) = level else {
-                let [p, q] = chord(j, at);
-                for &(s, [a, b]) in &own {
-                    if j != i || !set.curve(i).adjacent(s, at) {
-                        best = best.min(distance(closest_points(a, b, p, q)));
+                let other = hull(j, at);
+                for (s, own) in &own {
+                    if j != i || !set.curve(i).adjacent(*s, at) {
+                        best = best.min(distance(near_points(own, &other)));
                     }
                 }
                 continue;
@@ -531,12 +531,9 @@ fn spread_of_three(set: &CurveSet, i: usize, enough: f64) -> f64 {
 /// A gap which is not less than `enough` is some such one; a smaller one does not depend on `enough`.
 #[inline(never)]
 fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
-    let [[p0, p3], [q0, q3]] = [a, b].map(|h| [0, 3].map(|k| h.point(k)));
-    let [p, q] = closest_points(p0, p3, q0, q3);
-    // Where two curves bend around one another, their chords may be nearer by far.
-    let beside = [a.beside(p), b.beside(q)];
-    let best = gap_of_hulls(a, b, beside, enough);
-    if depth == 0 || best >= enough.min(POOR * distance(beside)) {
+    let near = near_points(a, b);
+    let best = gap_of_hulls(a, b, near, enough);
+    if depth == 0 || best >= enough.min(POOR * distance(near)) {
         return best;
     }
     let (a, b) = (a.halves(), b.halves());
@@ -547,6 +544,14 @@ fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
         }
     }
     best.max(least)
+}
+
+/// Points of two segments that are about as near as they get: beside those of their chords, which themselves may be
+/// nearer by far where curves bend around one another.
+fn near_points(a: &Hull, b: &Hull) -> [Point; 2] {
+    let [[p0, p3], [q0, q3]] = [a, b].map(|h| [0, 3].map(|k| h.point(k)));
+    let [p, q] = closest_points(p0, p3, q0, q3);
+    [a.beside(p), b.beside(q)]
 }
 
 /// The gap of two hulls, each of which contains one of these points, along the best axis that was found.
@@ -560,63 +565,6 @@ fn gap_of_hulls(a: &Hull, b: &Hull, [p, q]: [Point; 2], enough: f64) -> f64 {
         }
         (to[j] - from[i], sub(b.point(j), a.point(i)))
     })
-}
-
-/// Directions in which two segments may be apart: the shortest connection of their chords, the common normal of these,
-/// the way from centre to centre, its parts across the chords, and the axes.
-pub(super) fn normals(a: &Bezier, b: &Bezier) -> [Point; 8] {
-    let sub = |p: Point, q: Point| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-    let dot = |p: Point, q: Point| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-    let sum = |p: &Bezier| [0, 1, 2].map(|x| p[0][x] + p[1][x] + p[2][x] + p[3][x]);
-    let (da, db) = (sub(a[3], a[0]), sub(b[3], b[0]));
-    let between = sub(sum(b), sum(a));
-    let across = |d: Point| {
-        let c = dot(between, d) / dot(d, d).max(f64::MIN_POSITIVE);
-        [0, 1, 2].map(|x| between[x] - c * d[x])
-    };
-    let [p, q] = closest_points(a[0], a[3], b[0], b[3]);
-    let cross = [
-        da[1] * db[2] - da[2] * db[1],
-        da[2] * db[0] - da[0] * db[2],
-        da[0] * db[1] - da[1] * db[0],
-    ];
-    [
-        sub(q, p),
-        cross,
-        between,
-        across(da),
-        across(db),
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-    ]
-}
-
-/// The gap of two hulls along a direction: positive where `a` lies below `b`, negative where it lies above, 0 where
-/// neither does.
-pub(super) fn signed_gap(a: &Bezier, b: &Bezier, n: Point) -> f64 {
-    let length_sq = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
-    if !(length_sq > TINY && length_sq.is_finite()) {
-        return 0.0;
-    }
-    let length = length_sq.sqrt();
-    let extent = |p: &Bezier| {
-        let mut out = [f64::INFINITY, f64::NEG_INFINITY];
-        for p in p {
-            let d = [0, 1, 2].map(|x| (p[x] - a[0][x]) * n[x]);
-            let h = d[0] + d[1] + d[2];
-            out = [out[0].min(h), out[1].max(h)];
-        }
-        out
-    };
-    let ([a_lo, a_hi], [b_lo, b_hi]) = (extent(a), extent(b));
-    if a_hi < b_lo {
-        (b_lo - a_hi) / length
-    } else if b_hi < a_lo {
-        (b_hi - a_lo) / length
-    } else {
-        0.0
-    }
 }
 
 #[cfg(test)]
