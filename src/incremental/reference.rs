@@ -49,7 +49,7 @@ const BATCH: usize = 1024;
 const STEPS: usize = 8;
 
 /// Of the best that an axis may turn out to be, the share from which on it is good enough.
-const GOOD: f64 = 0.95;
+const GOOD: f64 = 0.9;
 
 /// Of about the distance of two segments, the share below which a gap of their hulls is poor.
 const POOR: f64 = 0.8;
@@ -315,11 +315,7 @@ impl<'a> Allowances<'a> {
                 let most = f32::from_bits(support().map(now).max().unwrap_or(0));
                 let enough = f64::from(most) * (1.0 + 1e-5) / share + slack;
                 let b = Hull::new(set.hull(j, t as usize));
-                // Most are further apart than anybody asks.
-                let mut gap = a.gap_along(&b, sub(b.center(), a.center()));
-                if gap < enough {
-                    gap = gap.max(larger_gap(&a, &b, enough, DEPTH));
-                }
+                let gap = gap(&a, &b, enough, DEPTH);
                 // Where it is enough, it may be more or less so, by the order of things.
                 if gap < enough {
                     self.lower(support(), share * (gap - slack));
@@ -529,6 +525,17 @@ fn spread_of_three(set: &CurveSet, i: usize, enough: f64) -> f64 {
 /// their hulls or, where it is poor, the least one of their halves.
 ///
 /// A gap which is not less than `enough` is some such one; a smaller one does not depend on `enough`.
+#[inline(always)]
+fn gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
+    // Most are further apart than anybody asks.
+    let quick = a.gap_along(b, sub(b.center(), a.center()));
+    if quick >= enough {
+        return quick;
+    }
+    quick.max(larger_gap(a, b, enough, depth))
+}
+
+/// [`gap`], with more effort.
 #[inline(never)]
 fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
     let near = near_points(a, b);
@@ -540,7 +547,7 @@ fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
     let mut least = f64::INFINITY;
     for (a, b) in a.iter().flat_map(|a| b.iter().map(move |b| (a, b))) {
         if least > best {
-            least = least.min(larger_gap(a, b, enough.min(least), depth - 1));
+            least = least.min(gap(a, b, enough.min(least), depth - 1));
         }
     }
     best.max(least)
