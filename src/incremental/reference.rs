@@ -5,7 +5,7 @@
 //! are convex combinations, so no further than the control points; those of Catmull-Rom are off a control point
 //! by a sixth of the difference of two others, so at most `1 + 1/6 + 1/6 = 4/3` times as far. The allowance of a control
 //! point is the least of these distances over all segments that depend on it and all near segments of other
-//! closed curves; where hulls meet, over their halves. If no point has moved further, then no two curves touched on
+//! closed curves; where hulls are much nearer than the curves in them, over their halves. If no point has moved further, then no two curves touched on
 //! the straight way from the reference frame, and every linking number is what it was.
 //!
 //! A reference may [`Cover`] more: open curves in the same way, and a curve with itself. For the latter, segments that
@@ -15,8 +15,8 @@
 //! them. If control points move by 1 at most, such a difference moves by the sum `w` of the magnitudes of its
 //! coefficients: with a component `c` along a unit vector it stays positive while they move less than `c / w`.
 //!
-//! Cost: a descent of all pairs of curves that come within the reach of one another, and some tests of hulls for
-//! each pair of segments within it.
+//! Cost: a descent of all pairs of curves that come within the reach of one another, and a test of hulls for each pair
+//! of segments within it. Only those that may lower an allowance are looked at more closely.
 
 use super::affine::Sample;
 use crate::certificate::Certificate;
@@ -195,7 +195,8 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// Rounding of gaps, of hulls now and of those of a later frame.
+    /// Rounding of gaps, of hulls now and of those of a later frame. Halves of halves, [`DEPTH`] times, have points within
+    /// `15 * 5/3 M u` of the true ones ([`Hull::halves`]), which the pad covers as it does for sub-segments.
     fn slack(&self) -> f64 {
         let set = self.set;
         4.0 * (set.pad() + set.max_abs() * f64::from_bits((1023 - 47) << 52)) + 1e-300

@@ -35,16 +35,8 @@ fn speed() {
         ("glove", 0.1),
         ("knittubebroken", 0.02),
     ] {
-        let mut set = match scene.parse::<crate::scenes::Scene>() {
-            Ok(scene) => scene.build().unwrap().curves,
-            Err(_) => {
-                let path = std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-                    .join(format!("../shared/models/{scene}.bcc"));
-                match crate::model::read(&path) {
-                    Ok(s) => s,
-                    Err(_) => continue,
-                }
-            }
+        let Some(mut set) = scene_or_model(scene) else {
+            continue;
         };
         let base = points(&set);
         let frames = std::env::var("FRAMES").map_or(40, |f| f.parse().unwrap());
@@ -106,6 +98,8 @@ fn speed() {
 #[test]
 #[ignore = "a measurement: cargo test --release --lib incremental::tests::reference_speed -- --ignored --nocapture"]
 fn reference_speed() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.unwrap();
     for input in [
         "knit",
         "chainmail",
@@ -113,48 +107,31 @@ fn reference_speed() {
         "knittubeinit",
         "knittubebroken",
     ] {
-        let set = match input.parse::<crate::scenes::Scene>() {
-            Ok(scene) => scene.build().unwrap().curves,
-            Err(_) => {
-                let path = format!("/work/shared/models/{input}.bcc");
-                crate::model::read(std::path::Path::new(&path)).unwrap()
-            }
+        let Some(set) = scene_or_model(input) else {
+            continue;
         };
         let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(1)
-            .build()
-            .unwrap();
-        for cover in [(false, false), (true, true)] {
+        for all in [false, true] {
             let cover = Cover {
-                own: cover.0,
-                open: cover.1,
+                own: all,
+                open: all,
             };
-            let mut times = vec![];
-            let mut reference = None;
-            for _ in 0..5 {
+            let mut times = Vec::new();
+            let mut allowances = Vec::new();
+            for _ in 0..7 {
                 let (set, certificate) = (set.clone(), certificate.clone());
                 let start = Instant::now();
-                reference = Some(pool.install(|| Reference::build(set, certificate, 0, 0, cover)));
+                let build = || Reference::build(set, certificate, 0, 0, cover);
+                allowances = pool.install(build).allowances;
                 times.push(start.elapsed().as_secs_f64() * 1e3);
             }
             times.sort_by(f64::total_cmp);
-            let reference = reference.unwrap();
-            let mut a: Vec<f32> = reference
-                .allowances
-                .iter()
-                .copied()
-                .filter(|a| a.is_finite())
-                .collect();
-            a.sort_by(f32::total_cmp);
-            let zero = a.iter().filter(|a| **a == 0.0).count();
-            let at = |q: usize| a[(a.len() - 1) * q / 100];
+            allowances.retain(|a| a.is_finite());
+            allowances.sort_by(f32::total_cmp);
+            let at = |percent: usize| allowances[(allowances.len() - 1) * percent / 100];
             println!(
-                "{input:15} {} segments {cover:?}: {:.1} ms, reach {:.4}, zero {zero} of {}, 1% {} 10% {} 50% {} 90% {}",
-                set.segments(),
-                times[2],
-                reference.reach,
-                a.len(),
+                "{input:15} {cover:?}: {:.1} ms; allowances {:.4} (1 %) {:.4} (10 %) {:.4} (50 %) {:.4} (90 %)",
+                times[3],
                 at(1),
                 at(10),
                 at(50),
@@ -162,4 +139,13 @@ fn reference_speed() {
             );
         }
     }
+}
+
+/// A scene, or one of the models where they are there.
+fn scene_or_model(name: &str) -> Option<CurveSet> {
+    if let Ok(scene) = name.parse::<crate::scenes::Scene>() {
+        return Some(scene.build().unwrap().curves);
+    }
+    let path = format!("../shared/models/{name}.bcc");
+    crate::model::read(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).ok()
 }
