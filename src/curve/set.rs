@@ -311,7 +311,18 @@ impl CurveSet {
         let body = self.body(i);
         let (n, lead) = (c.points as usize, self.basis.lead(c.closed));
         let at = s as usize * self.basis.stride();
-        (at..at + self.basis.window()).map(move |k| body.start + (k + n - lead) % n)
+        (at..at + self.basis.window()).map(move |k| {
+            let k = k + n - lead;
+            // Seldom a division.
+            body.start
+                + if k < n {
+                    k
+                } else if k < 2 * n {
+                    k - n
+                } else {
+                    k % n
+                }
+        })
     }
 
     /// The segments of closed curves, and of open ones where asked for, that depend on a point in one of these slots, or

@@ -4,11 +4,75 @@ use crate::curve::{Bezier, Bounds, Point};
 
 /// The convex hull of a cubic segment, by its control points: `points[axis][k]`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Hull {
-    pub points: [[f64; 4]; 3],
+pub(crate) struct Hull {
+    pub(super) points: [[f64; 4]; 3],
 }
 
 impl Hull {
+    /// The hull of a segment, as [`crate::CurveSet`] gives it.
+    #[inline(always)]
+    pub fn new(points: [[f64; 4]; 3]) -> Hull {
+        Hull { points }
+    }
+
+    /// One of the four points.
+    #[inline(always)]
+    pub fn point(&self, k: usize) -> Point {
+        [0, 1, 2].map(|x| self.points[x][k])
+    }
+
+    /// The mean of the four.
+    #[inline(always)]
+    pub fn center(&self) -> Point {
+        self.sum().map(|x| 0.25 * x)
+    }
+
+    /// The hulls of both halves of the segment. Every mean is rounded once, and none enlarges what others err: within
+    /// `3 M u`, for coordinates of at most `M`.
+    pub fn halves(&self) -> [Hull; 2] {
+        let mut out = [*self; 2];
+        for (x, p) in self.points.iter().enumerate() {
+            let mean = |a: f64, b: f64| 0.5 * (a + b);
+            let (a, b, c) = (mean(p[0], p[1]), mean(p[1], p[2]), mean(p[2], p[3]));
+            let (d, e) = (mean(a, b), mean(b, c));
+            let middle = mean(d, e);
+            out[0].points[x] = [p[0], a, d, middle];
+            out[1].points[x] = [middle, e, c, p[3]];
+        }
+        out
+    }
+
+    /// The point of the curve beside a point of its chord, roughly.
+    pub fn beside(&self, p: Point) -> Point {
+        let start = self.point(0);
+        let d = self.chord();
+        let t = dot(sub(p, start), d) / dot(d, d).max(f64::MIN_POSITIVE);
+        let (s, t) = (1.0 - t, t);
+        let [a, b, c, d] = [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t];
+        self.points
+            .map(|p| a * p[0] + b * p[1] + c * p[2] + d * p[3])
+    }
+
+    /// The heights of the points of both hulls along a vector, above the first point of this one.
+    #[inline(always)]
+    pub fn heights_of_both(&self, other: &Hull, n: Point) -> [[f64; 4]; 2] {
+        let origin = self.point(0);
+        [self.heights(origin, n), other.heights(origin, n)]
+    }
+
+    /// The gap of two hulls along a vector that points from this one to the other, within rounding; 0 where there is
+    /// none.
+    #[inline(always)]
+    pub fn gap_along(&self, other: &Hull, n: Point) -> f64 {
+        let length_sq = dot(n, n);
+        // Below this, squares may have lost digits.
+        if !(length_sq > 1e-200 && length_sq.is_finite()) {
+            return 0.0;
+        }
+        let [from, to] = self.heights_of_both(other, n).map(|h| extent(&h));
+        ((to[0] - from[1]) / length_sq.sqrt()).max(0.0)
+    }
+
     /// The hull of a piece of a segment.
     pub fn of_piece(p: &Bezier) -> Hull {
         Hull {

@@ -19,6 +19,7 @@ mod pair;
 
 pub use global::{Polylines, homotopic_polylines};
 pub(crate) use halving::{Halving, Splits};
+pub(crate) use hulls::Hull;
 pub(crate) use pair::{MovingSeparation, Separation};
 
 /// Halvings of a segment after which a pair counts as too close: pieces are then `2^-30` of a segment, and

@@ -1,10 +1,10 @@
 //! What a frame moved further than it may since the reference frame, and what that may have broken.
 
 use super::affine::Affine;
-use super::reference::{Reference, normals, signed_gap};
+use super::reference::Reference;
 use super::stream::CHUNK;
 use crate::curve::{Bezier, Box3, CurveSet, LANES, Point};
-use crate::discretize::MovingSeparation;
+use crate::discretize::{Hull, MovingSeparation};
 use crate::pairs::{LinkSearch, Pair};
 use rayon::prelude::*;
 
@@ -275,31 +275,19 @@ impl<'a> Motion<'a> {
 
     /// Whether the marked segments of a block are apart from the segment `t` of curve `j` at all times.
     fn block_apart(&self, block: &Block, j: u32, t: u32) -> bool {
-        let b = self.straight(j as usize, t);
+        let hulls = |i: usize, s: u32| self.straight(i, s).map(|p| Hull::of_piece(&p));
+        let [b_before, b_after] = hulls(j as usize, t);
         let curve = self.reference.set.curve(j as usize);
-        let slack = 4.0 * (self.slack() + self.reference.set.pad());
+        let margin = 2.0 * (self.slack() + self.reference.set.pad());
         (0..LANES as u32)
             .filter(|k| block.marked >> k & 1 != 0)
             .map(|k| block.leaf * LANES as u32 + k)
             // Neighbours are joined.
             .filter(|&s| block.curve != j || !curve.adjacent(s, t))
-            .all(|s| apart_in_both(&self.straight(block.curve as usize, s), &b, slack))
+            .all(|s| {
+                let [before, after] = hulls(block.curve as usize, s);
+                let frames = [[&before, &b_before], [&after, &b_after]];
+                Hull::separated_throughout(frames, margin)
+            })
     }
-}
-
-/// Whether two segments are apart along one direction, in the same order, in both frames. All points move on straight
-/// lines between, so they are then apart at all times.
-fn apart_in_both(a: &[Bezier; 2], b: &[Bezier; 2], slack: f64) -> bool {
-    let mean = |p: &[Bezier; 2]| -> Bezier {
-        [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| 0.5 * (p[0][k][x] + p[1][k][x])))
-    };
-    let from_each = [
-        normals(&mean(a), &mean(b)),
-        normals(&a[0], &b[0]),
-        normals(&a[1], &b[1]),
-    ];
-    from_each.as_flattened().iter().any(|&n| {
-        let [before, after] = [0, 1].map(|k| signed_gap(&a[k], &b[k], n));
-        before.abs() > slack && after.abs() > slack && (before > 0.0) == (after > 0.0)
-    })
 }

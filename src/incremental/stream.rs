@@ -292,6 +292,7 @@ mod tests {
     use super::*;
     use crate::certificate::Certificate;
     use crate::curve::{Basis, Positions};
+    use crate::incremental::Cover;
     use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
 
@@ -322,7 +323,7 @@ mod tests {
             xyz.extend(at.map(|x| scale * x));
         }
         let set = set(&xyz, single);
-        let mut reference = Reference::build(set, Certificate::default(), 0, 0);
+        let mut reference = Reference::build(set, Certificate::default(), 0, 0, Cover::default());
         let mut allowances = vec![f32::INFINITY; reference.set.slots()];
         for i in (0..COUNTS.len()).filter(|&i| reference.set.curve(i).closed) {
             for slot in reference.set.body(i) {

@@ -1,103 +1,130 @@
-//! Frames followed, against frames computed in full.
+//! Pull-throughs that are planted into the frames of a stream; what a reference costs.
 
-use crate::curve::{CurveSet, Positions};
-use crate::verdict::AbortOn;
+use super::ledger::planted::{Plant, Random, Scene, scene};
+use super::reference::Reference;
+use super::{Cover, Events, Route};
+use crate::curve::{Basis, CurveSet};
+use crate::verdict::{AbortOn, Report};
 use crate::verifier::Verifier;
 use std::time::Instant;
 
-/// Control points of a set, curve after curve.
-fn points(set: &CurveSet) -> Vec<f32> {
-    let mut bytes = Vec::new();
-    set.write_positions(&mut bytes);
-    bytes
-        .chunks_exact(4)
-        .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-        .collect()
+/// Frames before a planted one, and after it.
+const AROUND: u64 = 3;
+
+/// A stream that stands still but for one planted step, each frame verified incrementally and in full.
+fn follow(planted: &Scene, events: Events, routes: &mut [u64; 3]) -> Vec<Report> {
+    let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::Event));
+    incremental.set_incremental(true);
+    incremental.set_paranoid(true);
+    incremental.set_events(events);
+    full.set_events(events);
+    let [before, after] = &planted.frames;
+    let frames = (0..2 * AROUND).map(|k| if k < AROUND { before } else { after });
+    let verify = |(k, set): (usize, &CurveSet)| {
+        let report = incremental.step(k as u64, 0.0, set).unwrap();
+        let expected = full.step(k as u64, 0.0, set).unwrap();
+        assert_eq!(report.events, expected.events);
+        assert_eq!(report.verdict, expected.verdict);
+        assert!(!incremental.work().disagreed);
+        routes[incremental.work().route as usize] += 1;
+        incremental.settle();
+        report
+    };
+    frames.enumerate().map(verify).collect()
 }
 
-fn noise(seed: u64) -> impl FnMut() -> f32 {
-    let mut state = seed | 1;
-    move || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+/// A thousand of each kind: told in their frame, with curves, segments, sign and moment, and in no other frame.
+#[test]
+fn planted_pull_throughs_are_told_in_their_frame_and_no_others() {
+    let mut routes = [0; 3];
+    for plant in [Plant::Single, Plant::Cancelling, Plant::Own, Plant::Open] {
+        let mut r = Random::new(2000 + plant as u64);
+        let mut done = 0;
+        while done < 1000 {
+            let basis = Basis::ALL[done % Basis::ALL.len()];
+            let Some(planted) = scene(&mut r, basis, plant) else {
+                continue;
+            };
+            done += 1;
+            let reports = follow(&planted, Events::All, &mut routes);
+            for report in reports {
+                let here = report.seq == AROUND;
+                let known = if here { &planted.known[..] } else { &[] };
+                let told: Vec<_> = report
+                    .events
+                    .iter()
+                    .map(|e| ([e.i, e.j], e.segments, e.sign))
+                    .collect();
+                let want: Vec<_> = known
+                    .iter()
+                    .map(|k| (k.curves, k.segments, k.sign))
+                    .collect();
+                assert_eq!(told, want, "{plant:?} {basis:?} {done}: {known:?}");
+                assert_eq!((report.abort, &report.defects[..]), (here, &[][..]));
+                for (e, k) in report.events.iter().zip(known) {
+                    assert!((e.fraction - k.fraction).abs() < 0.01, "{e:?} {k:?}");
+                }
+            }
+            // Of different curves, also where those of single ones are not asked for.
+            if plant != Plant::Own && done % 10 == 0 {
+                let reports = follow(&planted, Events::Between, &mut routes);
+                assert_eq!(reports[AROUND as usize].events.len(), planted.known.len());
+            }
+        }
     }
+    assert!(routes[Route::Quiet as usize] > 10_000, "{routes:?}");
+    assert!(routes[Route::Partial as usize] > 100, "{routes:?}");
 }
 
 #[test]
-#[ignore = "a measurement: cargo test --release --lib incremental::tests::speed -- --ignored --nocapture"]
-fn speed() {
-    for (scene, diameter) in [
-        ("knit", 1.0f32),
-        ("chainmail", 0.1),
-        ("glove", 0.1),
-        ("knittubebroken", 0.02),
+#[ignore = "a measurement: cargo test --release --lib incremental::tests::reference_speed -- --ignored --nocapture"]
+fn reference_speed() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.unwrap();
+    for input in [
+        "knit",
+        "chainmail",
+        "glove",
+        "knittubeinit",
+        "knittubebroken",
     ] {
-        let mut set = match scene.parse::<crate::scenes::Scene>() {
-            Ok(scene) => scene.build().unwrap().curves,
-            Err(_) => {
-                let path = std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-                    .join(format!("../shared/models/{scene}.bcc"));
-                match crate::model::read(&path) {
-                    Ok(s) => s,
-                    Err(_) => continue,
-                }
-            }
+        let Some(set) = scene_or_model(input) else {
+            continue;
         };
-        let base = points(&set);
-        let frames = std::env::var("FRAMES").map_or(40, |f| f.parse().unwrap());
-        for amplitude in [0.0, 1e-2, 0.1, 0.2] {
-            let mut verifier = Verifier::new(AbortOn::Never);
-            verifier.set_incremental(true);
-            let mut full = Verifier::new(AbortOn::Never);
-            let mut random = noise(7);
-            let (mut t_inc, mut t_full, mut t_read) = (vec![], vec![], vec![]);
-            let mut works = vec![];
-            for frame in 0..frames {
-                let xyz: Vec<f32> = base
-                    .iter()
-                    .map(|x| x + random() * amplitude * diameter)
-                    .collect();
+        let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
+        for all in [false, true] {
+            let (own, open) = (all, all);
+            let cover = Cover { own, open };
+            let mut times = Vec::new();
+            let mut allowances = Vec::new();
+            for _ in 0..7 {
+                let (set, certificate) = (set.clone(), certificate.clone());
                 let start = Instant::now();
-                let sum = xyz.chunks_exact(16).fold([0f32; 16], |mut a, c| {
-                    for k in 0..16 {
-                        a[k] = a[k].max(c[k]);
-                    }
-                    a
-                });
-                std::hint::black_box(sum);
-                t_read.push(start.elapsed());
-                set.update(Positions::F32(&xyz)).unwrap();
-                let start = Instant::now();
-                let a = verifier.step(frame, 0.0, &set).unwrap();
-                t_inc.push(start.elapsed());
-                works.push(verifier.work());
-                if frame < 3 {
-                    verifier.settle();
-                }
-                let start = Instant::now();
-                if frame % 8 != 0 {
-                    continue;
-                }
-                let b = full.step(frame, 0.0, &set).unwrap();
-                t_full.push(start.elapsed());
-                assert_eq!(
-                    (a.verdict, &a.changes, &a.defects),
-                    (b.verdict, &b.changes, &b.defects),
-                    "{scene} {amplitude} {frame}"
-                );
+                let build = || Reference::build(set, certificate, 0, 0, cover);
+                allowances = pool.install(build).allowances;
+                times.push(start.elapsed().as_secs_f64() * 1e3);
             }
-            let med = |v: &mut Vec<std::time::Duration>| {
-                v.sort();
-                v[v.len() / 2].as_secs_f64() * 1e3
-            };
-            let last = works[works.len() - 2];
-            let (r, i, f) = (med(&mut t_read), med(&mut t_inc), med(&mut t_full));
+            times.sort_by(f64::total_cmp);
+            allowances.retain(|a| a.is_finite());
+            allowances.sort_by(f32::total_cmp);
+            let at = |percent: usize| allowances[(allowances.len() - 1) * percent / 100];
             println!(
-                "{scene:14} {amplitude:7}: read {r:.3} inc {i:.3} ({:.1}) full {f:.3}  {last:?}",
-                i / r
+                "{input:15} {cover:?}: {:.1} ms; allowances {:.4} (1 %) {:.4} (10 %) {:.4} (50 %) {:.4} (90 %)",
+                times[3],
+                at(1),
+                at(10),
+                at(50),
+                at(90)
             );
         }
     }
+}
+
+/// A scene, or one of the models where they are there.
+fn scene_or_model(name: &str) -> Option<CurveSet> {
+    if let Ok(scene) = name.parse::<crate::scenes::Scene>() {
+        return Some(scene.build().unwrap().curves);
+    }
+    let path = format!("../shared/models/{name}.bcc");
+    crate::model::read(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).ok()
 }

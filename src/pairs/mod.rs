@@ -16,7 +16,7 @@ mod trees;
 pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{closest_approach, closest_of_segments, closest_points};
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
-pub(crate) use overlaps::{overlapping_segments, segments_within};
+pub(crate) use overlaps::overlapping_segments;
 pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;
 pub(crate) use trees::{CurveTree, Leaves, Node, SMALL, Trees};

@@ -13,27 +13,16 @@ pub(crate) fn overlapping_segments(
     i: usize,
     j: usize,
 ) -> Vec<(u32, u32)> {
-    segments_within(set, trees, i, j, 0.0)
-}
-
-/// All segment pairs of curves `i` and `j` whose boxes are no more than `reach` apart along any axis, sorted.
-pub(crate) fn segments_within(
-    set: &CurveSet,
-    trees: &Trees,
-    i: usize,
-    j: usize,
-    reach: f32,
-) -> Vec<(u32, u32)> {
     let mut found = {
         #[cfg(target_arch = "x86_64")]
         match Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
             // SAFETY: the token says that the processor has them.
-            Some(avx2) => unsafe { find_avx2(avx2, set, trees, [i, j], reach) },
-            None => find(Portable, set, trees, [i, j], reach),
+            Some(avx2) => unsafe { find_avx2(avx2, set, trees, [i, j]) },
+            None => find(Portable, set, trees, [i, j]),
         }
         #[cfg(not(target_arch = "x86_64"))]
-        find(Portable, set, trees, [i, j], reach)
+        find(Portable, set, trees, [i, j])
     };
     found.sort_unstable();
     found
@@ -42,31 +31,19 @@ pub(crate) fn segments_within(
 /// [`find`], compiled with AVX2.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-fn find_avx2(
-    avx2: Avx2,
-    set: &CurveSet,
-    trees: &Trees,
-    pair: [usize; 2],
-    reach: f32,
-) -> Vec<(u32, u32)> {
-    find(avx2, set, trees, pair, reach)
+fn find_avx2(avx2: Avx2, set: &CurveSet, trees: &Trees, pair: [usize; 2]) -> Vec<(u32, u32)> {
+    find(avx2, set, trees, pair)
 }
 
 #[inline(always)]
-fn find<L: Lanes>(
-    simd: L,
-    set: &CurveSet,
-    trees: &Trees,
-    pair: [usize; 2],
-    reach: f32,
-) -> Vec<(u32, u32)> {
+fn find<L: Lanes>(simd: L, set: &CurveSet, trees: &Trees, pair: [usize; 2]) -> Vec<(u32, u32)> {
     let both = pair.map(|i| trees.of(set, i));
     let mut agenda = vec![(both[0].root(), both[1].root())];
     let mut found = SegmentPairs::default();
     let query = Query {
         w: 2,
         meeting: false,
-        reach,
+        reach: 0.0,
     };
     let all = (usize::MAX, usize::MAX);
     descend::<L, true>(simd, both, query, &mut agenda, &mut found, all);

@@ -39,7 +39,7 @@
 mod net;
 mod pair;
 #[cfg(test)]
-mod planted;
+pub(super) mod planted;
 #[cfg(test)]
 mod tests;
 

@@ -7,7 +7,7 @@
 use crate::curve::{Basis, CurveSet, Point, Positions};
 
 /// A generator with a seed.
-pub(super) struct Random(u64);
+pub(crate) struct Random(u64);
 
 impl Random {
     pub fn new(seed: u64) -> Self {
@@ -37,7 +37,7 @@ impl Random {
 
 /// What is planted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Plant {
+pub(crate) enum Plant {
     /// One closed curve through another, once.
     Single,
     /// One closed curve through another and out again.
@@ -50,7 +50,7 @@ pub(super) enum Plant {
 
 /// A passage that a step has.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Known {
+pub(crate) struct Known {
     pub curves: [u32; 2],
     pub segments: [u32; 2],
     pub fraction: f64,
@@ -59,7 +59,7 @@ pub(super) struct Known {
 }
 
 /// Two frames and all passages between them, in their order in time.
-pub(super) struct Scene {
+pub(crate) struct Scene {
     pub frames: [CurveSet; 2],
     pub known: Vec<Known>,
 }
@@ -106,7 +106,7 @@ fn strands(r: &mut Random, plant: Plant) -> ([Vec<Point>; 2], [Vec<Point>; 2]) {
 }
 
 /// A planted step; `None` where a passage is too near to a joint, or to the ends of the step, to be told by name.
-pub(super) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene> {
+pub(crate) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene> {
     let ([a, b], [a_back, b_back]) = strands(r, plant);
     let moving = a.len();
     // Past the resting strand, and past both of a finger.

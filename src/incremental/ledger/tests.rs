@@ -440,10 +440,7 @@ fn speed() {
             let mut after = before.clone();
             after.update(Positions::F32(&moved)).unwrap();
             for own in [false, true] {
-                let options = Cover {
-                    own: own,
-                    open: false,
-                };
+                let options = Cover { own, open: false };
                 let mut ledger = Ledger::default();
                 let mut verifier = Verifier::new(AbortOn::Never);
                 let mut times = [Vec::new(), Vec::new(), Vec::new()];
