@@ -142,6 +142,7 @@ fn watch(mut sidecar: Sidecar) -> Vec<Duration> {
                     verdict: Verdict::Intact,
                     abort: false,
                     changes: Vec::new(),
+                    events: Vec::new(),
                     defects: Vec::new(),
                     rejected: None,
                     stats: Stats::default(),

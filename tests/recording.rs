@@ -2,8 +2,8 @@
 
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Ending, Error,
-    FrameRecord, Link, Place, Positions, Precision, RecordedItem, RecordingReader, RecordingSink,
-    Report, Sink, Stats, Verdict,
+    FrameRecord, Link, Place, Positions, Precision, PullThrough, RecordedItem, RecordingReader,
+    RecordingSink, Report, Route, Sink, Stats, Verdict, Work,
 };
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -43,6 +43,14 @@ fn report(seq: u64) -> Report {
                 place: None,
             },
         ],
+        events: vec![PullThrough {
+            i: 3,
+            j: 3,
+            segments: [4, 5],
+            fraction: 0.1 * (seq % 10) as f64,
+            sign: if seq % 2 == 0 { 1 } else { -1 },
+            point: [0.5, -1.5, 2.5],
+        }],
         defects: kinds
             .map(|(k, &kind)| Defect {
                 i: k as u32,
@@ -86,6 +94,19 @@ fn curves(basis: Basis, precision: Precision, seq: u64) -> CurveSet {
     CurveSet::from_counts(basis, &counts, positions).unwrap()
 }
 
+fn work(seq: u64) -> Work {
+    Work {
+        route: Route::ALL[seq as usize % 3],
+        blocks: 100,
+        marked: seq,
+        recertified: 2,
+        recomputed: 3,
+        searched: 4,
+        reference_age: (seq > 1).then_some(seq),
+        disagreed: seq == 7,
+    }
+}
+
 fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
     FrameRecord {
         curves: curves.map(Arc::new),
@@ -94,6 +115,7 @@ fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
         skipped: 2 * seq,
         rejected: 3,
         check: Duration::from_nanos(123_456_789),
+        work: work(seq),
         received: SystemTime::UNIX_EPOCH + Duration::from_nanos(1_700_000_000_000_000_000 + seq),
     }
 }
@@ -212,8 +234,8 @@ fn every_basis_and_precision_comes_back_bit_for_bit() {
                 assert_eq!(verdict.report, *was.report);
                 let p = verdict.progress;
                 assert_eq!(
-                    (p.verified, p.skipped, p.rejected, p.check),
-                    (was.verified, was.skipped, was.rejected, was.check)
+                    (p.verified, p.skipped, p.rejected, p.check, p.work),
+                    (was.verified, was.skipped, was.rejected, was.check, was.work)
                 );
             }
         }

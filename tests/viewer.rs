@@ -5,6 +5,7 @@
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, FrameRecord, Link,
     Overflow, Place, Positions, Report, Sink, SinkQueue, Stats, Verdict, ViewerSink, ViewerTarget,
+    Work,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -97,6 +98,7 @@ fn report(seq: u64, set: &CurveSet) -> Report {
         abort: verdict != Verdict::Intact,
         changes,
         defects,
+        events: Vec::new(),
         rejected: None,
         stats: Stats {
             curves: set.len() as u64,
@@ -116,6 +118,7 @@ fn record(seq: u64, set: CurveSet) -> Arc<FrameRecord> {
         skipped: seq / 10,
         rejected: 0,
         check: Duration::from_micros(1800 + 300 * (seq * 7 % 5)),
+        work: Work::default(),
         received: SystemTime::UNIX_EPOCH + Duration::from_millis(16 * seq),
     })
 }

@@ -124,7 +124,7 @@ impl Replay {
                 self.last = Some(Arc::clone(&judged.report));
                 self.session.publish(judged, self.tally)?;
             }
-            RecordedItem::Verdict(recorded) => self.compare(recorded)?,
+            RecordedItem::Verdict(recorded) => self.compare(*recorded)?,
         }
         Ok(())
     }

@@ -95,6 +95,7 @@ fn report(frame: &Frame, verdict: Verdict) -> Report {
         verdict,
         abort: verdict == Verdict::Changed,
         changes: Vec::new(),
+        events: Vec::new(),
         defects: Vec::new(),
         rejected: None,
         stats: Stats::default(),

@@ -28,7 +28,7 @@ pub enum RecordedItem {
     /// The curves of a frame.
     Frame(RecordedFrame),
     /// What was found; comes after the curves of its frame, or alone where the frame was rejected.
-    Verdict(RecordedVerdict),
+    Verdict(Box<RecordedVerdict>),
 }
 
 /// What was said about a frame when it was recorded.
@@ -298,7 +298,7 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
             let report: Option<ReportMessage> = m.report;
             let report = report.ok_or_else(|| invalid("verdict", "without a report"))?;
             let p = m.progress.unwrap_or_default();
-            RecordedItem::Verdict(RecordedVerdict {
+            RecordedItem::Verdict(Box::new(RecordedVerdict {
                 report: report.try_into()?,
                 progress: RecordedProgress {
                     verified: p.verified,
@@ -308,7 +308,7 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
                     // Recordings of earlier versions have none.
                     work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
                 },
-            })
+            }))
         }
     }))
 }

@@ -225,6 +225,7 @@ mod tests {
             verdict: Verdict::Changed,
             abort: true,
             changes: (0..changes).map(change).collect(),
+            events: Vec::new(),
             defects: Vec::new(),
             rejected: None,
             stats: Default::default(),
