@@ -48,7 +48,7 @@ fn report(seq: u64) -> Report {
             j: 3,
             segments: [4, 5],
             fraction: 0.1 * (seq % 10) as f64,
-            sign: if seq % 2 == 0 { 1 } else { -1 },
+            sign: if seq.is_multiple_of(2) { 1 } else { -1 },
             point: [0.5, -1.5, 2.5],
         }],
         defects: kinds
