@@ -224,6 +224,14 @@ impl Monitor {
         }
     }
 
+    /// An error, to be noticed: from now on nothing ever moves too far.
+    #[cfg(test)]
+    pub fn go_blind(&mut self) {
+        let reference = &mut self.reference.as_mut().expect("a reference").reference;
+        reference.allowances.fill(f32::INFINITY);
+        reference.packed = super::packed::Packed::blocks(&reference.set, &reference.allowances);
+    }
+
     /// Takes a reference frame that is ready, and drops one of other curves. Whether there is another one than before.
     fn adopt(&mut self, set: &CurveSet, baseline: &Certificate) -> bool {
         let mut adopted = false;

@@ -5,6 +5,8 @@
 
 mod full;
 mod steps;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use full::{degenerate_curves, links_per_task, potential_links};
 

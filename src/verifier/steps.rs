@@ -74,6 +74,19 @@ impl Steps {
         })
     }
 
+    /// An error, to be noticed: the frame before had another linking number.
+    #[cfg(test)]
+    pub fn falsify(&mut self) {
+        let last = self.last.as_mut().expect("a frame before");
+        last.comparison.changes.push(crate::certificate::Change {
+            i: 0,
+            j: 1,
+            expected: 1,
+            found: 0,
+            place: None,
+        });
+    }
+
     /// Keeps a frame that has been verified, where the next one is compared with it.
     pub fn remember(&mut self, set: Arc<CurveSet>, comparison: Comparison) {
         if self.events != Events::Off {

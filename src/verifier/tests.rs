@@ -1,0 +1,128 @@
+//! What happens around the stages: switches of the verifier, and errors.
+
+use super::*;
+use crate::curve::{Basis, Positions};
+
+/// A square and another one through it, which is pulled out, in a wide ring that stands still.
+fn squares(out: f64) -> CurveSet {
+    let square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+    let flat = square.map(|[x, y]| [x, y, 0.0]);
+    let upright = square.map(|[x, z]| [1.0 + x + out, 1.0, z - 1.0]);
+    let ring = (0..64).map(|k| (f64::from(k) * std::f64::consts::TAU / 64.0).sin_cos());
+    let ring: Vec<_> = ring.map(|(s, c)| [50.0 * s, 50.0 * c, s]).collect();
+    let xyz = [&flat[..], &upright, &ring].concat().concat();
+    CurveSet::from_counts(Basis::Polyline, &[-4, -4, -64], Positions::F64(&xyz)).unwrap()
+}
+
+/// A verifier that has seen three intact frames, and will not look closely any more.
+fn blind(paranoid: bool) -> Verifier {
+    let mut verifier = Verifier::new(AbortOn::Any);
+    verifier.set_incremental(true);
+    verifier.set_events(Events::Between);
+    verifier.set_paranoid(paranoid);
+    for frame in 0..3 {
+        let report = verifier.step(frame, 0.0, &squares(0.0)).unwrap();
+        assert_eq!(report.verdict, Verdict::Intact);
+        assert!(!verifier.work().disagreed);
+        verifier.settle();
+    }
+    assert_eq!(verifier.work().route, Route::Quiet);
+    verifier.monitor.go_blind();
+    verifier
+}
+
+#[test]
+fn who_is_paranoid_notices_an_error_of_the_incremental_verification() {
+    let report = blind(false).step(3, 0.0, &squares(1.2)).unwrap();
+    assert_eq!(report.verdict, Verdict::Intact, "the error is there");
+
+    let mut verifier = blind(true);
+    let report = verifier.step(3, 0.0, &squares(1.2)).unwrap();
+    assert!(verifier.work().disagreed);
+    assert_eq!((report.verdict, report.abort), (Verdict::Changed, true));
+    assert_eq!((report.changes.len(), report.events.len()), (1, 1));
+    // From then on it is not trusted any more.
+    let report = verifier.step(4, 0.0, &squares(0.0)).unwrap();
+    assert_eq!(verifier.work().route, Route::Full);
+    assert_eq!((report.changes.len(), report.events.len()), (0, 1));
+    assert_eq!(report.verdict, Verdict::Changed, "it was pulled back in");
+    let report = verifier.step(5, 0.0, &squares(0.0)).unwrap();
+    assert_eq!(report.verdict, Verdict::Intact);
+}
+
+#[test]
+fn the_first_frame_has_no_pull_throughs() {
+    // The first frame has no frame before: with a baseline of its own it has a change, and no pull-through.
+    let baseline = Verifier::new(AbortOn::Any).certify(&squares(0.0)).0.clone();
+    let mut verifier = Verifier::with_baseline(AbortOn::Event, baseline);
+    verifier.set_events(Events::All);
+    let report = verifier.step(0, 0.0, &squares(1.2)).unwrap();
+    assert_eq!((report.changes.len(), report.events.len()), (1, 0));
+    assert_eq!((report.abort, &report.defects[..]), (false, &[][..]));
+    let report = verifier.step(1, 0.0, &squares(0.0)).unwrap();
+    assert_eq!((report.changes.len(), report.events.len()), (0, 1));
+    assert!(report.abort);
+}
+
+#[test]
+fn signs_that_do_not_add_up_are_told() {
+    let mut verifier = Verifier::new(AbortOn::Any);
+    verifier.set_events(Events::Between);
+    verifier.step(0, 0.0, &squares(0.0)).unwrap();
+    // As if the frame before had had another linking number.
+    verifier.steps.falsify();
+    let report = verifier.step(1, 0.0, &squares(0.0)).unwrap();
+    let kinds: Vec<_> = report.defects.iter().map(|d| (d.i, d.j, d.kind)).collect();
+    assert_eq!(kinds, [(0, Some(1), DefectKind::Unaccounted)]);
+    assert_eq!(report.verdict, Verdict::Undecided);
+}
+
+#[test]
+fn open_curves_alone_are_watched_for_pull_throughs_only() {
+    let strands = |y: f64| {
+        let xyz = [-1.0, y, 0.0, 1.0, y, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0];
+        CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&xyz)).unwrap()
+    };
+    let mut verifier = Verifier::new(AbortOn::Event);
+    let refused = verifier.step(0, 0.0, &strands(-1.0));
+    assert!(matches!(refused, Err(Error::NothingClosed { curves: 2 })));
+    for incremental in [false, true] {
+        verifier.set_incremental(incremental);
+        verifier.set_events(Events::Between);
+        for (frame, y) in [-1.0, -0.99, -0.98, 0.5, 0.5, -0.5].into_iter().enumerate() {
+            let report = verifier.step(frame as u64, 0.0, &strands(y)).unwrap();
+            let told = [3, 5].contains(&frame);
+            assert_eq!(report.events.len(), usize::from(told), "frame {frame}");
+            assert_eq!(report.abort, told);
+            verifier.settle();
+        }
+    }
+}
+
+#[test]
+fn between_other_curves_there_is_no_motion() {
+    let mut verifier = Verifier::new(AbortOn::Any);
+    verifier.set_events(Events::Between);
+    verifier.step(0, 0.0, &squares(0.0)).unwrap();
+    let xyz = vec![0.5; 3 * 73];
+    let other =
+        CurveSet::from_counts(Basis::Polyline, &[-4, -5, -64], Positions::F64(&xyz)).unwrap();
+    let refused = verifier.step(1, 0.0, &other).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "the curves changed between frames: control points of a curve was 4, is 5"
+    );
+}
+
+#[test]
+fn a_shared_frame_is_not_copied() {
+    let mut verifier = Verifier::new(AbortOn::Any);
+    verifier.set_events(Events::Between);
+    let frames = [0.0, 1.2, 1.2].map(|out| Arc::new(squares(out)));
+    for (k, frame) in frames.iter().enumerate() {
+        let report = verifier.step_shared(k as u64, 0.0, frame).unwrap();
+        assert_eq!(report.events.len(), usize::from(k == 1));
+    }
+    assert_eq!(frames.each_ref().map(Arc::strong_count), [1, 1, 2]);
+    assert!(std::ptr::eq(verifier.steps.before().unwrap(), &*frames[2]));
+}
