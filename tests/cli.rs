@@ -358,3 +358,75 @@ fn early_exit_finds_the_change_and_counts_what_it_left() {
     // The number of threads decides nothing.
     assert_eq!(check("2", &["--early-exit"]).2, early);
 }
+
+/// A square that leaves the one that it is linked with, flies through it, or folds through itself.
+#[test]
+fn check_tells_pull_throughs_between_models() {
+    let folder = TempDir::new().unwrap();
+    let frames = [-5.0, 0.5, 5.0].map(|at| chain(folder.path(), &format!("{at}.bcc"), at));
+    let [left, linked, right] = frames.each_ref().map(|path| text(path));
+    let cert = folder.path().join("c.txt");
+    linkwatch(&["certify", left, "-o", text(&cert)]);
+    let check = |models: &[&str], more: &[&str]| {
+        let run = linkwatch(&[&["check", "--against", text(&cert)], models, more].concat());
+        (run.code, run.stdout)
+    };
+    // Each model by itself is as it should be.
+    assert_eq!(check(&[left, right], &[]).0, 0);
+    let (code, out) = check(&[left, right], &["--events"]);
+    assert_eq!(code, 1, "{out}");
+    let passed = out
+        .matches("curves 0 and 1 passed through one another at 0.")
+        .count();
+    assert_eq!(passed, 4, "{out}");
+    assert!(out.contains("5.bcc: changed\n"), "{out}");
+    // A change, and how it came.
+    let (code, out) = check(&[left, linked], &["--self"]);
+    assert_eq!(code, 1);
+    assert!(out.contains("curves 0 and 1 became linked"), "{out}");
+    assert!(out.contains("passed through one another"), "{out}");
+
+    // Two ends of a curve change places, one above the other.
+    let fold = |name: &str, y: f32| {
+        let xyz = [
+            [0., 0., 0.],
+            [2., 0., 0.],
+            [2., 2., 1.],
+            [1., y, 1.],
+            [1., y, -1.],
+            [0., 2., -1.],
+        ];
+        let xyz = xyz.concat();
+        let set = CurveSet::from_counts(Basis::Polyline, &[-6], Positions::F32(&xyz)).unwrap();
+        let path = folder.path().join(name);
+        model::write_bcc(&path, &set).unwrap();
+        path
+    };
+    let [before, after] = [fold("before.bcc", 0.5), fold("after.bcc", -0.5)];
+    linkwatch(&["certify", text(&before), "-o", text(&cert)]);
+    let models = [text(&before), text(&after)];
+    assert_eq!(check(&models, &["--events"]).0, 0);
+    let (code, out) = check(&models, &["--self"]);
+    assert_eq!(code, 1, "{out}");
+    let told = "curve 0 passed through itself at 0.500 of the step";
+    assert!(out.contains(told), "{out}");
+    // Between other curves there is no motion; with early exit little is known.
+    let run = linkwatch(&[
+        "check",
+        left,
+        text(&before),
+        "--against",
+        text(&cert),
+        "--events",
+    ]);
+    assert_eq!(run.code, 2);
+    let run = linkwatch(&[
+        "check",
+        left,
+        "--against",
+        text(&cert),
+        "--events",
+        "--early-exit",
+    ]);
+    assert_eq!(run.code, 2);
+}

@@ -128,3 +128,27 @@ fn bad_arguments_exit_with_2() {
         assert!(stderr.contains(says), "{stderr}");
     }
 }
+
+/// With the search for pull-throughs both verifiers tell the same, and there are some where all moves far.
+#[test]
+fn pull_throughs_are_compared_too() {
+    let (code, stdout, stderr) = frames(&[
+        KNIT,
+        "--frames",
+        "6",
+        "--motions",
+        "iid",
+        "--amplitudes",
+        "0.01,2",
+        "--self",
+        "--json",
+    ]);
+    assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
+    let out: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!(
+        (&out["events"], &out["compared"]),
+        (&"all".into(), &12.into())
+    );
+    assert_eq!(out["rows"][0]["events"], 0);
+    assert!(out["rows"][1]["events"].as_u64().unwrap() > 0, "{stdout}");
+}

@@ -384,7 +384,7 @@ mod tests {
         assert_eq!((m.first, m.events), (Some(Finding::Event(event)), 1));
         assert_eq!(
             m.to_string(),
-            "frame 12: changed, 1 pull-through: curve 3 was pulled through itself at 0.250 of the step (-1), at \
+            "frame 12: changed, 1 pull-through: curve 3 passed through itself at 0.250 of the step (-1), at \
              (1.0000, 2.0000, 3.0000), segments 7 and 9"
         );
     }

@@ -6,9 +6,10 @@
 
 use crate::cli::Outcome;
 use crate::cli::input;
+use crate::cli::look_for::LookFor;
 use crate::cli::output::{self, count, plural};
 use linkwatch::scenes::{Frames, Motion, Scene};
-use linkwatch::{AbortOn, CurveSet, Error, Positions, Report, Result, Route, Verifier};
+use linkwatch::{AbortOn, CurveSet, Error, Events, Positions, Report, Result, Verifier};
 use serde_json::{Value, json};
 use std::hint::black_box;
 use std::path::Path;
@@ -50,6 +51,8 @@ pub struct Args {
         value_parser = amplitude
     )]
     amplitudes: Vec<f64>,
+    #[command(flatten)]
+    look_for: LookFor,
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -77,6 +80,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         Error::Usage(format!("{} {what}", args.input))
     })?;
     let mut frames = Frames::new(&set, diameter);
+    let events = args.look_for.events(AbortOn::Never);
     let threads = rayon::current_num_threads();
     if !as_json {
         output::line(format_args!(
@@ -87,6 +91,9 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             plural(args.frames, "frame"),
             plural(threads as u64, "thread"),
         ))?;
+        if events != Events::Off {
+            output::line("with the search for pull-throughs from frame to frame, in both")?;
+        }
         output::line(HEADER)?;
     }
     let cases: Vec<(&Motion, f64)> = args
@@ -106,10 +113,15 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     for (motion, amplitude) in cases {
         bar.set_message(format!("{motion} {amplitude}"));
         let mut row = Row::new(motion, amplitude);
-        let mut verifiers = Verifiers::of(&mut set, &mut frames)?;
+        let mut verifiers = Verifiers::of(&mut set, &mut frames, events)?;
         for frame in 1..=args.frames {
             let positions = frames.at(motion, amplitude * diameter, frame);
-            let full = frame % (args.frames / FULL_RUNS).max(1) == 0;
+            // Who looks for pull-throughs must see every frame.
+            let every = match events {
+                Events::Off => (args.frames / FULL_RUNS).max(1),
+                _ => 1,
+            };
+            let full = frame % every == 0;
             let differs = row.measure(&mut verifiers, &mut set, positions, (frame, full))?;
             if let Some(what) = differs {
                 bar.suspend(|| tracing::error!("{motion} {amplitude}, frame {frame}: {what}"));
@@ -135,6 +147,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "segments": set.segments(),
             "frames": args.frames,
             "threads": threads,
+            "events": events.to_string(),
             "read_ms": read,
             "update_ms": update,
             "full_ms": full,
@@ -164,7 +177,7 @@ struct Verifiers {
 
 impl Verifiers {
     /// Both have seen frame 0, which is their baseline.
-    fn of(set: &mut CurveSet, frames: &mut Frames) -> Result<Verifiers> {
+    fn of(set: &mut CurveSet, frames: &mut Frames, events: Events) -> Result<Verifiers> {
         let mut verifiers = Verifiers {
             incremental: Verifier::new(AbortOn::Never),
             full: Verifier::new(AbortOn::Never),
@@ -172,6 +185,7 @@ impl Verifiers {
         verifiers.incremental.set_incremental(true);
         set.update(frames.at(&Motion::new([]), 0.0, 0))?;
         for verifier in [&mut verifiers.incremental, &mut verifiers.full] {
+            verifier.set_events(events);
             verifier.step(0, 0.0, set)?;
         }
         Ok(verifiers)
@@ -194,6 +208,8 @@ struct Row {
     marked: u64,
     recertified: u64,
     recomputed: u64,
+    /// Pull-throughs told.
+    events: u64,
     /// Full runs that said the same.
     equal: u64,
     /// Full runs whose verdict was not intact.
@@ -220,6 +236,7 @@ impl Row {
             marked: 0,
             recertified: 0,
             recomputed: 0,
+            events: 0,
             equal: 0,
             broken: 0,
         }
@@ -238,15 +255,12 @@ impl Row {
         let verifier = &mut verifiers.incremental;
         let report = timed(&mut self.frame, || verifier.step(frame, 0.0, set))?;
         let work = verifier.work();
-        self.routes[match work.route {
-            Route::Full => 0,
-            Route::Quiet => 1,
-            Route::Partial => 2,
-        }] += 1;
+        self.routes[work.route as usize] += 1;
         self.blocks += work.blocks;
         self.marked += work.marked;
         self.recertified += work.recertified;
         self.recomputed += work.recomputed;
+        self.events += report.events.len() as u64;
         // A simulation gives the first reference the time that it needs; frames follow at once here.
         if frame < SETTLED {
             verifier.settle();
@@ -296,8 +310,12 @@ impl Row {
             0 => String::new(),
             n => format!(" ({} not intact)", count(n)),
         };
+        let events = match self.events {
+            0 => String::new(),
+            n => format!(", {}", plural(n, "pull-through")),
+        };
         format!(
-            "{:18} {:>9} {read:>8.4} {full:>7.3} {frame:>7.3} {:>7.2} {:>7.3} {:>6.2}% {:>12.1} {:>11.1}  {:>20}  {}/{}{broken}",
+            "{:18} {:>9} {read:>8.4} {full:>7.3} {frame:>7.3} {:>7.2} {:>7.3} {:>6.2}% {:>12.1} {:>11.1}  {:>20}  {}/{}{broken}{events}",
             self.motion,
             self.amplitude,
             frame / read,
@@ -331,6 +349,7 @@ impl Row {
                 "quiet": self.routes[1],
                 "partial": self.routes[2],
             },
+            "events": self.events,
             "compared": self.compared(),
             "equal": self.equal,
             "not_intact": self.broken,
@@ -340,7 +359,8 @@ impl Row {
 
 /// Whether two reports say the same about the topology of a frame.
 fn same(a: &Report, b: &Report) -> bool {
-    (a.verdict, &a.changes, &a.defects) == (b.verdict, &b.changes, &b.defects)
+    (a.verdict, &a.changes) == (b.verdict, &b.changes)
+        && (&a.events, &a.defects) == (&b.events, &b.defects)
 }
 
 /// Runs `work` and appends the milliseconds that it took.

@@ -79,9 +79,13 @@ impl fmt::Display for PullThrough {
         let [x, y, z] = self.point;
         let [s, t] = self.segments;
         if self.i == self.j {
-            write!(f, "curve {} was pulled through itself", self.i)?;
+            write!(f, "curve {} passed through itself", self.i)?;
         } else {
-            write!(f, "curve {} was pulled through curve {}", self.i, self.j)?;
+            write!(
+                f,
+                "curves {} and {} passed through one another",
+                self.i, self.j
+            )?;
         }
         write!(
             f,
