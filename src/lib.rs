@@ -3,8 +3,9 @@
 //!
 //! ```text
 //! simulator ──shared memory──▶ bus ─▶ ingest ─▶ pairs ─▶ discretize ─▶ kernels ─▶ certificate ─▶ verdict ─┬▶ bus
-//!             (iceoryx2)        │                                                                          ├▶ recording
-//! recording, model file ────────┘                                                                          └▶ viewer
+//!             (iceoryx2)        │        ▲                                                                 ├▶ recording
+//! recording, model file ────────┘        └── incremental: what moved, what it may have broken,             └▶ viewer
+//!                                            and what passed through what
 //! ```
 
 #[cfg(feature = "bus")]

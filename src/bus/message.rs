@@ -404,7 +404,7 @@ mod tests {
         let mut r = report(Verdict::Rejected);
         r.rejected = Some("ä".repeat(200));
         let m = sent(&r);
-        assert_eq!(m.reason.as_deref(), Some("ä".repeat(104).as_str()));
+        assert_eq!(m.reason.as_deref(), Some("ä".repeat(100).as_str()));
         assert!(m.to_string().starts_with("frame 12: rejected: ää"));
     }
 
@@ -430,9 +430,9 @@ mod tests {
             |w| w.version += 1,
             |w| w.kind = 3,
             |w| w.verdict = 6,
-            |w| w.finding = 3,
-            |w| (w.finding, w.defect_kind) = (FINDING_DEFECT, 4),
-            |w| w.reason_len = 209,
+            |w| w.finding = 4,
+            |w| (w.finding, w.defect_kind) = (FINDING_DEFECT, 6),
+            |w| w.reason_len = 201,
         ];
         for change in bad {
             let mut wire = good;

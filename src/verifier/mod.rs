@@ -101,6 +101,8 @@ impl Verifier {
     /// the frames before; see [`Verifier::work`].
     pub fn set_incremental(&mut self, incremental: bool) {
         self.incremental = incremental;
+        // Frames that a monitor did not see are none that it may conclude from.
+        self.monitor = Monitor::new(self.steps.cover());
     }
 
     /// Whether an incremental verifier computes everything as well and compares: for those who do not trust it, and for

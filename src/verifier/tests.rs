@@ -126,3 +126,27 @@ fn a_shared_frame_is_not_copied() {
     assert_eq!(frames.each_ref().map(Arc::strong_count), [1, 1, 2]);
     assert!(std::ptr::eq(verifier.steps.before().unwrap(), &*frames[2]));
 }
+
+/// The monitor once took the last frame that it had seen for the frame before.
+#[test]
+fn frames_that_the_monitor_did_not_see_are_not_taken_for_seen() {
+    let mut verifier = Verifier::new(AbortOn::Any);
+    verifier.set_events(Events::Between);
+    verifier.set_incremental(true);
+    let mut events = |frame: u64, out: f64, incremental: bool| {
+        if incremental != verifier.incremental {
+            verifier.set_incremental(incremental);
+        }
+        let report = verifier.step(frame, 0.0, &squares(out)).unwrap();
+        verifier.settle();
+        report.events.len()
+    };
+    let told: Vec<usize> = (0..12)
+        .map(|frame| {
+            // Out in frames that are computed in full, and back in the first that is not.
+            let full = frame % 4 == 3;
+            events(frame, if full { 1.2 } else { 0.0 }, !full)
+        })
+        .collect();
+    assert_eq!(told, [0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1]);
+}
