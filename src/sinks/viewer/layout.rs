@@ -4,14 +4,14 @@ use super::passed::{Passed, name};
 use super::{Findings, entity};
 use crate::curve::{CurveSet, Point};
 use crate::verdict::{Defect, Report, Verdict};
-use rerun::blueprint::components::{BackgroundKind, PanelState, PlayState};
+use rerun::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
 use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel,
     Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    Background, EyeControls3D, LineGrid3D, TextLogColumns,
+    Background, EyeControls3D, LineGrid3D, PlotLegend, TextLogColumns,
 };
 use rerun::log::LogMsg;
 use rerun::{
@@ -40,10 +40,10 @@ pub(super) fn send(rec: &RecordingStream, last: Option<&CurveSet>) -> RecordingS
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
     let log = TextLogView::new("log").with_origin(entity::LOG);
     let links = TimeSeriesView::new("links and pull-throughs").with_contents(["/links/**"]);
-    let check = TimeSeriesView::new("check, milliseconds").with_contents(["/check/**"]);
+    let check = TimeSeriesView::new("check, ms").with_contents(["/check/**"]);
     let marked = TimeSeriesView::new("blocks marked, %").with_contents(["/marked/**"]);
     let recomputed = TimeSeriesView::new("pairs recomputed").with_contents(["/recomputed/**"]);
-    let skipped = TimeSeriesView::new("frames skipped").with_contents(["/skipped/**"]);
+    let skipped = TimeSeriesView::new("skipped").with_contents(["/skipped/**"]);
     let (scene, log) = (ContainerLike::from(scene), ContainerLike::from(log));
     let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
     if let ContainerLike::View(view) = &scene {
@@ -72,11 +72,20 @@ pub(super) fn send(rec: &RecordingStream, last: Option<&CurveSet>) -> RecordingS
         let path = format!("{}/TextLogColumns", view.blueprint_path());
         properties.push((path.into(), Box::new(columns)));
     }
+    let (links, check) = (ContainerLike::from(links), ContainerLike::from(check));
+    for plot in [&links, &check] {
+        if let ContainerLike::View(view) = plot {
+            // Most lines rise late: the left is free at the top.
+            let legend = PlotLegend::new().with_corner(Corner2D::LeftTop);
+            let path = format!("{}/PlotLegend", view.blueprint_path());
+            properties.push((path.into(), Box::new(legend)));
+        }
+    }
     let top = Horizontal::new([scene, status.into()]).with_column_shares([4.0, 1.1]);
     // What made checks take their time, one above the other; counts of frames and pairs share no axis.
     let work = Vertical::new([marked.into(), recomputed.into()]).with_name("work");
-    let costs = Tabs::new([check.into(), work.into(), skipped.into()]);
-    let bottom = Horizontal::new([log, links.into(), costs.into()]);
+    let costs = Tabs::new([check, work.into(), skipped.into()]);
+    let bottom = Horizontal::new([log, links, costs.into()]);
     let bottom = bottom.with_column_shares([2.6, 1.25, 1.25]);
     let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
     let time = TimePanel::new()
@@ -199,8 +208,11 @@ pub(super) fn status(
     };
     let s = &report.stats;
     let detail = report.rejected.clone().unwrap_or_else(|| {
-        let (curves, pairs) = (s.curves, s.potential_links);
-        format!("{curves} curves, {pairs} pairs that could be linked")
+        match s.potential_links {
+            // Not counted where the frame was compared with a reference.
+            0 => format!("{} curves", s.curves),
+            pairs => format!("{} curves, {pairs} pairs that could be linked", s.curves),
+        }
     });
     let mut text = format!("# {title}\n## {when}\n\n{detail}\n");
     if only_events && report.defects.is_empty() {
@@ -229,7 +241,7 @@ pub(super) fn status(
     };
     text.extend(more(report.changes.len() + report.defects.len()));
     if !report.events.is_empty() {
-        text.push_str("\n| pulled in this frame | sign | step |\n|---|---|---|\n");
+        text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
     }
     for e in report.events.iter().take(shown) {
         let row = format!("| **{}** | {:+} | {:.3} |\n", name(e), e.sign, e.fraction);

@@ -23,7 +23,7 @@ use crate::incremental::Route;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::{Report, Verdict};
 use passed::Passed;
-use rerun::components::InterpolationMode;
+use rerun::components::{InterpolationMode, MarkerShape};
 use rerun::{
     Color, LineStrips3D, Points3D, Radius, RecordingStream, Scalars, SeriesLines, SeriesPoints,
     TextDocument, TextLog, TextLogLevel,
@@ -39,6 +39,7 @@ mod entity {
     pub const UNDECIDED: &str = "curves/undecided";
     pub const PLACES: &str = "curves/places";
     pub const EVENTS: &str = "curves/pull-throughs/now";
+    pub const STARS: &str = "curves/pull-throughs/stars";
     pub const PASSED: &str = "curves/pull-throughs/before";
     pub const LOG: &str = "log";
     pub const STATUS: &str = "status";
@@ -74,6 +75,9 @@ const SHOWN: usize = 20;
 
 /// Marks closer than this, in radii of the scene, share a label.
 const NEAR: f64 = 0.12;
+
+/// Length of the rays of a pull-through's mark, in radii of the scene.
+const STAR: f64 = 0.07;
 
 /// From this many curves on, intact ones are drawn thinner: they would merge into a surface.
 const MANY: usize = 2000;
@@ -140,7 +144,6 @@ impl ViewerSink {
             (entity::LOST, RED, "links lost"),
             (entity::GAINED, VIOLET, "links gained"),
             (entity::CHANGED, ORANGE, "links changed"),
-            (entity::EVENT_COUNT, CYAN, "pull-throughs"),
             (entity::CHECK, DARK_GREEN, "check, ms a frame"),
             (entity::MARKED, ORANGE, "blocks marked, %"),
             (entity::RECOMPUTED, RED, "pairs recomputed"),
@@ -159,18 +162,26 @@ impl ViewerSink {
                 .with_interpolation_mode(mode);
             sink.rec.log_static(path, &style).map_err(failed)?;
         }
+        let points = |color, name, shape, size| {
+            SeriesPoints::new()
+                .with_colors([color])
+                .with_names([name])
+                .with_markers([shape])
+                .with_marker_sizes([size])
+        };
         for (path, route) in entity::ROUTES.into_iter().zip(Route::ALL) {
             let color = match route {
                 Route::Full => RED,
                 Route::Quiet => GREEN,
                 Route::Partial => ORANGE,
             };
-            let style = SeriesPoints::new()
-                .with_colors([color])
-                .with_names([route.word()])
-                .with_marker_sizes([3.5]);
+            let style = points(color, route.word(), MarkerShape::Circle, 3.5);
             sink.rec.log_static(path, &style).map_err(failed)?;
         }
+        let style = points(CYAN, "pull-throughs", MarkerShape::Diamond, 6.0);
+        sink.rec
+            .log_static(entity::EVENT_COUNT, &style)
+            .map_err(failed)?;
         Ok(sink)
     }
 
@@ -262,17 +273,36 @@ impl ViewerSink {
         self.log(entity::PLACES, &points)
     }
 
-    /// A mark at each pull-through of this frame, and a small one on the curve for those of earlier frames.
+    /// A star at each pull-through of this frame, and a small mark on the curve for those of earlier frames.
     fn pull_throughs(&self, set: &CurveSet, report: &Report) -> Result<()> {
         let now = report.events.iter().map(|e| e.point).take(passed::KEPT);
-        let mark = |points: Vec<[f32; 3]>, size| {
+        let now: Vec<Point> = now.collect();
+        let marks = |points: Vec<[f32; 3]>, size| {
             Points3D::new(points)
                 .with_colors([CYAN])
                 .with_radii([Radius::new_ui_points(size)])
         };
-        self.log(entity::EVENTS, &mark(now.map(narrow).collect(), 7.0))?;
+        let dots = now.iter().copied().map(narrow).collect();
+        self.log(entity::EVENTS, &marks(dots, 7.0))?;
+        // Its rays reach out of the thick curves around.
+        let reach = match now.is_empty() {
+            true => 0.0,
+            false => layout::extent(set).map_or(0.0, |(.., radius)| STAR * radius),
+        };
+        let ray = |p: Point, x: usize| {
+            [-reach, reach].map(|reach| {
+                let mut end = p;
+                end[x] += reach;
+                narrow(end)
+            })
+        };
+        let rays = now.iter().flat_map(|&p| [0, 1, 2].map(|x| ray(p, x)));
+        let rays = LineStrips3D::new(rays)
+            .with_colors([CYAN])
+            .with_radii([Radius::new_ui_points(1.2)]);
+        self.log(entity::STARS, &rays)?;
         let before = self.passed.points(set).map(narrow).collect();
-        self.log(entity::PASSED, &mark(before, 3.5))
+        self.log(entity::PASSED, &marks(before, 4.5))
     }
 
     fn series(&self, record: &FrameRecord) -> Result<()> {
@@ -284,8 +314,11 @@ impl ViewerSink {
             let count = record.report.count(kind) as f64;
             self.log(path, &Scalars::single(count))?;
         }
-        let events = record.report.events.len() as f64;
-        self.log(entity::EVENT_COUNT, &Scalars::single(events))?;
+        // A point a frame that has some: a line would lie on that of the links.
+        if !record.report.events.is_empty() {
+            let events = record.report.events.len() as f64;
+            self.log(entity::EVENT_COUNT, &Scalars::single(events))?;
+        }
         let check_ms = record.check.as_secs_f64() * 1e3;
         self.log(entity::CHECK, &Scalars::single(check_ms))?;
         if record.report.verdict != Verdict::Rejected {
