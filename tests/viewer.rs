@@ -1,13 +1,14 @@
-//! The viewer sink on a small piece of chainmail of which two rings come apart.
+//! The viewer sink on a small piece of chainmail of which two rings come apart, and on crossings that no linking number
+//! sees.
 //!
-//! To look at it: `LINKWATCH_RRD=mail.rrd cargo test --features rerun --test viewer`, then `rerun mail.rrd`.
+//! To look at them: `LINKWATCH_RRD=. cargo test --features rerun --test viewer`, then `rerun mail.rrd`.
 
 use linkwatch::{
-    BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, FrameRecord, Link,
-    Overflow, Place, Positions, Report, Sink, SinkQueue, Stats, Verdict, ViewerSink, ViewerTarget,
-    Work,
+    AbortOn, BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events,
+    FrameRecord, Link, Overflow, Place, Positions, PullThrough, Report, Route, Sink, SinkQueue,
+    Stats, Verdict, Verifier, ViewerSink, ViewerTarget, Work,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
@@ -63,7 +64,7 @@ fn pair(j: u32) -> (u32, u32) {
     (j.min(PULLED), j.max(PULLED))
 }
 
-/// What a verifier would say: contact in frame 17, a link lost in 18, another in 24.
+/// What a verifier would say: contact in frame 17, a link lost in 18, another in 24, each by a pull-through.
 fn report(seq: u64, set: &CurveSet) -> Report {
     let lost = [18, 24].iter().filter(|&&f| seq >= f).count();
     let change = |&j: &u32| {
@@ -78,6 +79,22 @@ fn report(seq: u64, set: &CurveSet) -> Report {
     };
     let mut changes: Vec<Change> = LEFT[..lost].iter().map(change).collect();
     changes.sort_by_key(|c| (c.i, c.j));
+    let pulled = |&j: &u32| {
+        let (i, j) = pair(j);
+        PullThrough {
+            i,
+            j,
+            segments: [3, 15],
+            fraction: 0.25,
+            sign: -1,
+            point: place(set, i, j).point,
+        }
+    };
+    let events = match seq {
+        18 => LEFT[..1].iter().map(pulled).collect(),
+        24 => LEFT[1..].iter().map(pulled).collect(),
+        _ => Vec::new(),
+    };
     let (i, j) = pair(LEFT[0]);
     let contact = Defect {
         i,
@@ -98,7 +115,7 @@ fn report(seq: u64, set: &CurveSet) -> Report {
         abort: verdict != Verdict::Intact,
         changes,
         defects,
-        events: Vec::new(),
+        events,
         rejected: None,
         stats: Stats {
             curves: set.len() as u64,
@@ -111,16 +128,37 @@ fn report(seq: u64, set: &CurveSet) -> Report {
 
 fn record(seq: u64, set: CurveSet) -> Arc<FrameRecord> {
     let report = report(seq, &set);
-    Arc::new(FrameRecord {
-        curves: Some(Arc::new(set)),
+    Arc::new(verified(Arc::new(set), report, work(seq)))
+}
+
+fn verified(set: Arc<CurveSet>, report: Report, work: Work) -> FrameRecord {
+    let seq = report.seq;
+    FrameRecord {
+        curves: Some(set),
         report: Arc::new(report),
         verified: seq,
         skipped: seq / 10,
         rejected: 0,
         check: Duration::from_micros(1800 + 300 * (seq * 7 % 5)),
-        work: Work::default(),
+        work,
         received: SystemTime::UNIX_EPOCH + Duration::from_millis(16 * seq),
-    })
+    }
+}
+
+/// Quiet at first, then in places, then in full.
+fn work(seq: u64) -> Work {
+    let (route, marked, recomputed) = match seq {
+        0..5 => (Route::Quiet, 0, 0),
+        5..16 => (Route::Partial, 3 * seq, seq / 2),
+        _ => (Route::Full, 20 * seq, 742),
+    };
+    Work {
+        route,
+        blocks: 432,
+        marked: marked.min(432),
+        recomputed,
+        ..Work::default()
+    }
 }
 
 fn baseline() -> Arc<BaselineRecord> {
@@ -141,11 +179,16 @@ fn baseline() -> Arc<BaselineRecord> {
     })
 }
 
+/// Where a file goes: to the folder of somebody who wants to look at it, or to one that will be removed.
+fn file(name: &str, removed: &Path) -> PathBuf {
+    let kept = std::env::var_os("LINKWATCH_RRD").map(PathBuf::from);
+    kept.unwrap_or_else(|| removed.into()).join(name)
+}
+
 #[test]
 fn a_broken_run_becomes_a_file() {
     let folder = tempfile::tempdir().unwrap();
-    let kept = std::env::var_os("LINKWATCH_RRD").map(PathBuf::from);
-    let path = kept.unwrap_or_else(|| folder.path().join("mail.rrd"));
+    let path = file("mail.rrd", folder.path());
     let sink = ViewerSink::open(&ViewerTarget::File(path.clone()), "chainmail").unwrap();
     let queue = SinkQueue::spawn(Box::new(sink), 4, Overflow::Wait).unwrap();
     queue.begin(baseline());
@@ -158,6 +201,53 @@ fn a_broken_run_becomes_a_file() {
     // Every frame has the positions of all rings; the file is compressed a little.
     let least = FRAMES * (SIDE * SIDE * POINTS * 12) as u64 / 2;
     assert!(std::fs::metadata(&path).unwrap().len() > least);
+}
+
+/// Two rings, one above the other, and an eight beside them. In frame 4 the upper ring has sunk through the lower one:
+/// two pull-throughs that cancel. In frame 8 one strand of the eight has gone through the other.
+fn crossings(frame: u64) -> CurveSet {
+    let t = frame as f32;
+    let ring = |_: f32, v: f32, u: f32| [2.0 * u, v, 0.05 * u];
+    let sinking = |t: f32, v: f32, u: f32| [u + 0.3, 2.0 * v + 1.7, 0.9 - 0.26 * t - 0.01 * v];
+    let eight = |t: f32, v: f32, u: f32| {
+        let height = 0.1 * (7.4 - t) * u + 0.3 * v * v * v;
+        [4.5 + 2.0 * v * u, 1.7 * v, height]
+    };
+    let shapes: [&dyn Fn(f32, f32, f32) -> [f32; 3]; 3] = [&ring, &sinking, &eight];
+    let mut xyz = Vec::new();
+    for shape in shapes {
+        for k in 0..POINTS {
+            let (v, u) = (std::f32::consts::TAU * (k as f32 + 0.3) / POINTS as f32).sin_cos();
+            xyz.extend(shape(t, v, u));
+        }
+    }
+    let counts = [-(POINTS as i32); 3];
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap()
+}
+
+#[test]
+fn what_linking_numbers_do_not_see_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file("crossings.rrd", folder.path());
+    let target = ViewerTarget::File(path.clone());
+    let mut sink = Box::new(ViewerSink::open(&target, "crossings").unwrap());
+    let mut verifier = Verifier::new(AbortOn::Any);
+    verifier.set_events(Events::All);
+    for seq in 1..=8 {
+        let set = Arc::new(crossings(seq));
+        let report = verifier.step_shared(seq, seq as f64, &set).unwrap();
+        let told: Vec<_> = report.events.iter().map(|e| (e.i, e.j)).collect();
+        let expected: &[(u32, u32)] = match seq {
+            4 => &[(0, 1), (0, 1)],
+            8 => &[(2, 2)],
+            _ => &[],
+        };
+        assert_eq!((told.as_slice(), &report.changes), (expected, &vec![]));
+        let record = verified(set, report, verifier.work());
+        sink.frame(&record).unwrap();
+    }
+    sink.finish().unwrap();
+    assert!(std::fs::metadata(&path).unwrap().len() > 1000);
 }
 
 #[test]

@@ -24,8 +24,8 @@ impl Sidecar {
         std::fs::create_dir_all(out)?;
         let program = program()?;
         let mut command = Command::new(&program);
-        command.args(["watch", "--service", service, "--wait", "60", "--record"]);
-        command.arg(&recording);
+        command.args(["watch", "--service", service, "--wait", "60", "--events"]);
+        command.arg("--record").arg(&recording);
         match &rrd {
             Some(path) => command.arg("--rrd").arg(path),
             None => command.arg("--view"),

@@ -1,16 +1,17 @@
 //! What a viewer shows when it opens: the layout of its views, and the status in words.
 
+use super::passed::{Passed, name};
 use super::{Findings, entity};
 use crate::curve::{CurveSet, Point};
 use crate::verdict::{Defect, Report, Verdict};
-use rerun::blueprint::components::{BackgroundKind, PanelState, PlayState};
+use rerun::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
 use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel,
     Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    Background, EyeControls3D, LineGrid3D, TextLogColumns,
+    Background, EyeControls3D, LineGrid3D, PlotLegend, TextLogColumns,
 };
 use rerun::log::LogMsg;
 use rerun::{
@@ -38,9 +39,11 @@ pub(super) fn send(rec: &RecordingStream, last: Option<&CurveSet>) -> RecordingS
     let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
     let log = TextLogView::new("log").with_origin(entity::LOG);
-    let links = TimeSeriesView::new("links lost, gained, changed").with_contents(["/links/**"]);
-    let cost = TimeSeriesView::new("check, milliseconds a frame").with_contents(["/cost/**"]);
-    let skipped = TimeSeriesView::new("frames skipped").with_contents(["/skipped/**"]);
+    let links = TimeSeriesView::new("links and pull-throughs").with_contents(["/links/**"]);
+    let check = TimeSeriesView::new("check, ms").with_contents(["/check/**"]);
+    let marked = TimeSeriesView::new("blocks marked, %").with_contents(["/marked/**"]);
+    let recomputed = TimeSeriesView::new("pairs recomputed").with_contents(["/recomputed/**"]);
+    let skipped = TimeSeriesView::new("skipped").with_contents(["/skipped/**"]);
     let (scene, log) = (ContainerLike::from(scene), ContainerLike::from(log));
     let mut properties: Vec<(EntityPath, Box<dyn AsComponents>)> = Vec::new();
     if let ContainerLike::View(view) = &scene {
@@ -69,9 +72,20 @@ pub(super) fn send(rec: &RecordingStream, last: Option<&CurveSet>) -> RecordingS
         let path = format!("{}/TextLogColumns", view.blueprint_path());
         properties.push((path.into(), Box::new(columns)));
     }
+    let (links, check) = (ContainerLike::from(links), ContainerLike::from(check));
+    for plot in [&links, &check] {
+        if let ContainerLike::View(view) = plot {
+            // Most lines rise late: the left is free at the top.
+            let legend = PlotLegend::new().with_corner(Corner2D::LeftTop);
+            let path = format!("{}/PlotLegend", view.blueprint_path());
+            properties.push((path.into(), Box::new(legend)));
+        }
+    }
     let top = Horizontal::new([scene, status.into()]).with_column_shares([4.0, 1.1]);
-    let costs = Tabs::new([cost.into(), skipped.into()]);
-    let bottom = Horizontal::new([log, links.into(), costs.into()]);
+    // What made checks take their time, one above the other; counts of frames and pairs share no axis.
+    let work = Vertical::new([marked.into(), recomputed.into()]).with_name("work");
+    let costs = Tabs::new([check, work.into(), skipped.into()]);
+    let bottom = Horizontal::new([log, links, costs.into()]);
     let bottom = bottom.with_column_shares([2.6, 1.25, 1.25]);
     let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
     let time = TimePanel::new()
@@ -155,32 +169,55 @@ fn eye(set: &CurveSet) -> Option<EyeControls3D> {
     Some(eye)
 }
 
-/// What tells the findings of a report apart, in the order of [`Report::findings`]: the curves, and the number
-/// found or the kind of the defect.
-pub(super) fn keys(report: &Report) -> impl Iterator<Item = (u32, Option<u32>, i64)> + '_ {
+/// What tells a finding that lasts from another: the curves, and the number found or the kind of the defect.
+pub(super) type Key = (u32, Option<u32>, i64);
+
+/// The key of each finding, in the order of [`Report::findings`]; none for an event: it does not last, and is news
+/// whenever it comes.
+pub(super) fn keys(report: &Report) -> impl Iterator<Item = Option<Key>> + '_ {
     let changes = report.changes.iter().map(|c| (c.i, Some(c.j), c.found));
+    let events = report.events.iter().map(|_| None);
     // Above every linking number that a frame can have.
     let kind = |d: &Defect| i64::MAX - d.kind as i64;
     let defects = report.defects.iter().map(move |d| (d.i, d.j, kind(d)));
-    changes.chain(defects)
+    changes.map(Some).chain(events).chain(defects.map(Some))
 }
 
-/// The status as markdown: the answer, since when, and the pairs.
-pub(super) fn status(report: &Report, since: u64, seen: &Findings, shown: usize) -> String {
+/// The status as markdown: the answer, since when, the pairs, and what was pulled through in this frame and so far.
+pub(super) fn status(
+    report: &Report,
+    since: u64,
+    seen: &Findings,
+    passed: &Passed,
+    shown: usize,
+) -> String {
+    // The linking numbers may be as expected: then it is about this frame only.
+    let only_events = !report.events.is_empty() && report.changes.is_empty();
     let title = match report.verdict {
         Verdict::Intact => "Intact",
+        Verdict::Changed if only_events => "PULLED THROUGH",
         Verdict::Changed => "TOPOLOGY CHANGED",
         Verdict::Contact => "Contact",
         Verdict::Undecided => "Undecided",
         Verdict::Stale => "Not verified in time",
         Verdict::Rejected => "Frame rejected",
     };
+    let when = match report.verdict {
+        Verdict::Changed if only_events => format!("in frame {}", report.seq),
+        _ => format!("since frame {since}"),
+    };
     let s = &report.stats;
     let detail = report.rejected.clone().unwrap_or_else(|| {
-        let (curves, pairs) = (s.curves, s.potential_links);
-        format!("{curves} curves, {pairs} pairs that could be linked")
+        match s.potential_links {
+            // Not counted where the frame was compared with a reference.
+            0 => format!("{} curves", s.curves),
+            pairs => format!("{} curves, {pairs} pairs that could be linked", s.curves),
+        }
     });
-    let mut text = format!("# {title}\n## since frame {since}\n\n{detail}\n");
+    let mut text = format!("# {title}\n## {when}\n\n{detail}\n");
+    if only_events && report.defects.is_empty() {
+        text.push_str("\nEvery linking number is the expected one.\n");
+    }
     if !(report.changes.is_empty() && report.defects.is_empty()) {
         text.push_str("\n| curves | was | is | since |\n|---|---|---|---|\n");
     }
@@ -192,16 +229,26 @@ pub(super) fn status(report: &Report, since: u64, seen: &Findings, shown: usize)
         let what = d.kind.words().to_owned();
         (d.i, d.j, String::new(), what)
     });
-    let rows = changes.chain(defects).zip(keys(report));
+    let rows = changes.chain(defects).zip(keys(report).flatten());
     for ((i, j, was, is), key) in rows.take(shown) {
         let curves = j.map_or(format!("{i}"), |j| format!("{i} & {j}"));
         let frame = seen.get(&key).copied().unwrap_or(since);
         text.push_str(&format!("| **{curves}** | {was} | {is} | {frame} |\n"));
     }
-    let more = (report.changes.len() + report.defects.len()).saturating_sub(shown);
-    if more > 0 {
-        text.push_str(&format!("\nand {more} more\n"));
+    let more = |count: usize| {
+        let more = count.saturating_sub(shown);
+        (more > 0).then(|| format!("\nand {more} more\n"))
+    };
+    text.extend(more(report.changes.len() + report.defects.len()));
+    if !report.events.is_empty() {
+        text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
     }
+    for e in report.events.iter().take(shown) {
+        let row = format!("| **{}** | {:+} | {:.3} |\n", name(e), e.sign, e.fraction);
+        text.push_str(&row);
+    }
+    text.extend(more(report.events.len()));
+    text.extend(passed.words().map(|words| format!("\n{words}\n")));
     text
 }
 
@@ -210,6 +257,8 @@ mod tests {
     use super::*;
     use crate::certificate::Change;
     use crate::curve::{Basis, Positions};
+    use crate::incremental::PullThrough;
+    use crate::verdict::{DefectKind, Place};
 
     fn report(changes: u32) -> Report {
         let change = |k| Change {
@@ -235,14 +284,78 @@ mod tests {
     #[test]
     fn the_status_names_what_broke_and_since_when() {
         let report = report(5);
-        let seen = keys(&report).zip(3..).collect();
-        let text = status(&report, 2, &seen, 4);
+        let seen = keys(&report).flatten().zip(3..).collect();
+        let text = status(&report, 2, &seen, &Passed::default(), 4);
         assert!(
             text.starts_with("# TOPOLOGY CHANGED\n## since frame 2\n"),
             "{text}"
         );
         assert!(text.contains("| **1 & 101** | 1 | 0 | 4 |"), "{text}");
         assert!(text.ends_with("\nand 1 more\n"), "{text}");
+    }
+
+    fn event(i: u32, j: u32) -> PullThrough {
+        PullThrough {
+            i,
+            j,
+            segments: [3, 4],
+            fraction: 0.25,
+            sign: -1,
+            point: [0.0; 3],
+        }
+    }
+
+    #[test]
+    fn every_finding_has_its_key() {
+        let mut report = report(2);
+        report.events = vec![event(0, 1), event(7, 7)];
+        let place = Place {
+            segments: [0, 0],
+            point: [0.0; 3],
+            distance: 0.0,
+        };
+        report.defects.push(Defect {
+            i: 5,
+            j: None,
+            kind: DefectKind::Degenerate,
+            place,
+        });
+        assert_eq!(keys(&report).count(), report.findings().count());
+        for (key, sentence) in keys(&report).zip(report.findings()) {
+            assert_eq!(key.is_none(), sentence.contains("through"), "{sentence}");
+            if let Some((i, ..)) = key {
+                assert!(sentence.contains(&format!(" {i} ")), "{sentence}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_status_of_an_event_alone_says_that_numbers_are_as_expected() {
+        let mut report = report(0);
+        report.events = vec![event(18, 19), event(7, 7)];
+        let mut passed = Passed::default();
+        passed.add(&report);
+        let text = status(&report, 2, &Findings::new(), &passed, 4);
+        assert!(
+            text.starts_with("# PULLED THROUGH\n## in frame 9\n"),
+            "{text}"
+        );
+        assert!(
+            text.contains("\nEvery linking number is the expected one.\n"),
+            "{text}"
+        );
+        assert!(
+            text.contains("| **18 through 19** | -1 | 0.250 |"),
+            "{text}"
+        );
+        assert!(text.contains("| **7 through itself** |"), "{text}");
+        let so_far = "\n2 pull-throughs so far, the last in frame 9\n";
+        assert!(text.ends_with(so_far), "{text}");
+        // Later it is history.
+        (report.verdict, report.events) = (Verdict::Intact, Vec::new());
+        let text = status(&report, 10, &Findings::new(), &passed, 4);
+        assert!(text.starts_with("# Intact\n"), "{text}");
+        assert!(text.ends_with(so_far), "{text}");
     }
 
     #[test]

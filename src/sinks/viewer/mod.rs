@@ -2,7 +2,8 @@
 //!
 //! The picture answers three questions at a glance: is the topology whole, which curves broke, since when.
 //! Intact curves are thin and muted; curves of a change are thick and red, those without a verdict orange, each
-//! group an entity of its own; marks say which pair and what its number was and is. Widths are in points of the screen,
+//! group an entity of its own; marks say which pair and what its number was and is. A pull-through is marked where it
+//! happened, in a colour of its own; a small mark stays on the curve from then on. Widths are in points of the screen,
 //! so that a scene of any size looks the same.
 //!
 //! One strip a curve: a strip a segment was measured to cost seven times as much.
@@ -10,6 +11,7 @@
 //! Only this module knows the crate `rerun`.
 
 mod layout;
+mod passed;
 mod target;
 
 pub use target::ViewerTarget;
@@ -17,12 +19,14 @@ pub use target::ViewerTarget;
 use crate::certificate::ChangeKind;
 use crate::curve::{CurveSet, Point};
 use crate::error::{Error, Result};
+use crate::incremental::Route;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::{Report, Verdict};
-use rerun::components::InterpolationMode;
+use passed::Passed;
+use rerun::components::{InterpolationMode, MarkerShape};
 use rerun::{
-    Color, LineStrips3D, Points3D, Radius, RecordingStream, Scalars, SeriesLines, TextDocument,
-    TextLog, TextLogLevel,
+    Color, LineStrips3D, Points3D, Radius, RecordingStream, Scalars, SeriesLines, SeriesPoints,
+    TextDocument, TextLog, TextLogLevel,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -34,12 +38,20 @@ mod entity {
     pub const BROKEN: &str = "curves/broken";
     pub const UNDECIDED: &str = "curves/undecided";
     pub const PLACES: &str = "curves/places";
+    pub const EVENTS: &str = "curves/pull-throughs/now";
+    pub const STARS: &str = "curves/pull-throughs/stars";
+    pub const PASSED: &str = "curves/pull-throughs/before";
     pub const LOG: &str = "log";
     pub const STATUS: &str = "status";
     pub const LOST: &str = "links/lost";
     pub const GAINED: &str = "links/gained";
     pub const CHANGED: &str = "links/changed";
-    pub const CHECK: &str = "cost/check";
+    pub const EVENT_COUNT: &str = "links/pull-throughs";
+    pub const CHECK: &str = "check/time";
+    /// In the order of [`crate::Route::ALL`].
+    pub const ROUTES: [&str; 3] = ["check/full", "check/quiet", "check/partial"];
+    pub const MARKED: &str = "marked/blocks";
+    pub const RECOMPUTED: &str = "recomputed/pairs";
     pub const SKIPPED: &str = "skipped/frames";
 }
 
@@ -54,12 +66,18 @@ const PALE_RED: u32 = 0xffe3dfff;
 const PALE_ORANGE: u32 = 0xfff0d2ff;
 const VIOLET: u32 = 0xbf5af2ff;
 const GREEN: u32 = 0x30d158ff;
+const CYAN: u32 = 0x40d8ffff;
+const DARK_GREEN: u32 = 0x1d6b33ff;
 
-/// Findings that get a mark, a table row and a log line each; more would hide one another.
+/// Findings of a kind that get a mark and a table row each, and findings that get a log line; more would hide one
+/// another.
 const SHOWN: usize = 20;
 
 /// Marks closer than this, in radii of the scene, share a label.
 const NEAR: f64 = 0.12;
+
+/// Length of the rays of a pull-through's mark, in radii of the scene.
+const STAR: f64 = 0.07;
 
 /// From this many curves on, intact ones are drawn thinner: they would merge into a surface.
 const MANY: usize = 2000;
@@ -82,12 +100,14 @@ pub struct ViewerSink {
     /// What the log said last, to say only what is new.
     told: Option<Told>,
     is_file: bool,
+    /// Pull-throughs of the frames so far.
+    passed: Passed,
     /// The newest curves.
     last: Option<Arc<CurveSet>>,
 }
 
-/// Findings, and the frame since which each has been there without a break.
-type Findings = BTreeMap<(u32, Option<u32>, i64), u64>;
+/// Findings that last, and the frame since which each has been there without a break.
+type Findings = BTreeMap<layout::Key, u64>;
 
 /// State of the log: a frame that differs in it is worth a line.
 struct Told {
@@ -95,6 +115,8 @@ struct Told {
     /// First frame of this verdict.
     since: u64,
     findings: Findings,
+    /// Whether the status has pull-throughs of that very frame.
+    events: bool,
     /// Frame of the last line.
     at: u64,
 }
@@ -102,7 +124,10 @@ struct Told {
 impl ViewerSink {
     /// Opens the viewer or the file, and lays out its views. `title` names the run.
     pub fn open(target: &ViewerTarget, title: &str) -> Result<ViewerSink> {
-        let rec = target.open(title)?;
+        Self::log_to(target.open(title)?, matches!(target, ViewerTarget::File(_)))
+    }
+
+    fn log_to(rec: RecordingStream, is_file: bool) -> Result<ViewerSink> {
         // Time is that of the simulation; when a line was logged tells a reader nothing.
         rec.set_log_tick_enabled(false);
         rec.set_log_time_enabled(false);
@@ -110,7 +135,8 @@ impl ViewerSink {
             rec,
             greeting: None,
             told: None,
-            is_file: matches!(target, ViewerTarget::File(_)),
+            is_file,
+            passed: Passed::default(),
             last: None,
         };
         layout::send(&sink.rec, None).map_err(failed)?;
@@ -118,7 +144,9 @@ impl ViewerSink {
             (entity::LOST, RED, "links lost"),
             (entity::GAINED, VIOLET, "links gained"),
             (entity::CHANGED, ORANGE, "links changed"),
-            (entity::CHECK, GREEN, "check, ms a frame"),
+            (entity::CHECK, DARK_GREEN, "check, ms a frame"),
+            (entity::MARKED, ORANGE, "blocks marked, %"),
+            (entity::RECOMPUTED, RED, "pairs recomputed"),
             (entity::SKIPPED, ORANGE, "frames skipped so far"),
         ];
         for (path, color, name) in series {
@@ -134,6 +162,26 @@ impl ViewerSink {
                 .with_interpolation_mode(mode);
             sink.rec.log_static(path, &style).map_err(failed)?;
         }
+        let points = |color, name, shape, size| {
+            SeriesPoints::new()
+                .with_colors([color])
+                .with_names([name])
+                .with_markers([shape])
+                .with_marker_sizes([size])
+        };
+        for (path, route) in entity::ROUTES.into_iter().zip(Route::ALL) {
+            let color = match route {
+                Route::Full => RED,
+                Route::Quiet => GREEN,
+                Route::Partial => ORANGE,
+            };
+            let style = points(color, route.word(), MarkerShape::Circle, 3.5);
+            sink.rec.log_static(path, &style).map_err(failed)?;
+        }
+        let style = points(CYAN, "pull-throughs", MarkerShape::Diamond, 6.0);
+        sink.rec
+            .log_static(entity::EVENT_COUNT, &style)
+            .map_err(failed)?;
         Ok(sink)
     }
 
@@ -158,6 +206,10 @@ impl ViewerSink {
             mark(c.i, 2);
             mark(c.j, 2);
         }
+        for e in &report.events {
+            mark(e.i, 2);
+            mark(e.j, 2);
+        }
         let detail = (POINTS / set.segments().max(1)).clamp(1, POINTS_PER_SEGMENT);
         let quiet = if set.len() < MANY { 0.8 } else { 0.35 };
         for (group, path, color, width) in [
@@ -180,37 +232,77 @@ impl ViewerSink {
     fn places(&self, set: &CurveSet, report: &Report) -> Result<()> {
         let changes = report.changes.iter().filter_map(|c| {
             let text = format!("{} & {}: {} → {}", c.i, c.j, c.expected, c.found);
-            Some((c.place?, text, PALE_RED))
+            Some((c.place?.point, text, PALE_RED))
+        });
+        let events = report.events.iter().map(|e| {
+            let text = match e.i == e.j {
+                true => passed::name(e),
+                false => format!("{}, {:+}", passed::name(e), e.sign),
+            };
+            (e.point, text, CYAN)
         });
         let defects = report.defects.iter().map(|d| {
             let text = match d.j {
                 Some(j) => format!("{} & {j} {}", d.i, d.kind.words()),
                 None => format!("{} {}", d.i, d.kind.words()),
             };
-            (d.place, text, PALE_ORANGE)
+            (d.place.point, text, PALE_ORANGE)
         });
-        let marks: Vec<_> = changes.chain(defects).take(SHOWN).collect();
+        let (changes, events) = (changes.take(SHOWN), events.take(SHOWN));
+        let marks: Vec<_> = changes.chain(events).chain(defects.take(SHOWN)).collect();
         let near = match marks.len() {
             0 | 1 => 0.0,
             _ => layout::extent(set).map_or(0.0, |(.., radius)| NEAR * radius),
         };
         let mut places: Vec<(Point, Vec<String>, u32)> = Vec::new();
-        for (place, text, color) in marks {
+        for (point, text, color) in marks {
             let close = |p: &Point| {
-                let dist_sq: f64 = (0..3).map(|x| (p[x] - place.point[x]).powi(2)).sum();
+                let dist_sq: f64 = (0..3).map(|x| (p[x] - point[x]).powi(2)).sum();
                 dist_sq < near * near
             };
             match places.iter_mut().find(|(p, ..)| close(p)) {
                 Some((_, texts, _)) => texts.push(text),
-                None => places.push((place.point, vec![text], color)),
+                None => places.push((point, vec![text], color)),
             }
         }
-        let points = Points3D::new(places.iter().map(|(p, ..)| p.map(|x| x as f32)))
+        let points = Points3D::new(places.iter().map(|(p, ..)| narrow(*p)))
             .with_labels(places.iter().map(|(_, texts, _)| texts.join("\n")))
             .with_colors(places.iter().map(|(.., color)| *color))
             .with_radii([Radius::new_ui_points(5.0)])
             .with_show_labels(true);
         self.log(entity::PLACES, &points)
+    }
+
+    /// A star at each pull-through of this frame, and a small mark on the curve for those of earlier frames.
+    fn pull_throughs(&self, set: &CurveSet, report: &Report) -> Result<()> {
+        let now = report.events.iter().map(|e| e.point).take(passed::KEPT);
+        let now: Vec<Point> = now.collect();
+        let marks = |points: Vec<[f32; 3]>, size| {
+            Points3D::new(points)
+                .with_colors([CYAN])
+                .with_radii([Radius::new_ui_points(size)])
+        };
+        let dots = now.iter().copied().map(narrow).collect();
+        self.log(entity::EVENTS, &marks(dots, 7.0))?;
+        // Its rays reach out of the thick curves around.
+        let reach = match now.is_empty() {
+            true => 0.0,
+            false => layout::extent(set).map_or(0.0, |(.., radius)| STAR * radius),
+        };
+        let ray = |p: Point, x: usize| {
+            [-reach, reach].map(|reach| {
+                let mut end = p;
+                end[x] += reach;
+                narrow(end)
+            })
+        };
+        let rays = now.iter().flat_map(|&p| [0, 1, 2].map(|x| ray(p, x)));
+        let rays = LineStrips3D::new(rays)
+            .with_colors([CYAN])
+            .with_radii([Radius::new_ui_points(1.2)]);
+        self.log(entity::STARS, &rays)?;
+        let before = self.passed.points(set).map(narrow).collect();
+        self.log(entity::PASSED, &marks(before, 4.5))
     }
 
     fn series(&self, record: &FrameRecord) -> Result<()> {
@@ -222,8 +314,24 @@ impl ViewerSink {
             let count = record.report.count(kind) as f64;
             self.log(path, &Scalars::single(count))?;
         }
+        // A point a frame that has some: a line would lie on that of the links.
+        if !record.report.events.is_empty() {
+            let events = record.report.events.len() as f64;
+            self.log(entity::EVENT_COUNT, &Scalars::single(events))?;
+        }
         let check_ms = record.check.as_secs_f64() * 1e3;
         self.log(entity::CHECK, &Scalars::single(check_ms))?;
+        if record.report.verdict != Verdict::Rejected {
+            let work = &record.work;
+            let route = entity::ROUTES[work.route as usize];
+            self.log(route, &Scalars::single(check_ms))?;
+            // A frame that was not compared with a reference has no blocks to mark.
+            if work.blocks > 0 {
+                let marked = 100.0 * work.marked as f64 / work.blocks as f64;
+                self.log(entity::MARKED, &Scalars::single(marked))?;
+            }
+            self.log(entity::RECOMPUTED, &Scalars::single(work.recomputed as f64))?;
+        }
         self.log(entity::SKIPPED, &Scalars::single(record.skipped as f64))
     }
 
@@ -238,21 +346,31 @@ impl ViewerSink {
             _ => report.seq,
         };
         let last = before.as_ref().map_or(report.seq, |t| t.at);
+        let had_events = before.as_ref().is_some_and(|t| t.events);
         let known = before.map(|t| t.findings).unwrap_or_default();
         let findings: Findings = layout::keys(report)
+            .flatten()
             .map(|key| (key, known.get(&key).copied().unwrap_or(report.seq)))
             .collect();
         // Both have the first frame of each finding: a finding that comes back is news.
-        let news = turned || findings != known;
+        let has_events = !report.events.is_empty();
+        let news = turned || has_events || findings != known;
         let due = news || report.seq.abs_diff(last) >= QUIET_FRAMES;
         if due {
             self.log(entity::LOG, &line(report.verdict, report.headline()))?;
         }
         if news {
             let sentences = layout::keys(report).zip(report.findings());
-            let mut new = sentences.filter(|(key, _)| !known.contains_key(key));
-            for (_, text) in new.by_ref().take(SHOWN) {
-                self.log(entity::LOG, &line(report.verdict, text))?;
+            let is_new = |key: &Option<layout::Key>| key.is_none_or(|k| !known.contains_key(&k));
+            let mut new = sentences.filter(|(key, _)| is_new(key));
+            for (key, text) in new.by_ref().take(SHOWN) {
+                let line = line(report.verdict, text);
+                // As its mark.
+                let line = match key {
+                    None => line.with_color(Color::from_u32(CYAN)),
+                    Some(_) => line,
+                };
+                self.log(entity::LOG, &line)?;
             }
             let more = new.count();
             if more > 0 {
@@ -261,13 +379,16 @@ impl ViewerSink {
                     &line(report.verdict, format!("and {more} more")),
                 )?;
             }
-            let status = layout::status(report, since, &findings, SHOWN);
+        }
+        if news || had_events {
+            let status = layout::status(report, since, &findings, &self.passed, SHOWN);
             self.log(entity::STATUS, &TextDocument::from_markdown(status))?;
         }
         self.told = Some(Told {
             verdict: report.verdict,
             since,
             findings,
+            events: has_events,
             at: if due { report.seq } else { last },
         });
         Ok(())
@@ -304,8 +425,10 @@ impl Sink for ViewerSink {
         if let Some(set) = &record.curves {
             self.curves(set, report)?;
             self.places(set, report)?;
+            self.pull_throughs(set, report)?;
             self.last = Some(Arc::clone(set));
         }
+        self.passed.add(report);
         self.series(record)?;
         self.words(record)
     }
@@ -322,6 +445,10 @@ impl Sink for ViewerSink {
         }
         self.rec.flush_with_timeout(FLUSH_LIMIT).map_err(failed)
     }
+}
+
+fn narrow(p: Point) -> [f32; 3] {
+    p.map(|x| x as f32)
 }
 
 fn line(verdict: Verdict, text: impl Into<String>) -> TextLog {
@@ -344,5 +471,159 @@ fn failed(error: impl std::fmt::Display) -> Error {
     Error::Sink {
         sink: "viewer",
         what: error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Basis, Positions};
+    use crate::incremental::{PullThrough, Work};
+    use crate::verdict::AbortOn;
+    use rerun::RecordingStreamBuilder;
+    use rerun::log::{Chunk, LogMsg};
+    use rerun::sink::MemorySinkStorage;
+    use std::time::SystemTime;
+
+    /// A triangle, moved; one that was not read has no curves.
+    fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> FrameRecord {
+        let set = |z| {
+            let points = [0.0, 0.0, z, 2.0, 0.0, z, 0.0, 2.0, z];
+            CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F32(&points)).unwrap()
+        };
+        let mut report = Report {
+            seq,
+            time: seq as f64,
+            verdict: match (z, events.is_empty()) {
+                (None, _) => Verdict::Rejected,
+                (_, true) => Verdict::Intact,
+                (_, false) => Verdict::Changed,
+            },
+            abort: false,
+            changes: Vec::new(),
+            events,
+            defects: Vec::new(),
+            rejected: None,
+            stats: Default::default(),
+        };
+        report.abort = AbortOn::Any.aborts(&report);
+        FrameRecord {
+            curves: z.map(set).map(Arc::new),
+            report: Arc::new(report),
+            verified: seq,
+            skipped: 0,
+            rejected: 0,
+            check: Duration::from_millis(1),
+            work: Work::default(),
+            received: SystemTime::UNIX_EPOCH,
+        }
+    }
+
+    fn event(point: Point) -> PullThrough {
+        PullThrough {
+            i: 0,
+            j: 0,
+            segments: [1, 2],
+            fraction: 0.5,
+            sign: -1,
+            point,
+        }
+    }
+
+    /// What was logged for an entity.
+    fn chunks(messages: &[LogMsg], path: &str) -> impl Iterator<Item = Chunk> {
+        let chunks = messages.iter().filter_map(|message| match message {
+            LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
+            _ => None,
+        });
+        chunks.filter(move |c| *c.entity_path() == path.into())
+    }
+
+    /// Points of an entity, a row for each time that they were logged, and their labels.
+    type Points = Vec<(Vec<[f32; 3]>, Vec<String>)>;
+
+    fn points(messages: &[LogMsg], path: &str) -> Points {
+        let mut rows = Vec::new();
+        for chunk in chunks(messages, path) {
+            let positions = Points3D::descriptor_positions().component;
+            let labels = Points3D::descriptor_labels().component;
+            let mut labels = chunk.iter_slices::<String>(labels);
+            for row in chunk.iter_slices::<[f32; 3]>(positions) {
+                let words = labels.next().unwrap_or_default();
+                rows.push((row.to_vec(), words.iter().map(|w| w.to_string()).collect()));
+            }
+        }
+        rows
+    }
+
+    fn logged(frames: &[FrameRecord]) -> Vec<LogMsg> {
+        let (rec, storage): (_, MemorySinkStorage) =
+            RecordingStreamBuilder::new(APPLICATION).memory().unwrap();
+        let mut sink = ViewerSink::log_to(rec, false).unwrap();
+        for frame in frames {
+            sink.frame(frame).unwrap();
+        }
+        storage.take()
+    }
+
+    #[test]
+    fn a_pull_through_is_marked_and_its_mark_stays_and_moves() {
+        let messages = logged(&[
+            record(1, Some(0.0), Vec::new()),
+            record(
+                2,
+                Some(1.0),
+                vec![event([1.0, 1.25, 1.0]), event([1.0, 1.25, 1.0])],
+            ),
+            record(3, None, Vec::new()),
+            record(4, Some(7.0), Vec::new()),
+        ]);
+        let marked = |path| {
+            points(&messages, path)
+                .into_iter()
+                .map(|(p, _)| p)
+                .collect()
+        };
+        let now: Vec<Vec<_>> = marked(entity::EVENTS);
+        assert_eq!(now, [vec![], vec![[1.0, 1.25, 1.0]; 2], vec![]]);
+        let before: Vec<Vec<_>> = marked(entity::PASSED);
+        assert_eq!(before, [vec![], vec![], vec![[1.0, 1.0, 7.0]; 2]]);
+        // One label for both, in their frame only.
+        let places = points(&messages, entity::PLACES);
+        let labels: Vec<_> = places.into_iter().map(|(_, words)| words).collect();
+        let both = "0 through itself\n0 through itself".to_owned();
+        assert_eq!(labels, [vec![], vec![both], vec![]]);
+        let broken: Vec<_> = strips(&messages, entity::BROKEN);
+        assert_eq!(broken, [0, 1, 0]);
+    }
+
+    /// Curves of an entity, a number for each time that they were logged.
+    fn strips(messages: &[LogMsg], path: &str) -> Vec<usize> {
+        let component = LineStrips3D::descriptor_strips().component;
+        let mut counts = Vec::new();
+        for chunk in chunks(messages, path) {
+            let rows = chunk.iter_component::<rerun::components::LineStrip3D>(component);
+            rows.for_each(|row| counts.push(row.as_slice().len()));
+        }
+        counts
+    }
+
+    #[test]
+    fn every_pull_through_is_news() {
+        let frame = |seq| record(seq, Some(0.0), vec![event([0.0; 3])]);
+        let messages = logged(&[frame(1), frame(2), frame(3)]);
+        let texts = texts(&messages, entity::LOG);
+        let told = texts.iter().filter(|t| t.contains("pulled through itself"));
+        assert_eq!(told.count(), 3, "{texts:?}");
+    }
+
+    fn texts(messages: &[LogMsg], path: &str) -> Vec<String> {
+        let component = TextLog::descriptor_text().component;
+        let mut texts = Vec::new();
+        for chunk in chunks(messages, path) {
+            let rows = chunk.iter_slices::<String>(component);
+            texts.extend(rows.flatten().map(|text| text.to_string()));
+        }
+        texts
     }
 }

@@ -1,0 +1,136 @@
+//! Pull-throughs told so far: their marks stay and move with the curves, so that whoever looks at a later frame still
+//! sees where strands went through one another.
+
+use crate::curve::{CurveSet, Point};
+use crate::incremental::PullThrough;
+use crate::verdict::Report;
+use std::collections::VecDeque;
+
+/// Marks that stay, the newest; more would hide the curves.
+pub(super) const KEPT: usize = 300;
+
+/// What is remembered of the pull-throughs of a run.
+#[derive(Debug, Default)]
+pub(super) struct Passed {
+    /// Curve and segment of the newest.
+    marks: VecDeque<(u32, u32)>,
+    /// All so far, and the frame of the last.
+    told: Option<(u64, u64)>,
+}
+
+impl Passed {
+    /// Takes note of those of a frame.
+    pub fn add(&mut self, report: &Report) {
+        if report.events.is_empty() {
+            return;
+        }
+        let count = self.told.map_or(0, |(count, _)| count) + report.events.len() as u64;
+        self.told = Some((count, report.seq));
+        let marks = report.events.iter().map(|e| (e.i, e.segments[0]));
+        self.marks.extend(marks);
+        self.marks.drain(..self.marks.len().saturating_sub(KEPT));
+    }
+
+    /// Where they are now: in the middle of the segment that was pulled through.
+    pub fn points<'a>(&'a self, set: &'a CurveSet) -> impl Iterator<Item = Point> + 'a {
+        let place = |&(i, s): &(u32, u32)| {
+            let (i, s) = (i as usize, s as usize);
+            // A set of other curves has other segments.
+            let curve = set.curves().get(i)?;
+            (s < curve.segments as usize).then(|| set.eval(i, s, 0.5))
+        };
+        self.marks.iter().filter_map(place)
+    }
+
+    /// How many, and the frame of the last; none where there were none.
+    pub fn words(&self) -> Option<String> {
+        let (count, last) = self.told?;
+        Some(match count {
+            1 => format!("1 pull-through so far, in frame {last}"),
+            n => format!("{n} pull-throughs so far, the last in frame {last}"),
+        })
+    }
+}
+
+/// An event as its mark and the status name it.
+pub(super) fn name(e: &PullThrough) -> String {
+    if e.i == e.j {
+        format!("{} through itself", e.i)
+    } else {
+        format!("{} through {}", e.i, e.j)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Basis, Positions};
+    use crate::verdict::Verdict;
+
+    fn report(seq: u64, events: Vec<PullThrough>) -> Report {
+        Report {
+            seq,
+            time: 0.0,
+            verdict: Verdict::Changed,
+            abort: true,
+            changes: Vec::new(),
+            events,
+            defects: Vec::new(),
+            rejected: None,
+            stats: Default::default(),
+        }
+    }
+
+    fn event(i: u32, segment: u32) -> PullThrough {
+        PullThrough {
+            i,
+            j: i,
+            segments: [segment, 0],
+            fraction: 0.5,
+            sign: 1,
+            point: [0.0; 3],
+        }
+    }
+
+    /// A triangle, moved.
+    fn triangle(z: f32) -> CurveSet {
+        let points = [0.0, 0.0, z, 2.0, 0.0, z, 0.0, 2.0, z];
+        CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F32(&points)).unwrap()
+    }
+
+    #[test]
+    fn marks_stay_on_their_segments() {
+        let mut passed = Passed::default();
+        passed.add(&report(3, vec![event(0, 0), event(0, 1)]));
+        passed.add(&report(4, Vec::new()));
+        for z in [0.0, 5.0] {
+            let points: Vec<_> = passed.points(&triangle(z)).collect();
+            let z = f64::from(z);
+            assert_eq!(points, [[1.0, 0.0, z], [1.0, 1.0, z]]);
+        }
+        let words = passed.words().unwrap();
+        assert_eq!(words, "2 pull-throughs so far, the last in frame 3");
+    }
+
+    #[test]
+    fn the_newest_marks_are_kept_and_all_are_counted() {
+        let mut passed = Passed::default();
+        assert_eq!(passed.words(), None);
+        for seq in 0..KEPT as u64 {
+            passed.add(&report(seq, vec![event(0, 0), event(0, 1)]));
+        }
+        passed.add(&report(999, vec![event(0, 2)]));
+        assert_eq!(passed.points(&triangle(0.0)).count(), KEPT);
+        let last = passed.points(&triangle(0.0)).last();
+        assert_eq!(last, Some([0.0, 1.0, 0.0]));
+        let words = passed.words().unwrap();
+        assert_eq!(words, "601 pull-throughs so far, the last in frame 999");
+    }
+
+    #[test]
+    fn other_curves_have_no_marks() {
+        let mut passed = Passed::default();
+        passed.add(&report(1, vec![event(0, 3), event(1, 0)]));
+        assert_eq!(passed.points(&triangle(0.0)).count(), 0);
+    }
+}
