@@ -77,7 +77,7 @@ const SHOWN: usize = 20;
 const NEAR: f64 = 0.12;
 
 /// Length of the rays of a pull-through's mark, in radii of the scene.
-const STAR: f64 = 0.07;
+const STAR: f64 = 0.11;
 
 /// From this many curves on, intact ones are drawn thinner: they would merge into a surface.
 const MANY: usize = 2000;
@@ -283,7 +283,7 @@ impl ViewerSink {
                 .with_radii([Radius::new_ui_points(size)])
         };
         let dots = now.iter().copied().map(narrow).collect();
-        self.log(entity::EVENTS, &marks(dots, 7.0))?;
+        self.log(entity::EVENTS, &marks(dots, 10.0))?;
         // Its rays reach out of the thick curves around.
         let reach = match now.is_empty() {
             true => 0.0,
@@ -299,10 +299,10 @@ impl ViewerSink {
         let rays = now.iter().flat_map(|&p| [0, 1, 2].map(|x| ray(p, x)));
         let rays = LineStrips3D::new(rays)
             .with_colors([CYAN])
-            .with_radii([Radius::new_ui_points(1.2)]);
+            .with_radii([Radius::new_ui_points(1.6)]);
         self.log(entity::STARS, &rays)?;
         let before = self.passed.points(set).map(narrow).collect();
-        self.log(entity::PASSED, &marks(before, 4.5))
+        self.log(entity::PASSED, &marks(before, 5.5))
     }
 
     fn series(&self, record: &FrameRecord) -> Result<()> {
