@@ -613,7 +613,7 @@ mod tests {
         let frame = |seq| record(seq, Some(0.0), vec![event([0.0; 3])]);
         let messages = logged(&[frame(1), frame(2), frame(3)]);
         let texts = texts(&messages, entity::LOG);
-        let told = texts.iter().filter(|t| t.contains("pulled through itself"));
+        let told = texts.iter().filter(|t| t.contains("passed through itself"));
         assert_eq!(told.count(), 3, "{texts:?}");
     }
 
