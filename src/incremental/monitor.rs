@@ -25,6 +25,10 @@ const STALE: f64 = 0.005;
 /// Frames from one reference frame to the next, at most, where they do not pay.
 const LONGEST_PAUSE: u64 = 256;
 
+/// Frames to wait, for each that went by while a reference frame was made, where they do not pay: beside a busy stream
+/// they would take its processors and its memory from it.
+const REST: u64 = 16;
+
 /// Follows a scene from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct Monitor {
@@ -38,6 +42,8 @@ pub(crate) struct Monitor {
     /// First frame that may become a reference, and frames to wait after one that did not pay.
     next_reference: u64,
     pause: u64,
+    /// Frames that went by while the last one was made.
+    in_making: u64,
     /// The frame before, and the one in work.
     before: Survey,
     now: Survey,
@@ -212,7 +218,8 @@ impl Monitor {
         self.pause = if paid {
             1
         } else {
-            (2 * self.pause).min(LONGEST_PAUSE)
+            let pause = (2 * self.pause).max(REST * self.in_making);
+            pause.min(LONGEST_PAUSE)
         };
         self.next_reference = self.frame + self.pause;
     }
@@ -238,6 +245,8 @@ impl Monitor {
         if let Some(making) = self.making.take_if(|m| m.is_finished()) {
             // A panic there has been told by its thread.
             if let Ok(Some(reference)) = making.join() {
+                // At best it is ready for the next frame.
+                self.in_making = self.frame - reference.frame - 1;
                 // Of two numbers of curves nothing compares.
                 if let Ok(comparison) = reference.certificate.compare(baseline) {
                     adopted = true;
