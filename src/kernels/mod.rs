@@ -12,7 +12,15 @@
 //! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
 
 pub(crate) mod crossings;
+mod estimate;
 pub mod oracle;
+
+pub use estimate::Estimate;
+#[cfg_attr(
+    not(test),
+    expect(unused_imports, reason = "kernels that sum come with it")
+)]
+pub(crate) use estimate::Summation;
 
 use crate::verdict::{DefectKind, Place};
 
