@@ -186,6 +186,19 @@ fn segments_apart(p: [Point; 2], q: [Point; 2], gap: f64) -> bool {
 mod tests {
     use super::*;
 
+    /// The least value of a convex function from 0 to 1.
+    fn least(f: impl Fn(f64) -> f64) -> f64 {
+        let (mut lo, mut hi) = (0.0, 1.0);
+        for _ in 0..60 {
+            let (a, b) = ((2.0 * lo + hi) / 3.0, (lo + 2.0 * hi) / 3.0);
+            match f(a) < f(b) {
+                true => hi = b,
+                false => lo = a,
+            }
+        }
+        f(lo).min(f(hi))
+    }
+
     #[test]
     fn segments_are_told_apart_up_to_their_distance_in_the_maximum_norm() {
         let mut seed = 5u64;
@@ -199,28 +212,15 @@ mod tests {
             let mut points = [[0.0; 3]; 4];
             points.iter_mut().flatten().for_each(|x| *x = random());
             let (p, q) = ([points[0], points[1]], [points[2], points[3]]);
-            // The least distance on a grid, and then on finer ones around the best: the function is convex.
-            let (mut best, mut at, mut width) = (f64::INFINITY, [0.5; 2], 0.5);
-            for _ in 0..40 {
-                let middle = at;
-                for a in -8..=8 {
-                    for b in -8..=8 {
-                        let s = (middle[0] + width * f64::from(a) / 8.0).clamp(0.0, 1.0);
-                        let t = (middle[1] + width * f64::from(b) / 8.0).clamp(0.0, 1.0);
-                        let far = (0..3).map(|x| {
-                            let on = |v: [Point; 2], t: f64| v[0][x] + t * (v[1][x] - v[0][x]);
-                            (on(p, s) - on(q, t)).abs()
-                        });
-                        let far = far.fold(0.0, f64::max);
-                        if far < best {
-                            (best, at) = (far, [s, t]);
-                        }
-                    }
-                }
-                width *= 0.7;
-            }
+            // By ternary search in ternary search: the function is convex.
+            let far = |s: f64, t: f64| {
+                let on = |v: [Point; 2], t: f64, x: usize| v[0][x] + t * (v[1][x] - v[0][x]);
+                let each = (0..3).map(|x| (on(p, s, x) - on(q, t, x)).abs());
+                each.fold(0.0, f64::max)
+            };
+            let best = least(|s| least(|t| far(s, t)));
             assert!(!segments_apart(p, q, best), "{p:?} {q:?} {best}");
-            let less = best - 1e-5;
+            let less = best - 1e-9;
             assert!(
                 less < 0.0 || segments_apart(p, q, less),
                 "{p:?} {q:?} {best}"
