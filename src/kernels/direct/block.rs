@@ -18,10 +18,10 @@
 //!
 //! With `u = 2^-53`, to first order: differences of input floats are off by `u` in each coordinate; lengths by `3.5 u` of
 //! themselves; a dot product by `5 u` of the product of the lengths. Then `d1`, summed as below, is off by `50 u
-//! |a| |b| |c|` at most (and `d2` likewise), and `p` by `8 sqrt(2) u |a| |e| |f|`. Together, with [`Block::TINY`] for
+//! |a| |b| |c|` at most (and `d2` likewise), and `p` by `8 sqrt(2) u |a| |e| |f|`. Together, with [`TINY`] for
 //! underflow, that is `delta1`, with 64 and 12 for 50 and `8 sqrt(2)`, which covers higher orders by far.
 //!
-//! Let `m1 = max(d1, |p|)`, computed, and `kappa1 = delta1 / m1`. Where `kappa1 <= 1/8`, either the real part or the
+//! Let `m1 = max(d1, |p|)`, computed, and `kappa1 = delta1 / m1` or up to twice that. Where `kappa1 <= 1/8`, either the real part or the
 //! sign of the imaginary part is certain, so that the true and the computed `z1` do not lie on different sides of
 //! the negative axis, and their arguments differ by `asin(8/7 kappa1) < 1.15 kappa1` at most. The same for `z2`. The
 //! product rounds by `3 u`. It does not cross the negative axis either, because a negative `d1 + d2`, which is
@@ -59,24 +59,60 @@ pub(crate) type Strip<'a> = [&'a [f64]; 3];
 /// Half a unit in the last place of 1.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Columns that are worked on at once: segments of the second strip.
-pub(crate) const COLUMNS: usize = 64;
+/// More than all errors by underflow: squares of coordinates underflow by `2^-1074`, lengths by its root, and
+/// products of three lengths, each below 4, by less than `1e-158`.
+const TINY: f64 = 1e-150;
+
+/// Columns that are worked on at once, segments of the second strip; of a short strip fewer, which take less to set up.
+const COLUMNS: usize = 64;
+const FEW: usize = 16;
+
+/// More elements of a row than columns: there is a vertex more, and loops over vertices go on to the next vector.
+const MORE: usize = 8;
 
 /// The part of the linking number that two strips contribute, each segment of one with each of the other.
 pub(crate) fn gauss_sum(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        let wide = std::arch::is_x86_feature_detected!("avx512f")
+            && std::arch::is_x86_feature_detected!("avx512dq");
         #[expect(unsafe_code, reason = "vector instructions")]
         // SAFETY: the processor has just been asked.
-        return unsafe { gauss_sum_avx2(formula, rows, columns) };
+        return unsafe {
+            match wide {
+                true => gauss_sum_avx512(formula, rows, columns),
+                false => gauss_sum_avx2(formula, rows, columns),
+            }
+        };
     }
     sum_all::<false>(formula, rows, columns)
 }
 
-/// [`gauss_sum`] as every processor can do it.
+/// [`gauss_sum`] as every processor can do it, and with AVX2 where it is there.
 #[cfg(test)]
-pub(super) fn portable(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
-    sum_all::<false>(formula, rows, columns)
+pub(super) fn narrower(
+    formula: Formula,
+    rows: Strip<'_>,
+    columns: Strip<'_>,
+) -> (Estimate, Option<Estimate>) {
+    let portable = sum_all::<false>(formula, rows, columns);
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        #[expect(unsafe_code, reason = "vector instructions")]
+        // SAFETY: the processor has just been asked.
+        return (
+            portable,
+            Some(unsafe { gauss_sum_avx2(formula, rows, columns) }),
+        );
+    }
+    (portable, None)
+}
+
+/// [`sum_all`], compiled with AVX-512. The same bits as with AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,avx512f,avx512dq")]
+fn gauss_sum_avx512(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
+    sum_all::<true>(formula, rows, columns)
 }
 
 /// [`sum_all`], compiled with AVX2.
@@ -87,17 +123,28 @@ fn gauss_sum_avx2(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Esti
 }
 
 #[inline(always)]
+fn few(columns: Strip<'_>) -> Block<{ FEW + MORE }> {
+    Block::new(columns)
+}
+
+#[inline(always)]
+fn many(columns: Strip<'_>) -> Block<{ COLUMNS + MORE }> {
+    Block::new(columns)
+}
+
+#[inline(always)]
 fn sum_all<const FMA: bool>(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
     let mut sum = Sum::default();
     let last = columns[0].len().saturating_sub(1);
     for first in (0..last).step_by(COLUMNS) {
         let end = last.min(first + COLUMNS);
-        let mut block = Block::new(columns.map(|v| &v[first..=end]));
-        let part = match formula {
-            Formula::Arctangent => block.sum::<FMA, false>(rows),
-            Formula::AngleSum => block.sum::<FMA, true>(rows),
-        };
-        sum.add(part);
+        let columns = columns.map(|v| &v[first..=end]);
+        sum.add(match (formula, end - first <= FEW) {
+            (Formula::Arctangent, true) => few(columns).sum::<FMA, false>(rows),
+            (Formula::Arctangent, false) => many(columns).sum::<FMA, false>(rows),
+            (Formula::AngleSum, true) => few(columns).sum::<FMA, true>(rows),
+            (Formula::AngleSum, false) => many(columns).sum::<FMA, true>(rows),
+        });
     }
     sum.estimate()
 }
@@ -145,41 +192,34 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// A number for every column, or for every vertex between them.
-type Row = [f64; COLUMNS + 8];
-
 /// The columns, and what is known of them with the current row: plain loops over arrays, which the compiler makes
 /// vectors of.
-struct Block {
+struct Block<const N: usize> {
     /// Columns, and as many as fill the vectors up: points at the last vertex, which contribute nothing.
     columns: usize,
     filled: usize,
-    vertices: [Row; 3],
-    edges: [Row; 3],
-    lengths: Row,
+    vertices: [[f64; N]; 3],
+    edges: [[f64; N]; 3],
+    lengths: [f64; N],
     /// Distances of the vertices from the start and from the end of the row.
-    near: [Row; 2],
+    near: [[f64; N]; 2],
     /// Dot products of the differences to the ends of each column, from the start and from the end of the row.
-    along: [Row; 2],
+    along: [[f64; N]; 2],
     /// Dot products of the differences to the ends of the row, from each vertex.
-    across: Row,
+    across: [f64; N],
     /// The sum of the angles; or, of the product of complex numbers, the real part, the imaginary part and how often it
     /// was turned back by a quarter turn.
-    sums: [Row; 3],
+    sums: [[f64; N]; 3],
     /// The sum of the bounds.
-    errors: Row,
+    errors: [f64; N],
 }
 
-impl Block {
-    /// More than all errors by underflow: squares of coordinates underflow by `2^-1074`, lengths by its root, and
-    /// products of three lengths, each below 4, by less than `1e-158`.
-    const TINY: f64 = 1e-150;
-
+impl<const N: usize> Block<N> {
     #[inline(always)]
-    fn new(strip: Strip<'_>) -> Block {
+    fn new(strip: Strip<'_>) -> Block<N> {
         let columns = strip[0].len() - 1;
         let filled = columns.next_multiple_of(8);
-        let zeros = [0.0; COLUMNS + 8];
+        let zeros = [0.0; N];
         let mut block = Block {
             columns,
             filled,
@@ -207,7 +247,7 @@ impl Block {
 
     #[inline(always)]
     fn sum<const FMA: bool, const PRODUCT: bool>(&mut self, rows: Strip<'_>) -> Estimate {
-        let n = self.filled.min(COLUMNS);
+        let n = self.filled.min(N - MORE);
         for j in 0..n {
             let f = minus(self.vertex(j + 1), self.vertex(j));
             let [x, y, z] = &mut self.edges;
@@ -215,7 +255,7 @@ impl Block {
             self.lengths[j] = dot::<FMA>(f, f).sqrt();
         }
         if PRODUCT {
-            self.sums[0] = [1.0; COLUMNS + 8];
+            self.sums[0] = [1.0; N];
         }
         let [x, y, z] = rows;
         let count = x.len().min(y.len()).min(z.len());
@@ -233,7 +273,7 @@ impl Block {
     /// Distances and dot products from the first vertex of all rows, as if it were the end of one.
     #[inline(always)]
     fn start<const FMA: bool>(&mut self, k: [f64; 3], n: usize) {
-        for j in 0..=n {
+        for j in 0..n + 4 {
             let a = minus(self.vertex(j), k);
             self.near[1][j] = dot::<FMA>(a, a).sqrt();
         }
@@ -250,7 +290,7 @@ impl Block {
         let length = 12.0 * U * dot::<FMA>(e, e).sqrt();
         self.near.swap(0, 1);
         self.along.swap(0, 1);
-        for j in 0..=n {
+        for j in 0..n + 4 {
             let l = self.vertex(j);
             let (a, b) = (minus(l, k0), minus(l, k1));
             self.across[j] = dot::<FMA>(a, b);
@@ -278,11 +318,12 @@ impl Block {
             let size = p.abs();
             let m1 = if d1 > size { d1 } else { size };
             let m2 = if d2 > size { d2 } else { size };
-            let slack = fma::<FMA>(na, length * self.lengths[j], Self::TINY);
+            let slack = fma::<FMA>(na, length * self.lengths[j], TINY);
             let ac = 64.0 * U * na * nc;
             let (delta1, delta2) = (fma::<FMA>(ac, nb, slack), fma::<FMA>(ac, nd, slack));
-            let kappa = fma::<FMA>(delta1, m2, delta2 * m1) / (m1 * m2);
-            // Not where it is NaN.
+            // Divided by the power of two below the product, which is quicker; more than 1/8 where it is 0.
+            let parts = fma::<FMA>(delta1, m2, fma::<FMA>(delta2, m1, 1e-307));
+            let kappa = parts * reciprocal_power(m1 * m2);
             let certain = kappa <= 0.125;
             let sum = d1 + d2;
             let sum = if sum > 0.0 { sum } else { 0.0 };
@@ -354,7 +395,7 @@ fn turned(x: f64, y: f64) -> (f64, f64, f64) {
     )
 }
 
-/// A power of two near `1 / x`, for normal `x > 0`.
+/// A power of two from `1 / x` to `2 / x`, for normal `x > 0`; `2^1023` below.
 #[inline(always)]
 fn reciprocal_power(x: f64) -> f64 {
     const EXPONENT: u64 = 0x7ff << 52;

@@ -182,7 +182,7 @@ fn scenes_have_the_numbers_of_their_constructions() {
             let n = built.curves.len() as u32;
             for pair in (0..n).flat_map(|i| (0..i).map(move |j| (j, i))) {
                 let links = &built.certificate.links;
-                let link = links.iter().find(|l| (l.i as u32, l.j as u32) == pair);
+                let link = links.iter().find(|l| (l.i, l.j) == pair);
                 let want = link.map_or(0, |l| l.lambda);
                 let found = direct.linking_number(pair);
                 assert!((found.value - want as f64).abs() <= found.bound, "{text}");
@@ -308,8 +308,9 @@ fn sums_have_the_same_bits_for_any_number_of_threads_and_bounds_hold_without_vec
     let vertices = Vertices::new(&set);
     let (first, second) = (vertices.of(0).unwrap(), vertices.of(1).unwrap());
     for formula in FORMULAS {
-        let portable = block::portable(formula, first, second);
+        let (portable, avx2) = block::narrower(formula, first, second);
         let vectors = block::gauss_sum(formula, first, second);
+        assert!(avx2.is_none_or(|found| found == vectors));
         assert_eq!(portable.integer(), Some(6), "{portable:?}");
         assert!((portable.value - vectors.value).abs() <= portable.bound + vectors.bound);
     }

@@ -204,7 +204,7 @@ fn measure_noise() {
         (
             "rings",
             set_of(&ring(100, true), &ring(100, false), false),
-            0.3,
+            0.25,
         ),
         ("random", set_of(&tangled(100), &tangled(100), false), 1e-6),
     ] {
