@@ -11,6 +11,8 @@
 //! 7. The sign is that of Arai's sum (Arai 2013).
 //! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
 
+#[allow(dead_code)] // to go with the ladder of kernels
+pub(crate) mod barnes_hut;
 pub(crate) mod crossings;
 mod estimate;
 pub mod oracle;
@@ -18,7 +20,7 @@ pub mod oracle;
 pub use estimate::Estimate;
 #[cfg_attr(
     not(test),
-    expect(unused_imports, reason = "kernels that sum come with it")
+    allow(unused_imports, reason = "the ladder of kernels comes with it")
 )]
 pub(crate) use estimate::Summation;
 

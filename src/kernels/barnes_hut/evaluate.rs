@@ -97,20 +97,13 @@ impl Contracted {
 /// The integral of `dr x p`, of that of `dr_i p_j`.
 #[inline(always)]
 fn antisymmetric(m: [Vector; 3]) -> Vector {
-    [
-        m[1][2] - m[2][1],
-        m[2][0] - m[0][2],
-        m[0][1] - m[1][0],
-    ]
+    [m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]]
 }
 
 /// The expansion of one node pair, times 4 pi.
 #[inline(always)]
 fn expand(m1: &[f64; COUNT], m2: &[f64; COUNT], r: Vector, order: Order) -> f64 {
-    let (a, b) = (
-        Contracted::new(m1, r, order),
-        Contracted::new(m2, r, order),
-    );
+    let (a, b) = (Contracted::new(m1, r, order), Contracted::new(m2, r, order));
     let i2 = 1.0 / dot(r, r);
     let i3 = i2 * i2.sqrt();
     let monopole = dot(r, cross(a.c, b.c)) - dot(b.c, a.w) - dot(a.c, b.w);
@@ -128,8 +121,7 @@ fn expand(m1: &[f64; COUNT], m2: &[f64; COUNT], r: Vector, order: Order) -> f64 
             ),
         );
         fifth += 3.0
-            * (dot(b.c, a.wr) - dot(a.c, b.wr) + dot(r, columns) - dot(a.w, b.dr)
-                + dot(b.w, a.dr))
+            * (dot(b.c, a.wr) - dot(a.c, b.wr) + dot(r, columns) - dot(a.w, b.dr) + dot(b.w, a.dr))
             - 1.5 * dot(r, traces);
         let twice = plus(cross(a.qrr, b.c), cross(a.c, b.qrr));
         seventh = 7.5 * dot(r, twice) - 15.0 * dot(r, cross(a.dr, b.dr));

@@ -18,9 +18,9 @@ mod tests;
 mod trees;
 
 use super::estimate::{Estimate, Summation};
-use crate::curve::CurveSet;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
+use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use bound::{Bounds, OUTWARD, ROUNDING, bounds};
 use evaluate::{BATCH, expand_batch, next_order};
@@ -167,8 +167,8 @@ impl<'a> BarnesHut<'a> {
                     if !(bound > budget) || sum.estimate_of_rounding() > budget {
                         break;
                     }
-                    // The bound grows about as the share to the power of three fifths.
-                    share *= (0.8 * budget / bound).powf(5.0 / 3.0).clamp(1e-4, 0.5);
+                    // The bound grows about as the share to the power of 0.6 to 0.9.
+                    share *= (0.8 * budget / bound).powf(1.25).clamp(1e-4, 0.7);
                     let mut again = self.pass(trees, Criterion::Share(share));
                     again.spent(&sum);
                     sum = again;
@@ -400,4 +400,3 @@ impl Walk<'_> {
         next_order(dot(r, r), [a, b], moments) / (4.0 * PI)
     }
 }
-impl BarnesHut<'_> { pub fn debug(&self, p: Pair) -> String { let s=self.sum(p).unwrap(); format!("{:?} tail {:.3e} rounding {:.3e} size {:.2e} est {:.3e} expanded {} summed {} visited {}", s.estimate(), s.bounds.tail, s.estimate_of_rounding(), s.bounds.size, s.estimate, s.expanded, s.summed, s.visited) } }

@@ -143,7 +143,10 @@ impl Angles {
             error += self.error[l] / TAU;
         }
         let pairs = self.count as f64 * (LEAF * LEAF) as f64;
-        (sum, (error + (pairs + 1.0) * PRODUCT) * super::bound::OUTWARD)
+        (
+            sum,
+            (error + (pairs + 1.0) * PRODUCT) * super::bound::OUTWARD,
+        )
     }
 }
 

@@ -120,8 +120,7 @@ fn build(
     let (left, right) = below.split_at_mut(2 * half - 1);
     let (moments_left, moments_right) = moments_below.split_at_mut(2 * half - 1);
     let mut build_left = || build(vertices, first, half, left, moments_left);
-    let mut build_right =
-        || build(vertices, first + half, leaves - half, right, moments_right);
+    let mut build_right = || build(vertices, first + half, leaves - half, right, moments_right);
     let [a, b] = if leaves > GRAIN {
         rayon::join(build_left, build_right).into()
     } else {
@@ -183,7 +182,13 @@ fn build_leaf(
     let sides: [_; LEAF] = std::array::from_fn(side);
     let base = point(0);
     let length: f64 = sides.iter().map(|s| s.1).sum();
-    let share = |k: usize| if length > 0.0 { sides[k].1 / length } else { 0.0 };
+    let share = |k: usize| {
+        if length > 0.0 {
+            sides[k].1 / length
+        } else {
+            0.0
+        }
+    };
     let from = |centre: Point, k: usize| {
         let (p, q) = (point(k), point(k + 1));
         [0, 1, 2].map(|x| 0.5 * (p[x] - centre[x]) + 0.5 * (q[x] - centre[x]))
