@@ -18,10 +18,6 @@ mod estimate;
 pub mod oracle;
 
 pub use estimate::Estimate;
-#[cfg_attr(
-    not(test),
-    allow(unused_imports, reason = "the ladder of kernels comes with it")
-)]
 pub(crate) use estimate::Summation;
 
 use crate::verdict::{DefectKind, Place};

@@ -17,7 +17,7 @@ mod near;
 mod tests;
 mod trees;
 
-use super::estimate::{Estimate, Summation};
+use super::{Estimate, Summation};
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
 use crate::curve::CurveSet;
@@ -53,8 +53,8 @@ pub(crate) enum Accept {
         /// Largest beta.
         most: f64,
     },
-    /// By the proven bound, such that the sum is below this; passes go on until it is, or until rounding alone is
-    /// above it.
+    /// By the proven bound, such that the sum is below this; passes go on until it is, until rounding alone is
+    /// above it, or until the limit.
     Bound(f64),
 }
 
@@ -65,13 +65,19 @@ pub(crate) struct Options {
     pub order: Order,
     /// When it is taken.
     pub accept: Accept,
+    /// Node pairs that all passes over a pair may visit, about: no pass is started that is expected to go beyond. Where
+    /// the sum of all bounds is far above the error, since the contributions of many strands cancel, other
+    /// kernels are better.
+    pub limit: u64,
 }
 
 impl Default for Options {
     fn default() -> Options {
         Options {
             order: Order::Quadrupole,
-            accept: Accept::Bound(0.4),
+            // Another integer is then further off than the bound, unless the error uses up most of it, which it does not.
+            accept: Accept::Bound(0.8),
+            limit: 1 << 26,
         }
     }
 }
@@ -158,17 +164,27 @@ impl<'a> BarnesHut<'a> {
                 Some(sum)
             }
             Accept::Bound(budget) => {
-                // A thousandth of the budget is about right for neighbouring rings, and long curves need more node pairs.
-                let leaves = f64::from(trees[0].root().leaves) + f64::from(trees[1].root().leaves);
-                let mut share = budget / (64.0 * leaves.sqrt());
+                let leaves = trees.map(|t| f64::from(t.root().leaves));
+                let all = leaves[0] * leaves[1];
+                // About right for neighbouring rings; long curves need more node pairs.
+                let mut share = budget / (8.0 * (leaves[0] + leaves[1]).sqrt());
+                if all <= FEW {
+                    share = 0.0;
+                }
                 let mut sum = self.pass(trees, Criterion::Share(share));
                 for _ in 0..PASSES {
                     let bound = sum.estimate().bound;
                     if !(bound > budget) || sum.estimate_of_rounding() > budget {
                         break;
                     }
-                    // The bound grows about as the share to the power of 0.6 to 0.9.
-                    share *= (0.8 * budget / bound).powf(1.25).clamp(1e-4, 0.7);
+                    // The bound grows about as the share to the power of 0.6 to 0.9, the work as that of -0.5.
+                    let finer = (0.9 * budget / bound).powf(1.25).clamp(1e-4, 0.7);
+                    let expected = sum.visited as f64 / finer.sqrt();
+                    if expected.min(all) > self.options.limit as f64 {
+                        break;
+                    }
+                    // An expected pass too few costs more than a leaf pair too many.
+                    share *= if 2.0 * expected > all { 0.0 } else { finer };
                     let mut again = self.pass(trees, Criterion::Share(share));
                     again.spent(&sum);
                     sum = again;
@@ -181,6 +197,9 @@ impl<'a> BarnesHut<'a> {
 
 /// Most passes after the first.
 const PASSES: usize = 12;
+
+/// Leaf pairs that are not worth an expansion.
+const FEW: f64 = 64.0;
 
 /// Leaves of two trees that are not worth more than one task.
 const SMALL: usize = 64;
@@ -202,8 +221,11 @@ impl Summation for BarnesHut<'_> {
 /// segments count as touching.
 fn normalizing(max_abs: f64) -> f64 {
     let exponent = (max_abs.to_bits() >> 52) as i64 - 1022;
-    // The exponents of subnormal numbers are all alike; both halves of the range stay within that of the factor.
-    f64::from_bits(((1023 - exponent).clamp(1, 2046) as u64) << 52)
+    // The exponents of subnormal numbers are all alike, and so is their factor; those of the largest have a subnormal one.
+    match 1023 - exponent {
+        normal @ 1.. => f64::from_bits((normal.min(2046) as u64) << 52),
+        _ => f64::MIN_POSITIVE / 4.0,
+    }
 }
 
 /// What a pass accepts.
@@ -212,7 +234,7 @@ enum Criterion {
     Beta(f64),
     /// Likewise, and the published estimate is added up.
     Estimated(f64),
-    /// Where the bound of the remainder is below this.
+    /// Where the bound of the remainder is below this; nowhere where it is 0.
     Share(f64),
 }
 
@@ -307,6 +329,7 @@ impl Walk<'_> {
                 let bounds = bounds(self.order, square, a, b);
                 (bounds.tail < f64::INFINITY).then_some(bounds)
             }
+            Criterion::Share(0.0) => None,
             Criterion::Share(share) => {
                 let bounds = bounds(self.order, square, a, b);
                 (bounds.tail <= share).then_some(bounds)
