@@ -93,8 +93,9 @@ const NEAREST: f64 = f64::from_bits((1023 - 120) << 52);
 #[inline(always)]
 pub(super) fn bounds(order: Order, square: f64, a: &Reach, b: &Reach) -> Bounds {
     let rho = a.radius + b.radius;
-    // Also where it is NaN.
-    if !(square > NEAREST && rho * rho < WIDEST * WIDEST * square) {
+    // Not where it is NaN either.
+    let converges = square > NEAREST && rho * rho < WIDEST * WIDEST * square;
+    if !converges {
         return Bounds::NONE;
     }
     let inverse = 1.0 / square.sqrt();

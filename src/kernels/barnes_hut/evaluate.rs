@@ -13,6 +13,11 @@
 //!
 //! with `D_k` the columns of `D`: what the supplement of Qu & James 2021 has as equations 28 to 30, factored.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
 use super::Order;
 use super::bound::Reach;
 use super::moments::{COUNT, Moments, d, q};

@@ -174,7 +174,7 @@ impl<'a> BarnesHut<'a> {
                 let mut sum = self.pass(trees, Criterion::Share(share));
                 for _ in 0..PASSES {
                     let bound = sum.estimate().bound;
-                    if !(bound > budget) || sum.estimate_of_rounding() > budget {
+                    if bound <= budget || bound.is_nan() || sum.estimate_of_rounding() > budget {
                         break;
                     }
                     // The bound grows about as the share to the power of 0.6 to 0.9, the work as that of -0.5.
@@ -323,10 +323,8 @@ impl Walk<'_> {
         match self.criterion {
             Criterion::Beta(beta) | Criterion::Estimated(beta) => {
                 let rho = a.radius + b.radius;
-                if !(square > beta * beta * rho * rho) {
-                    return None;
-                }
-                let bounds = bounds(self.order, square, a, b);
+                let far = square > beta * beta * rho * rho;
+                let bounds = far.then(|| bounds(self.order, square, a, b))?;
                 (bounds.tail < f64::INFINITY).then_some(bounds)
             }
             Criterion::Share(0.0) => None,

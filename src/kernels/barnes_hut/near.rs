@@ -17,6 +17,11 @@
 //! below a fourth. Where it is not, or where the disc meets the negative axis, there a full turn is uncertain: the segments
 //! are about to touch.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
 use super::trees::{LEAF, Tree};
 
 /// Numbers of the lanes.
