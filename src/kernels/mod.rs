@@ -11,6 +11,8 @@
 //! 7. The sign is that of Arai's sum (Arai 2013).
 //! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
 
+#[allow(dead_code)] // to go with the ladder of kernels
+pub(crate) mod barnes_hut;
 pub(crate) mod crossings;
 #[allow(dead_code)] // until kernels are chosen by accuracy
 pub(crate) mod direct;
