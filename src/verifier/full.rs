@@ -74,13 +74,18 @@ impl FullRun {
         &self.trees
     }
 
+    /// The potential links that were found last.
+    pub fn pairs(&self) -> &[Pair] {
+        self.search.pairs()
+    }
+
     /// Potential links of the last full run.
     pub fn potential_links(&self) -> usize {
         self.search.pairs().len()
     }
 
     /// The stages before the linking numbers: boxes and potential links. Nothing is certified yet.
-    fn find_pairs(&mut self, set: &CurveSet) -> Stats {
+    pub fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
         self.trees.refit(set);
         let boxed = Instant::now();
