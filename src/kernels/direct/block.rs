@@ -21,20 +21,20 @@
 //! |a| |b| |c|` at most (and `d2` likewise), and `p` by `8 sqrt(2) u |a| |e| |f|`. Together, with [`TINY`] for
 //! underflow, that is `delta1`, with 64 and 12 for 50 and `8 sqrt(2)`, which covers higher orders by far.
 //!
-//! Let `m1 = max(d1, |p|)`, computed, and `kappa1 = delta1 / m1` or up to twice that. Where `kappa1 <= 1/8`, either the real part or the
-//! sign of the imaginary part is certain, so that the true and the computed `z1` do not lie on different sides of
-//! the negative axis, and their arguments differ by `asin(8/7 kappa1) < 1.15 kappa1` at most. The same for `z2`. The
+//! Let `m1 = max(d1, |p|)`, computed, and `kappa1 = delta1 / m1` or up to twice that. Where `kappa1 <= 1/8`, either the
+//! real part or the sign of the imaginary part is certain, so that the true and the computed `z1` do not lie on different
+//! sides of the negative axis, and their arguments differ by `asin(8/7 kappa1) < 1.15 kappa1` at most. The same for `z2`. The
 //! product rounds by `3 u`. It does not cross the negative axis either, because a negative `d1 + d2`, which is
 //! rounding, counts as 0: this moves the argument back to `pi`, towards the true one.
 //!
 //! Where `kappa1 + kappa2 > 1/8`, the pair is in doubt: it counts as 0, which is off by less than `pi`. A pair
 //! that touches is always in doubt: the origin lies in one of the two triangles, whose `p = 0` and `d <= 0` are
 //! computed as at most `delta`. If no other pair is in doubt, the true sum of the others is a half-integer, and the two
-//! integers next to it are both within the bound; if there are others, it is wider still.
+//! integers next to it are both within the bound; if there are others, the bound is 1 at least.
 //!
 //! # The bound of the sum
 //!
-//! [`Formula::Arctangent`] adds an arctangent a pair, by [`arctangent`], which is off by `10 u`, and to the bound the
+//! [`Formula::Arctangent`] adds an arctangent a pair, which is off by `10 u` with its turns, and to the bound the
 //! rounding of each addition. [`Formula::AngleSum`] (Bertolazzi et al. 2019) multiplies the complex numbers instead,
 //! off by `3 u` a product. It counts quarter turns: the running product is turned to within an eighth of a turn of
 //! the positive axis, exactly, and the next factor to the right half plane, so that their product is always
@@ -53,7 +53,8 @@ pub(crate) enum Formula {
     AngleSum,
 }
 
-/// The vertices of consecutive segments, one array an axis: one more than segments. Coordinates are at most 1.
+/// The vertices of consecutive segments, one array an axis: one more than segments. Coordinates are from -1 to 1: the
+/// caller scales them, by a power of two.
 pub(crate) type Strip<'a> = [&'a [f64]; 3];
 
 /// Half a unit in the last place of 1.

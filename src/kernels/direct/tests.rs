@@ -107,7 +107,7 @@ fn sums_are_within_their_bounds_of_the_oracle() {
 }
 
 #[test]
-#[ignore = "minutes"]
+#[ignore = "half a minute"]
 fn sums_are_within_their_bounds_of_the_oracle_a_hundred_thousand_times() {
     let rounds: Vec<(u64, u64, f64)> = (0..160u64)
         .map(|k| {
