@@ -35,7 +35,6 @@ impl Estimate {
 ///
 /// Splines are made polylines first ([`crate::homotopic_polylines`]), with the same linking numbers. Sums are made in an
 /// order that does not depend on the number of threads.
-#[allow(dead_code)] // to go with the first kernel that sums
 pub(crate) trait Summation: Sync {
     /// The linking number of two different closed curves.
     fn linking_number(&self, pair: Pair) -> Estimate;

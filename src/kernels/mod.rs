@@ -11,18 +11,17 @@
 //! 7. The sign is that of Arai's sum (Arai 2013).
 //! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
 
-#[allow(dead_code)] // to go with the ladder of kernels
 pub(crate) mod barnes_hut;
 pub(crate) mod crossings;
-#[allow(dead_code)] // until kernels are chosen by accuracy
 pub(crate) mod direct;
 mod estimate;
-#[allow(dead_code, unused_imports)] // until the command asks for noise
 pub(crate) mod interval;
+mod method;
 pub mod oracle;
 
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;
+pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};
 

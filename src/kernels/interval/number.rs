@@ -56,6 +56,7 @@ impl Interval {
     }
 
     /// The only integer in it; none where there are several, or none.
+    #[cfg(test)]
     pub fn integer(self) -> Option<i64> {
         /// Beyond, neighbouring integers are not told apart.
         const LARGEST: f64 = 4_503_599_627_370_496.0;
