@@ -47,7 +47,7 @@ pub use sinks::{
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};
 pub use verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};
-pub use verifier::{Progress, Timings, Verifier};
+pub use verifier::{Ladder, Progress, Timings, Verifier};
 
 /// Compiles the README's example.
 #[cfg(all(doctest, feature = "bus"))]

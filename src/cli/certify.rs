@@ -3,7 +3,10 @@
 use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, input, measure, output::with_progress};
 use clap::ValueEnum;
-use linkwatch::{AbortOn, Certificate, CurveSet, Result, Stats, Verifier, homotopic_polylines};
+use linkwatch::kernels::{Accuracy, Method};
+use linkwatch::{
+    AbortOn, Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines,
+};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -19,9 +22,37 @@ pub struct Args {
     /// How splines become polylines
     #[arg(long, value_enum, default_value_t)]
     discretize: Discretize,
+    /// Which kernel computes: crossings, direct, angle-sum, barnes-hut or interval; what the bound of a sum does not
+    /// decide is counted
+    #[arg(
+        long,
+        value_name = "KERNEL",
+        default_value_t,
+        conflicts_with = "discretize"
+    )]
+    kernel: Method,
+    /// Barnes-Hut by distance: expand where nodes are further apart than B times their radii [default: by the bound]
+    #[arg(long, value_name = "B", value_parser = beta)]
+    beta: Option<f64>,
+    /// With --beta: sum once more where the published estimate of the error is above E
+    #[arg(long, value_name = "E", requires = "beta")]
+    target: Option<f64>,
+    /// Barnes-Hut without quadrupoles
+    #[arg(long)]
+    dipole: bool,
+    /// Only linking numbers that stay wherever vertices are within R along each axis (polylines)
+    #[arg(long, value_name = "R", conflicts_with_all = ["discretize", "kernel"])]
+    noise: Option<f64>,
     /// Certify each model so many times, and give the median times of all stages
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "discretize")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "kernel", "noise"])]
     repeat: Option<u32>,
+}
+
+fn beta(text: &str) -> std::result::Result<f64, String> {
+    match text.parse() {
+        Ok(x) if f64::is_finite(x) && x >= 1.0 => Ok(x),
+        _ => Err("expected a number from 1 on".into()),
+    }
 }
 
 /// How splines become polylines.
@@ -39,35 +70,54 @@ struct Certified {
     set: CurveSet,
     certificate: Certificate,
     stats: Stats,
+    /// Who decided, where a kernel that sums was asked for.
+    ladder: Option<Ladder>,
     took: Duration,
 }
 
 /// Reads a model and computes its certificate.
-fn certify(path: &Path, how: Discretize) -> Result<Certified> {
+fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let set = input::read(path)?;
     let mut verifier = Verifier::new(AbortOn::Never);
     let name = path.display().to_string();
     let start = std::time::Instant::now();
-    let (certificate, stats) = with_progress(&name, verifier.progress(), || match how {
-        Discretize::Pair => {
-            let (certificate, stats) = verifier.certify(&set);
-            Ok((certificate.clone(), stats))
-        }
-        Discretize::Algorithm3 => {
-            let polylines = homotopic_polylines(&set)?;
-            tracing::info!(
-                "{name}: Algorithm 3 made {} segments of {} ({} overlaps, {} passes)",
-                count(polylines.curves.segments() as u64),
-                count(set.segments() as u64),
-                count(polylines.overlaps as u64),
-                polylines.passes,
-            );
-            let (certificate, stats) = verifier.certify(&polylines.curves);
-            let mut certificate = certificate.clone();
-            certificate.withdraw(polylines.too_close);
-            Ok::<_, linkwatch::Error>((certificate, stats))
-        }
-    })?;
+    let mut ladder = None;
+    let (certificate, stats) =
+        with_progress(&name, verifier.progress(), || match args.discretize {
+            _ if args.noise.is_some() => {
+                let (certificate, stats) =
+                    verifier.certify_noisy(&set, args.noise.unwrap_or(0.0))?;
+                Ok((certificate.clone(), stats))
+            }
+            _ if args.kernel != Method::Crossings => {
+                let accuracy = Accuracy {
+                    beta: args.beta,
+                    target: args.target,
+                    dipole: args.dipole,
+                };
+                let (certificate, stats, who) = verifier.certify_by(&set, args.kernel, accuracy)?;
+                ladder = Some(who);
+                Ok((certificate.clone(), stats))
+            }
+            Discretize::Pair => {
+                let (certificate, stats) = verifier.certify(&set);
+                Ok((certificate.clone(), stats))
+            }
+            Discretize::Algorithm3 => {
+                let polylines = homotopic_polylines(&set)?;
+                tracing::info!(
+                    "{name}: Algorithm 3 made {} segments of {} ({} overlaps, {} passes)",
+                    count(polylines.curves.segments() as u64),
+                    count(set.segments() as u64),
+                    count(polylines.overlaps as u64),
+                    polylines.passes,
+                );
+                let (certificate, stats) = verifier.certify(&polylines.curves);
+                let mut certificate = certificate.clone();
+                certificate.withdraw(polylines.too_close);
+                Ok::<_, linkwatch::Error>((certificate, stats))
+            }
+        })?;
     let took = start.elapsed();
     output::warn_of_open_curves(&name, &stats);
     if stats.repeated_vertices > 0 {
@@ -85,6 +135,7 @@ fn certify(path: &Path, how: Discretize) -> Result<Certified> {
         set,
         certificate,
         stats,
+        ladder,
         took,
     })
 }
@@ -103,11 +154,23 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             outcome = outcome.max(measure::run(path, n, json)?);
             continue;
         }
-        let c = certify(path, args.discretize)?;
+        let c = certify(path, args)?;
         if !c.certificate.undefined.is_empty() {
             outcome = Outcome::Undecided;
         }
         tracing::info!("{}: {}", path.display(), summary(&c));
+        if let Some(l) = &c.ladder {
+            tracing::info!(
+                "{}: {} decided {} ({} off at most, proven within {}), counting {}; the sums took {}",
+                path.display(),
+                args.kernel,
+                plural(l.summed, "pair"),
+                brief(l.largest_error),
+                brief(l.largest_bound),
+                count(l.counted),
+                millis(l.summing),
+            );
+        }
         if json {
             output::json(&serde_json::json!({
                 "model": path,
@@ -115,6 +178,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 "certificate": c.certificate,
                 "stats": c.stats,
                 "exact_share": c.stats.exact_share(),
+                "kernel": args.kernel,
+                "ladder": c.ladder,
                 "ms": c.took.as_secs_f64() * 1e3,
             }))?;
         }
@@ -129,6 +194,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
     }
     Ok(outcome)
+}
+
+/// Two digits.
+fn brief(x: f64) -> String {
+    format!("{x:.1e}")
 }
 
 fn summary(c: &Certified) -> String {

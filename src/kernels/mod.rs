@@ -11,8 +11,17 @@
 //! 7. The sign is that of Arai's sum (Arai 2013).
 //! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
 
+pub(crate) mod barnes_hut;
 pub(crate) mod crossings;
+pub(crate) mod direct;
+mod estimate;
+pub(crate) mod interval;
+mod method;
 pub mod oracle;
+
+pub use estimate::Estimate;
+pub(crate) use estimate::Summation;
+pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};
 

@@ -6,6 +6,7 @@ use crate::curve::{Box3, CurveSet};
 use crate::error::Result;
 use crate::kernels::Linking;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
+use crate::kernels::interval::noise::linking_number as noisy_linking_number;
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
 use crate::verdict::{Defect, DefectKind, Place, Stats};
 use rayon::prelude::*;
@@ -37,6 +38,52 @@ impl FullRun {
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
         let mut stats = self.find_pairs(set);
         self.compute_pairs(set, .., &mut stats);
+        stats
+    }
+
+    /// Computes the linking numbers that no noise of the vertices of polylines can change.
+    pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Stats {
+        let stats = self.find_pairs(set);
+        // Curves whose boxes may come to overlap may come to be linked.
+        let rounding = set.max_abs() * f64::from_bits((1023 - 22) << 52);
+        let reach = (noise + rounding) as f32;
+        let roots = self.trees.roots().iter();
+        let dilated: Vec<Box3> = roots.map(|b| b.dilated(reach.next_up())).collect();
+        let whole = |i: u32| {
+            let mut undefined = self.certificate.undefined.iter();
+            !undefined.any(|d| d.i == i && d.j.is_none())
+        };
+        let pairs = self.search.find(&dilated);
+        pairs.retain(|&(i, j)| whole(i) && whole(j));
+        let scene = Scene {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        };
+        let found: Vec<(Pair, Linking)> = pairs
+            .par_iter()
+            .map(|&pair| {
+                let mut workspace = scene.workspaces.take();
+                let linking = noisy_linking_number(scene, pair, noise, &mut workspace);
+                scene.workspaces.put(workspace);
+                (pair, linking)
+            })
+            .collect();
+        for ((i, j), linking) in found {
+            match linking {
+                Linking::Number(0) => {}
+                Linking::Number(lambda) => self.certificate.links.push(Link { i, j, lambda }),
+                Linking::Undefined(kind, place) => self.certificate.undefined.push(Defect {
+                    i,
+                    j: Some(j),
+                    kind,
+                    place,
+                }),
+            }
+        }
+        self.certificate
+            .undefined
+            .sort_unstable_by_key(|d| (d.i, d.j));
         stats
     }
 
@@ -74,13 +121,18 @@ impl FullRun {
         &self.trees
     }
 
+    /// The potential links that were found last.
+    pub fn pairs(&self) -> &[Pair] {
+        self.search.pairs()
+    }
+
     /// Potential links of the last full run.
     pub fn potential_links(&self) -> usize {
         self.search.pairs().len()
     }
 
     /// The stages before the linking numbers: boxes and potential links. Nothing is certified yet.
-    fn find_pairs(&mut self, set: &CurveSet) -> Stats {
+    pub fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
         self.trees.refit(set);
         let boxed = Instant::now();

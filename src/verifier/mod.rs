@@ -4,11 +4,13 @@
 //! drive it alike.
 
 mod full;
+mod ladder;
 mod steps;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use full::{degenerate_curves, links_per_task, potential_links};
+pub use ladder::Ladder;
 
 use self::full::{FullRun, sizes};
 use self::steps::Steps;

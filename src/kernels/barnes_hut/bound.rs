@@ -1,0 +1,135 @@
+//! A proven bound of what a truncated multipole expansion leaves out.
+//!
+//! Two pieces of curves with centres `R` apart contribute the integral of `F(R + d) . (dr1 x dr2) / 4 pi`, where
+//! `F(x) = x / |x|^3` and `d = p1 - p2` is the difference of the displacements from the centres. By the Legendre
+//! series,
+//!
+//! ```text
+//! 1 / |R + d| = sum over n of H_n(d),    H_n(d) = (-1)^n |d|^n P_n(cos t) / |R|^(n + 1),
+//! ```
+//!
+//! with `t` the angle between `R` and `d`, for `|d| < |R|`; and `F` is minus its gradient. The length of the gradient of
+//! `H_n` is `|d|^(n - 1) / |R|^(n + 1)` times the root of `n^2 P_n^2 + (dP_n / dt)^2`. As `P_n(cos t)` is a trigonometric
+//! polynomial of degree `n` in `t`, nowhere larger than 1, that root is at most `n` (Bernstein and Szegő). So the
+//! part of `F` that is of degree `m = n - 1` in `d` is at most `(m + 1) |d|^m / |R|^(m + 2)`, and with the least `m`
+//! that is left out, `rho >= |d|` and `q = rho / |R| < 1`, all that is left out is at most
+//!
+//! ```text
+//! L1 L2 / (4 pi |R|^2) [ (m + 1) W_m / |R|^m + W_(m + 1) / |R|^(m + 1) (m + 2 - (m + 1) q) / (1 - q)^2 ]
+//! ```
+//!
+//! since the sum of `(k + 1) q^(k - M)` over `k >= M` is `(M + 1 - M q) / (1 - q)^2`. Here `L` are the lengths of the
+//! pieces and `W_k` is the mean of `|t1 x t2| |d|^k` over all pairs of their points, by length, with unit tangents
+//! `t`. It is far below `rho^k`, since few points are as far from the centre as the farthest, and since neighbouring
+//! strands are often parallel. By the inequality of Cauchy and Schwarz, with `E_k` the mean of `|d|^k` and `s^2` that of
+//! `|t1 x t2|^2`,
+//!
+//! ```text
+//! W_2 <= min(E_2, s root(E_4)),    W_3 <= root(E_4) min(root(E_2), s rho),
+//! W_4 <= root(E_4) min(root(E_4), s rho^2).
+//! ```
+//!
+//! These means follow from those of each piece, because its centre is its centroid by length, where the mean of `p` is 0:
+//! `E_2 = <p1^2> + <p2^2>`, and `E_4 <= <p1^4> + <p2^4> + 6 <p1^2> <p2^2>`, for the mean of `(p1 . p2)^2` is at most
+//! `<p1^2> <p2^2>`. Last, `s^2 = 1 - tr(S1 S2)` with `S` the mean of `t t^T`.
+
+use crate::curve::Point;
+
+use super::Order;
+
+/// What the bound takes of a piece of a curve.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Reach {
+    /// The centroid by length, rounded: the centre of the expansion.
+    pub centre: Point,
+    /// An upper bound of the distance of its points from the centre.
+    pub radius: f64,
+    /// Length.
+    pub length: f64,
+    /// Mean of the square of the distance from the centre, an upper bound.
+    pub second: f64,
+    /// Mean of its fourth power, an upper bound.
+    pub fourth: f64,
+    /// Mean of the products of the unit tangent's coordinates: xx, yy, zz, xy, xz, yz.
+    pub tangents: [f64; 6],
+}
+
+/// Bounds of one node pair's share of the error.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Bounds {
+    /// What the expansion leaves out.
+    pub tail: f64,
+    /// The sum of the magnitudes of its terms: what rounding is relative to.
+    pub size: f64,
+}
+
+impl Bounds {
+    /// No expansion.
+    const NONE: Bounds = Bounds {
+        tail: f64::INFINITY,
+        size: f64::INFINITY,
+    };
+}
+
+/// Rounding of the moments and of the evaluation of a node pair, by the sum of the magnitudes of its terms.
+///
+/// Every displacement is a difference of two stored numbers and so is off by `u = 2^-53` of itself. A moment is a
+/// sum of products of at most four such factors, shifted on each of at most 32 levels by some 20 operations, every
+/// intermediate at most 4 times the moment's largest possible value `L rho^k`: below `2^12 u`. The evaluation adds some 60
+/// operations on sums that are at most 4 times the product of the lengths of their factors. That is below `2^14 u`.
+pub(super) const ROUNDING: f64 = f64::from_bits((1023 - 38) << 52);
+
+/// Covers the rounding of the bounds themselves, operations in the dozens.
+pub(super) const OUTWARD: f64 = 1.0 + 1e-9;
+
+/// Most of `rho / |R|` where the series is used.
+const WIDEST: f64 = 0.8;
+
+/// Squares of distances below which an expansion could underflow (coordinates are at most 1).
+const NEAREST: f64 = f64::from_bits((1023 - 120) << 52);
+
+/// The bounds of the expansion of a node pair with centres at a distance of which this is the square.
+#[inline(always)]
+pub(super) fn bounds(order: Order, square: f64, a: &Reach, b: &Reach) -> Bounds {
+    let rho = a.radius + b.radius;
+    // Not where it is NaN either.
+    let converges = square > NEAREST && rho * rho < WIDEST * WIDEST * square;
+    if !converges {
+        return Bounds::NONE;
+    }
+    let inverse = 1.0 / square.sqrt();
+    let q = rho * inverse;
+    let e2 = a.second + b.second;
+    let root = (a.fourth + b.fourth + 6.0 * a.second * b.second).sqrt();
+    let sine = parallel(&a.tangents, &b.tangents);
+    let w3 = root * e2.sqrt().min(sine * rho);
+    let geometric = 1.0 / ((1.0 - q) * (1.0 - q));
+    let cube = inverse * inverse * inverse;
+    let series = match order {
+        Order::Dipole => {
+            let w2 = e2.min(sine * root);
+            3.0 * w2 * inverse * inverse + w3 * cube * (4.0 - 3.0 * q) * geometric
+        }
+        Order::Quadrupole => {
+            let w4 = root * root.min(sine * rho * rho);
+            4.0 * w3 * cube + w4 * cube * inverse * (5.0 - 4.0 * q) * geometric
+        }
+    };
+    const SPHERE: f64 = 1.0 / (4.0 * std::f64::consts::PI);
+    let scale = SPHERE * a.length * b.length * inverse * inverse;
+    Bounds {
+        tail: scale * series * OUTWARD,
+        // The terms of degree 0, 1 and 2, each taken apart, are at most 1, 4 q and 12 q^2 times the scale.
+        size: scale * (1.0 + q * (4.0 + 12.0 * q)),
+    }
+}
+
+/// The root of the mean of the squared sine between the tangents of two pieces, an upper bound.
+#[inline(always)]
+fn parallel(s: &[f64; 6], t: &[f64; 6]) -> f64 {
+    let squares = s[0] * t[0] + s[1] * t[1] + s[2] * t[2];
+    let mixed = s[3] * t[3] + s[4] * t[4] + s[5] * t[5];
+    // The constant is above the rounding of the means.
+    (1.0 - squares - 2.0 * mixed + 1e-11).clamp(0.0, 1.0).sqrt()
+}

@@ -1,0 +1,423 @@
+//! Barnes-Hut with two trees (Qu & James 2021, section 3.4.4), with a proven bound.
+//!
+//! Pairs of nodes that are far enough from one another contribute by an expansion up to the quadrupole, pairs of leaves
+//! that are not by the exact sum. The published method accepts node pairs by their distance alone and
+//! estimates the error from some terms of the next degree; both are here, for comparison. What is new is that
+//! the remainder of every expansion is bounded ([`bound`]), that rounding is, and that node pairs are
+//! accepted by that bound: effort goes where it lowers the error most, and an integer is proven.
+//!
+//! Cost: `N log N` for the trees, once; then a number of node pairs that grows as the length of the curves over
+//! their distance.
+
+mod bound;
+mod evaluate;
+mod moments;
+mod near;
+#[cfg(test)]
+mod tests;
+mod trees;
+
+use super::{Estimate, Summation};
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use crate::curve::CurveSet;
+use crate::pairs::Pair;
+use bound::{Bounds, OUTWARD, ROUNDING, bounds};
+use evaluate::{BATCH, expand_batch, next_order};
+use near::Angles;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use trees::{Node, Tree, dot};
+
+/// How far the expansion goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Order {
+    /// First-order terms.
+    Dipole,
+    /// Second-order terms.
+    Quadrupole,
+}
+
+/// When an expansion is good enough for a node pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Accept {
+    /// Where the centres are further apart than this times the sum of the radii: one pass.
+    Beta(f64),
+    /// As published: where the error, as estimated, is above `target`, a second pass follows with a larger beta
+    /// (equation 15), which is at most `most`.
+    Estimated {
+        /// That of the first pass.
+        beta: f64,
+        /// Largest error.
+        target: f64,
+        /// Largest beta.
+        most: f64,
+    },
+    /// By the proven bound, such that the sum is below this; passes go on until it is, until rounding alone is
+    /// above it, or until the limit.
+    Bound(f64),
+}
+
+/// How to sum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Options {
+    /// How far the expansion goes.
+    pub order: Order,
+    /// When it is taken.
+    pub accept: Accept,
+    /// Node pairs that all passes over a pair may visit, about: no pass is started that is expected to go beyond. Where
+    /// the sum of all bounds is far above the error, since the contributions of many strands cancel, other
+    /// kernels are better.
+    pub limit: u64,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            order: Order::Quadrupole,
+            // Another integer is then further off than the bound, unless the error uses up most of it, which it does not.
+            accept: Accept::Bound(0.8),
+            limit: 1 << 26,
+        }
+    }
+}
+
+/// Barnes-Hut for all pairs of a set of polylines.
+#[derive(Debug)]
+pub(crate) struct BarnesHut<'a> {
+    set: &'a CurveSet,
+    options: Options,
+    /// Of closed curves; the others have an empty one.
+    trees: Vec<Option<Tree>>,
+}
+
+impl<'a> BarnesHut<'a> {
+    /// Builds the trees of all closed curves. Other curves than polylines have no linking numbers here.
+    pub fn new(set: &'a CurveSet, options: Options) -> BarnesHut<'a> {
+        let scale = normalizing(set.max_abs());
+        let polyline = set.basis().is_polyline();
+        let trees = (0..set.len()).into_par_iter().map(|i| {
+            let fits = polyline && set.curve(i).closed && set.curve(i).points > 0;
+            fits.then(|| Tree::new(set, i, scale))
+        });
+        BarnesHut {
+            set,
+            options,
+            trees: trees.collect(),
+        }
+    }
+
+    /// One pass over two trees.
+    fn pass(&self, trees: [&Tree; 2], criterion: Criterion) -> Sum {
+        let order = self.options.order;
+        let walk = Walk {
+            trees,
+            order,
+            criterion,
+        };
+        let mut start = Sum::default();
+        let mut agenda = vec![(trees[0].root(), trees[1].root())];
+        let work = trees[0].root().leaves as usize + trees[1].root().leaves as usize;
+        if work <= SMALL {
+            walk.run(&mut agenda, &mut start);
+            return start;
+        }
+        // Some hundred node pairs, the same for any number of threads.
+        while agenda.len() < TASKS {
+            let before = agenda.len();
+            let mut next = Vec::with_capacity(4 * before);
+            for pair in agenda {
+                walk.split(pair, &mut next);
+            }
+            agenda = next;
+            if agenda.len() == before {
+                break;
+            }
+        }
+        let parts: Vec<Sum> = agenda
+            .into_par_iter()
+            .map(|pair| {
+                let mut sum = Sum::default();
+                walk.run(&mut vec![pair], &mut sum);
+                sum
+            })
+            .collect();
+        parts.into_iter().fold(start, Sum::plus)
+    }
+
+    /// The sum for a pair, and what it took.
+    fn sum(&self, (i, j): Pair) -> Option<Sum> {
+        let tree = |i: u32| self.trees.get(i as usize)?.as_ref();
+        let trees = [tree(i)?, tree(j)?];
+        let quadrupole = self.options.order == Order::Quadrupole;
+        match self.options.accept {
+            Accept::Beta(beta) => Some(self.pass(trees, Criterion::Beta(beta))),
+            Accept::Estimated { beta, target, most } => {
+                let sum = self.pass(trees, Criterion::Estimated(beta));
+                let power = if quadrupole { 0.25 } else { 1.0 / 3.0 };
+                let raised = (beta * (sum.estimate / target).powf(power)).min(most);
+                if raised > beta {
+                    let mut again = self.pass(trees, Criterion::Beta(raised));
+                    again.spent(&sum);
+                    return Some(again);
+                }
+                Some(sum)
+            }
+            Accept::Bound(budget) => {
+                let leaves = trees.map(|t| f64::from(t.root().leaves));
+                let all = leaves[0] * leaves[1];
+                // About right for neighbouring rings; long curves need more node pairs.
+                let mut share = budget / (8.0 * (leaves[0] + leaves[1]).sqrt());
+                if all <= FEW {
+                    share = 0.0;
+                }
+                let mut sum = self.pass(trees, Criterion::Share(share));
+                for _ in 0..PASSES {
+                    let bound = sum.estimate().bound;
+                    if bound <= budget || bound.is_nan() || sum.estimate_of_rounding() > budget {
+                        break;
+                    }
+                    // The bound grows about as the share to the power of 0.6 to 0.9, the work as that of -0.5.
+                    let finer = (0.9 * budget / bound).powf(1.25).clamp(1e-4, 0.7);
+                    let expected = sum.visited as f64 / finer.sqrt();
+                    if expected.min(all) > self.options.limit as f64 {
+                        break;
+                    }
+                    // An expected pass too few costs more than a leaf pair too many.
+                    share *= if 2.0 * expected > all { 0.0 } else { finer };
+                    let mut again = self.pass(trees, Criterion::Share(share));
+                    again.spent(&sum);
+                    sum = again;
+                }
+                Some(sum)
+            }
+        }
+    }
+}
+
+/// Most passes after the first.
+const PASSES: usize = 12;
+
+/// Leaf pairs that are not worth an expansion.
+const FEW: f64 = 64.0;
+
+/// Leaves of two trees that are not worth more than one task.
+const SMALL: usize = 64;
+
+/// Tasks of a pass, about.
+const TASKS: usize = 128;
+
+impl Summation for BarnesHut<'_> {
+    fn linking_number(&self, pair: Pair) -> Estimate {
+        debug_assert!((pair.0 as usize) < self.set.len() && (pair.1 as usize) < self.set.len());
+        self.sum(pair)
+            .map_or(Estimate::UNKNOWN, |sum| sum.estimate())
+    }
+}
+
+/// The power of two that takes the largest coordinate to 1/2 or above, below 1; linking numbers stay the same.
+///
+/// Products are exact but for underflow, which moves points by `2^-1074` at most, far less than the distance below which
+/// segments count as touching.
+fn normalizing(max_abs: f64) -> f64 {
+    let exponent = (max_abs.to_bits() >> 52) as i64 - 1022;
+    // The exponents of subnormal numbers are all alike, and so is their factor; those of the largest have a subnormal one.
+    match 1023 - exponent {
+        normal @ 1.. => f64::from_bits((normal.min(2046) as u64) << 52),
+        _ => f64::MIN_POSITIVE / 4.0,
+    }
+}
+
+/// What a pass accepts.
+#[derive(Clone, Copy, Debug)]
+enum Criterion {
+    Beta(f64),
+    /// Likewise, and the published estimate is added up.
+    Estimated(f64),
+    /// Where the bound of the remainder is below this; nowhere where it is 0.
+    Share(f64),
+}
+
+/// Sums over node pairs.
+#[derive(Clone, Copy, Debug)]
+struct Sum {
+    /// Of the expansions, times 4 pi.
+    far: f64,
+    /// Magnitudes and remainders.
+    bounds: Bounds,
+    near: f64,
+    near_error: f64,
+    /// Published estimate of the error.
+    estimate: f64,
+    /// Node pairs expanded, leaf pairs summed, node pairs visited: of all passes.
+    expanded: u64,
+    summed: u64,
+    visited: u64,
+}
+
+impl Default for Sum {
+    fn default() -> Sum {
+        Sum {
+            far: 0.0,
+            bounds: Bounds::default(),
+            near: 0.0,
+            near_error: 0.0,
+            estimate: 0.0,
+            expanded: 0,
+            summed: 0,
+            visited: 0,
+        }
+    }
+}
+
+impl Sum {
+    fn plus(mut self, other: Sum) -> Sum {
+        self.far += other.far;
+        self.bounds.tail += other.bounds.tail;
+        self.bounds.size += other.bounds.size;
+        self.near += other.near;
+        self.near_error += other.near_error;
+        self.estimate += other.estimate;
+        self.spent(&other);
+        self
+    }
+
+    /// Adds the work of another pass.
+    fn spent(&mut self, other: &Sum) {
+        self.expanded += other.expanded;
+        self.summed += other.summed;
+        self.visited += other.visited;
+    }
+
+    /// The bound without the remainders: what no smaller share changes.
+    fn estimate_of_rounding(&self) -> f64 {
+        // Every sum is of at most as many numbers as there are node pairs, with a unit each.
+        let units = (self.expanded + self.summed + 64) as f64 * f64::EPSILON;
+        self.near_error + self.bounds.size * (ROUNDING + units) + units * (1.0 + self.near.abs())
+    }
+
+    fn estimate(&self) -> Estimate {
+        Estimate {
+            value: self.far / (4.0 * PI) + self.near,
+            bound: (self.bounds.tail + self.estimate_of_rounding()) * OUTWARD,
+        }
+    }
+}
+
+/// The way down two trees.
+#[derive(Clone, Copy)]
+struct Walk<'a> {
+    trees: [&'a Tree; 2],
+    order: Order,
+    criterion: Criterion,
+}
+
+impl Walk<'_> {
+    /// The bounds of a node pair, where it is accepted.
+    #[inline(always)]
+    fn accepted(&self, t: Node, u: Node) -> Option<Bounds> {
+        let a = self.trees[0].reach.get(t.place as usize)?;
+        let b = self.trees[1].reach.get(u.place as usize)?;
+        let r = [0, 1, 2].map(|x| a.centre[x] - b.centre[x]);
+        let square = dot(r, r);
+        match self.criterion {
+            Criterion::Beta(beta) | Criterion::Estimated(beta) => {
+                let rho = a.radius + b.radius;
+                let far = square > beta * beta * rho * rho;
+                let bounds = far.then(|| bounds(self.order, square, a, b))?;
+                (bounds.tail < f64::INFINITY).then_some(bounds)
+            }
+            Criterion::Share(0.0) => None,
+            Criterion::Share(share) => {
+                let bounds = bounds(self.order, square, a, b);
+                (bounds.tail <= share).then_some(bounds)
+            }
+        }
+    }
+
+    /// What follows from a node pair: itself where it is accepted or cannot be split.
+    #[inline(always)]
+    fn split(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
+        if (t.is_leaf() && u.is_leaf()) || self.accepted(t, u).is_some() {
+            return next.push((t, u));
+        }
+        self.open((t, u), next);
+    }
+
+    /// Replaces the larger node by its children.
+    #[inline(always)]
+    fn open(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
+        let radius = |side: usize, n: Node| self.trees[side].reach[n.place as usize].radius;
+        if u.is_leaf() || (!t.is_leaf() && radius(0, t) > radius(1, u)) {
+            next.extend(t.children().map(|t| (t, u)));
+        } else {
+            next.extend(u.children().map(|u| (t, u)));
+        }
+    }
+
+    /// Sums all node pairs of the agenda.
+    fn run(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
+        #[cfg(target_arch = "x86_64")]
+        if Avx2::detect().is_some() {
+            #[expect(unsafe_code, reason = "vector instructions")]
+            // SAFETY: the processor has them.
+            return unsafe { self.run_avx2(agenda, sum) };
+        }
+        self.run_with(agenda, sum)
+    }
+
+    /// [`Walk::run_with`], compiled with AVX2: the same operations, none of them fused, and so the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn run_avx2(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
+        self.run_with(agenda, sum)
+    }
+
+    #[inline(always)]
+    fn run_with(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
+        let [first, second] = self.trees;
+        let reach = [&first.reach[..], &second.reach[..]];
+        let moments = [&first.moments[..], &second.moments[..]];
+        let mut angles = Angles::ZERO;
+        let mut batch = [(0, 0); BATCH];
+        let mut filled = 0;
+        while let Some((t, u)) = agenda.pop() {
+            sum.visited += 1;
+            if let Some(bounds) = self.accepted(t, u) {
+                sum.bounds.tail += bounds.tail;
+                sum.bounds.size += bounds.size;
+                sum.expanded += 1;
+                batch[filled] = (t.place, u.place);
+                filled += 1;
+                if let Criterion::Estimated(_) = self.criterion {
+                    sum.estimate += self.published(t, u);
+                }
+                if filled == BATCH {
+                    sum.far += expand_batch(self.order, &batch, reach, moments);
+                    filled = 0;
+                }
+            } else if t.is_leaf() && u.is_leaf() {
+                angles.add(self.trees, [t.first as usize, u.first as usize]);
+                sum.summed += 1;
+            } else {
+                self.open((t, u), agenda);
+            }
+        }
+        if filled > 0 {
+            sum.far += expand_batch(self.order, &batch[..filled], reach, moments);
+        }
+        let (turns, error) = angles.turns();
+        sum.near += turns;
+        sum.near_error += error;
+    }
+
+    /// The published estimate for a node pair; its constant is not, so this one is that of the kernel.
+    fn published(&self, t: Node, u: Node) -> f64 {
+        let [first, second] = self.trees;
+        let (t, u) = (t.place as usize, u.place as usize);
+        let (a, b) = (&first.reach[t], &second.reach[u]);
+        let r = [0, 1, 2].map(|x| a.centre[x] - b.centre[x]);
+        let moments = [&first.moments[t], &second.moments[u]];
+        next_order(dot(r, r), [a, b], moments) / (4.0 * PI)
+    }
+}

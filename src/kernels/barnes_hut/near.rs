@@ -1,0 +1,192 @@
+//! The near field: every pair of the segments of two leaves, exactly but for rounding.
+//!
+//! The vectors from the ends of one segment to those of another, `a`, `b`, `c`, `e` in order around the
+//! parallelogram of all differences of their points, see it under the solid angle `2 (t1 + t2)`, where `t` is the
+//! argument of `d + i p` for either of its halves:
+//!
+//! ```text
+//! d1 = |a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|,    d2 likewise of a, e, c,    p = a . (dl x dk)
+//! ```
+//!
+//! (Arai 2013; van Oosterom and Strackee). Their product has the argument `t1 + t2`, which is at most a half turn,
+//! so that one product a pair, into a running one whose turns are counted, needs no arctangent (Bertolazzi et al.
+//! 2019).
+//!
+//! Rounding moves `d` by less than `2^-46 |a||b||c|` and `p` by less than `2^-46 |a| (|a| + |b|) (|b| + |c|)`, so
+//! `d + i p` stays in a disc, and its argument within 3 times the ratio of its radius and `|d| + |p|`, where that is
+//! below a fourth. Where it is not, or where the disc meets the negative axis, there a full turn is uncertain: the segments
+//! are about to touch.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
+use super::trees::{LEAF, Tree};
+
+/// Numbers of the lanes.
+type Lanes = [f64; LEAF];
+
+/// A sum of angles, a lane for each segment of a leaf.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Angles {
+    /// A complex number whose argument is the sum but for full turns.
+    x: Lanes,
+    y: Lanes,
+    turns: Lanes,
+    /// Bound of the error, in radians.
+    error: Lanes,
+    /// Leaf pairs that were added.
+    count: u64,
+}
+
+/// Distance that rounding moves a `d` or a `p` of factors 1: 128 units of `2^-53`. Five operations lead to a length
+/// (each off by 4 units at most), a dozen to a `d`, whose four terms are at most 1 each.
+const ROUNDED: f64 = f64::from_bits((1023 - 46) << 52);
+
+/// Rounding of a product of two complex numbers and of what follows from it, as an angle.
+const PRODUCT: f64 = f64::from_bits((1023 - 48) << 52);
+
+/// A full turn, and more than it.
+const FULL: f64 = 7.0;
+
+/// Far below the rounding of what it multiplies.
+const BARELY: f64 = f64::from_bits((1023 - 20) << 52);
+
+/// Products below which underflow is no longer negligible.
+const LEAST: f64 = f64::from_bits((1023 - 800) << 52);
+
+impl Angles {
+    pub const ZERO: Angles = Angles {
+        x: [1.0; LEAF],
+        y: [0.0; LEAF],
+        turns: [0.0; LEAF],
+        error: [0.0; LEAF],
+        count: 0,
+    };
+
+    /// Adds the angles of all segment pairs of two leaves, of this number in their curves.
+    #[inline(always)]
+    pub fn add(&mut self, [first, second]: [&Tree; 2], [i, j]: [usize; 2]) {
+        let (i, j) = (i * LEAF, j * LEAF);
+        // The ends of the second curve's segments: one window, and the next.
+        let ends = [j, j + 1].map(|at| {
+            second
+                .vertices
+                .each_ref()
+                .map(|v| -> Lanes { v[at..at + LEAF].try_into().unwrap_or([0.0; LEAF]) })
+        });
+        let corner = |k: usize| first.vertices.each_ref().map(|v| v[i + k]);
+        let mut above = Row::new(corner(0), &ends);
+        for k in 1..=LEAF {
+            let below = Row::new(corner(k), &ends);
+            let (p, q) = (corner(k - 1), corner(k));
+            let side = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
+            self.add_row(side, &ends, &above, &below);
+            above = below;
+        }
+        self.count += 1;
+    }
+
+    /// The pairs of one segment with those of a leaf.
+    #[inline(always)]
+    fn add_row(&mut self, side: [f64; 3], ends: &[[Lanes; 3]; 2], above: &Row, below: &Row) {
+        for l in 0..LEAF {
+            let at = |v: &[Lanes; 3]| [v[0][l], v[1][l], v[2][l]];
+            let (a, b, e, c) = (
+                at(&above.v[0]),
+                at(&above.v[1]),
+                at(&below.v[0]),
+                at(&below.v[1]),
+            );
+            let [na, nb] = [above.n[0][l], above.n[1][l]];
+            let [ne, nc] = [below.n[0][l], below.n[1][l]];
+            let k = [
+                ends[1][0][l] - ends[0][0][l],
+                ends[1][1][l] - ends[0][1][l],
+                ends[1][2][l] - ends[0][2][l],
+            ];
+            let p = a[0] * (side[1] * k[2] - side[2] * k[1])
+                + a[1] * (side[2] * k[0] - side[0] * k[2])
+                + a[2] * (side[0] * k[1] - side[1] * k[0]);
+            let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+            let (ac, nac) = (dot(a, c), na * nc);
+            let d1 = (nac + ac) * nb + above.dots[l] * nc + dot(b, c) * na;
+            let d2 = (nac + ac) * ne + below.dots[l] * na + dot(a, e) * nc;
+            // How far off they may be.
+            let off_p = ROUNDED * na * (na + nb) * (nb + nc);
+            let off = [ROUNDED * nac * nb + off_p, ROUNDED * nac * ne + off_p];
+            let size = [d1.abs() + p.abs(), d2.abs() + p.abs()];
+            let clear = (size[0] > 4.0 * off[0]) & (size[1] > 4.0 * off[1]);
+            let ahead = (p.abs() > off_p) | ((d1 > off[0]) & (d2 > off[1]));
+            // The angle is at most a half turn, so this is at least 0; the least is above it, for the sign.
+            let sum = (d1 + d2).max(BARELY * (off[0] + off[1]));
+            let (zx, zy) = (d1 * d2 - p * p, p * sum);
+            let fits = (zx.abs() > LEAST) | (zy.abs() > LEAST);
+            let ratio = (off[0] * size[1] + off[1] * size[0]) / (size[0] * size[1]);
+            let certain = clear & ahead & fits;
+            let (x, y) = (self.x[l], self.y[l]);
+            let (sx, sy) = (x * zx - y * zy, x * zy + y * zx);
+            let up = (y >= 0.0) & (zy >= 0.0) & (sy < 0.0);
+            let down = (y < 0.0) & (zy < 0.0) & (sy >= 0.0);
+            let shrink = 1.0 / sx.abs().max(sy.abs());
+            let turn = if up { 1.0 } else { 0.0 } - if down { 1.0 } else { 0.0 };
+            self.x[l] = if certain { sx * shrink } else { x };
+            self.y[l] = if certain { sy * shrink } else { y };
+            self.turns[l] += if certain { turn } else { 0.0 };
+            self.error[l] += if certain { 3.0 * ratio } else { FULL };
+        }
+    }
+
+    /// The sum in turns, and a bound of its error.
+    pub fn turns(&self) -> (f64, f64) {
+        use std::f64::consts::TAU;
+        let mut sum = 0.0;
+        let mut error = 0.0;
+        for l in 0..LEAF {
+            sum += self.turns[l] + self.y[l].atan2(self.x[l]) / TAU;
+            error += self.error[l] / TAU;
+        }
+        let pairs = self.count as f64 * (LEAF * LEAF) as f64;
+        (
+            sum,
+            (error + (pairs + 1.0) * PRODUCT) * super::bound::OUTWARD,
+        )
+    }
+}
+
+/// A vertex of the first curve, seen from the ends of the second's segments.
+struct Row {
+    v: [[Lanes; 3]; 2],
+    n: [Lanes; 2],
+    /// Products of the vectors to both ends.
+    dots: Lanes,
+}
+
+impl Row {
+    #[inline(always)]
+    fn new(p: [f64; 3], ends: &[[Lanes; 3]; 2]) -> Row {
+        let mut row = Row {
+            v: [[[0.0; LEAF]; 3]; 2],
+            n: [[0.0; LEAF]; 2],
+            dots: [0.0; LEAF],
+        };
+        for side in 0..2 {
+            for l in 0..LEAF {
+                let mut square = 0.0;
+                for x in 0..3 {
+                    let r = p[x] - ends[side][x][l];
+                    row.v[side][x][l] = r;
+                    square += r * r;
+                }
+                row.n[side][l] = square.sqrt();
+            }
+        }
+        for l in 0..LEAF {
+            for x in 0..3 {
+                row.dots[l] += row.v[0][x][l] * row.v[1][x][l];
+            }
+        }
+        row
+    }
+}

@@ -1,0 +1,365 @@
+use super::*;
+use crate::curve::{Basis, Positions};
+use crate::kernels::oracle;
+use crate::scenes::Scene;
+
+/// Closed polylines with these vertices.
+fn polylines(curves: &[&[[f64; 3]]]) -> CurveSet {
+    let counts: Vec<i32> = curves.iter().map(|c| -(c.len() as i32)).collect();
+    let flat: Vec<f64> = curves
+        .iter()
+        .copied()
+        .flatten()
+        .flatten()
+        .copied()
+        .collect();
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&flat)).unwrap()
+}
+
+fn scene(text: &str) -> (CurveSet, i64) {
+    let generated = text.parse::<Scene>().unwrap().build().unwrap();
+    let lambda = generated.certificate.links.first().map_or(0, |l| l.lambda);
+    (generated.curves, lambda)
+}
+
+fn options(order: Order, accept: Accept) -> Options {
+    Options {
+        order,
+        accept,
+        ..Options::default()
+    }
+}
+
+/// Every way to sum.
+fn ways() -> Vec<Options> {
+    let accepts = [
+        Accept::Beta(1.3),
+        Accept::Beta(3.0),
+        Accept::Estimated {
+            beta: 2.0,
+            target: 0.2,
+            most: 10.0,
+        },
+        Accept::Bound(0.4),
+        Accept::Bound(0.01),
+    ];
+    let orders = [Order::Dipole, Order::Quadrupole];
+    let each = |accept| orders.map(|order| options(order, accept));
+    accepts.into_iter().flat_map(each).collect()
+}
+
+fn check(found: Estimate, lambda: i64, what: &dyn std::fmt::Display) {
+    let off = (found.value - lambda as f64).abs();
+    assert!(off <= found.bound, "{what}: {found:?}, not {lambda}");
+    let integer = found.integer();
+    assert!(integer.is_none_or(|n| n == lambda), "{what}: {found:?}");
+}
+
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: i64) -> i64 {
+        let Random(seed) = self;
+        *seed = seed
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        ((*seed >> 33) as i64) % n
+    }
+
+    /// A polygon whose sides are steps of a walk in a box: coherent, as curves are.
+    fn polygon(&mut self, n: usize, size: i64, step: i64) -> Vec<[i64; 3]> {
+        let mut at = [0; 3].map(|_: i64| self.below(size));
+        (0..n)
+            .map(|_| {
+                at = at.map(|x| (x + self.below(2 * step + 1) - step).clamp(0, size));
+                at
+            })
+            .collect()
+    }
+}
+
+/// Random pairs of integer polygons; returns how many integers were proven, and how many are not 0.
+fn check_random(pairs: usize, seed: u64) -> (usize, usize) {
+    let mut random = Random(seed);
+    let (mut proven, mut linked) = (0, 0);
+    let ways = ways();
+    for k in 0..pairs {
+        let sizes = [6, 30, 300];
+        let size = [20, 1000, 1 << 20][k % 3];
+        let step = size / [1, 4, 16][k / 3 % 3] + 1;
+        let mut polygon = |n| {
+            let n = 3 + random.below(n) as usize;
+            random.polygon(n, size, step)
+        };
+        let n = sizes[k / 9 % 3];
+        let (a, b) = (polygon(n), polygon(n));
+        let lambda = oracle::linking_number(&a, &b);
+        let real = |p: &[[i64; 3]]| p.iter().map(|p| p.map(|x| x as f64)).collect::<Vec<_>>();
+        let set = polylines(&[&real(&a), &real(&b)]);
+        let way = ways[k % ways.len()];
+        let found = BarnesHut::new(&set, way).linking_number((0, 1));
+        match lambda {
+            Some(lambda) => {
+                check(found, lambda, &format_args!("{way:?} of {a:?} and {b:?}"));
+                proven += usize::from(found.integer().is_some());
+                linked += usize::from(lambda != 0);
+            }
+            None => assert_eq!(found.integer(), None, "touching: {a:?} and {b:?}"),
+        }
+    }
+    (proven, linked)
+}
+
+#[test]
+fn bounds_cover_the_error_on_random_polygons() {
+    let (proven, linked) = check_random(2_000, 1);
+    assert!(proven > 1_000 && linked > 80, "{proven} {linked}");
+}
+
+/// A tenth of a million pairs: minutes.
+#[test]
+#[ignore]
+fn bounds_cover_the_error_on_many_random_polygons() {
+    for seed in 0..50 {
+        check_random(2_000, 1000 + seed);
+    }
+}
+
+#[test]
+fn bounds_cover_the_error_on_scenes() {
+    for text in [
+        "ribbon:segments=2000,lambda=10",
+        "ribbon:segments=20000,lambda=-100",
+        "ribbon:segments=60000,lambda=1000",
+        "woundball:segments=4000,crossings=20",
+        "torus_link:segments=4000,toroidal=10,poloidal=20",
+        "torus_zero:segments=16000,periods=20",
+    ] {
+        let (set, lambda) = scene(text);
+        for way in ways() {
+            let found = BarnesHut::new(&set, way).linking_number((0, 1));
+            check(found, lambda, &format_args!("{text} {way:?}"));
+            let back = BarnesHut::new(&set, way).linking_number((1, 0));
+            check(back, lambda, &format_args!("{text} {way:?}, swapped"));
+            if let Accept::Bound(budget) = way.accept {
+                assert!(found.bound <= budget, "{text} {way:?}: {found:?}");
+                assert_eq!(found.integer(), Some(lambda));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_large_linking_number_is_never_rounded_to_a_wrong_one() {
+    // The published method's answer is -999 for a ribbon like this one.
+    let (set, lambda) = scene("ribbon:segments=200000,lambda=1000");
+    for beta in [1.3, 2.0, 2.5] {
+        let way = options(Order::Quadrupole, Accept::Beta(beta));
+        let found = BarnesHut::new(&set, way).linking_number((0, 1));
+        check(found, lambda, &beta);
+        assert_eq!(found.integer(), None);
+    }
+    let found = BarnesHut::new(&set, Options::default()).linking_number((0, 1));
+    assert_eq!(found.integer(), Some(lambda));
+}
+
+#[test]
+fn the_error_falls_with_beta_as_published() {
+    let (set, lambda) = scene("ribbon:segments=100000,lambda=300");
+    let error = |order, beta: f64| {
+        let way = options(order, Accept::Beta(beta));
+        let found = BarnesHut::new(&set, way).linking_number((0, 1));
+        ((found.value - lambda as f64).abs(), found.bound)
+    };
+    for (order, power) in [(Order::Dipole, 3.0), (Order::Quadrupole, 4.0)] {
+        // The mean over a range: single errors have either sign.
+        let [coarse, fine] = [[1.8, 2.0, 2.2], [5.4, 6.0, 6.6]].map(|betas| {
+            let found = betas.map(|beta| error(order, beta));
+            found.iter().map(|f| f.0).sum::<f64>() / 3.0
+        });
+        let slope = (coarse / fine).ln() / 3f64.ln();
+        assert!((slope - power).abs() < 1.5, "{order:?}: {slope}");
+        assert!(error(order, 6.0).1 < error(order, 2.0).1 / 10.0);
+    }
+}
+
+#[test]
+fn sums_have_the_same_bits_for_any_number_of_threads() {
+    let (set, _) = scene("ribbon:segments=20000,lambda=100");
+    for way in ways() {
+        let [one, three] = [1, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let pool = pool.build().unwrap();
+            pool.install(|| {
+                let found = BarnesHut::new(&set, way).linking_number((0, 1));
+                (found.value.to_bits(), found.bound.to_bits())
+            })
+        });
+        assert_eq!(one, three, "{way:?}");
+    }
+}
+
+/// A square about the z axis, and one through it.
+fn hopf(scale: f64, offset: f64) -> [Vec<[f64; 3]>; 2] {
+    let a = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
+    let b = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];
+    [a, b].map(|p| {
+        let place = |x: i32| f64::from(x) * scale + offset;
+        p.map(|p| p.map(place)).to_vec()
+    })
+}
+
+#[test]
+fn the_scale_does_not_matter() {
+    for exponent in [-1074, -1070, -1022, -500, -50, 0, 50, 500, 1020] {
+        let half = exponent / 2;
+        let scale = 2f64.powi(half) * 2f64.powi(exponent - half);
+        let [a, b] = hopf(scale, 0.0);
+        let found =
+            BarnesHut::new(&polylines(&[&a, &b]), Options::default()).linking_number((0, 1));
+        assert_eq!(
+            found.integer().map(i64::abs),
+            Some(1),
+            "{exponent}: {found:?}"
+        );
+    }
+    // Far from the origin, and beside curves that are much larger.
+    let [a, b] = hopf(2f64.powi(-40), 1.0);
+    let [far, _] = hopf(1e9, 0.0);
+    let set = polylines(&[&a, &b, &far]);
+    let found = BarnesHut::new(&set, Options::default());
+    assert_eq!(
+        found.linking_number((0, 1)).integer().map(i64::abs),
+        Some(1)
+    );
+}
+
+#[test]
+fn curves_that_touch_have_no_integer() {
+    let [a, b] = hopf(1.0, 0.0);
+    let touching: [Vec<[f64; 3]>; 4] = [
+        // Edge through edge, vertex on vertex, collinear edges, the same curve.
+        vec![[2.0, 0.0, -1.0], [2.0, 0.0, 1.0], [5.0, 0.0, 0.0]],
+        vec![[2.0, 2.0, 0.0], [3.0, 3.0, 0.0], [3.0, 3.0, 9.0]],
+        vec![[-1.0, -2.0, 0.0], [1.0, -2.0, 0.0], [0.0, -5.0, 1.0]],
+        a.clone(),
+    ];
+    for other in &touching {
+        for way in ways() {
+            let set = polylines(&[&a, other]);
+            let found = BarnesHut::new(&set, way).linking_number((0, 1));
+            assert_eq!(found.integer(), None, "{other:?}: {found:?}");
+        }
+    }
+    // Repeated vertices and points are no contact.
+    let mut repeated = b.clone();
+    repeated.extend([b[3]; 20]);
+    let point = vec![[0.5, 0.25, 0.0]; 9];
+    let set = polylines(&[&a, &repeated, &point]);
+    let sums = BarnesHut::new(&set, Options::default());
+    assert_eq!(sums.linking_number((0, 1)).integer().map(i64::abs), Some(1));
+    assert_eq!(sums.linking_number((0, 2)).integer(), Some(0));
+}
+
+#[test]
+fn near_contact_is_told_by_its_sign_or_not_at_all() {
+    let [a, _] = hopf(1.0, 0.0);
+    for exponent in 1..70 {
+        for sign in [1.0, -1.0] {
+            let x = 2.0 + sign * 2f64.powi(-exponent);
+            let other = [[x, 0.1, -1.0], [x, 0.1, 1.0], [5.0, 0.0, 0.3]];
+            let found = BarnesHut::new(&polylines(&[&a, &other]), Options::default())
+                .linking_number((0, 1));
+            match (x.partial_cmp(&2.0), found.integer()) {
+                (Some(std::cmp::Ordering::Less), Some(n)) => assert_eq!(n.abs(), 1),
+                (Some(std::cmp::Ordering::Greater), Some(n)) => assert_eq!(n, 0),
+                (Some(std::cmp::Ordering::Equal), n) => assert_eq!(n, None),
+                (_, n) => assert!(n.is_none() && exponent > 40, "{exponent}: {found:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn other_curves_than_closed_polylines_are_unknown() {
+    let flat: Vec<f64> = (0..24).map(f64::from).collect();
+    let open = CurveSet::from_counts(Basis::Polyline, &[-4, 4], Positions::F64(&flat)).unwrap();
+    let spline = CurveSet::from_counts(Basis::BSpline, &[-4, -4], Positions::F64(&flat)).unwrap();
+    for set in [open, spline] {
+        let found = BarnesHut::new(&set, Options::default()).linking_number((0, 1));
+        assert_eq!(found, Estimate::UNKNOWN);
+    }
+}
+
+/// Measures the models and scenes named in `MODELS`, on one thread: `MODELS="a.bcc ribbon:lambda=10"`.
+#[test]
+#[ignore]
+fn measure() {
+    let names = std::env::var("MODELS").unwrap_or("ribbon:lambda=10".into());
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.unwrap()
+        .install(|| names.split_whitespace().for_each(measure_one));
+}
+
+/// Processor time of this thread, as Linux counts it.
+fn thread_seconds() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let nanoseconds = text.split_whitespace().next().and_then(|t| t.parse().ok());
+    nanoseconds.unwrap_or(f64::NAN) * 1e-9
+}
+
+fn measure_one(name: &str) {
+    use crate::pairs::{LinkSearch, Trees};
+    let path = std::path::Path::new(name);
+    let set = if path.exists() {
+        let model = crate::model::read(path).unwrap();
+        crate::homotopic_polylines(&model).unwrap().curves
+    } else {
+        name.parse::<Scene>().unwrap().build().unwrap().curves
+    };
+    let mut boxes = Trees::default();
+    boxes.refit(&set);
+    let pairs = LinkSearch::default().find(boxes.roots()).to_vec();
+    println!("{name}: {} segments, {} pairs", set.segments(), pairs.len());
+    println!(
+        "accept, order: ms of trees, of sums | node pairs | off integers, bound: largest | undecided"
+    );
+    let mut ways = Vec::new();
+    for beta in [2.0, 3.0, 4.0, 6.0, 8.0] {
+        ways.push(options(Order::Dipole, Accept::Beta(beta)));
+        ways.push(options(Order::Quadrupole, Accept::Beta(beta)));
+    }
+    let (beta, target, most) = (2.0, 0.2, 10.0);
+    let published = Accept::Estimated { beta, target, most };
+    ways.push(options(Order::Quadrupole, published));
+    ways.push(options(Order::Quadrupole, Accept::Bound(0.4)));
+    ways.push(Options::default());
+    for way in ways {
+        let runs: [_; 3] = std::array::from_fn(|_| {
+            let start = thread_seconds();
+            let kernel = BarnesHut::new(&set, way);
+            let built = thread_seconds();
+            let sums: Vec<Sum> = pairs.iter().filter_map(|&p| kernel.sum(p)).collect();
+            (thread_seconds() - built, built - start, sums)
+        });
+        let mut times = runs.each_ref().map(|r| (r.0, r.1));
+        times.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let [_, (summing, building), _] = times;
+        let found: Vec<Estimate> = runs[0].2.iter().map(Sum::estimate).collect();
+        let most = |of: &dyn Fn(&Estimate) -> f64| found.iter().map(of).fold(0.0, f64::max);
+        let count = |of: &dyn Fn(&Sum) -> u64| runs[0].2.iter().map(of).sum::<u64>();
+        println!(
+            "{:?} {:?}: {:.1} {:.1} | expanded {} leaf pairs {} visited {} | {:.1e} {:.1e} | {}",
+            way.accept,
+            way.order,
+            building * 1e3,
+            summing * 1e3,
+            count(&|s| s.expanded),
+            count(&|s| s.summed),
+            count(&|s| s.visited),
+            most(&|e| (e.value - e.value.round()).abs()),
+            most(&|e| e.bound),
+            found.iter().filter(|e| e.integer().is_none()).count(),
+        );
+    }
+}

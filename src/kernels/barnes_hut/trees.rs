@@ -1,0 +1,259 @@
+//! A binary tree over every curve, with moments.
+//!
+//! A curve is spatially coherent, so its tree halves its list of leaves, each a few segments in a row, again and
+//! again. Nodes lie in preorder, so that where children are follows from the number of leaves, and subtrees are
+//! slices, which threads share out. Two children a node, not eight as in the trees of boxes: the size of nodes then
+//! follows their distance more closely, and so fewer node pairs are needed.
+
+use super::bound::Reach;
+use super::moments::Moments;
+use crate::curve::{CurveSet, Point};
+
+/// Segments of a leaf, and lanes of the near field.
+pub(super) const LEAF: usize = 4;
+
+/// Leaves above which subtrees are built as tasks of their own.
+const GRAIN: usize = 1 << 10;
+
+/// A node: its place in preorder, and its leaves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    pub place: u32,
+    pub first: u32,
+    pub leaves: u32,
+}
+
+impl Node {
+    pub fn is_leaf(self) -> bool {
+        self.leaves == 1
+    }
+
+    /// Both children of a node that is no leaf.
+    pub fn children(self) -> [Node; 2] {
+        let half = self.leaves / 2;
+        let left = Node {
+            place: self.place + 1,
+            first: self.first,
+            leaves: half,
+        };
+        let right = Node {
+            place: self.place + 2 * half,
+            first: self.first + half,
+            leaves: self.leaves - half,
+        };
+        [left, right]
+    }
+}
+
+/// One closed curve.
+#[derive(Clone, Debug)]
+pub(super) struct Tree {
+    /// Vertices, one array an axis; the first is repeated at the end until the last leaf is full, and once more.
+    pub vertices: [Vec<f64>; 3],
+    pub reach: Vec<Reach>,
+    pub moments: Vec<Moments>,
+}
+
+impl Tree {
+    /// The tree of curve `i`, a polyline, with its coordinates multiplied by a power of two.
+    pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
+        let n = set.curve(i).points as usize;
+        let leaves = n.div_ceil(LEAF);
+        let vertices = [0, 1, 2].map(|x| {
+            let mut v = Vec::with_capacity(leaves * LEAF + 1);
+            v.extend((0..n).map(|k| set.point(i, k)[x] * scale));
+            let start = v.first().copied().unwrap_or_default();
+            v.resize(leaves * LEAF + 1, start);
+            v
+        });
+        let nodes = (2 * leaves).saturating_sub(1);
+        let mut reach = vec![EMPTY; nodes];
+        let mut moments = vec![Moments::ZERO; nodes];
+        if nodes > 0 {
+            build(&vertices, 0, leaves, &mut reach, &mut moments);
+        }
+        Tree {
+            vertices,
+            reach,
+            moments,
+        }
+    }
+
+    pub fn root(&self) -> Node {
+        Node {
+            place: 0,
+            first: 0,
+            leaves: self.reach.len().div_ceil(2) as u32,
+        }
+    }
+}
+
+const EMPTY: Reach = Reach {
+    centre: [0.0; 3],
+    radius: 0.0,
+    length: 0.0,
+    second: 0.0,
+    fourth: 0.0,
+    tangents: [0.0; 6],
+};
+
+/// Smallest and largest coordinates.
+type Extent = [[f64; 3]; 2];
+
+/// Builds a subtree; returns its box.
+fn build(
+    vertices: &[Vec<f64>; 3],
+    first: usize,
+    leaves: usize,
+    reach: &mut [Reach],
+    moments: &mut [Moments],
+) -> Extent {
+    let (Some((reach, below)), Some((own, moments_below))) =
+        (reach.split_first_mut(), moments.split_first_mut())
+    else {
+        return [[0.0; 3]; 2];
+    };
+    if leaves == 1 {
+        return build_leaf(vertices, first * LEAF, reach, own);
+    }
+    let half = leaves / 2;
+    let (left, right) = below.split_at_mut(2 * half - 1);
+    let (moments_left, moments_right) = moments_below.split_at_mut(2 * half - 1);
+    let mut build_left = || build(vertices, first, half, left, moments_left);
+    let mut build_right = || build(vertices, first + half, leaves - half, right, moments_right);
+    let [a, b] = if leaves > GRAIN {
+        rayon::join(build_left, build_right).into()
+    } else {
+        [build_left(), build_right()]
+    };
+    let extent = [
+        [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
+        [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
+    ];
+    let parts = [(&left[0], &moments_left[0]), (&right[0], &moments_right[0])];
+    let length = parts[0].0.length + parts[1].0.length;
+    let shares = if length > 0.0 {
+        parts.map(|(child, _)| child.length / length)
+    } else {
+        [0.5; 2]
+    };
+    let centre = [0, 1, 2].map(|x| {
+        let [p, q] = parts.map(|(child, _)| child.centre[x]);
+        p + shares[1] * (q - p)
+    });
+    *reach = Reach {
+        centre,
+        length,
+        ..EMPTY
+    };
+    let mut by_children: f64 = 0.0;
+    for ((child, child_moments), share) in parts.into_iter().zip(shares) {
+        let r = [0, 1, 2].map(|x| child.centre[x] - centre[x]);
+        own.add_shifted(child_moments, r);
+        let square = dot(r, r);
+        let shift = square.sqrt();
+        reach.second += share * (child.second + square);
+        // The mean of p^2 (p . r), the only odd one that does not vanish, is at most |r| root(<p^2> <p^4>).
+        let odd = 4.0 * shift * (child.second * child.fourth).sqrt();
+        let fourth = child.fourth + odd + square * (6.0 * child.second + square);
+        reach.fourth += share * fourth;
+        by_children = by_children.max(child.radius + shift);
+        for (s, t) in reach.tangents.iter_mut().zip(child.tangents) {
+            *s += share * t;
+        }
+    }
+    let corner = [0, 1, 2].map(|x| (extent[1][x] - centre[x]).max(centre[x] - extent[0][x]));
+    finish(reach, by_children.min(dot(corner, corner).sqrt()));
+    extent
+}
+
+fn build_leaf(
+    vertices: &[Vec<f64>; 3],
+    start: usize,
+    reach: &mut Reach,
+    moments: &mut Moments,
+) -> Extent {
+    let point = |k: usize| vertices.each_ref().map(|v| v[start + k]);
+    let side = |k: usize| {
+        let (p, q) = (point(k), point(k + 1));
+        let c = [0, 1, 2].map(|x| q[x] - p[x]);
+        (c, dot(c, c).sqrt())
+    };
+    let sides: [_; LEAF] = std::array::from_fn(side);
+    let base = point(0);
+    let length: f64 = sides.iter().map(|s| s.1).sum();
+    let share = |k: usize| {
+        if length > 0.0 {
+            sides[k].1 / length
+        } else {
+            0.0
+        }
+    };
+    let from = |centre: Point, k: usize| {
+        let (p, q) = (point(k), point(k + 1));
+        [0, 1, 2].map(|x| 0.5 * (p[x] - centre[x]) + 0.5 * (q[x] - centre[x]))
+    };
+    let mut centre = base;
+    for k in 0..LEAF {
+        let r = from(base, k);
+        for x in 0..3 {
+            centre[x] += share(k) * r[x];
+        }
+    }
+    *reach = Reach {
+        centre,
+        length,
+        ..EMPTY
+    };
+    let mut extent = [base; 2];
+    let mut farthest: f64 = 0.0;
+    for k in 0..=LEAF {
+        let p = point(k);
+        for x in 0..3 {
+            extent[0][x] = extent[0][x].min(p[x]);
+            extent[1][x] = extent[1][x].max(p[x]);
+        }
+        let r = [0, 1, 2].map(|x| p[x] - centre[x]);
+        farthest = farthest.max(dot(r, r));
+    }
+    for (k, &(c, size)) in sides.iter().enumerate() {
+        let r = from(centre, k);
+        moments.add_segment(c, r);
+        // Over the points r + x h with x from -1 to 1.
+        let (square, half, along) = (dot(r, r), dot(c, c) / 4.0, dot(r, c) / 2.0);
+        reach.second += share(k) * (square + half / 3.0);
+        let mixed = square * (square + 2.0 / 3.0 * half);
+        reach.fourth += share(k) * (mixed + 4.0 / 3.0 * along * along + half * half / 5.0);
+        if size > 0.0 {
+            let t = c.map(|c| c / size);
+            let weight = share(k);
+            for (s, (i, j)) in reach.tangents.iter_mut().zip(super::moments::PAIRS) {
+                *s += weight * t[i] * t[j];
+            }
+        }
+    }
+    finish(reach, farthest.sqrt());
+    extent
+}
+
+/// Rounds the bounds up: the centre is not quite the centroid, and all of them are rounded.
+///
+/// Coordinates are at most 1, so that a centre is off the centroid by less than `2^-46` after 32 levels. That
+/// changes the mean of `p^2` by less than 8 times it and the radius, the mean of `p^4` by 32 times it and the cube of the
+/// radius, and those of `d` by less than the sums of both.
+fn finish(reach: &mut Reach, radius: f64) {
+    const SLACK: f64 = f64::from_bits((1023 - 40) << 52);
+    const OFF: f64 = f64::from_bits((1023 - 46) << 52);
+    let radius = radius * (1.0 + SLACK);
+    let square = radius * radius;
+    reach.radius = radius;
+    let means = [square, square * reach.second.min(square)];
+    reach.second = reach.second.min(means[0]) + SLACK * square + 8.0 * OFF * radius;
+    let slack = SLACK * square * square + 32.0 * OFF * radius * square;
+    reach.fourth = reach.fourth.min(means[1]) + slack;
+}
+
+#[inline(always)]
+pub(super) fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

@@ -1,0 +1,123 @@
+//! Rigorous linking numbers where positions are known up to some noise.
+//!
+//! [`enclose`] is Arai's method (Arai 2013, algorithms 1 and 3, remark 4): his sum in interval arithmetic, for vertices
+//! anywhere within cubes. [`noise`] decides the same question where the cubes are far larger, and faster.
+//!
+//! Cost: quadratic, some hundred times that of [`super::direct`].
+//! Beaten by everything else, which is why it is a referee: it takes neither bounds from a proof on paper nor functions
+//! from a library, only the rounding of single operations.
+
+pub(crate) mod noise;
+mod number;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use number::Interval;
+
+use super::direct::Vertices;
+use crate::curve::CurveSet;
+use crate::pairs::Pair;
+use rayon::prelude::*;
+
+type Vector = [Interval; 3];
+
+/// All linking numbers that two closed polylines have, their vertices being anywhere in cubes of half-width `noise` around
+/// where they are. Every number, where one of the curves is open or a spline.
+pub(crate) fn enclose(set: &CurveSet, (i, j): Pair, noise: f64) -> Interval {
+    let vertices = Vertices::new(set);
+    let both = [i, j].map(|i| vertices.of(i as usize));
+    let [Some(first), Some(second)] = both else {
+        return Interval::ENTIRE;
+    };
+    if noise.is_nan() || noise < 0.0 || i == j {
+        return Interval::ENTIRE;
+    }
+    let radius = match noise {
+        0.0 => 0.0,
+        _ => vertices.scaled(noise).next_up(),
+    };
+    let cubes = |[x, y, z]: [&[f64]; 3]| -> Vec<Vector> {
+        let points = x.iter().zip(y).zip(z);
+        points
+            .map(|((&x, &y), &z)| [x, y, z].map(|x| cube(x, radius)))
+            .collect()
+    };
+    let (first, second) = (cubes(first), cubes(second));
+    let rows: Vec<Interval> = second
+        .par_windows(2)
+        .map(|k| {
+            let angles = first.windows(2).map(|l| angle([k[0], k[1]], [l[0], l[1]]));
+            angles.fold(Interval::ZERO, |sum, angle| sum + angle)
+        })
+        .collect();
+    let sum = rows.into_iter().fold(Interval::ZERO, |sum, row| sum + row);
+    sum / (Interval::PI + Interval::PI)
+}
+
+/// A scaled coordinate, known to a radius. Those that are subnormal may have been rounded when they were scaled.
+fn cube(x: f64, radius: f64) -> Interval {
+    let exact = x.abs() >= f64::MIN_POSITIVE;
+    Interval::around(
+        x,
+        if exact {
+            radius
+        } else {
+            radius + f64::MIN_POSITIVE
+        },
+    )
+}
+
+/// Half the solid angle of a pair of segments. It is below half a turn.
+fn angle(k: [Vector; 2], l: [Vector; 2]) -> Interval {
+    let [a, b, c, d] = [
+        minus(l[0], k[0]),
+        minus(l[0], k[1]),
+        minus(l[1], k[1]),
+        minus(l[1], k[0]),
+    ];
+    let half_turn = Interval {
+        lo: -Interval::PI.hi,
+        hi: Interval::PI.hi,
+    };
+    match (half_solid_angle(a, b, c), half_solid_angle(c, d, a)) {
+        (Some(one), Some(other)) => (one + other).within(half_turn),
+        _ => half_turn,
+    }
+}
+
+/// Half the solid angle of the triangle of three directions; none, where it may be half a turn either way.
+fn half_solid_angle(a: Vector, b: Vector, c: Vector) -> Option<Interval> {
+    let [na, nb, nc] = [a, b, c].map(length);
+    let volume = dot(a, cross(b, c));
+    let real = na * nb * nc + dot(a, b) * nc + dot(b, c) * na + dot(c, a) * nb;
+    let quarter = Interval::PI / Interval::point(2.0);
+    if real.lo > 0.0 {
+        Some((volume / real).arctangent())
+    } else if volume.lo > 0.0 {
+        Some(quarter - (real / volume).arctangent())
+    } else if volume.hi < 0.0 {
+        Some(-quarter - (real / volume).arctangent())
+    } else {
+        None
+    }
+}
+
+fn minus(a: Vector, b: Vector) -> Vector {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn dot(a: Vector, b: Vector) -> Interval {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: Vector, b: Vector) -> Vector {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+fn length(a: Vector) -> Interval {
+    (a[0].square() + a[1].square() + a[2].square()).root()
+}

@@ -1,0 +1,230 @@
+//! Linking numbers that no noise can change, sharply.
+//!
+//! Let every vertex move by at most `R` along each axis, from where it is to where it may be. On the way every point of a
+//! segment stays within `R` of where it was along each axis: within the segment, dilated in the maximum norm. If no
+//! dilated segment of one curve meets one of the other, the curves do not meet on the way, so the linking
+//! number is that of the curves as they are, which is counted exactly ([`super::super::crossings`]). They do not
+//! meet exactly where the segments are more than `2 R` apart in the maximum norm.
+//!
+//! The converse holds as well: where two dilated segments meet, some noise brings the curves in touch.
+//!
+//! Cost: that of counting crossings, and of the segment pairs whose boxes are within `2 R`.
+
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use crate::curve::{CurveSet, Lanes, Point, Portable};
+use crate::kernels::Linking;
+use crate::kernels::crossings::{self, Scene, Workspace};
+use crate::pairs::{
+    CurveTree, Pair, Query, SegmentPairs, closest_approach, closest_of_segments, descend,
+};
+use crate::verdict::DefectKind;
+
+/// The linking number of two closed polylines, the same wherever their vertices are in cubes of half-width `noise`
+/// around where they are; or two segments that may meet ([`DefectKind::TooClose`]).
+pub(crate) fn linking_number(
+    scene: Scene<'_>,
+    pair: Pair,
+    noise: f64,
+    workspace: &mut Workspace,
+) -> Linking {
+    let exact = crossings::linking_number(scene, pair, None, workspace);
+    if noise == 0.0 || matches!(exact, Linking::Undefined(..)) {
+        return exact;
+    }
+    let curves = [pair.0 as usize, pair.1 as usize];
+    match may_meet(scene, curves, noise) {
+        Meeting::Never => exact,
+        Meeting::Maybe(segments) => {
+            // The nearest are more telling than the first that were found, where they may meet as well.
+            let nearest = closest_approach(scene.set, scene.trees, curves[0], curves[1]);
+            let place = match apart(scene.set, curves, nearest.segments, 2.0 * noise) {
+                false => nearest,
+                true => closest_of_segments(scene.set, curves, segments),
+            };
+            Linking::Undefined(DefectKind::TooClose, place)
+        }
+        Meeting::Unknown => {
+            let nearest = closest_approach(scene.set, scene.trees, curves[0], curves[1]);
+            Linking::Undefined(DefectKind::TooClose, nearest)
+        }
+    }
+}
+
+/// Whether dilated curves meet.
+enum Meeting {
+    Never,
+    /// These segments do, or are too close to tell.
+    Maybe([u32; 2]),
+    /// Not looked into: splines, noise that is not a length or larger than all, coordinates beyond single precision.
+    Unknown,
+}
+
+/// Looks for segments of two curves that meet when they are dilated.
+fn may_meet(scene: Scene<'_>, curves: [usize; 2], noise: f64) -> Meeting {
+    const LARGEST: f64 = 1e38;
+    let (set, trees) = (scene.set, scene.trees);
+    let size = set.max_abs();
+    if !set.basis().is_polyline() || !(0.0..=size).contains(&noise) || size > LARGEST {
+        return Meeting::Unknown;
+    }
+    let search = Search {
+        set,
+        curves,
+        trees: curves.map(|i| trees.of(set, i)),
+        gap: 2.0 * noise,
+        // Boxes are dilated in single precision, which rounds by 2^-24 of both.
+        reach: (1.001 * (2.0 * noise + 1e-6 * size)) as f32,
+    };
+    #[cfg(target_arch = "x86_64")]
+    if let Some(avx2) = Avx2::detect() {
+        #[expect(unsafe_code, reason = "vector instructions")]
+        // SAFETY: the token says that the processor has them.
+        return unsafe { search_avx2(avx2, &search) };
+    }
+    search.run(Portable)
+}
+
+/// [`Search::run`], compiled with AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+fn search_avx2(avx2: Avx2, search: &Search<'_>) -> Meeting {
+    search.run(avx2)
+}
+
+struct Search<'a> {
+    set: &'a CurveSet,
+    curves: [usize; 2],
+    trees: [CurveTree<'a>; 2],
+    /// The distance that segments must have.
+    gap: f64,
+    /// That of boxes, no less.
+    reach: f32,
+}
+
+impl Search<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(&self, simd: L) -> Meeting {
+        /// Segment pairs that are looked for before they are looked into.
+        const BATCH: usize = 1 << 10;
+        let query = Query {
+            w: 2,
+            meeting: false,
+            reach: self.reach,
+        };
+        let mut agenda = vec![(self.trees[0].root(), self.trees[1].root())];
+        let mut found = SegmentPairs::default();
+        while !agenda.is_empty() {
+            found.all.clear();
+            let limits = (usize::MAX, BATCH);
+            descend::<L, true>(simd, self.trees, query, &mut agenda, &mut found, limits);
+            for &(s, t) in &found.all {
+                if !apart(self.set, self.curves, [s, t], self.gap) {
+                    return Meeting::Maybe([s, t]);
+                }
+            }
+        }
+        Meeting::Never
+    }
+}
+
+/// Whether two segments are further apart than `gap` in the maximum norm; certain where it says so.
+fn apart(set: &CurveSet, [i, j]: [usize; 2], [s, t]: [u32; 2], gap: f64) -> bool {
+    let ends = |i: usize, s: usize| [set.knot(i, s), set.knot(i, s + 1)];
+    segments_apart(ends(i, s as usize), ends(j, t as usize), gap)
+}
+
+/// The differences of the points of two segments fill a parallelogram. It stays away from the cube of half-width `gap`
+/// around the origin exactly where one of ten directions tells them apart: those of the faces of the cube, that of
+/// the parallelogram, and those orthogonal to an edge of either (the facets of the sum of both bodies).
+///
+/// Any direction `n` is a proof if `n . w > gap |n|_1` for the four corners `w`. Along an axis rounding does not matter: a
+/// difference that is rounded to more than `gap` is more than `gap`. Elsewhere `n . w` is off by `4 u` of the sum of
+/// its terms' magnitudes, and the right side by `3 u` of itself; the last term is for underflow.
+fn segments_apart(p: [Point; 2], q: [Point; 2], gap: f64) -> bool {
+    const SLACK: f64 = 8.0 * f64::EPSILON;
+    let minus = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let corners = [
+        minus(q[0], p[0]),
+        minus(q[0], p[1]),
+        minus(q[1], p[1]),
+        minus(q[1], p[0]),
+    ];
+    let on_one_side =
+        |x: usize| corners.iter().all(|w| w[x] > gap) || corners.iter().all(|w| w[x] < -gap);
+    if (0..3).any(on_one_side) {
+        return true;
+    }
+    let (e, f) = (minus(p[1], p[0]), minus(q[1], q[0]));
+    let cross = |a: Point, b: Point| {
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    };
+    let told_apart = |n: Point| {
+        let need = gap * (n[0].abs() + n[1].abs() + n[2].abs()) * (1.0 + SLACK);
+        let heights = corners.map(|w| {
+            let terms = [n[0] * w[0], n[1] * w[1], n[2] * w[2]];
+            let size = terms[0].abs() + terms[1].abs() + terms[2].abs();
+            let off = SLACK * size + 4.0 * f64::MIN_POSITIVE;
+            (terms[0] + terms[1] + terms[2], off)
+        });
+        heights.iter().all(|&(height, off)| height - off > need)
+            || heights.iter().all(|&(height, off)| height + off < -need)
+    };
+    let across = |e: Point| {
+        told_apart([0.0, e[2], -e[1]])
+            || told_apart([-e[2], 0.0, e[0]])
+            || told_apart([e[1], -e[0], 0.0])
+    };
+    told_apart(cross(e, f)) || across(e) || across(f)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The least value of a convex function from 0 to 1.
+    fn least(f: impl Fn(f64) -> f64) -> f64 {
+        let (mut lo, mut hi) = (0.0, 1.0);
+        for _ in 0..60 {
+            let (a, b) = ((2.0 * lo + hi) / 3.0, (lo + 2.0 * hi) / 3.0);
+            match f(a) < f(b) {
+                true => hi = b,
+                false => lo = a,
+            }
+        }
+        f(lo).min(f(hi))
+    }
+
+    #[test]
+    fn segments_are_told_apart_up_to_their_distance_in_the_maximum_norm() {
+        let mut seed = 5u64;
+        let mut random = || {
+            seed = seed
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (seed >> 40) as f64 / (1u64 << 23) as f64 - 1.0
+        };
+        for _ in 0..300 {
+            let mut points = [[0.0; 3]; 4];
+            points.iter_mut().flatten().for_each(|x| *x = random());
+            let (p, q) = ([points[0], points[1]], [points[2], points[3]]);
+            // By ternary search in ternary search: the function is convex.
+            let far = |s: f64, t: f64| {
+                let on = |v: [Point; 2], t: f64, x: usize| v[0][x] + t * (v[1][x] - v[0][x]);
+                let each = (0..3).map(|x| (on(p, s, x) - on(q, t, x)).abs());
+                each.fold(0.0, f64::max)
+            };
+            let best = least(|s| least(|t| far(s, t)));
+            assert!(!segments_apart(p, q, best), "{p:?} {q:?} {best}");
+            let less = best - 1e-9;
+            assert!(
+                less < 0.0 || segments_apart(p, q, less),
+                "{p:?} {q:?} {best}"
+            );
+        }
+    }
+}

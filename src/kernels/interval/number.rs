@@ -1,0 +1,291 @@
+//! Intervals of real numbers, rounded outward.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// All numbers from `lo` to `hi`. Operations give an interval that contains every result for numbers in the operands:
+/// each end is rounded to the nearest and then moved outward by one place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Interval {
+    pub lo: f64,
+    pub hi: f64,
+}
+
+impl Interval {
+    /// Every number.
+    pub const ENTIRE: Interval = Interval {
+        lo: f64::NEG_INFINITY,
+        hi: f64::INFINITY,
+    };
+
+    /// Zero.
+    pub const ZERO: Interval = Interval { lo: 0.0, hi: 0.0 };
+
+    /// Half a turn: the constant is the nearest below.
+    pub const PI: Interval = Interval {
+        lo: std::f64::consts::PI,
+        hi: std::f64::consts::PI.next_up(),
+    };
+
+    /// One number.
+    pub fn point(x: f64) -> Interval {
+        Interval { lo: x, hi: x }
+    }
+
+    /// All numbers that are `radius` away from `x` at most.
+    pub fn around(x: f64, radius: f64) -> Interval {
+        match radius {
+            0.0 => Interval::point(x),
+            _ => Interval::outward(x - radius, x + radius),
+        }
+    }
+
+    /// The interval around ends that are rounded to the nearest.
+    fn outward(lo: f64, hi: f64) -> Interval {
+        if lo.is_nan() || hi.is_nan() {
+            return Interval::ENTIRE;
+        }
+        Interval {
+            lo: lo.next_down(),
+            hi: hi.next_up(),
+        }
+    }
+
+    /// Whether a number is in it.
+    pub fn contains(self, x: f64) -> bool {
+        self.lo <= x && x <= self.hi
+    }
+
+    /// The only integer in it; none where there are several, or none.
+    #[cfg(test)]
+    pub fn integer(self) -> Option<i64> {
+        /// Beyond, neighbouring integers are not told apart.
+        const LARGEST: f64 = 4_503_599_627_370_496.0;
+        let (first, last) = (self.lo.ceil(), self.hi.floor());
+        (first == last && first.abs() < LARGEST).then_some(first as i64)
+    }
+
+    /// Its numbers between those of another one, which it meets.
+    pub fn within(self, other: Interval) -> Interval {
+        Interval {
+            lo: self.lo.max(other.lo),
+            hi: self.hi.min(other.hi),
+        }
+    }
+
+    /// Its square.
+    pub fn square(self) -> Interval {
+        let (p, q) = (self.lo * self.lo, self.hi * self.hi);
+        let most = p.max(q).next_up();
+        let least = if self.contains(0.0) {
+            0.0
+        } else {
+            p.min(q).next_down()
+        };
+        Interval {
+            lo: least,
+            hi: most,
+        }
+    }
+
+    /// The square root of what is not negative in it.
+    pub fn root(self) -> Interval {
+        Interval {
+            lo: self.lo.max(0.0).sqrt().next_down().max(0.0),
+            hi: self.hi.max(0.0).sqrt().next_up(),
+        }
+    }
+
+    /// The arctangent, between `-pi/2` and `pi/2`.
+    pub fn arctangent(self) -> Interval {
+        Interval {
+            lo: arctangent(self.lo).lo,
+            hi: arctangent(self.hi).hi,
+        }
+    }
+}
+
+impl Neg for Interval {
+    type Output = Interval;
+
+    fn neg(self) -> Interval {
+        Interval {
+            lo: -self.hi,
+            hi: -self.lo,
+        }
+    }
+}
+
+impl Add for Interval {
+    type Output = Interval;
+
+    fn add(self, other: Interval) -> Interval {
+        Interval::outward(self.lo + other.lo, self.hi + other.hi)
+    }
+}
+
+impl Sub for Interval {
+    type Output = Interval;
+
+    fn sub(self, other: Interval) -> Interval {
+        Interval::outward(self.lo - other.hi, self.hi - other.lo)
+    }
+}
+
+impl Mul for Interval {
+    type Output = Interval;
+
+    fn mul(self, other: Interval) -> Interval {
+        span([
+            self.lo * other.lo,
+            self.lo * other.hi,
+            self.hi * other.lo,
+            self.hi * other.hi,
+        ])
+    }
+}
+
+impl Div for Interval {
+    type Output = Interval;
+
+    /// Every number, where the divisor may be 0.
+    fn div(self, other: Interval) -> Interval {
+        if other.contains(0.0) {
+            return Interval::ENTIRE;
+        }
+        span([
+            self.lo / other.lo,
+            self.lo / other.hi,
+            self.hi / other.lo,
+            self.hi / other.hi,
+        ])
+    }
+}
+
+/// The interval from the least to the greatest of the ends, which are rounded to the nearest.
+fn span(ends: [f64; 4]) -> Interval {
+    if ends.iter().any(|x| x.is_nan()) {
+        return Interval::ENTIRE;
+    }
+    let lo = ends.into_iter().fold(f64::INFINITY, f64::min);
+    let hi = ends.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    Interval::outward(lo, hi)
+}
+
+/// The arctangent of a number, which is not NaN.
+///
+/// By its symmetry and by that about 1 it is reduced to numbers from 0 to 1; from 1/3 on `atan(1/2)` is split off, which is
+/// `pi/4 - atan(1/3)`.
+fn arctangent(x: f64) -> Interval {
+    if x < 0.0 {
+        return -arctangent(-x);
+    }
+    let quarter = Interval {
+        lo: 0.5 * Interval::PI.lo,
+        hi: 0.5 * Interval::PI.hi,
+    };
+    if x == f64::INFINITY {
+        return quarter;
+    }
+    let t = Interval::point(x);
+    if x > 1.0 {
+        return quarter - unit_arctangent(Interval::point(1.0) / t);
+    }
+    unit_arctangent(t)
+}
+
+/// The arctangent of numbers that are close together, about from 0 to 1.
+fn unit_arctangent(t: Interval) -> Interval {
+    let [one, two, three] = [1.0, 2.0, 3.0].map(Interval::point);
+    if 3.0 * t.hi <= 1.0 {
+        return series(t);
+    }
+    let eighth = Interval {
+        lo: 0.25 * Interval::PI.lo,
+        hi: 0.25 * Interval::PI.hi,
+    };
+    let half = eighth - series(one / three);
+    // Of a decreasing and an increasing function, in one: 2 - 5 / (2 + t).
+    half + series(two - Interval::point(5.0) / (two + t))
+}
+
+/// The arctangent of numbers that are not much larger than 1/3, by its series. It alternates, so that it is between the
+/// sums of 16 and of 17 terms.
+fn series(t: Interval) -> Interval {
+    let s = t.square();
+    let mut sum = Interval::ZERO;
+    for k in (0..16).rev() {
+        let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+        let term = Interval::point(sign) / Interval::point(f64::from(2 * k + 1));
+        sum = sum * s + term;
+    }
+    let power = (0..16).fold(Interval::point(1.0), |p, _| p * s);
+    let rest = power / Interval::point(33.0);
+    let sum = sum
+        + Interval {
+            lo: 0.0,
+            hi: rest.hi,
+        };
+    t * sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn operations_contain_what_they_should() {
+        let all = [-3.0, -0.5, 0.0, 0.1, 2.0];
+        for (i, &a) in all.iter().enumerate() {
+            for &b in &all[i..] {
+                for (k, &c) in all.iter().enumerate() {
+                    for &d in &all[k..] {
+                        let (p, q) = (Interval { lo: a, hi: b }, Interval { lo: c, hi: d });
+                        for x in [a, 0.5 * (a + b), b] {
+                            for y in [c, 0.25 * c + 0.75 * d, d] {
+                                assert!((p + q).contains(x + y));
+                                assert!((p - q).contains(x - y));
+                                assert!((p * q).contains(x * y));
+                                assert!(y == 0.0 || (p / q).contains(x / y));
+                                assert!(p.square().contains(x * x));
+                                assert!(x < 0.0 || p.root().contains(x.sqrt()));
+                                assert!((-p).contains(-x));
+                                assert!(p.arctangent().contains(x.atan()));
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        assert_eq!(Interval::ENTIRE * Interval::ZERO, Interval::ENTIRE);
+        assert_eq!(Interval::ENTIRE - Interval::ENTIRE, Interval::ENTIRE);
+        assert_eq!(Interval::ENTIRE.integer(), None);
+        assert_eq!(Interval { lo: 0.2, hi: 0.8 }.integer(), None);
+        assert_eq!(Interval { lo: 0.2, hi: 1.8 }.integer(), Some(1));
+        assert_eq!(Interval { lo: 0.0, hi: 1.0 }.integer(), None);
+    }
+
+    #[test]
+    fn arctangents_are_narrow_and_have_the_systems_within_two_places() {
+        let mut x = 1e-9;
+        while x < 1e12 {
+            for x in [x, -x] {
+                let (found, near) = (arctangent(x), x.atan());
+                let two = 2.0 * f64::EPSILON * near.abs();
+                assert!(found.lo <= near + two && near - two <= found.hi, "{x}");
+                assert!(
+                    found.hi - found.lo <= 80.0 * f64::EPSILON * near.abs(),
+                    "{x}"
+                );
+            }
+            x *= 1.01;
+        }
+        assert_eq!(arctangent(0.0).integer(), Some(0));
+        assert!(arctangent(f64::INFINITY).contains(std::f64::consts::FRAC_PI_2));
+        // Machin's formula, which no single arctangent knows of.
+        let four = Interval::point(4.0);
+        let pi = four
+            * (four * arctangent(0.2)
+                - (Interval::point(1.0) / Interval::point(239.0)).arctangent());
+        assert!(pi.lo <= Interval::PI.lo && Interval::PI.hi <= pi.hi && pi.hi - pi.lo < 1e-13);
+    }
+}
