@@ -430,3 +430,79 @@ fn check_tells_pull_throughs_between_models() {
     ]);
     assert_eq!(run.code, 2);
 }
+
+/// Every kernel comes to the same certificate, and says who decided.
+#[test]
+fn kernels_agree_and_say_who_decided() {
+    let scene = "knit:rows=3,stitches=16,segments=576";
+    let certify = |more: &[&str]| {
+        let run = linkwatch(&[&["--json", "certify", scene], more].concat());
+        assert_eq!(run.code, 0, "{}", run.stderr);
+        serde_json::from_str::<serde_json::Value>(&run.stdout).unwrap()
+    };
+    let expected = certify(&[]);
+    assert!(expected["ladder"].is_null());
+    let pairs = expected["stats"]["potential_links"].as_u64().unwrap();
+    for (kernel, more) in [
+        ("direct", &[][..]),
+        ("angle-sum", &[]),
+        ("barnes-hut", &[]),
+        ("barnes-hut", &["--beta", "2", "--dipole"]),
+        ("barnes-hut", &["--beta", "2", "--target", "0.01"]),
+        ("interval", &[]),
+    ] {
+        let found = certify(&[&["--kernel", kernel], more].concat());
+        assert_eq!(found["certificate"], expected["certificate"], "{kernel}");
+        let of = |what: &str| found["ladder"][what].as_u64().unwrap();
+        assert_eq!(of("summed") + of("counted"), pairs, "{kernel}");
+        // By the bound all are proven; by a coarse beta few are, and no wrong one is believed.
+        if more.is_empty() {
+            assert_eq!(of("counted"), 0, "{kernel}");
+        }
+        let error = found["ladder"]["largest_error"].as_f64().unwrap();
+        assert!(error < 0.2, "{kernel} {more:?}: {error}");
+    }
+    let run = linkwatch(&["certify", scene, "--kernel", "guess"]);
+    assert_eq!(run.code, 2);
+}
+
+/// Two linked squares whose edges are 1 apart in the maximum norm keep their number below half of that, and say from
+/// there on which segments may meet.
+#[test]
+fn noise_is_borne_as_long_as_no_segments_can_meet() {
+    let folder = TempDir::new().unwrap();
+    let xyz = [square([0., 0., 0.], [0, 1]), square([1., 0., 0.], [0, 2])].concat();
+    let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F32(&xyz)).unwrap();
+    let model = folder.path().join("hopf.bcc");
+    model::write_bcc(&model, &set).unwrap();
+    let certify = |noise: &str| linkwatch(&["certify", text(&model), "--noise", noise]);
+    let exact = linkwatch(&["certify", text(&model)]).stdout;
+    for noise in ["0", "0.1", "0.499"] {
+        let run = certify(noise);
+        assert_eq!(
+            (run.code, &run.stdout),
+            (0, &exact),
+            "{noise}: {}",
+            run.stderr
+        );
+    }
+    for noise in ["0.5", "0.7", "100"] {
+        let run = certify(noise);
+        assert_eq!((run.code, run.stdout.as_str()), (3, "2\n0,1,undefined\n"), "{noise}");
+        assert!(
+            run.stderr.contains("curves 0 and 1 are too close"),
+            "{}",
+            run.stderr
+        );
+        assert!(run.stderr.contains("segments"), "{}", run.stderr);
+    }
+    assert_eq!(certify("-1").code, 2);
+    let run = linkwatch(&[
+        "certify",
+        "knit:rows=3,stitches=16,segments=576",
+        "--noise",
+        "0.1",
+    ]);
+    assert_eq!(run.code, 2);
+    assert!(run.stderr.contains("splines"), "{}", run.stderr);
+}
