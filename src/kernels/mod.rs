@@ -1,6 +1,6 @@
 //! Kernels: two closed curves in, their linking number out.
 //!
-//! [`crossings`] counts, exactly; the others sum the Gauss integral and say how far off they may be ([`Estimate`]). The
+//! `crossings` counts, exactly; the others sum the Gauss integral and say how far off they may be ([`Estimate`]). The
 //! verifier takes from a sum what its bound decides and counts the rest ([`crate::Ladder`]), so a kernel costs time, never
 //! truth.
 //!
