@@ -1,0 +1,200 @@
+//! The collection through any kernel.
+
+use crate::case::{Answer, Case};
+use linkwatch::{AbortOn, Certificate, CurveSet, DefectKind, Verdict, Verifier};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// What is asked of a kernel beside never giving a wrong integer.
+#[derive(Clone, Copy, PartialEq)]
+#[allow(dead_code, reason = "kernels to come may refuse")]
+pub enum Rule {
+    /// It decides every case.
+    Complete,
+    /// It may refuse any pair.
+    Honest,
+}
+
+/// A kernel: curves in, certificate out.
+#[derive(Clone, Copy)]
+pub struct Kernel {
+    pub name: &'static str,
+    pub rule: Rule,
+    pub certify: fn(&CurveSet) -> Certificate,
+}
+
+/// All of a frame from nothing.
+pub const FULL: Kernel = Kernel {
+    name: "certify",
+    rule: Rule::Complete,
+    certify: |set| Verifier::new(AbortOn::Never).certify(set).0.clone(),
+};
+
+/// The third of three equal frames of an incremental verifier that also checks itself, against a baseline without
+/// links: its report then has the whole certificate.
+pub const INCREMENTAL: Kernel = Kernel {
+    name: "incremental step",
+    rule: Rule::Complete,
+    certify: |set| {
+        let nothing = Certificate {
+            curves: set.len(),
+            ..Certificate::default()
+        };
+        let mut verifier = Verifier::with_baseline(AbortOn::Never, nothing);
+        verifier.set_incremental(true);
+        verifier.set_paranoid(true);
+        let mut certificate = Certificate::default();
+        for seq in 0..3 {
+            let report = verifier.step(seq, 0.0, set).expect("a valid frame");
+            assert!(!verifier.work().disagreed, "incremental and full differ");
+            certificate = Certificate {
+                curves: set.len(),
+                links: Vec::new(),
+                undefined: report.defects,
+            };
+            certificate.links.extend(report.changes.iter().map(|c| {
+                assert_eq!(c.expected, 0);
+                linkwatch::Link {
+                    i: c.i,
+                    j: c.j,
+                    lambda: c.found,
+                }
+            }));
+            verifier.settle();
+        }
+        certificate
+    },
+};
+
+/// The second of two equal frames with early exit, which must be as the first: the certificate of that one.
+pub const EARLY_EXIT: Kernel = Kernel {
+    name: "early exit",
+    rule: Rule::Complete,
+    certify: |set| {
+        let mut verifier = Verifier::new(AbortOn::Never);
+        verifier.set_early_exit(true);
+        verifier.step(0, 0.0, set).expect("a valid frame");
+        let baseline = verifier.baseline().expect("the first frame").clone();
+        let report = verifier.step(1, 0.0, set).expect("a valid frame");
+        assert_eq!(report.changes, []);
+        assert_eq!(report.defects, baseline.undefined);
+        assert_eq!(report.stats.unchecked, 0);
+        let touch = |d: &linkwatch::Defect| d.kind == DefectKind::Contact;
+        let verdict = match &baseline.undefined[..] {
+            [] => Verdict::Intact,
+            defects if defects.iter().any(touch) => Verdict::Contact,
+            _ => Verdict::Undecided,
+        };
+        assert_eq!(report.verdict, verdict);
+        baseline
+    },
+};
+
+/// Pools of 1 and of 3 threads.
+pub fn pools() -> Vec<ThreadPool> {
+    let pool = |n| ThreadPoolBuilder::new().num_threads(n).build();
+    [1, 3].map(|n| pool(n).expect("threads")).into()
+}
+
+/// Runs a case and all its variants, in both precisions and in every pool, through a kernel; panics are caught. What
+/// is wrong, in words.
+pub fn complaints(case: &Case, kernel: Kernel, pools: &[ThreadPool]) -> Vec<String> {
+    let mut out = Vec::new();
+    for case in case.precisions().iter().flat_map(Case::variants) {
+        let mut first = None;
+        for pool in pools {
+            let run = || pool.install(|| (kernel.certify)(&case.curves));
+            let found = catch_unwind(AssertUnwindSafe(run));
+            let wrong = match &found {
+                Ok(certificate) => check(&case, certificate, kernel.rule),
+                Err(_) => vec!["panics".into()],
+            };
+            out.extend(
+                wrong
+                    .iter()
+                    .map(|w| format!("{}, {}: {w}", case.name, kernel.name)),
+            );
+            // NaN is unlike itself; words are not.
+            let words = found.ok().map(|c| format!("{c:?}"));
+            if *first.get_or_insert_with(|| words.clone()) != words {
+                out.push(format!(
+                    "{}, {}: depends on the threads",
+                    case.name, kernel.name
+                ));
+            }
+        }
+    }
+    out
+}
+
+/// Compares a certificate with the exact answer.
+fn check(case: &Case, certificate: &Certificate, rule: Rule) -> Vec<String> {
+    let mut wrong = Vec::new();
+    let n = case.curves.len();
+    if certificate.curves != n {
+        wrong.push(format!("{} curves", certificate.curves));
+    }
+    let links = &certificate.links;
+    let lambdas: BTreeMap<_, _> = links
+        .iter()
+        .map(|l| ((l.i as usize, l.j as usize), l.lambda))
+        .collect();
+    if !links.is_sorted_by(|a, b| (a.i, a.j) < (b.i, b.j))
+        || links.iter().any(|l| l.i >= l.j || l.lambda == 0)
+    {
+        wrong.push("links are not sorted or not links".into());
+    }
+    let undefined = &certificate.undefined;
+    if !undefined.is_sorted_by(|a, b| (a.i, a.j) < (b.i, b.j)) {
+        wrong.push("defects are not sorted".into());
+    }
+    let kinds: BTreeMap<_, _> = undefined
+        .iter()
+        .map(|d| ((d.i as usize, d.j.map(|j| j as usize)), d.kind))
+        .collect();
+    for d in undefined {
+        if !d.place.point.iter().all(|x| x.is_finite())
+            || d.place.distance.is_nan()
+            || d.place.distance < 0.0
+        {
+            wrong.push(format!("{:?} has no place: {:?}", (d.i, d.j), d.place));
+        }
+    }
+    let degenerate = &case.expected.degenerate;
+    for i in 0..n {
+        let expected = degenerate.contains(&i).then_some(&DefectKind::Degenerate);
+        let found = kinds.get(&(i, None));
+        if found != expected {
+            wrong.push(format!("curve {i} is {found:?}, not {expected:?}"));
+        }
+    }
+    for j in 0..n {
+        for i in 0..j {
+            let kind = kinds.get(&(i, Some(j)));
+            let lambda = lambdas.get(&(i, j));
+            if degenerate.contains(&i) || degenerate.contains(&j) {
+                if kind.is_some() || lambda.is_some() {
+                    wrong.push(format!("({i}, {j}) is degenerate, not {kind:?} {lambda:?}"));
+                }
+                continue;
+            }
+            let answer = case.expected.of(i, j);
+            let number = lambda.copied().unwrap_or(0);
+            let right = match (answer, kind) {
+                (_, Some(_)) if lambda.is_some() => false,
+                (Answer::Number(expected) | Answer::Near(expected), None) => number == expected,
+                (Answer::Contact | Answer::Touching, None) => false,
+                (Answer::Contact, Some(DefectKind::Contact)) => true,
+                (Answer::Touching, Some(DefectKind::Contact | DefectKind::TooClose)) => true,
+                (Answer::Near(_), Some(DefectKind::TooClose)) => true,
+                // Another kernel may refuse without knowing why; contact is a claim, and false here.
+                (_, Some(kind)) => rule == Rule::Honest && *kind != DefectKind::Contact,
+            };
+            if !right {
+                wrong.push(format!("({i}, {j}) is {answer:?}, found {number} {kind:?}"));
+            }
+        }
+    }
+    wrong
+}
