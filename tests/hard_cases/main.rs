@@ -17,7 +17,7 @@ mod touching;
 
 use case::{Case, Expected};
 use linkwatch::kernels::oracle;
-use runner::{EARLY_EXIT, FULL, INCREMENTAL, Kernel};
+use runner::{EARLY_EXIT, EVENTS, FULL, GROWTH, JUMP, Kernel, STILL};
 use std::collections::BTreeSet;
 
 /// The whole collection.
@@ -33,11 +33,13 @@ fn all() -> Vec<Case> {
 }
 
 fn run(kernel: Kernel) {
+    let panics = runner::count_panics();
     let pools = runner::pools();
     let complaints: Vec<String> = all()
         .iter()
         .flat_map(|case| runner::complaints(case, kernel, &pools))
         .collect();
+    assert_eq!(runner::count_panics(), panics, "a thread panicked");
     let count = complaints.len();
     assert!(
         count == 0,
@@ -52,8 +54,23 @@ fn a_full_run_is_right() {
 }
 
 #[test]
-fn incremental_steps_are_right() {
-    run(INCREMENTAL);
+fn still_frames_are_right() {
+    run(STILL);
+}
+
+#[test]
+fn a_jump_is_right() {
+    run(JUMP);
+}
+
+#[test]
+fn growth_is_right() {
+    run(GROWTH);
+}
+
+#[test]
+fn a_search_for_pull_throughs_is_right() {
+    run(EVENTS);
 }
 
 #[test]

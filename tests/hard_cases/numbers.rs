@@ -54,14 +54,15 @@ fn gaps() -> Vec<Case> {
     all.flat_map(case).collect()
 }
 
-/// The same gaps in skew position: exact linear maps of determinant 1 leave no edge along an axis.
+/// Gaps from a tenth of a square down to one unit of its integer coordinates, in skew position: an exact linear map of
+/// determinant 1 leaves no edge along an axis. Linked, touching and unlinked.
 fn sheared_gaps() -> Vec<Case> {
     let mut cases = Vec::new();
-    for (half, gap) in [20, 36].into_iter().flat_map(|bits| {
+    for bits in [20, 36] {
         let half = 1i64 << bits;
-        (0..bits - 2).step_by(3).map(move |k| (half, 1i64 << k))
-    }) {
-        for x in [half - gap, half, half + gap] {
+        let gaps = (0..bits - 2).step_by(3).map(|k| 1i64 << k);
+        for gap in gaps.flat_map(|g| [g, -g]).chain([0]) {
+            let x = half + gap;
             let square = vec![
                 [-half, -half, 0],
                 [half, -half, 0],
@@ -78,7 +79,7 @@ fn sheared_gaps() -> Vec<Case> {
                 let (y, z) = (y + x, z + 2 * x);
                 [x + y + z, y + z, z].map(|v| v as f64)
             };
-            let name = format!("sheared gap of {} at {half}", x - half);
+            let name = format!("sheared gap of {gap} at 2^{bits}");
             cases.push(Case::mapped(name, &[square, gate], shear));
         }
     }

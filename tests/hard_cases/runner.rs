@@ -1,10 +1,15 @@
 //! The collection through any kernel.
 
 use crate::case::{Answer, Case};
-use linkwatch::{AbortOn, Certificate, CurveSet, DefectKind, Verdict, Verifier};
+use linkwatch::{
+    AbortOn, Certificate, Change, CurveSet, Defect, DefectKind, Events, Link, Positions, Precision,
+    Verdict, Verifier,
+};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
+use std::sync::Once;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What is asked of a kernel beside never giving a wrong integer.
 #[derive(Clone, Copy, PartialEq)]
@@ -31,41 +36,96 @@ pub const FULL: Kernel = Kernel {
     certify: |set| Verifier::new(AbortOn::Never).certify(set).0.clone(),
 };
 
-/// The third of three equal frames of an incremental verifier that also checks itself, against a baseline without
-/// links: its report then has the whole certificate.
-pub const INCREMENTAL: Kernel = Kernel {
-    name: "incremental step",
+/// Frame after frame that does not move, by an incremental verifier.
+pub const STILL: Kernel = Kernel {
+    name: "incremental, still",
+    rule: Rule::Complete,
+    certify: |set| last_of([set, set, set], Events::Off),
+};
+
+/// A frame in which the first curve jumps: it ran the other way before.
+pub const JUMP: Kernel = Kernel {
+    name: "incremental, jump",
     rule: Rule::Complete,
     certify: |set| {
-        let nothing = Certificate {
-            curves: set.len(),
-            ..Certificate::default()
-        };
-        let mut verifier = Verifier::with_baseline(AbortOn::Never, nothing);
-        verifier.set_incremental(true);
-        verifier.set_paranoid(true);
-        let mut certificate = Certificate::default();
-        for seq in 0..3 {
-            let report = verifier.step(seq, 0.0, set).expect("a valid frame");
-            assert!(!verifier.work().disagreed, "incremental and full differ");
-            certificate = Certificate {
-                curves: set.len(),
-                links: Vec::new(),
-                undefined: report.defects,
-            };
-            certificate.links.extend(report.changes.iter().map(|c| {
-                assert_eq!(c.expected, 0);
-                linkwatch::Link {
-                    i: c.i,
-                    j: c.j,
-                    lambda: c.found,
-                }
-            }));
-            verifier.settle();
-        }
-        certificate
+        let before = changed(set, |coordinates| {
+            let n = 3 * set.curve(0).points as usize;
+            coordinates[..n].as_chunks_mut::<3>().0[1..].reverse();
+        });
+        last_of([&before, &before, set], Events::Off)
     },
 };
+
+/// A frame that was as small as a speck before.
+pub const GROWTH: Kernel = Kernel {
+    name: "incremental, growth",
+    rule: Rule::Complete,
+    certify: |set| {
+        let before = changed(set, |coordinates| {
+            coordinates.iter_mut().for_each(|x| *x *= 2f64.powi(-40));
+        });
+        last_of([&before, &before, set], Events::Off)
+    },
+};
+
+/// A jump with a search for pull-throughs, of a curve through itself too.
+pub const EVENTS: Kernel = Kernel {
+    name: "pull-throughs",
+    rule: Rule::Complete,
+    certify: |set| {
+        let before = changed(set, |coordinates| coordinates[..3].fill(0.0));
+        last_of([&before, set, set], Events::All)
+    },
+};
+
+/// The same curves with other coordinates.
+fn changed(set: &CurveSet, change: impl Fn(&mut [f64])) -> CurveSet {
+    let points = |i: usize| (0..set.curve(i).points as usize).map(move |k| set.point(i, k));
+    let mut coordinates: Vec<f64> = (0..set.len()).flat_map(points).flatten().collect();
+    change(&mut coordinates);
+    let mut out = set.clone();
+    match set.precision() {
+        Precision::F64 => out.update(Positions::F64(&coordinates)),
+        Precision::F32 => {
+            let singles: Vec<f32> = coordinates.iter().map(|&x| x as f32).collect();
+            out.update(Positions::F32(&singles))
+        }
+    }
+    .expect("finite coordinates");
+    out
+}
+
+/// The certificate of the last frame by an incremental verifier that also checks itself: its baseline has no links, so
+/// the report has them all.
+fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
+    let curves = frames[0].len();
+    let nothing = Certificate {
+        curves,
+        ..Certificate::default()
+    };
+    let mut verifier = Verifier::with_baseline(AbortOn::Never, nothing);
+    verifier.set_incremental(true);
+    verifier.set_paranoid(true);
+    verifier.set_events(events);
+    let mut certificate = Certificate::default();
+    for (seq, set) in (0..).zip(frames) {
+        let report = verifier.step(seq, 0.0, set).expect("a valid frame");
+        assert!(!verifier.work().disagreed, "incremental and full differ");
+        let link = |c: &Change| Link {
+            i: c.i,
+            j: c.j,
+            lambda: c.found,
+        };
+        let lasting = report.defects.into_iter().filter(|d| !d.kind.is_of_step());
+        certificate = Certificate {
+            curves,
+            links: report.changes.iter().map(link).collect(),
+            undefined: lasting.collect(),
+        };
+        verifier.settle();
+    }
+    certificate
+}
 
 /// The second of two equal frames with early exit, which must be as the first: the certificate of that one.
 pub const EARLY_EXIT: Kernel = Kernel {
@@ -80,7 +140,7 @@ pub const EARLY_EXIT: Kernel = Kernel {
         assert_eq!(report.changes, []);
         assert_eq!(report.defects, baseline.undefined);
         assert_eq!(report.stats.unchecked, 0);
-        let touch = |d: &linkwatch::Defect| d.kind == DefectKind::Contact;
+        let touch = |d: &Defect| d.kind == DefectKind::Contact;
         let verdict = match &baseline.undefined[..] {
             [] => Verdict::Intact,
             defects if defects.iter().any(touch) => Verdict::Contact,
@@ -90,6 +150,21 @@ pub const EARLY_EXIT: Kernel = Kernel {
         baseline
     },
 };
+
+/// Panics of any thread, those that the library survives among them.
+static PANICS: AtomicUsize = AtomicUsize::new(0);
+
+/// Counts panics from now on; returns how many there were.
+pub fn count_panics() -> usize {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        set_hook(Box::new(|panic| {
+            PANICS.fetch_add(1, Ordering::Relaxed);
+            eprintln!("{panic}");
+        }));
+    });
+    PANICS.load(Ordering::Relaxed)
+}
 
 /// Pools of 1 and of 3 threads.
 pub fn pools() -> Vec<ThreadPool> {

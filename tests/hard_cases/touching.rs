@@ -150,7 +150,10 @@ fn random_contacts() -> Case {
             let (from, to) = (p[2], p[3]);
             polygon[5] = [0, 1, 2].map(|x| (2 * from[x] + to[x]) / 3);
         }
-        polygon[2..4].iter_mut().flatten().for_each(|x| *x -= *x % 3);
+        polygon[2..4]
+            .iter_mut()
+            .flatten()
+            .for_each(|x| *x -= *x % 3);
         polygons.push(polygon);
     }
     // The vertices 2 and 3 were rounded before their edge was divided, and the vertex 5 is no end of it.
