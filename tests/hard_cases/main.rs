@@ -17,7 +17,7 @@ mod touching;
 
 use case::{Case, Expected};
 use linkwatch::kernels::oracle;
-use runner::{EARLY_EXIT, EVENTS, FULL, GROWTH, JUMP, Kernel, STILL};
+use runner::{EARLY_EXIT, EVENTS, FULL, GROWTH, JUMP, Kernel, STILL, Views};
 use std::collections::BTreeSet;
 
 /// The whole collection.
@@ -32,12 +32,13 @@ fn all() -> Vec<Case> {
     parts.into_iter().flatten().collect()
 }
 
-fn run(kernel: Kernel) {
+/// Runs cases, with a number each, through a kernel.
+fn run(kernel: Kernel, cases: impl Iterator<Item = Case>, views: fn(usize) -> Views) {
     let panics = runner::count_panics();
     let pools = runner::pools();
-    let complaints: Vec<String> = all()
-        .iter()
-        .flat_map(|case| runner::complaints(case, kernel, &pools))
+    let complaints: Vec<String> = cases
+        .enumerate()
+        .flat_map(|(k, case)| runner::complaints(&case, kernel, views(k), &pools))
         .collect();
     assert_eq!(runner::count_panics(), panics, "a thread panicked");
     let count = complaints.len();
@@ -48,34 +49,49 @@ fn run(kernel: Kernel) {
     );
 }
 
+/// Steps cost threads and references: one view of each case, and no case of very many near segments.
+fn run_quickly(kernel: Kernel) {
+    let small = |case: &Case| case.curves.segments() <= 5000;
+    run(kernel, all().into_iter().filter(small), Views::Turn);
+}
+
 #[test]
 fn a_full_run_is_right() {
-    run(FULL);
-}
-
-#[test]
-fn still_frames_are_right() {
-    run(STILL);
-}
-
-#[test]
-fn a_jump_is_right() {
-    run(JUMP);
-}
-
-#[test]
-fn growth_is_right() {
-    run(GROWTH);
-}
-
-#[test]
-fn a_search_for_pull_throughs_is_right() {
-    run(EVENTS);
+    run(FULL, all().into_iter(), |_| Views::All);
 }
 
 #[test]
 fn early_exit_is_right() {
-    run(EARLY_EXIT);
+    run_quickly(EARLY_EXIT);
+}
+
+#[test]
+fn still_frames_are_right() {
+    run_quickly(STILL);
+}
+
+#[test]
+fn a_jump_is_right() {
+    run_quickly(JUMP);
+}
+
+#[test]
+fn growth_is_right() {
+    run_quickly(GROWTH);
+}
+
+#[test]
+fn a_search_for_pull_throughs_is_right() {
+    run_quickly(EVENTS);
+}
+
+/// Every view of every case through every kernel.
+#[test]
+#[ignore = "takes minutes"]
+fn every_view_is_right() {
+    for kernel in [FULL, EARLY_EXIT, STILL, JUMP, GROWTH, EVENTS] {
+        run(kernel, all().into_iter(), |_| Views::All);
+    }
 }
 
 #[test]

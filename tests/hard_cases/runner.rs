@@ -172,11 +172,24 @@ pub fn pools() -> Vec<ThreadPool> {
     [1, 3].map(|n| pool(n).expect("threads")).into()
 }
 
-/// Runs a case and all its variants, in both precisions and in every pool, through a kernel; panics are caught. What
-/// is wrong, in words.
-pub fn complaints(case: &Case, kernel: Kernel, pools: &[ThreadPool]) -> Vec<String> {
+/// Which views of a case are run: precisions and variants.
+#[derive(Clone, Copy)]
+pub enum Views {
+    All,
+    /// One, by turns.
+    Turn(usize),
+}
+
+/// Runs views of a case through a kernel, in every pool; panics are caught. What is wrong, in words.
+pub fn complaints(case: &Case, kernel: Kernel, views: Views, pools: &[ThreadPool]) -> Vec<String> {
     let mut out = Vec::new();
-    for case in case.precisions().iter().flat_map(Case::variants) {
+    let mut cases: Vec<Case> = case.precisions().iter().flat_map(Case::variants).collect();
+    if let Views::Turn(turn) = views {
+        let at = turn % cases.len();
+        cases = cases.split_off(at);
+        cases.truncate(1);
+    }
+    for case in cases {
         let mut first = None;
         for pool in pools {
             let run = || pool.install(|| (kernel.certify)(&case.curves));
