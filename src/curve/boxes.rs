@@ -33,11 +33,14 @@ impl Box3 {
         }
     }
 
-    /// The box and everything within `reach` of it along an axis; the empty box stays empty.
+    /// The box and everything within `reach` of it along an axis, up to the ends of the range; the empty box stays
+    /// empty.
     pub fn dilated(&self, reach: f32) -> Box3 {
+        // As in `below`: a box without bounds would overlap the empty one.
+        let reach = reach.min(f32::MAX);
         Box3 {
-            lo: self.lo.map(|x| x - reach),
-            hi: self.hi.map(|x| x + reach),
+            lo: self.lo.map(|x| (x - reach).max(f32::MIN)),
+            hi: self.hi.map(|x| (x + reach).min(f32::MAX)),
         }
     }
 
@@ -216,5 +219,18 @@ mod tests {
         assert!(!Box3::EMPTY.overlaps(&all));
         assert!(!all.overlaps(&Box3::EMPTY));
         assert!(!Box3::EMPTY.overlaps(&Box3::EMPTY));
+    }
+
+    /// A sweep over boxes without bounds read past its end.
+    #[test]
+    fn a_box_that_grows_ends_at_the_range_and_the_empty_one_stays_empty() {
+        let all = Box3 {
+            lo: [f32::MIN; 3],
+            hi: [f32::MAX; 3],
+        };
+        for reach in [0.0, 1.0, f32::MAX, f32::INFINITY] {
+            assert_eq!(all.dilated(reach), all);
+            assert_eq!(Box3::EMPTY.dilated(reach), Box3::EMPTY);
+        }
     }
 }

@@ -192,13 +192,17 @@ impl Monitor {
         stale && self.making.is_none() && self.frame >= self.next_reference
     }
 
-    /// Makes a reference of the frame looked at last, beside the stream.
+    /// Makes a reference of the frame looked at last, beside the stream; not where its boxes cannot grow by the reach,
+    /// which is less than four times its largest coordinate, in single precision.
     pub fn make_reference(
         &mut self,
         set: CurveSet,
         certificate: Certificate,
         potential_links: usize,
     ) {
+        if set.max_abs() > f64::from(f32::MAX) / 16.0 {
+            return;
+        }
         let frame = self.frame;
         let cover = self.cover;
         let make = move || {

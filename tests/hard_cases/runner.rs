@@ -1,0 +1,288 @@
+//! The collection through any kernel.
+
+use crate::case::{Answer, Case};
+use linkwatch::{
+    AbortOn, Certificate, Change, CurveSet, Defect, DefectKind, Events, Link, Positions, Precision,
+    Verdict, Verifier,
+};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
+use std::sync::Once;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What is asked of a kernel beside never giving a wrong integer.
+#[derive(Clone, Copy, PartialEq)]
+#[allow(dead_code, reason = "kernels to come may refuse")]
+pub enum Rule {
+    /// It decides every case.
+    Complete,
+    /// It may refuse any pair.
+    Honest,
+}
+
+/// A kernel: curves in, certificate out.
+#[derive(Clone, Copy)]
+pub struct Kernel {
+    pub name: &'static str,
+    pub rule: Rule,
+    pub certify: fn(&CurveSet) -> Certificate,
+}
+
+/// All of a frame from nothing.
+pub const FULL: Kernel = Kernel {
+    name: "certify",
+    rule: Rule::Complete,
+    certify: |set| Verifier::new(AbortOn::Never).certify(set).0.clone(),
+};
+
+/// Frame after frame that does not move, by an incremental verifier.
+pub const STILL: Kernel = Kernel {
+    name: "incremental, still",
+    rule: Rule::Complete,
+    certify: |set| last_of([set, set, set], Events::Off),
+};
+
+/// A frame in which the first curve jumps: it ran the other way before.
+pub const JUMP: Kernel = Kernel {
+    name: "incremental, jump",
+    rule: Rule::Complete,
+    certify: |set| {
+        let before = changed(set, |coordinates| {
+            let n = 3 * set.curve(0).points as usize;
+            coordinates[..n].as_chunks_mut::<3>().0[1..].reverse();
+        });
+        last_of([&before, &before, set], Events::Off)
+    },
+};
+
+/// A frame that was as small as a speck before.
+pub const GROWTH: Kernel = Kernel {
+    name: "incremental, growth",
+    rule: Rule::Complete,
+    certify: |set| {
+        let before = changed(set, |coordinates| {
+            coordinates.iter_mut().for_each(|x| *x *= 2f64.powi(-40));
+        });
+        last_of([&before, &before, set], Events::Off)
+    },
+};
+
+/// A jump with a search for pull-throughs, of a curve through itself too.
+pub const EVENTS: Kernel = Kernel {
+    name: "pull-throughs",
+    rule: Rule::Complete,
+    certify: |set| {
+        let before = changed(set, |coordinates| coordinates[..3].fill(0.0));
+        last_of([&before, set, set], Events::All)
+    },
+};
+
+/// The same curves with other coordinates.
+fn changed(set: &CurveSet, change: impl Fn(&mut [f64])) -> CurveSet {
+    let points = |i: usize| (0..set.curve(i).points as usize).map(move |k| set.point(i, k));
+    let mut coordinates: Vec<f64> = (0..set.len()).flat_map(points).flatten().collect();
+    change(&mut coordinates);
+    let mut out = set.clone();
+    match set.precision() {
+        Precision::F64 => out.update(Positions::F64(&coordinates)),
+        Precision::F32 => {
+            let singles: Vec<f32> = coordinates.iter().map(|&x| x as f32).collect();
+            out.update(Positions::F32(&singles))
+        }
+    }
+    .expect("finite coordinates");
+    out
+}
+
+/// The certificate of the last frame by an incremental verifier that also checks itself: its baseline has no links, so
+/// the report has them all.
+fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
+    let curves = frames[0].len();
+    let nothing = Certificate {
+        curves,
+        ..Certificate::default()
+    };
+    let mut verifier = Verifier::with_baseline(AbortOn::Never, nothing);
+    verifier.set_incremental(true);
+    verifier.set_paranoid(true);
+    verifier.set_events(events);
+    let mut certificate = Certificate::default();
+    for (seq, set) in (0..).zip(frames) {
+        let report = verifier.step(seq, 0.0, set).expect("a valid frame");
+        assert!(!verifier.work().disagreed, "incremental and full differ");
+        let link = |c: &Change| Link {
+            i: c.i,
+            j: c.j,
+            lambda: c.found,
+        };
+        let lasting = report.defects.into_iter().filter(|d| !d.kind.is_of_step());
+        certificate = Certificate {
+            curves,
+            links: report.changes.iter().map(link).collect(),
+            undefined: lasting.collect(),
+        };
+        verifier.settle();
+    }
+    certificate
+}
+
+/// The second of two equal frames with early exit, which must be as the first: the certificate of that one.
+pub const EARLY_EXIT: Kernel = Kernel {
+    name: "early exit",
+    rule: Rule::Complete,
+    certify: |set| {
+        let mut verifier = Verifier::new(AbortOn::Never);
+        verifier.set_early_exit(true);
+        verifier.step(0, 0.0, set).expect("a valid frame");
+        let baseline = verifier.baseline().expect("the first frame").clone();
+        let report = verifier.step(1, 0.0, set).expect("a valid frame");
+        assert_eq!(report.changes, []);
+        assert_eq!(report.defects, baseline.undefined);
+        assert_eq!(report.stats.unchecked, 0);
+        let touch = |d: &Defect| d.kind == DefectKind::Contact;
+        let verdict = match &baseline.undefined[..] {
+            [] => Verdict::Intact,
+            defects if defects.iter().any(touch) => Verdict::Contact,
+            _ => Verdict::Undecided,
+        };
+        assert_eq!(report.verdict, verdict);
+        baseline
+    },
+};
+
+/// Panics of any thread, those that the library survives among them.
+static PANICS: AtomicUsize = AtomicUsize::new(0);
+
+/// Counts panics from now on; returns how many there were.
+pub fn count_panics() -> usize {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        set_hook(Box::new(|panic| {
+            PANICS.fetch_add(1, Ordering::Relaxed);
+            eprintln!("{panic}");
+        }));
+    });
+    PANICS.load(Ordering::Relaxed)
+}
+
+/// Pools of 1 and of 3 threads.
+pub fn pools() -> Vec<ThreadPool> {
+    let pool = |n| ThreadPoolBuilder::new().num_threads(n).build();
+    [1, 3].map(|n| pool(n).expect("threads")).into()
+}
+
+/// Which views of a case are run: precisions and variants.
+#[derive(Clone, Copy)]
+pub enum Views {
+    All,
+    /// One, by turns.
+    Turn(usize),
+}
+
+/// Runs views of a case through a kernel, in every pool; panics are caught. What is wrong, in words.
+pub fn complaints(case: &Case, kernel: Kernel, views: Views, pools: &[ThreadPool]) -> Vec<String> {
+    let mut out = Vec::new();
+    let mut cases: Vec<Case> = case.precisions().iter().flat_map(Case::variants).collect();
+    if let Views::Turn(turn) = views {
+        let at = turn % cases.len();
+        cases = cases.split_off(at);
+        cases.truncate(1);
+    }
+    for case in cases {
+        let mut first = None;
+        for pool in pools {
+            let run = || pool.install(|| (kernel.certify)(&case.curves));
+            let found = catch_unwind(AssertUnwindSafe(run));
+            let wrong = match &found {
+                Ok(certificate) => check(&case, certificate, kernel.rule),
+                Err(_) => vec!["panics".into()],
+            };
+            out.extend(
+                wrong
+                    .iter()
+                    .map(|w| format!("{}, {}: {w}", case.name, kernel.name)),
+            );
+            // NaN is unlike itself; words are not.
+            let words = found.ok().map(|c| format!("{c:?}"));
+            if *first.get_or_insert_with(|| words.clone()) != words {
+                out.push(format!(
+                    "{}, {}: depends on the threads",
+                    case.name, kernel.name
+                ));
+            }
+        }
+    }
+    out
+}
+
+/// Compares a certificate with the exact answer.
+fn check(case: &Case, certificate: &Certificate, rule: Rule) -> Vec<String> {
+    let mut wrong = Vec::new();
+    let n = case.curves.len();
+    if certificate.curves != n {
+        wrong.push(format!("{} curves", certificate.curves));
+    }
+    let links = &certificate.links;
+    let lambdas: BTreeMap<_, _> = links
+        .iter()
+        .map(|l| ((l.i as usize, l.j as usize), l.lambda))
+        .collect();
+    if !links.is_sorted_by(|a, b| (a.i, a.j) < (b.i, b.j))
+        || links.iter().any(|l| l.i >= l.j || l.lambda == 0)
+    {
+        wrong.push("links are not sorted or not links".into());
+    }
+    let undefined = &certificate.undefined;
+    if !undefined.is_sorted_by(|a, b| (a.i, a.j) < (b.i, b.j)) {
+        wrong.push("defects are not sorted".into());
+    }
+    let kinds: BTreeMap<_, _> = undefined
+        .iter()
+        .map(|d| ((d.i as usize, d.j.map(|j| j as usize)), d.kind))
+        .collect();
+    for d in undefined {
+        if !d.place.point.iter().all(|x| x.is_finite())
+            || d.place.distance.is_nan()
+            || d.place.distance < 0.0
+        {
+            wrong.push(format!("{:?} has no place: {:?}", (d.i, d.j), d.place));
+        }
+    }
+    let degenerate = &case.expected.degenerate;
+    for i in 0..n {
+        let expected = degenerate.contains(&i).then_some(&DefectKind::Degenerate);
+        let found = kinds.get(&(i, None));
+        if found != expected {
+            wrong.push(format!("curve {i} is {found:?}, not {expected:?}"));
+        }
+    }
+    for j in 0..n {
+        for i in 0..j {
+            let kind = kinds.get(&(i, Some(j)));
+            let lambda = lambdas.get(&(i, j));
+            if degenerate.contains(&i) || degenerate.contains(&j) {
+                if kind.is_some() || lambda.is_some() {
+                    wrong.push(format!("({i}, {j}) is degenerate, not {kind:?} {lambda:?}"));
+                }
+                continue;
+            }
+            let answer = case.expected.of(i, j);
+            let number = lambda.copied().unwrap_or(0);
+            let right = match (answer, kind) {
+                (_, Some(_)) if lambda.is_some() => false,
+                (Answer::Number(expected) | Answer::Near(expected), None) => number == expected,
+                (Answer::Contact | Answer::Touching, None) => false,
+                (Answer::Contact, Some(DefectKind::Contact)) => true,
+                (Answer::Touching, Some(DefectKind::Contact | DefectKind::TooClose)) => true,
+                (Answer::Near(_), Some(DefectKind::TooClose)) => true,
+                // Another kernel may refuse without knowing why; contact is a claim, and false here.
+                (_, Some(kind)) => rule == Rule::Honest && *kind != DefectKind::Contact,
+            };
+            if !right {
+                wrong.push(format!("({i}, {j}) is {answer:?}, found {number} {kind:?}"));
+            }
+        }
+    }
+    wrong
+}
