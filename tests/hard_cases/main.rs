@@ -17,7 +17,7 @@ mod touching;
 
 use case::{Case, Expected};
 use linkwatch::kernels::oracle;
-use runner::{EARLY_EXIT, EVENTS, FULL, GROWTH, JUMP, Kernel, STILL, Views};
+use runner::{EARLY_EXIT, EVENTS, FULL, GROWTH, INTERVAL, JUMP, Kernel, STILL, SUMS, Views};
 use std::collections::BTreeSet;
 
 /// The whole collection.
@@ -58,6 +58,20 @@ fn run_quickly(kernel: Kernel) {
 #[test]
 fn a_full_run_is_right() {
     run(FULL, all().into_iter(), |_| Views::All);
+}
+
+/// A wrong integer, and a number for curves that touch, would be taken from the sum and show in the certificate.
+#[test]
+fn sums_are_right_or_refuse() {
+    for kernel in SUMS {
+        let most = if kernel.name == INTERVAL.name {
+            200
+        } else {
+            3000
+        };
+        let small = move |case: &Case| case.curves.segments() <= most;
+        run(kernel, all().into_iter().filter(small), Views::Turn);
+    }
 }
 
 #[test]

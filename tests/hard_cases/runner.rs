@@ -1,6 +1,7 @@
 //! The collection through any kernel.
 
 use crate::case::{Answer, Case};
+use linkwatch::kernels::{Accuracy, Method};
 use linkwatch::{
     AbortOn, Certificate, Change, CurveSet, Defect, DefectKind, Events, Link, Positions, Precision,
     Verdict, Verifier,
@@ -150,6 +151,48 @@ pub const EARLY_EXIT: Kernel = Kernel {
         baseline
     },
 };
+
+/// Kernels that sum, each with what its bound leaves to counting.
+pub const SUMS: [Kernel; 5] = [
+    Kernel {
+        name: "direct",
+        rule: Rule::Complete,
+        certify: |set| summed(set, Method::Direct, None),
+    },
+    Kernel {
+        name: "angle sum",
+        rule: Rule::Complete,
+        certify: |set| summed(set, Method::AngleSum, None),
+    },
+    Kernel {
+        name: "Barnes-Hut",
+        rule: Rule::Complete,
+        certify: |set| summed(set, Method::BarnesHut, None),
+    },
+    Kernel {
+        name: "Barnes-Hut, beta 2",
+        rule: Rule::Complete,
+        certify: |set| summed(set, Method::BarnesHut, Some(2.0)),
+    },
+    INTERVAL,
+];
+
+/// Arai's intervals, which take their time.
+pub const INTERVAL: Kernel = Kernel {
+    name: "interval",
+    rule: Rule::Complete,
+    certify: |set| summed(set, Method::Interval, None),
+};
+
+fn summed(set: &CurveSet, method: Method, beta: Option<f64>) -> Certificate {
+    let accuracy = Accuracy {
+        beta,
+        ..Accuracy::default()
+    };
+    let mut verifier = Verifier::new(AbortOn::Never);
+    let certified = verifier.certify_by(set, method, accuracy);
+    certified.expect("polylines").0.clone()
+}
 
 /// Panics of any thread, those that the library survives among them.
 static PANICS: AtomicUsize = AtomicUsize::new(0);
