@@ -488,7 +488,11 @@ fn noise_is_borne_as_long_as_no_segments_can_meet() {
     }
     for noise in ["0.5", "0.7", "100"] {
         let run = certify(noise);
-        assert_eq!((run.code, run.stdout.as_str()), (3, "2\n0,1,undefined\n"), "{noise}");
+        assert_eq!(
+            (run.code, run.stdout.as_str()),
+            (3, "2\n0,1,undefined\n"),
+            "{noise}"
+        );
         assert!(
             run.stderr.contains("curves 0 and 1 are too close"),
             "{}",
