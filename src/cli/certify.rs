@@ -48,7 +48,8 @@ pub struct Args {
     repeat: Option<u32>,
 }
 
-fn beta(text: &str) -> std::result::Result<f64, String> {
+/// A beta of Barnes-Hut.
+pub fn beta(text: &str) -> std::result::Result<f64, String> {
     match text.parse() {
         Ok(x) if f64::is_finite(x) && x >= 1.0 => Ok(x),
         _ => Err("expected a number from 1 on".into()),

@@ -165,7 +165,7 @@ fn ms(d: Duration) -> f64 {
 }
 
 /// Time that the processors spent on this process.
-fn cpu_ms() -> f64 {
+pub fn cpu_ms() -> f64 {
     let t = clock_gettime(ClockId::ProcessCPUTime);
     t.tv_sec as f64 * 1e3 + t.tv_nsec as f64 * 1e-6
 }

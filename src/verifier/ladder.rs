@@ -48,8 +48,9 @@ impl Verifier {
             self.full.timings.total = start.elapsed();
             return Ok((&self.full.certificate, stats, ladder));
         }
-        let stats = self.full.find_pairs(set);
+        let mut stats = self.full.find_pairs(set);
         let pairs = self.full.pairs().to_vec();
+        stats.potential_links = pairs.len() as u64;
         let summing = Instant::now();
         let estimates = estimates(set, method, accuracy, &pairs)?;
         let mut ladder = Ladder {
@@ -94,6 +95,14 @@ impl Verifier {
         }
         self.full.timings.total = start.elapsed();
         Ok((&self.full.certificate, stats, ladder))
+    }
+
+    /// Pairs of segments in the potential links that were found last: what sums without trees go through. The set is the
+    /// one they were found in, or its polylines.
+    pub fn segment_pairs(&self, set: &CurveSet) -> u64 {
+        let segments = |i: u32| u64::from(set.curve(i as usize).segments);
+        let pairs = self.full.pairs().iter();
+        pairs.map(|&(i, j)| segments(i) * segments(j)).sum()
     }
 
     /// All linking numbers of a frame of polylines that stay the same wherever the vertices are in cubes of half-width

@@ -55,7 +55,8 @@ pub struct Args {
     look_for: LookFor,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(x) if f64::is_finite(x) && x > 0.0 => Ok(x),
         _ => Err("expected a number above 0".into()),
@@ -396,7 +397,8 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     median_of(&values.collect::<Vec<f64>>())
 }
 
-fn median_of(values: &[f64]) -> f64 {
+/// The median of some values. There is one.
+pub fn median_of(values: &[f64]) -> f64 {
     percentile(values, 50)
 }
 

@@ -1,0 +1,206 @@
+//! Plots with two logarithmic axes, as PNG and SVG. The font comes with the command.
+
+use linkwatch::Result;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::register_font;
+use std::fs::File;
+use std::io::{BufWriter, Error};
+use std::path::Path;
+use std::sync::Once;
+
+/// A plot.
+pub struct Plot {
+    /// What stands above it.
+    pub title: String,
+    /// What the axes measure, with units.
+    pub x: String,
+    pub y: String,
+    pub series: Vec<Series>,
+}
+
+/// Points of one colour, all of them above 0.
+pub struct Series {
+    /// Its name in the legend.
+    pub name: String,
+    pub points: Vec<(f64, f64)>,
+    /// Whether it is a dashed line to compare with.
+    guide: bool,
+}
+
+impl Series {
+    /// Measured points, joined by a line.
+    pub fn marks(name: String, points: Vec<(f64, f64)>) -> Series {
+        let guide = false;
+        Series {
+            name,
+            points,
+            guide,
+        }
+    }
+
+    /// A dashed line.
+    pub fn guide(name: String, points: Vec<(f64, f64)>) -> Series {
+        let guide = true;
+        Series {
+            name,
+            points,
+            guide,
+        }
+    }
+}
+
+const SIZE: (u32, u32) = (1280, 760);
+/// Beside the data, so that it covers none.
+const LEGEND: u32 = 240;
+const FONT: &str = "sans-serif";
+
+/// Colours that most people can tell apart (Okabe & Ito 2008), without the yellow, which is pale on white.
+const COLORS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+    RGBColor(110, 70, 40),
+];
+const GUIDES: [RGBColor; 2] = [RGBColor(60, 60, 60), RGBColor(150, 150, 150)];
+
+impl Plot {
+    /// Writes `PATH.png` and `PATH.svg`.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        static REGISTERED: Once = Once::new();
+        REGISTERED.call_once(|| {
+            let font = dejavu::sans::regular();
+            if register_font(FONT, FontStyle::Normal, font).is_err() {
+                unreachable!("the font is constant and valid");
+            }
+        });
+        let svg = path.with_extension("svg");
+        self.draw(&SVGBackend::new(&svg, SIZE).into_drawing_area())?;
+
+        let (width, height) = SIZE;
+        let mut pixels = vec![0; (3 * width * height) as usize];
+        self.draw(&BitMapBackend::with_buffer(&mut pixels, SIZE).into_drawing_area())?;
+        let file = BufWriter::new(File::create(path.with_extension("png"))?);
+        let mut png = png::Encoder::new(file, width, height);
+        png.set_color(png::ColorType::Rgb);
+        let mut writer = png.write_header().map_err(Error::other)?;
+        writer.write_image_data(&pixels).map_err(Error::other)?;
+        Ok(writer.finish().map_err(Error::other)?)
+    }
+
+    fn draw<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Result<()> {
+        // The errors of backends differ; all of them are of writing.
+        self.try_draw(root)
+            .map_err(|e| Error::other(e.to_string()).into())
+    }
+
+    fn try_draw<B: DrawingBackend>(
+        &self,
+        root: &DrawingArea<B, Shift>,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        root.fill(&WHITE)?;
+        let (left, right) = root.split_horizontally(SIZE.0 - LEGEND);
+        let (x, y) = (self.range(|p| p.0), self.range(|p| p.1));
+        let mut chart = ChartBuilder::on(&left)
+            .caption(&self.title, (FONT, 26))
+            .margin(16)
+            .x_label_area_size(64)
+            .y_label_area_size(92)
+            .build_cartesian_2d((x.0..x.1).log_scale(), (y.0..y.1).log_scale())?;
+        chart
+            .configure_mesh()
+            .bold_line_style(BLACK.mix(0.16))
+            .light_line_style(BLACK.mix(0.05))
+            .label_style((FONT, 18))
+            .axis_desc_style((FONT, 20))
+            .x_desc(&self.x)
+            .y_desc(&self.y)
+            .x_label_formatter(&|&v| label(v))
+            .y_label_formatter(&|&v| label(v))
+            .draw()?;
+        let mut colors = COLORS.iter().cycle();
+        let mut guides = GUIDES.iter().cycle();
+        for (k, series) in self.series.iter().enumerate() {
+            let color = match series.guide {
+                true => guides.next(),
+                false => colors.next(),
+            };
+            let color = color.copied().unwrap_or(BLACK);
+            let at = 60 + 34 * k as i32;
+            let line = [(8, at), (52, at)];
+            let points = series.points.iter().copied();
+            if series.guide {
+                chart.draw_series(DashedLineSeries::new(points, 9, 6, color.stroke_width(2)))?;
+                for x in [8, 25, 42] {
+                    let dash = [(x, at), (x + 10, at)];
+                    right.draw(&PathElement::new(dash, color.stroke_width(2)))?;
+                }
+            } else {
+                chart.draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?;
+                chart.draw_series(points.map(|p| Circle::new(p, 6, color.filled())))?;
+                if series.points.len() > 1 {
+                    right.draw(&PathElement::new(line, color.stroke_width(2)))?;
+                }
+                right.draw(&Circle::new((30, at), 6, color.filled()))?;
+            }
+            let text = (FONT, 18).into_text_style(&right);
+            right.draw(&Text::new(series.name.clone(), (64, at - 9), text))?;
+        }
+        root.present()
+    }
+
+    /// From the least to the largest value, with some room. Never empty.
+    fn range(&self, of: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
+        let values = || self.series.iter().flat_map(|s| &s.points).map(&of);
+        let (lo, hi) = (
+            values().fold(f64::INFINITY, f64::min),
+            values().fold(0.0, f64::max),
+        );
+        match lo <= hi && lo > 0.0 {
+            true => {
+                let room = (hi / lo).powf(0.05).max(1.1);
+                (lo / room, hi * room)
+            }
+            false => (0.1, 10.0),
+        }
+    }
+}
+
+/// A value at an axis: powers of ten where it is far from 1.
+fn label(v: f64) -> String {
+    match v {
+        v if (0.01..10_000.0).contains(&v) => format!("{}", (v * 1e4).round() / 1e4),
+        v => format!("{v:.0e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_hold_their_values_and_are_never_empty() {
+        let of = |points: &[(f64, f64)]| Plot {
+            title: String::new(),
+            x: String::new(),
+            y: String::new(),
+            series: vec![Series::marks(String::new(), points.to_vec())],
+        };
+        let (lo, hi) = of(&[(1.0, 2.0), (8.0, 3.0)]).range(|p| p.0);
+        assert!(lo < 1.0 && hi > 8.0);
+        let (lo, hi) = of(&[(4.0, 2.0)]).range(|p| p.0);
+        assert!(lo < 4.0 && hi > 4.0);
+        assert_eq!(of(&[]).range(|p| p.0), (0.1, 10.0));
+    }
+
+    #[test]
+    fn labels_are_short() {
+        assert_eq!(
+            [0.01, 0.1, 3.0, 1000.0, 1e-16].map(label),
+            ["0.01", "0.1", "3", "1000", "1e-16"]
+        );
+    }
+}
