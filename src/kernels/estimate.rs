@@ -1,6 +1,7 @@
 //! What kernels that sum angles owe: a value, and a proven bound of its error.
 
 use crate::pairs::Pair;
+use rayon::prelude::*;
 
 /// A linking number as a sum gives it: no further than `bound` from the true one.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -38,6 +39,12 @@ impl Estimate {
 pub(crate) trait Summation: Sync {
     /// The linking number of two different closed curves.
     fn linking_number(&self, pair: Pair) -> Estimate;
+
+    /// Those of several pairs, in their order: for kernels that gain from knowing all of them.
+    fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
+        let each = pairs.par_iter().map(|&pair| self.linking_number(pair));
+        each.collect()
+    }
 }
 
 #[cfg(test)]

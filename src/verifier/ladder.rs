@@ -8,7 +8,6 @@ use crate::error::{Error, Result};
 use crate::kernels::{Accuracy, Estimate, Method};
 use crate::pairs::Pair;
 use crate::verdict::Stats;
-use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
 /// Who decided the potential links of a frame, and how well.
@@ -143,10 +142,18 @@ fn estimates(
         .flat_map(|d| d.too_close.iter().map(|d| (d.i, d.j)))
         .collect();
     too_close.sort_unstable();
-    let summation = method.summation(polylines, accuracy);
-    let estimate = |&(i, j): &Pair| match &summation {
-        Some(sum) if too_close.binary_search(&(i, Some(j))).is_err() => sum.linking_number((i, j)),
-        _ => Estimate::UNKNOWN,
+    let Some(summation) = method.summation(polylines, accuracy) else {
+        return Ok(vec![Estimate::UNKNOWN; pairs.len()]);
     };
-    Ok(pairs.par_iter().map(estimate).collect())
+    if too_close.is_empty() {
+        return Ok(summation.linking_numbers(pairs));
+    }
+    let far_enough = |&(i, j): &Pair| too_close.binary_search(&(i, Some(j))).is_err();
+    let summed: Vec<Pair> = pairs.iter().copied().filter(far_enough).collect();
+    let mut sums = summation.linking_numbers(&summed).into_iter();
+    let estimate = |pair| match far_enough(pair) {
+        true => sums.next().unwrap_or(Estimate::UNKNOWN),
+        false => Estimate::UNKNOWN,
+    };
+    Ok(pairs.iter().map(estimate).collect())
 }
