@@ -16,6 +16,8 @@
 //! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
 
 pub(crate) mod barnes_hut;
+#[cfg(test)]
+mod conformance;
 pub(crate) mod crossings;
 pub(crate) mod direct;
 mod estimate;

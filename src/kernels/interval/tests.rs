@@ -1,8 +1,8 @@
 //! Arai's examples; enclosures against the oracle; noise.
 
 use super::*;
+use crate::kernels::conformance::polygons::{Random, floats, set_of};
 use crate::kernels::crossings::{Scene, Workspace, Workspaces};
-use crate::kernels::direct::tests::{Random, floats, set_of};
 use crate::kernels::{Linking, oracle};
 use crate::pairs::Trees;
 use crate::verdict::{DefectKind, Place};
@@ -76,7 +76,7 @@ fn example_7_the_hopf_link_with_noise() {
 
 #[test]
 fn example_8_random_links() {
-    let mut random = Random(2013);
+    let mut random = Random::new(2013);
     for (n, m) in [(20, 20), (10, 40), (100, 100)] {
         let mut polygon = |n: usize| -> Vec<[i64; 3]> {
             (0..n)
@@ -100,7 +100,7 @@ fn example_8_random_links() {
 
 #[test]
 fn enclosures_hold_the_number_of_the_oracle_and_that_of_noisy_positions() {
-    let mut random = Random(31);
+    let mut random = Random::new(31);
     for k in 0..400 {
         let size = [4, 50, 100_000][k % 3];
         let (a, b) = (random.polygon(8, size), random.polygon(8, size));
@@ -193,7 +193,7 @@ fn measure_noise() {
             })
             .collect()
     };
-    let mut random = Random(8);
+    let mut random = Random::new(8);
     let mut tangled = |n: usize| -> Vec<[f64; 3]> {
         let unit = |x: i64| x as f64 / f64::from(1 << 30);
         (0..n)

@@ -1,0 +1,72 @@
+//! What every kernel owes, checked by one runner against the oracle: the numbered properties of [`crate::kernels`],
+//! bounds that cover the error, and as many decisions as the table of tolerances asks for.
+
+pub mod polygons;
+mod runner;
+mod table;
+
+/// One test of each kind for every kernel.
+macro_rules! conformance {
+    ($($name:ident: $kernel:ident),* $(,)?) => {$(
+        mod $name {
+            use super::{runner, table::$kernel};
+
+            #[test]
+            fn random_polygons_are_within_the_bound() {
+                runner::random_polygons(&$kernel, $kernel.tolerance.pairs, 0);
+            }
+
+            #[test]
+            #[ignore = "a hundred thousand pairs: minutes"]
+            fn random_polygons_are_within_the_bound_a_hundred_thousand_times() {
+                runner::random_polygons(&$kernel, 100_000, 1000);
+            }
+
+            #[test]
+            fn the_numbered_properties_hold() {
+                runner::numbered_properties(&$kernel);
+            }
+
+            #[test]
+            fn scales_and_offsets_change_nothing() {
+                runner::scales_and_offsets(&$kernel);
+            }
+
+            #[test]
+            fn scenes_have_the_numbers_of_their_constructions() {
+                runner::scenes(&$kernel);
+            }
+
+            #[test]
+            fn curves_that_touch_have_no_integer() {
+                runner::contact(&$kernel);
+            }
+
+            #[test]
+            fn curves_that_nearly_touch_are_right_or_undecided() {
+                runner::near_contact(&$kernel);
+            }
+
+            #[test]
+            fn other_curves_than_closed_polylines_are_unknown() {
+                runner::other_curves(&$kernel);
+            }
+
+            #[test]
+            fn the_bits_do_not_depend_on_the_number_of_threads() {
+                runner::threads(&$kernel);
+            }
+        }
+    )*};
+}
+
+conformance! {
+    crossings: CROSSINGS,
+    direct: DIRECT,
+    angle_sum: ANGLE_SUM,
+    interval: INTERVAL,
+    barnes_hut: BARNES_HUT,
+    barnes_hut_by_beta: BARNES_HUT_BETA,
+    barnes_hut_coarse: BARNES_HUT_COARSE,
+    barnes_hut_estimated: BARNES_HUT_ESTIMATED,
+}

@@ -1,0 +1,107 @@
+//! Random polygons on integer grids, where the oracle is exact.
+
+use crate::curve::{Basis, CurveSet, Positions};
+
+/// Vertices of a closed polygon.
+pub type Polygon = Vec<[i64; 3]>;
+
+/// A generator, for runs that can be repeated.
+pub struct Random(u64);
+
+impl Random {
+    /// Neighbouring seeds give numbers that have nothing in common.
+    pub fn new(seed: u64) -> Random {
+        // 0 would be a fixed point, and is the image of one seed alone.
+        Random((seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).max(1))
+    }
+
+    /// A number from 0 on, below `n`.
+    pub fn next(&mut self, n: u64) -> i64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        ((self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) % n) as i64
+    }
+
+    /// So many vertices anywhere in a cube of `size` points along each axis.
+    pub fn points(&mut self, n: usize, size: u64) -> Polygon {
+        (0..n)
+            .map(|_| [0; 3].map(|_: i64| self.next(size)))
+            .collect()
+    }
+
+    /// The same with 3 to `most` vertices.
+    pub fn polygon(&mut self, most: u64, size: u64) -> Polygon {
+        let n = 3 + self.next(most - 2) as usize;
+        self.points(n, size)
+    }
+
+    /// A closed walk along the axes between points of a lattice; `shift` moves it off another one.
+    pub fn lattice(&mut self, steps: usize, shift: i64) -> Polygon {
+        let mut p = [0; 3].map(|_| 2 * self.next(4) + shift);
+        let first = p;
+        let mut out = vec![p];
+        for _ in 0..steps {
+            p[self.next(3) as usize] = 2 * self.next(4) + shift;
+            out.push(p);
+        }
+        for x in 0..3 {
+            p[x] = first[x];
+            out.push(p);
+        }
+        out.pop();
+        out
+    }
+
+    /// Small steps in a cube: neighbours along the polygon are near one another, as on a yarn.
+    pub fn walk(&mut self, n: usize, size: u64, step: u64) -> Polygon {
+        let mut at = [0; 3].map(|_: i64| self.next(size));
+        (0..n)
+            .map(|_| {
+                at = at.map(|x| (x + self.next(2 * step + 1) - step as i64).clamp(0, size as i64));
+                at
+            })
+            .collect()
+    }
+}
+
+/// A polygon around a circle, and one that winds `turns` times around it.
+pub fn winding(turns: i64, n: usize, phase: f64) -> [Polygon; 2] {
+    let grid = |p: [f64; 3]| p.map(|x| (x * 65536.0).round() as i64);
+    let angle = |k: usize| k as f64 / n as f64 * std::f64::consts::TAU;
+    let core = (0..n / 8).map(|k| {
+        let t = angle(8 * k);
+        grid([t.cos(), t.sin(), 0.0])
+    });
+    let around = (0..n).map(|k| {
+        let (t, s) = (angle(k), angle(k) * turns as f64 + phase);
+        let r = 1.0 + 0.3 * s.cos();
+        grid([r * t.cos(), r * t.sin(), 0.3 * s.sin()])
+    });
+    [core.collect(), around.collect()]
+}
+
+/// The same times `scale`.
+pub fn floats(p: &Polygon, scale: f64) -> Vec<[f64; 3]> {
+    p.iter().map(|p| p.map(|x| x as f64 * scale)).collect()
+}
+
+/// Two closed polylines, in single precision where that is asked for.
+pub fn set_of(a: &[[f64; 3]], b: &[[f64; 3]], single: bool) -> CurveSet {
+    let counts = [a, b].map(|c| -(c.len() as i32));
+    let xyz: Vec<f64> = a.iter().chain(b).flatten().copied().collect();
+    let narrow: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+    let positions = match single {
+        true => Positions::F32(&narrow),
+        false => Positions::F64(&xyz),
+    };
+    CurveSet::from_counts(Basis::Polyline, &counts, positions).expect("finite")
+}
+
+/// The same, in the least precision that is exact.
+pub fn exact_set_of(a: &Polygon, b: &Polygon, scale: f64) -> CurveSet {
+    let [a, b] = [a, b].map(|p| floats(p, scale));
+    let fits = |x: &f64| f64::from(*x as f32) == *x;
+    let single = a.iter().chain(&b).flatten().all(fits);
+    set_of(&a, &b, single)
+}

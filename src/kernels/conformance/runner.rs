@@ -1,0 +1,416 @@
+//! The checks, each for any kernel.
+
+use super::polygons::{Polygon, Random, exact_set_of, floats, set_of, winding};
+use super::table::Kernel;
+use crate::curve::{Basis, CurveSet, Positions};
+use crate::kernels::{Estimate, Method, oracle};
+use crate::scenes::Scene;
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+use rayon::prelude::*;
+use std::ops::AddAssign;
+
+/// What was decided of what.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    /// Pairs that do not touch.
+    numbers: usize,
+    /// Those of them that the kernel decided.
+    decided: usize,
+    touching: usize,
+    linked: usize,
+}
+
+impl AddAssign for Tally {
+    fn add_assign(&mut self, other: Tally) {
+        self.numbers += other.numbers;
+        self.decided += other.decided;
+        self.touching += other.touching;
+        self.linked += other.linked;
+    }
+}
+
+impl Tally {
+    fn share(&self) -> f64 {
+        self.decided as f64 / self.numbers.max(1) as f64
+    }
+}
+
+/// Asserts what a kernel owes of the first two curves: a value within its bound of the number, no other integer, and
+/// none where they touch.
+fn check(kernel: &Kernel, set: &CurveSet, want: Option<i64>, what: &dyn std::fmt::Debug) -> Tally {
+    let found = kernel.estimate(set);
+    let integer = found.integer();
+    let method = kernel.method;
+    if let Some(n) = want {
+        let off = (found.value - n as f64).abs();
+        assert!(off <= found.bound, "{method}: {found:?}, not {n}: {what:?}");
+        assert!(
+            integer.is_none_or(|i| i == n),
+            "{method}: {found:?}, not {n}: {what:?}"
+        );
+    } else {
+        assert_eq!(
+            integer, None,
+            "{method}: {found:?}, but they touch: {what:?}"
+        );
+    }
+    Tally {
+        numbers: usize::from(want.is_some()),
+        decided: usize::from(integer.is_some()),
+        touching: usize::from(want.is_none()),
+        linked: usize::from(want.is_some_and(|n| n != 0)),
+    }
+}
+
+fn check_polygons(kernel: &Kernel, a: &Polygon, b: &Polygon, scale: f64) -> Tally {
+    let want = oracle::linking_number(a, b);
+    check(kernel, &exact_set_of(a, b, scale), want, &(a, b, scale))
+}
+
+/// Random polygons of three kinds: in general position, walks, and on so few points that nearly all is degenerate.
+pub fn random_polygons(kernel: &Kernel, pairs: usize, seed: u64) {
+    /// Pairs of a seed.
+    const ROUND: usize = 50;
+    let round = |k: usize| -> [Tally; 2] {
+        let mut random = Random::new(seed + k as u64);
+        let (mut general, mut lattice) = (Tally::default(), Tally::default());
+        for n in 0..ROUND {
+            match n % 4 {
+                0 => {
+                    let (size, scale) = [(1 << 12, 1.0), (1 << 24, 2f64.powi(-24)), (1 << 39, 2.0)]
+                        [random.next(3) as usize];
+                    let [a, b] = [0; 2].map(|_| random.polygon(20, size));
+                    general += check_polygons(kernel, &a, &b, scale);
+                }
+                1 => {
+                    let most = [6, 30, 120][random.next(3) as usize];
+                    let size = [1000, 1 << 20][random.next(2) as usize];
+                    let step = size / [1, 4, 16][random.next(3) as usize];
+                    let [a, b] = [0; 2].map(|_| {
+                        let n = 3 + random.next(most) as usize;
+                        random.walk(n, size, step)
+                    });
+                    general += check_polygons(kernel, &a, &b, 1.0);
+                }
+                2 => {
+                    let size = [3, 5, 9][random.next(3) as usize];
+                    let [a, b] = [0; 2].map(|_| random.polygon(9, size));
+                    lattice += check_polygons(kernel, &a, &b, 0.125);
+                }
+                _ => {
+                    // On one lattice most touch; on two that miss one another none does.
+                    let shift = random.next(2);
+                    let [a, b] = [0, shift].map(|s| {
+                        let n = 4 + random.next(10) as usize;
+                        random.lattice(n, s)
+                    });
+                    lattice += check_polygons(kernel, &a, &b, 1.0);
+                }
+            }
+        }
+        [general, lattice]
+    };
+    let rounds: Vec<[Tally; 2]> = (0..pairs.div_ceil(ROUND))
+        .into_par_iter()
+        .map(round)
+        .collect();
+    let [mut general, mut lattice] = [Tally::default(); 2];
+    for [g, l] in rounds {
+        general += g;
+        lattice += l;
+    }
+    println!("general: {general:?}; lattice: {lattice:?}");
+    assert!(general.linked * 10 > general.numbers && lattice.linked * 50 > lattice.numbers);
+    assert!(lattice.touching * 10 > lattice.numbers);
+    let tolerance = &kernel.tolerance;
+    assert!(general.share() >= tolerance.general, "{general:?}");
+    assert!(lattice.share() >= tolerance.lattice, "{lattice:?}");
+}
+
+/// Motions of the grid: signed permutations of the axes, and translations.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    order: [usize; 3],
+    signs: [i64; 3],
+    by: [i64; 3],
+}
+
+impl Motion {
+    fn is_mirror(&self) -> bool {
+        let [i, j, k] = self.order;
+        let even = (i + 1) % 3 == j && (j + 1) % 3 == k;
+        even != (self.signs.iter().product::<i64>() == 1)
+    }
+
+    fn of(&self, p: &Polygon) -> Polygon {
+        let place = |p: &[i64; 3]| [0, 1, 2].map(|x| self.signs[x] * p[self.order[x]] + self.by[x]);
+        p.iter().map(place).collect()
+    }
+}
+
+fn motion() -> impl Strategy<Value = Motion> {
+    let orders = prop::sample::select(vec![
+        [0, 1, 2],
+        [1, 2, 0],
+        [2, 0, 1],
+        [0, 2, 1],
+        [2, 1, 0],
+        [1, 0, 2],
+    ]);
+    let signs = prop::array::uniform3(prop::sample::select(vec![-1, 1]));
+    let by = prop::array::uniform3(-1000i64..1000);
+    (orders, signs, by).prop_map(|(order, signs, by)| Motion { order, signs, by })
+}
+
+fn polygon() -> impl Strategy<Value = Polygon> {
+    prop_oneof![
+        prop::collection::vec(prop::array::uniform3(0i64..1 << 20), 3..24),
+        prop::collection::vec(prop::array::uniform3(0i64..8), 3..14),
+    ]
+}
+
+/// The properties by their numbers; 7 and 8 are in every comparison with the oracle.
+pub fn numbered_properties(kernel: &Kernel) {
+    let cases = (kernel.tolerance.pairs / 10) as u32;
+    // Nothing is written down: a failure shows its input, shrunk.
+    let config = Config {
+        failure_persistence: None,
+        ..Config::with_cases(cases)
+    };
+    let mut runner = TestRunner::new(config);
+    let input = (polygon(), polygon(), motion(), 0usize..24, 1i64..1000);
+    let run = runner.run(&input, |(a, b, motion, at, factor)| {
+        let want = oracle::linking_number(&a, &b);
+        let say = |property: &'static str, a: &Polygon, b: &Polygon, want: Option<i64>| {
+            check(kernel, &exact_set_of(a, b, 1.0), want, &(property, a, b));
+        };
+        say("7: the sign of Arai's sum", &a, &b, want);
+        say("1: symmetry", &b, &a, want);
+        let reversed = |p: &Polygon| -> Polygon { p.iter().rev().copied().collect() };
+        say("2: one reversed", &reversed(&a), &b, want.map(|n| -n));
+        say("2: both reversed", &reversed(&a), &reversed(&b), want);
+        let mut shifted = a.clone();
+        shifted.rotate_left(at % a.len());
+        say("3: cyclic shifts", &shifted, &b, want);
+        let moved = if motion.is_mirror() {
+            want.map(|n| -n)
+        } else {
+            want
+        };
+        say("4: motions", &motion.of(&a), &motion.of(&b), moved);
+        let times =
+            |p: &Polygon, f: i64| -> Polygon { p.iter().map(|p| p.map(|x| x * f)).collect() };
+        say("4: scaling", &times(&a, factor), &times(&b, factor), want);
+        // Doubled, so that the middle of an edge is on the grid.
+        let (mut longer, other) = (times(&a, 2), times(&b, 2));
+        let k = at % a.len();
+        let (p, q) = (longer[k], longer[(k + 1) % a.len()]);
+        longer.insert(k + 1, [0, 1, 2].map(|x| (p[x] + q[x]) / 2));
+        longer.insert(k, p);
+        say("5: vertices inserted, and repeated", &longer, &other, want);
+        let along = |p: &[i64; 3]| (0..3).map(|x| motion.signs[x] * p[x]).sum::<i64>();
+        let gap = a.iter().map(along).max().unwrap_or(0) - b.iter().map(along).min().unwrap_or(0);
+        let by = gap.max(0) / 3 + 1;
+        let push = |p: &[i64; 3]| [0, 1, 2].map(|x| p[x] + by * motion.signs[x]);
+        let apart: Polygon = b.iter().map(push).collect();
+        say("6: a plane between them", &a, &apart, Some(0));
+        Ok(())
+    });
+    if let Err(e) = run {
+        panic!("{e}");
+    }
+}
+
+/// Scales over nearly the whole range of numbers, and a Hopf link at an offset of a million.
+pub fn scales_and_offsets(kernel: &Kernel) {
+    // So few segments that each kernel sums them exactly, then so many that trees have levels.
+    for (turns, n) in [(2, 24), (5, 250)] {
+        let [a, b] = winding(turns, n, 0.2);
+        let want = oracle::linking_number(&a, &b);
+        let mut decided = 0;
+        let powers = [-1050, -900, -500, -126, -40, 0, 40, 110, 127, 300, 1000];
+        for power in powers {
+            // In two steps: the inverse of such a power may overflow.
+            let scale = 2f64.powi(power / 2) * 2f64.powi(power - power / 2);
+            decided += check(kernel, &exact_set_of(&a, &b, scale), want, &power).decided;
+        }
+        for scale in [1e-6, 1e6, 1e-300, 1e300] {
+            // Coordinates round: not by enough to pull one through the other.
+            let set = set_of(&floats(&a, scale), &floats(&b, scale), false);
+            decided += check(kernel, &set, want, &scale).decided;
+        }
+        let away = |p: &Polygon| -> Vec<[f64; 3]> {
+            let shift = |p: [f64; 3]| p.map(|x| x + 1e6);
+            floats(p, 2f64.powi(-16)).into_iter().map(shift).collect()
+        };
+        decided += check(
+            kernel,
+            &set_of(&away(&a), &away(&b), false),
+            want,
+            &"offset",
+        )
+        .decided;
+        let asked = kernel.tolerance.smooth * (powers.len() + 5) as f64;
+        assert!(decided as f64 >= asked.floor(), "{decided} of {asked}");
+    }
+}
+
+/// Scenes of several curves, all of their pairs at once.
+pub fn scenes(kernel: &Kernel) {
+    let all = [
+        "ribbon:segments=1000,lambda=10",
+        "ribbon:segments=5000,lambda=-33",
+        "torus_link:segments=2000,toroidal=3,poloidal=-5",
+        "woundball:segments=3001,crossings=20",
+        "chainmail:rows=2,columns=3",
+        "square_link:loops=6,segments=97",
+        "torus_zero:segments=2001,periods=2",
+    ];
+    let (mut pairs, mut decided) = (0, 0);
+    for text in all {
+        let built = text
+            .parse::<Scene>()
+            .expect("a scene")
+            .build()
+            .expect("built");
+        let set = &built.curves;
+        assert!(set.basis().is_polyline());
+        if kernel.method == Method::Interval && set.segments() > 2500 {
+            continue;
+        }
+        let n = set.len() as u32;
+        let all: Vec<_> = (0..n).flat_map(|j| (0..j).map(move |i| (i, j))).collect();
+        for (&pair, found) in all.iter().zip(kernel.estimates(set, &all)) {
+            let links = &built.certificate.links;
+            let link = links.iter().find(|l| (l.i, l.j) == pair);
+            let want = link.map_or(0, |l| l.lambda);
+            let off = (found.value - want as f64).abs();
+            assert!(off <= found.bound, "{text} {pair:?}: {found:?}, not {want}");
+            let integer = found.integer();
+            assert!(
+                integer.is_none_or(|n| n == want),
+                "{text} {pair:?}: {found:?}"
+            );
+            assert!(
+                integer.is_none() || found.bound <= kernel.tolerance.bound,
+                "{text}: {found:?}"
+            );
+            pairs += 1;
+            decided += usize::from(integer.is_some());
+        }
+    }
+    let share = decided as f64 / pairs as f64;
+    assert!(share >= kernel.tolerance.smooth, "{decided} of {pairs}");
+}
+
+const SQUARE: [[f64; 3]; 4] = [[-2., -2., 0.], [2., -2., 0.], [2., 2., 0.], [-2., 2., 0.]];
+
+/// Contact of every kind.
+pub fn contact(kernel: &Kernel) {
+    let others: [&[[f64; 3]]; 7] = [
+        // A vertex in an edge, an edge through one, vertex on vertex, along an edge, collinear, at an edge from aside.
+        &[[2.0, 0.3, 0.0], [5.0, 0.0, 1.0], [5.0, 1.0, -1.0]],
+        &[[2.0, 0.3, -1.0], [2.0, 0.3, 1.0], [7.0, 7.0, 0.0]],
+        &[[2.0, 2.0, 0.0], [3.0, 3.0, 1.0], [3.0, 2.0, 5.0]],
+        &[[2.0, -1.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 3.0]],
+        &[[-1.0, -2.0, 0.0], [1.0, -2.0, 0.0], [0.0, -5.0, 1.0]],
+        &[[1.0, 0.3, 0.0], [3.0, 0.3, 0.0], [0.0, 0.0, 3.0]],
+        &SQUARE,
+    ];
+    for other in others {
+        for scale in [1.0, 1e-3, 2f64.powi(-1000)] {
+            let times =
+                |p: &[[f64; 3]]| -> Vec<_> { p.iter().map(|p| p.map(|x| x * scale)).collect() };
+            let (square, other) = (times(&SQUARE), times(other));
+            check(kernel, &set_of(&square, &other, false), None, &other);
+            check(kernel, &set_of(&other, &square, false), None, &other);
+        }
+    }
+}
+
+/// A square, and a triangle through it at a distance from an edge, a vertex or the middle of one.
+pub fn near_contact(kernel: &Kernel) {
+    let (mut numbers, mut decided) = (0, 0);
+    for size in [1.0, 1e-6, 1e6] {
+        let square = SQUARE.map(|p| p.map(|x| x * size));
+        for place in [[2.0, 0.3], [2.0, 2.0], [0.3, 2.0]] {
+            for exponent in 1..60 {
+                for side in [-1.0, 1.0] {
+                    let gap = side * 0.5f64.powi(exponent);
+                    let at = [place[0] + gap, place[1] + gap];
+                    let through = [[at[0], at[1], -1.0], [at[0], at[1], 1.0], [9.0, 7.0, 0.5]];
+                    let through = through.map(|p| p.map(|x| x * size));
+                    // Where the gap is lost in rounding, the curves touch.
+                    let inside = |x: usize| through[0][x].abs() < square[2][x];
+                    let touching = (0..2).any(|x| through[0][x] == square[2][x])
+                        && (0..2).all(|x| through[0][x] <= square[2][x]);
+                    let want = match touching {
+                        true => None,
+                        false => Some(i64::from(inside(0) && inside(1))),
+                    };
+                    let set = set_of(&square, &through, false);
+                    let tally = check(kernel, &set, want, &through);
+                    numbers += tally.numbers;
+                    decided += tally.decided;
+                }
+            }
+        }
+    }
+    // The last dozen gaps are about as wide as rounding.
+    assert!(decided * 3 > numbers * 2, "{decided} of {numbers}");
+}
+
+/// Long curves, which are shared out.
+pub fn threads(kernel: &Kernel) {
+    let segments = if kernel.method == Method::Interval {
+        1000
+    } else {
+        6000
+    };
+    let text = format!("torus_link:segments={segments},toroidal=2,poloidal=3");
+    let set = text
+        .parse::<Scene>()
+        .expect("a scene")
+        .build()
+        .expect("built")
+        .curves;
+    let found = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pairs = [(0, 1), (1, 0)];
+        let found = pool
+            .expect("threads")
+            .install(|| kernel.estimates(&set, &pairs));
+        found
+            .into_iter()
+            .map(|e| [e.value.to_bits(), e.bound.to_bits()])
+            .collect::<Vec<_>>()
+    });
+    assert_eq!(found[0], found[1]);
+}
+
+/// Open curves, splines, a curve and itself, and curves that are not there. Crossings are counted of splines too, and
+/// whoever asks for them leaves out the others.
+pub fn other_curves(kernel: &Kernel) {
+    if kernel.method == Method::Crossings {
+        return;
+    }
+    let xyz: Vec<f64> = (0..24).map(|k| f64::from(k * k % 11)).collect();
+    for (basis, counts) in [
+        (Basis::Polyline, [4, -4]),
+        (Basis::Polyline, [-4, 4]),
+        (Basis::CatmullRom, [-4, -4]),
+        (Basis::BSpline, [-4, -4]),
+    ] {
+        let set = CurveSet::from_counts(basis, &counts, Positions::F64(&xyz)).expect("finite");
+        assert_eq!(
+            kernel.estimate(&set),
+            Estimate::UNKNOWN,
+            "{basis:?} {counts:?}"
+        );
+    }
+    let set = set_of(&SQUARE, &SQUARE.map(|[x, y, z]| [x, z, y]), false);
+    for found in kernel.estimates(&set, &[(0, 0), (0, 2), (2, 0)]) {
+        assert_eq!(found.integer(), None);
+    }
+}

@@ -1,0 +1,174 @@
+//! All kernels, with what is asked of each beside the truth: the one table of tolerances.
+
+use crate::curve::CurveSet;
+use crate::kernels::crossings::{self, Workspace, Workspaces};
+use crate::kernels::{Accuracy, Estimate, Linking, Method};
+use crate::pairs::{Pair, Trees};
+
+/// A kernel at some accuracy.
+pub struct Kernel {
+    pub method: Method,
+    pub accuracy: Accuracy,
+    pub tolerance: Tolerance,
+}
+
+/// What a kernel must reach. That its bound covers its error, and that no integer is wrong, is asked of all.
+pub struct Tolerance {
+    /// Largest bound on pairs of a few dozen segments that are not close to one another.
+    pub bound: f64,
+    /// Least share of the pairs in general position that it decides.
+    pub general: f64,
+    /// The same of smooth curves of some hundred segments.
+    pub smooth: f64,
+    /// The same of pairs on a few points of a lattice: parallel, collinear, with repeated vertices.
+    pub lattice: f64,
+    /// Random pairs that a quick test has time for.
+    pub pairs: usize,
+}
+
+const fn by(method: Method, tolerance: Tolerance) -> Kernel {
+    Kernel {
+        method,
+        accuracy: DEFAULT,
+        tolerance,
+    }
+}
+
+const fn barnes_hut(accuracy: Accuracy, [general, smooth, lattice]: [f64; 3]) -> Kernel {
+    Kernel {
+        method: Method::BarnesHut,
+        accuracy,
+        tolerance: Tolerance {
+            bound: f64::INFINITY,
+            general,
+            smooth,
+            lattice,
+            pairs: 1000,
+        },
+    }
+}
+
+const DEFAULT: Accuracy = Accuracy {
+    beta: None,
+    target: None,
+    dipole: false,
+};
+
+pub const CROSSINGS: Kernel = by(
+    Method::Crossings,
+    Tolerance {
+        bound: 0.0,
+        general: 1.0,
+        smooth: 1.0,
+        lattice: 1.0,
+        pairs: 3000,
+    },
+);
+
+pub const DIRECT: Kernel = by(
+    Method::Direct,
+    Tolerance {
+        bound: 1e-6,
+        general: 0.999,
+        smooth: 1.0,
+        lattice: 0.9,
+        pairs: 3000,
+    },
+);
+
+pub const ANGLE_SUM: Kernel = by(
+    Method::AngleSum,
+    Tolerance {
+        bound: 1e-6,
+        general: 0.999,
+        smooth: 1.0,
+        lattice: 0.9,
+        pairs: 3000,
+    },
+);
+
+pub const INTERVAL: Kernel = by(
+    Method::Interval,
+    Tolerance {
+        bound: 1e-7,
+        general: 0.999,
+        smooth: 1.0,
+        lattice: 0.5,
+        pairs: 100,
+    },
+);
+
+/// First by beta, then by the proven bound: what the command uses.
+pub const BARNES_HUT: Kernel = by(
+    Method::BarnesHut,
+    Tolerance {
+        bound: 0.8,
+        general: 0.99,
+        smooth: 1.0,
+        lattice: 0.9,
+        pairs: 2000,
+    },
+);
+
+pub const BARNES_HUT_BETA: Kernel = barnes_hut(
+    Accuracy {
+        beta: Some(3.0),
+        ..DEFAULT
+    },
+    [0.9, 0.5, 0.9],
+);
+
+/// So coarse that most of what it expands is wrong.
+pub const BARNES_HUT_COARSE: Kernel = barnes_hut(
+    Accuracy {
+        beta: Some(1.3),
+        dipole: true,
+        ..DEFAULT
+    },
+    [0.5, 0.0, 0.5],
+);
+
+/// As published: a second pass where the estimate says so.
+pub const BARNES_HUT_ESTIMATED: Kernel = barnes_hut(
+    Accuracy {
+        beta: Some(2.0),
+        target: Some(0.2),
+        ..DEFAULT
+    },
+    [0.5, 0.0, 0.5],
+);
+
+impl Kernel {
+    /// What it says of some pairs of polylines.
+    pub fn estimates(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
+        match self.method.summation(set, self.accuracy) {
+            Some(sum) => sum.linking_numbers(pairs),
+            None => pairs.iter().map(|&pair| counted(set, pair)).collect(),
+        }
+    }
+
+    /// What it says of the first two.
+    pub fn estimate(&self, set: &CurveSet) -> Estimate {
+        self.estimates(set, &[(0, 1)])[0]
+    }
+}
+
+/// A counted number, as a sum without an error.
+fn counted(set: &CurveSet, pair: Pair) -> Estimate {
+    let mut trees = Trees::default();
+    trees.refit(set);
+    let workspaces = &Workspaces::default();
+    let trees = &trees;
+    let scene = crossings::Scene {
+        set,
+        trees,
+        workspaces,
+    };
+    match crossings::linking_number(scene, pair, None, &mut Workspace::default()) {
+        Linking::Number(n) => Estimate {
+            value: n as f64,
+            bound: 0.0,
+        },
+        Linking::Undefined(..) => Estimate::UNKNOWN,
+    }
+}
