@@ -355,8 +355,20 @@ fn early_exit_finds_the_change_and_counts_what_it_left() {
     assert_eq!(code, 1);
     assert!(unchecked > 1000, "{unchecked}");
     assert_eq!(early["changes"], full["changes"]);
-    // The number of threads decides nothing.
+    // The number of threads decides nothing, nor does the kernel.
     assert_eq!(check("2", &["--early-exit"]).2, early);
+    let (code, _, summed) = check("2", &["--kernel", "barnes-hut"]);
+    assert_eq!((code, &summed["changes"]), (1, &full["changes"]));
+    let run = linkwatch(&[
+        "check",
+        model,
+        "--against",
+        cert,
+        "--early-exit",
+        "--kernel",
+        "direct",
+    ]);
+    assert_eq!(run.code, 2, "early exit counts");
 }
 
 /// A square that leaves the one that it is linked with, flies through it, or folds through itself.

@@ -101,6 +101,7 @@ fn work(seq: u64) -> Work {
         marked: seq,
         recertified: 2,
         recomputed: 3,
+        summed: 2,
         searched: 4,
         reference_age: (seq > 1).then_some(seq),
         disagreed: seq == 7,

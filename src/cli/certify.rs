@@ -1,9 +1,10 @@
 //! `linkwatch certify`: models in, certificates out.
 
+use super::kernel::KernelArgs;
 use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, input, measure, output::with_progress};
 use clap::ValueEnum;
-use linkwatch::kernels::{Accuracy, Method};
+use linkwatch::kernels::Method;
 use linkwatch::{
     AbortOn, Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines,
 };
@@ -20,40 +21,16 @@ pub struct Args {
     #[arg(short, long, value_name = "CERT")]
     output: Option<PathBuf>,
     /// How splines become polylines
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_enum, default_value_t, conflicts_with = "method")]
     discretize: Discretize,
-    /// Which kernel computes: crossings, direct, angle-sum, barnes-hut or interval; what the bound of a sum does not
-    /// decide is counted
-    #[arg(
-        long,
-        value_name = "KERNEL",
-        default_value_t,
-        conflicts_with = "discretize"
-    )]
-    kernel: Method,
-    /// Barnes-Hut by distance: expand where nodes are further apart than B times their radii [default: by the bound]
-    #[arg(long, value_name = "B", value_parser = beta)]
-    beta: Option<f64>,
-    /// With --beta: sum once more where the published estimate of the error is above E
-    #[arg(long, value_name = "E", requires = "beta")]
-    target: Option<f64>,
-    /// Barnes-Hut without quadrupoles
-    #[arg(long)]
-    dipole: bool,
+    #[command(flatten)]
+    kernel: KernelArgs,
     /// Only linking numbers that stay wherever vertices are within R along each axis (polylines)
-    #[arg(long, value_name = "R", conflicts_with_all = ["discretize", "kernel"])]
+    #[arg(long, value_name = "R", conflicts_with_all = ["discretize", "method"])]
     noise: Option<f64>,
     /// Certify each model so many times, and give the median times of all stages
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "kernel", "noise"])]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "method", "noise"])]
     repeat: Option<u32>,
-}
-
-/// A beta of Barnes-Hut.
-pub fn beta(text: &str) -> std::result::Result<f64, String> {
-    match text.parse() {
-        Ok(x) if f64::is_finite(x) && x >= 1.0 => Ok(x),
-        _ => Err("expected a number from 1 on".into()),
-    }
 }
 
 /// How splines become polylines.
@@ -82,22 +59,12 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let mut verifier = Verifier::new(AbortOn::Never);
     let name = path.display().to_string();
     let start = std::time::Instant::now();
-    let mut ladder = None;
+    args.kernel.set(&mut verifier);
     let (certificate, stats) =
         with_progress(&name, verifier.progress(), || match args.discretize {
             _ if args.noise.is_some() => {
                 let (certificate, stats) =
                     verifier.certify_noisy(&set, args.noise.unwrap_or(0.0))?;
-                Ok((certificate.clone(), stats))
-            }
-            _ if args.kernel != Method::Crossings => {
-                let accuracy = Accuracy {
-                    beta: args.beta,
-                    target: args.target,
-                    dipole: args.dipole,
-                };
-                let (certificate, stats, who) = verifier.certify_by(&set, args.kernel, accuracy)?;
-                ladder = Some(who);
                 Ok((certificate.clone(), stats))
             }
             Discretize::Pair => {
@@ -120,6 +87,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
             }
         })?;
     let took = start.elapsed();
+    let sums = args.kernel.method != Method::Crossings;
     output::warn_of_open_curves(&name, &stats);
     if stats.repeated_vertices > 0 {
         let vertices = plural_of(
@@ -136,7 +104,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         set,
         certificate,
         stats,
-        ladder,
+        ladder: sums.then(|| verifier.ladder()),
         took,
     })
 }
@@ -164,7 +132,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             tracing::info!(
                 "{}: {} decided {} ({} off at most, proven within {}), counting {}; the sums took {}",
                 path.display(),
-                args.kernel,
+                args.kernel.method,
                 plural(l.summed, "pair"),
                 brief(l.largest_error),
                 brief(l.largest_bound),
@@ -179,7 +147,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 "certificate": c.certificate,
                 "stats": c.stats,
                 "exact_share": c.stats.exact_share(),
-                "kernel": args.kernel,
+                "kernel": args.kernel.method,
                 "ladder": c.ladder,
                 "ms": c.took.as_secs_f64() * 1e3,
             }))?;

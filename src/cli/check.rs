@@ -1,6 +1,7 @@
 //! `linkwatch check`: models against a certificate.
 
 use super::Outcome;
+use super::kernel::KernelArgs;
 use super::look_for::LookFor;
 use super::output::{self, plural, with_progress};
 use linkwatch::{AbortOn, Certificate, Error, Report, Result, Verifier, model};
@@ -17,10 +18,12 @@ pub struct Args {
     #[arg(long, value_name = "CERT")]
     against: PathBuf,
     /// Stop at the first change of a model, the most suspect pairs first
-    #[arg(long, conflicts_with_all = ["events", "own"])]
+    #[arg(long, conflicts_with_all = ["events", "own", "method"])]
     early_exit: bool,
     #[command(flatten)]
     look_for: LookFor,
+    #[command(flatten)]
+    kernel: KernelArgs,
     /// Write the pairs that differ, a line `i,j,expected,found` each
     #[arg(long, value_name = "FILE")]
     diff_pairs: Option<PathBuf>,
@@ -34,6 +37,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let expected = Certificate::read(&args.against)?;
     let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
     verifier.set_early_exit(args.early_exit);
+    args.kernel.set(&mut verifier);
     verifier.set_events(args.look_for.events(AbortOn::Never));
     let mut outcome = Outcome::Fine;
     let mut pairs = BTreeSet::new();

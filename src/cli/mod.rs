@@ -4,6 +4,7 @@ mod certify;
 mod check;
 mod generate;
 mod input;
+mod kernel;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod live;
 mod look_for;

@@ -1,6 +1,7 @@
 //! Frames to verdicts to sinks: what `watch` and `replay` share.
 
 use super::Outcome;
+use super::kernel::KernelArgs;
 use super::live::Live;
 use super::look_for::LookFor;
 use super::output::{self, count, millis, plural};
@@ -41,6 +42,8 @@ pub struct Judge {
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
     pub look_for: LookFor,
+    #[command(flatten)]
+    pub kernel: KernelArgs,
     /// Compute every frame in full as well, and compare: slow, for those who want to be sure
     #[arg(long)]
     pub paranoid: bool,
@@ -207,6 +210,7 @@ impl Session {
             None => (Verifier::new(abort_on), "first frame".to_owned()),
         };
         verifier.set_incremental(true);
+        judge.kernel.set(&mut verifier);
         verifier.set_paranoid(judge.paranoid);
         verifier.set_events(events);
         Ok(Session {
@@ -494,7 +498,13 @@ fn in_words(work: &Work) -> String {
     };
     match work.route {
         Route::Quiet => format!("quiet{age}"),
-        Route::Full => format!("full, {}{age}", plural(work.recomputed, "pair")),
+        Route::Full => {
+            let summed = match work.summed {
+                0 => String::new(),
+                n => format!(", {} decided by sums", count(n)),
+            };
+            format!("full, {}{summed}{age}", plural(work.recomputed, "pair"))
+        }
         Route::Partial => format!(
             "{} of {} blocks marked, {} recomputed{age}",
             count(work.marked),

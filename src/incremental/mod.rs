@@ -86,6 +86,8 @@ pub struct Work {
     pub recertified: u64,
     /// Pairs whose linking numbers were computed anew: all potential links on the full way.
     pub recomputed: u64,
+    /// Those of them that the bound of a sum decided ([`Verifier::set_kernel`](crate::Verifier::set_kernel)).
+    pub summed: u64,
     /// Pairs of curves (and curves by themselves) that were searched for pull-throughs since the frame before.
     pub searched: u64,
     /// Frames since the reference frame, where the frame was compared with one.

@@ -1,12 +1,13 @@
 //! A full run: all linking numbers of a frame. And parts of one, for those who know which pairs to ask for.
 
+use super::ladder::{Ladder, Sums};
 use super::{Progress, Timings};
 use crate::certificate::{Certificate, Comparison, Link};
 use crate::curve::{Box3, CurveSet};
 use crate::error::Result;
-use crate::kernels::Linking;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::kernels::interval::noise::linking_number as noisy_linking_number;
+use crate::kernels::{Accuracy, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
 use crate::verdict::{Defect, DefectKind, Place, Stats};
 use rayon::prelude::*;
@@ -27,8 +28,12 @@ pub(super) struct FullRun {
     /// Boxes of the frame before, where the motion since then is asked for.
     before: Vec<Box3>,
     workspaces: Workspaces,
+    /// What sums, and how finely.
+    pub kernel: (Method, Accuracy),
     /// Of the last frame.
     pub certificate: Certificate,
+    /// Who decided the last full run.
+    pub ladder: Ladder,
     pub progress: Arc<Progress>,
     pub timings: Timings,
 }
@@ -37,8 +42,41 @@ impl FullRun {
     /// Computes the certificate of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
         let mut stats = self.find_pairs(set);
-        self.compute_pairs(set, .., &mut stats);
+        match self.kernel.0 {
+            Method::Crossings => {
+                self.compute_pairs(set, .., &mut stats);
+                self.ladder = Ladder {
+                    counted: stats.potential_links,
+                    ..Ladder::default()
+                };
+            }
+            _ => self.sum_pairs(set, &mut stats),
+        }
         stats
+    }
+
+    /// Adds the linking numbers of all potential links to the certificate: those that the kernel's bound decides, then the
+    /// others, counted.
+    fn sum_pairs(&mut self, set: &CurveSet, stats: &mut Stats) {
+        let start = Instant::now();
+        let (method, accuracy) = self.kernel;
+        let sums = Sums::of(set, method, accuracy, self.search.pairs());
+        let undecided: Vec<Pair> = sums.undecided().collect();
+        let summed = self.search.pairs().len() - undecided.len();
+        self.progress
+            .done
+            .fetch_add(summed as u64, Ordering::Relaxed);
+        let scene = Scene {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        };
+        compute_links(scene, &undecided, &mut self.parts, &self.progress);
+        gather(&self.parts, &mut self.certificate, stats);
+        self.certificate.links.extend(sums.links());
+        self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
+        self.ladder = sums.ladder(&self.certificate);
+        self.timings.links += start.elapsed();
     }
 
     /// Computes the linking numbers that no noise of the vertices of polylines can change.

@@ -18,6 +18,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Finding, Monitor, PullThrough, Route, Work};
+use crate::kernels::{Accuracy, Method};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, Report, Stats, Verdict};
 use rayon::prelude::*;
@@ -114,6 +115,27 @@ impl Verifier {
         self.paranoid = paranoid;
     }
 
+    /// Which kernel computes where all linking numbers are computed. One that sums only goes first: what its bound does not
+    /// decide is counted ([`Verifier::ladder`]). So certificates and verdicts are the same; the work is not.
+    ///
+    /// Parts of a frame, as an incremental verifier and early exit compute them, are counted.
+    pub fn set_kernel(&mut self, method: Method, accuracy: Accuracy) {
+        self.full.kernel = (method, accuracy);
+    }
+
+    /// Who decided the linking numbers of the last frame that was computed in full.
+    pub fn ladder(&self) -> Ladder {
+        self.full.ladder
+    }
+
+    /// Pairs of segments in the potential links that were found last: what sums without trees go through. The set is the
+    /// one they were found in, or its polylines.
+    pub fn segment_pairs(&self, set: &CurveSet) -> u64 {
+        let segments = |i: u32| u64::from(set.curve(i as usize).segments);
+        let pairs = self.full.pairs().iter();
+        pairs.map(|&(i, j)| segments(i) * segments(j)).sum()
+    }
+
     /// Which pull-throughs [`Verifier::step`] looks for, from one frame to the next ([`Report::events`]).
     ///
     /// A frame with one is [`Verdict::Changed`], whatever its linking numbers. The sum of the signs of the
@@ -151,6 +173,26 @@ impl Verifier {
         let stats = self.full.certify(set);
         self.full.timings.total = start.elapsed();
         (&self.full.certificate, stats)
+    }
+
+    /// All linking numbers of a frame of polylines that stay the same wherever the vertices are in cubes of half-width
+    /// `noise` around where they are (Arai 2013, remark 4). Pairs that some noise may bring in touch have none, and two of
+    /// their segments are named.
+    ///
+    /// Errors: [`Error::Usage`] for splines, and for noise that is no length.
+    pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Result<(&Certificate, Stats)> {
+        if !set.basis().is_polyline() {
+            let what = "noise is of the vertices of polylines; these curves are splines";
+            return Err(Error::Usage(what.into()));
+        }
+        if !(noise >= 0.0 && noise.is_finite()) {
+            let what = format!("noise of {noise}, expected a length");
+            return Err(Error::Usage(what));
+        }
+        let start = Instant::now();
+        let stats = self.full.certify_noisy(set, noise);
+        self.full.timings.total = start.elapsed();
+        Ok((&self.full.certificate, stats))
     }
 
     /// Waits for work beside the stream to end, so that the next frame profits from it. For measurements.
@@ -230,7 +272,7 @@ impl Verifier {
     /// Compares a frame with the baseline, in the way that was asked for.
     fn compare(&mut self, set: &CurveSet) -> Result<(Comparison, Stats)> {
         let Some(baseline) = self.baseline.take() else {
-            let stats = self.full.certify(set);
+            let stats = self.certify_fully(set);
             let baseline = self.full.certificate.clone();
             let comparison = baseline.compare(&baseline);
             self.baseline = Some(baseline);
@@ -262,9 +304,16 @@ impl Verifier {
         set: &CurveSet,
         baseline: &Certificate,
     ) -> Result<(Comparison, Stats)> {
+        let stats = self.certify_fully(set);
+        Ok((self.full.certificate.compare(baseline)?, stats))
+    }
+
+    /// Computes everything, and notes who decided.
+    fn certify_fully(&mut self, set: &CurveSet) -> Stats {
         let stats = self.full.certify(set);
         self.work.recomputed = stats.potential_links;
-        Ok((self.full.certificate.compare(baseline)?, stats))
+        self.work.summed = self.full.ladder.summed;
+        stats
     }
 
     /// Compares a frame with the baseline, computing only what is not known from the reference frame.

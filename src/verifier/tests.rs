@@ -51,6 +51,33 @@ fn who_is_paranoid_notices_an_error_of_the_incremental_verification() {
 }
 
 #[test]
+fn a_kernel_that_sums_changes_the_work_and_no_report() {
+    use crate::kernels::{Accuracy, Method};
+    for method in Method::ALL {
+        for incremental in [false, true] {
+            let [mut with, mut without] = [(); 2].map(|()| Verifier::new(AbortOn::Any));
+            with.set_kernel(method, Accuracy::default());
+            for (frame, out) in [0.0, 0.1, 1.2, 2.0, 0.0].into_iter().enumerate() {
+                let [found, expected] = [&mut with, &mut without].map(|verifier| {
+                    verifier.set_incremental(incremental);
+                    verifier.step(frame as u64, 0.0, &squares(out)).unwrap()
+                });
+                let work = with.work();
+                // What touches is left to counting.
+                let all = work.route == Route::Full && out != 2.0;
+                match method {
+                    Method::Crossings => assert_eq!(work.summed, 0),
+                    _ if all => assert_eq!(work.summed, work.recomputed, "{method}, {out}"),
+                    _ => assert!(work.summed <= work.recomputed),
+                }
+                let stats = expected.stats;
+                assert_eq!(Report { stats, ..found }, expected, "{method}, {out}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_first_frame_has_no_pull_throughs() {
     // The first frame has no frame before: with a baseline of its own it has a change, and no pull-through.
     let baseline = Verifier::new(AbortOn::Any).certify(&squares(0.0)).0.clone();

@@ -190,8 +190,8 @@ fn summed(set: &CurveSet, method: Method, beta: Option<f64>) -> Certificate {
         ..Accuracy::default()
     };
     let mut verifier = Verifier::new(AbortOn::Never);
-    let certified = verifier.certify_by(set, method, accuracy);
-    certified.expect("polylines").0.clone()
+    verifier.set_kernel(method, accuracy);
+    verifier.certify(set).0.clone()
 }
 
 /// Panics of any thread, those that the library survives among them.

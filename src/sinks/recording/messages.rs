@@ -96,6 +96,8 @@ pub(super) struct WorkMessage {
     pub reference_age: Option<u64>,
     #[prost(bool, tag = "8")]
     pub disagreed: bool,
+    #[prost(uint64, tag = "9")]
+    pub summed: u64,
 }
 
 #[derive(Clone, Copy, PartialEq, prost::Message)]
@@ -346,6 +348,7 @@ impl From<&Work> for WorkMessage {
             searched: w.searched,
             reference_age: w.reference_age,
             disagreed: w.disagreed,
+            summed: w.summed,
         }
     }
 }
@@ -362,6 +365,7 @@ impl TryFrom<WorkMessage> for Work {
             searched: w.searched,
             reference_age: w.reference_age,
             disagreed: w.disagreed,
+            summed: w.summed,
         })
     }
 }

@@ -162,6 +162,7 @@ fn the_structs_are_those_of_the_schema() {
             searched: 6,
             reference_age: Some(7),
             disagreed: true,
+            summed: 9,
         }),
     };
     agrees(

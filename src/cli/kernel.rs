@@ -1,0 +1,42 @@
+//! `--kernel` and how finely it sums, of every command that computes linking numbers.
+
+use linkwatch::Verifier;
+use linkwatch::kernels::{Accuracy, Method};
+
+/// Which kernel computes linking numbers.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct KernelArgs {
+    /// Which kernel computes: crossings, direct, angle-sum, barnes-hut or interval; what the bound of a sum does not
+    /// decide is counted
+    #[arg(long = "kernel", value_name = "KERNEL", default_value_t)]
+    pub method: Method,
+    /// Barnes-Hut by distance: expand where nodes are further apart than B times their radii [default: by the bound]
+    #[arg(long, value_name = "B", value_parser = beta)]
+    beta: Option<f64>,
+    /// With --beta: sum once more where the published estimate of the error is above E
+    #[arg(long, value_name = "E", requires = "beta")]
+    target: Option<f64>,
+    /// Barnes-Hut without quadrupoles
+    #[arg(long)]
+    dipole: bool,
+}
+
+impl KernelArgs {
+    /// Lets a verifier use it.
+    pub fn set(&self, verifier: &mut Verifier) {
+        let accuracy = Accuracy {
+            beta: self.beta,
+            target: self.target,
+            dipole: self.dipole,
+        };
+        verifier.set_kernel(self.method, accuracy);
+    }
+}
+
+/// A beta of Barnes-Hut.
+pub fn beta(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(x) if f64::is_finite(x) && x >= 1.0 => Ok(x),
+        _ => Err("expected a number from 1 on".into()),
+    }
+}
