@@ -73,6 +73,7 @@ impl FullRun {
         };
         compute_links(scene, &undecided, &mut self.parts, &self.progress);
         gather(&self.parts, &mut self.certificate, stats);
+        stats.potential_links += summed as u64;
         self.certificate.links.extend(sums.links());
         self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
         self.ladder = sums.ladder(&self.certificate);
