@@ -19,10 +19,14 @@ pub struct Ladder {
     pub counted: u64,
     /// Largest distance of a sum from the linking number, of all that have one and are not unknown.
     pub largest_error: f64,
+    /// Mean of those distances; 0 where there is none.
+    pub mean_error: f64,
     /// Largest bound of the sums that decided.
     pub largest_bound: f64,
     /// Time of the sums, discretization and the building of trees included.
     pub summing: Duration,
+    /// Part of it: splines to polylines.
+    pub discretizing: Duration,
 }
 
 impl Verifier {
@@ -51,9 +55,10 @@ impl Verifier {
         let pairs = self.full.pairs().to_vec();
         stats.potential_links = pairs.len() as u64;
         let summing = Instant::now();
-        let estimates = estimates(set, method, accuracy, &pairs)?;
+        let (estimates, discretizing) = estimates(set, method, accuracy, &pairs)?;
         let mut ladder = Ladder {
             summing: summing.elapsed(),
+            discretizing,
             ..Ladder::default()
         };
         let mut links = Vec::new();
@@ -83,6 +88,7 @@ impl Verifier {
                 .binary_search_by_key(&(p.0, Some(p.1)), |d| (d.i, d.j));
             found.is_ok()
         };
+        let mut known = 0_u32;
         for (p, estimate) in pairs.iter().zip(&estimates) {
             if estimate.bound < f64::INFINITY && !undefined(p) {
                 let links = &certificate.links;
@@ -90,8 +96,11 @@ impl Verifier {
                 let lambda = found.map_or(0, |k| links[k].lambda);
                 let error = (estimate.value - lambda as f64).abs();
                 ladder.largest_error = ladder.largest_error.max(error);
+                ladder.mean_error += error;
+                known += 1;
             }
         }
+        ladder.mean_error /= f64::from(known.max(1));
         self.full.timings.total = start.elapsed();
         Ok((&self.full.certificate, stats, ladder))
     }
@@ -125,16 +134,21 @@ impl Verifier {
     }
 }
 
-/// The sums of some pairs; unknown for those that stayed too close to be discretized.
+/// The sums of some pairs, unknown for those that stayed too close to be discretized; and the time of discretization.
 fn estimates(
     set: &CurveSet,
     method: Method,
     accuracy: Accuracy,
     pairs: &[Pair],
-) -> Result<Vec<Estimate>> {
+) -> Result<(Vec<Estimate>, Duration)> {
+    let start = Instant::now();
     let discretized = match set.basis().is_polyline() {
         true => None,
         false => Some(homotopic_polylines(set)?),
+    };
+    let discretizing = match discretized {
+        Some(_) => start.elapsed(),
+        None => Duration::ZERO,
     };
     let polylines = discretized.as_ref().map_or(set, |d| &d.curves);
     let mut too_close: Vec<(u32, Option<u32>)> = discretized
@@ -143,10 +157,10 @@ fn estimates(
         .collect();
     too_close.sort_unstable();
     let Some(summation) = method.summation(polylines, accuracy) else {
-        return Ok(vec![Estimate::UNKNOWN; pairs.len()]);
+        return Ok((vec![Estimate::UNKNOWN; pairs.len()], discretizing));
     };
     if too_close.is_empty() {
-        return Ok(summation.linking_numbers(pairs));
+        return Ok((summation.linking_numbers(pairs), discretizing));
     }
     let far_enough = |&(i, j): &Pair| too_close.binary_search(&(i, Some(j))).is_err();
     let summed: Vec<Pair> = pairs.iter().copied().filter(far_enough).collect();
@@ -155,5 +169,5 @@ fn estimates(
         true => sums.next().unwrap_or(Estimate::UNKNOWN),
         false => Estimate::UNKNOWN,
     };
-    Ok(pairs.iter().map(estimate).collect())
+    Ok((pairs.iter().map(estimate).collect(), discretizing))
 }
