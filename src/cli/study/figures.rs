@@ -58,10 +58,16 @@ pub fn error_against_beta(model: &str, rows: &[Row]) -> Plot {
         for p in &mut points {
             p.1 = p.1.max(LEAST_ERROR);
         }
-        let Some(&(first, error)) = points.first() else {
+        if points.is_empty() {
             continue;
-        };
-        let at = |&(beta, _): &(f64, f64)| (beta, error * (beta / first).powi(power));
+        }
+        // Through the middle of the points, since single ones are off by chance.
+        let n = points.len() as f64;
+        let scales = points
+            .iter()
+            .map(|p| p.1.ln() - f64::from(power) * p.0.ln());
+        let scale = (scales.sum::<f64>() / n).exp();
+        let at = |&(beta, _): &(f64, f64)| (beta, scale * beta.powi(power));
         guides.push(Series::guide(name.into(), points.iter().map(at).collect()));
         series.push(Series::marks(order.into(), points));
     }

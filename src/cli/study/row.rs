@@ -37,10 +37,8 @@ impl Subject {
 
     /// Seconds that a sum over all pairs of segments would take, about; 0 for other kernels.
     fn expected_s(&self, setting: Setting) -> f64 {
-        // One pair of curves is summed by one thread.
-        let threads = rayon::current_num_threads() as u64;
-        let busy = self.potential_links.clamp(1, threads) as f64;
-        setting.ns_a_pair().unwrap_or(0.0) * 1e-9 * self.segment_pairs as f64 / busy
+        let threads = rayon::current_num_threads() as f64;
+        setting.ns_a_pair().unwrap_or(0.0) * 1e-9 * self.segment_pairs as f64 / threads
     }
 }
 

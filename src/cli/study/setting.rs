@@ -59,7 +59,7 @@ impl Setting {
         default.chain([Setting::by_beta(4.0, false)]).collect()
     }
 
-    /// About what a pair of segments costs a kernel that goes through all of them, in nanoseconds.
+    /// About what a pair of segments costs a kernel that goes through all of them, in nanoseconds of one thread.
     pub fn ns_a_pair(&self) -> Option<f64> {
         match self.method {
             Method::Direct => Some(6.0),
