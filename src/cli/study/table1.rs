@@ -98,6 +98,7 @@ const FIELDS: &[&str] = &[
     "beta",
     "target",
     "s",
+    "cpu_s",
     "mean_error",
     "largest_error",
     "largest_bound",
@@ -310,6 +311,7 @@ impl<'a> Measurement<'a> {
             object["search_s"] = json!(self.search_s());
             object["discretization_s"] = json!(self.discretization_s());
             object["s"] = json!(m.map(linking_s));
+            object["cpu_s"] = json!(m.map(|m| m.cpu_ms * 1e-3));
             object["published_s"] = json!((column.time)(self.published));
             object["published_error"] = json!((column.error)(self.published));
             object
