@@ -34,8 +34,9 @@ pub struct Args {
     /// A folder with files of the models that cannot be generated, such as glove.bcc
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
-    /// Leave out models of more segments: they take minutes, and gigabytes of memory
-    #[arg(long, value_name = "N", default_value = "2e6", value_parser = super::sizes::size)]
+    /// Leave out models of more segments: on some of them Barnes-Hut takes minutes, which --limit does not stop, and
+    /// gigabytes of memory
+    #[arg(long, value_name = "N", default_value = "6e5", value_parser = super::sizes::size)]
     segments: u64,
     /// Runs of each kernel, for a median
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
