@@ -1,15 +1,21 @@
 //! `linkwatch study` at the boundary of its process.
 
+use serde_json::{Value, json};
 use std::process::{Command, Output};
 
 /// Runs `linkwatch study frames`: exit code, stdout, stderr.
 fn frames(args: &[&str]) -> (i32, String, String) {
+    study("frames", args)
+}
+
+/// Runs `linkwatch study`: exit code, stdout, stderr.
+fn study(what: &str, args: &[&str]) -> (i32, String, String) {
     let Output {
         status,
         stdout,
         stderr,
     } = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .args(["study", "frames"])
+        .args(["study", what])
         .args(args)
         .output()
         .unwrap();
@@ -151,4 +157,235 @@ fn pull_throughs_are_compared_too() {
     );
     assert_eq!(out["rows"][0]["events"], 0);
     assert!(out["rows"][1]["events"].as_u64().unwrap() > 0, "{stdout}");
+}
+
+/// The only JSON document that a study prints.
+fn json_of(what: &str, args: &[&str]) -> Value {
+    let (code, stdout, stderr) = study(what, &[args, &["--json"]].concat());
+    assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
+    serde_json::from_str(&stdout).unwrap()
+}
+
+#[test]
+fn errors_fall_with_beta() {
+    // Straight sides: the terms of odd degree cancel, and the errors of both orders fall as the inverse square and its
+    // square. Where nodes are leaves they fall faster.
+    let scene = "square_link:loops=16,segments=3200";
+    let out = json_of("kernels", &[scene, "--repeat", "1", "--limit", "1"]);
+    let slope = |order: &str| out["slopes"][order].as_f64().unwrap();
+    assert!((-3.2..-1.9).contains(&slope("dipole")), "{}", out["slopes"]);
+    let quadrupole = slope("quadrupole");
+    assert!((-4.8..-3.7).contains(&quadrupole), "{quadrupole}");
+    let rows = out["rows"].as_array().unwrap();
+    assert_eq!(out["potential_links"], 78);
+    assert_eq!(out["sizes"], Value::Array(vec![]));
+    for row in rows {
+        if row["skipped_s"].is_number() {
+            continue;
+        }
+        assert_eq!(row["equal"], true, "{row}");
+        let decided = row["summed"].as_u64().unwrap() + row["counted"].as_u64().unwrap();
+        assert_eq!(decided, 78, "{row}");
+        let error = |name: &str| row[name].as_f64();
+        assert!(error("mean_error") <= error("largest_error"), "{row}");
+        // The bound is proven.
+        if row["counted"] == 0 {
+            assert!(error("largest_error") <= error("largest_bound"), "{row}");
+        }
+    }
+}
+
+#[test]
+fn times_at_several_sizes() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("kernels.csv");
+    let plots = folder.path().join("new/plots");
+    let (code, stdout, stderr) = study(
+        "kernels",
+        &[
+            "ribbon:segments=4000,lambda=3",
+            "--sizes",
+            "100,4e2,4000",
+            "--betas",
+            "2,4",
+            "--repeat",
+            "1",
+            "--limit",
+            "0.5",
+            "--csv",
+            csv.to_str().unwrap(),
+            "--plot",
+            plots.to_str().unwrap(),
+        ],
+    );
+    assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
+    assert!(stdout.contains("\n400 segments:\ncrossings "), "{stdout}");
+    // Two betas are none to fit a power to.
+    assert!(!stdout.contains("goes as"), "{stdout}");
+    let text = std::fs::read_to_string(csv).unwrap();
+    let mut lines = text.lines();
+    let fields: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let kernel = fields.iter().position(|&f| f == "kernel").unwrap();
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    let of = |size: &str| {
+        let rows = rows.iter().filter(|row| row[0] == size);
+        rows.map(|row| row[kernel]).collect::<Vec<_>>()
+    };
+    // The size of its own is in the table already.
+    assert_eq!(of("4000").len(), 10);
+    let sums = [
+        "crossings",
+        "direct",
+        "angle-sum",
+        "barnes-hut",
+        "barnes-hut",
+    ];
+    assert_eq!((of("100"), of("400")), (sums.to_vec(), sums.to_vec()));
+    assert!(rows.iter().all(|row| row.len() == fields.len()));
+    for name in ["error-time", "error-beta", "time-size"] {
+        let svg = std::fs::read_to_string(plots.join(name).with_extension("svg")).unwrap();
+        assert!(svg.starts_with("<svg") && !svg.contains("NaN"), "{name}");
+        let png = std::fs::read(plots.join(name).with_extension("png")).unwrap();
+        assert!(png.starts_with(b"\x89PNG"), "{name}");
+    }
+}
+
+#[test]
+fn scenes_without_potential_links_have_no_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let plots = folder.path().to_str().unwrap();
+    let out = json_of(
+        "kernels",
+        &["rubber_bands:bands=1", "--repeat", "1", "--plot", plots],
+    );
+    assert_eq!(
+        (&out["potential_links"], &out["slopes"]),
+        (&0.into(), &json!({}))
+    );
+    for row in out["rows"].as_array().unwrap() {
+        assert_eq!(
+            (&row["mean_error"], &row["equal"]),
+            (&Value::Null, &true.into())
+        );
+    }
+    let svg = std::fs::read_to_string(folder.path().join("error-beta.svg")).unwrap();
+    assert!(!svg.contains("NaN"));
+}
+
+#[test]
+fn bad_studies_of_kernels_exit_with_2() {
+    let scene = "ribbon:segments=200";
+    for (args, says) in [
+        (&[scene, "--sizes", ""][..], "expected numbers of segments"),
+        (&[scene, "--sizes", "0"], "expected numbers of segments"),
+        (&[scene, "--sizes", "10,x"], "expected numbers of segments"),
+        (&[scene, "--sizes", "3"], "segments is '3'"),
+        (
+            &["ribbon:segments=200,lambda=9", "--sizes", "20"],
+            "take more segments",
+        ),
+        (&[scene, "--betas", "0.5"], "expected a number from 1 on"),
+        (
+            &[scene, "--csv", "/dev/null/x.csv"],
+            "error: /dev/null/x.csv: ",
+        ),
+        (&[scene, "--plot", "/dev/null/x"], "error: /dev/null/x: "),
+        (&[scene, "--repeat", "0"], "0 is not in 1.."),
+        (&["none.bcc"], "none.bcc: No such file"),
+    ] {
+        let (code, stdout, stderr) = study("kernels", args);
+        assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}");
+        assert!(stderr.contains(says), "{args:?}: {stderr}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("hopf.obj");
+    std::fs::write(&model, "v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 3 1\n").unwrap();
+    let (code, _, stderr) = study("kernels", &[model.to_str().unwrap(), "--sizes", "10"]);
+    assert_eq!(code, 2);
+    assert!(
+        stderr.contains("hopf.obj is no generated scene"),
+        "{stderr}"
+    );
+}
+
+#[test]
+fn a_published_table_beside_our_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("table.csv");
+    let short = ["--repeat", "1", "--limit", "1", "--segments", "3e5"];
+    let only = [
+        "--only",
+        "rubber,lambda 10,glove",
+        "--csv",
+        csv.to_str().unwrap(),
+    ];
+    let (code, stdout, stderr) = study("table1", &[&short[..], &only].concat());
+    assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
+    let line = |name: &str, by: &str| {
+        let mut lines = stdout.lines().skip_while(|line| !line.starts_with(name));
+        let found = lines.find(|line| line.contains(by)).unwrap();
+        found
+            .split_whitespace()
+            .map(String::from)
+            .collect::<Vec<_>>()
+    };
+    let here = line("Rubber Bands", "here");
+    assert_eq!(here[3..5], ["51,200", "1,024"]);
+    let published = line("Rubber Bands", "published");
+    assert_eq!(published[..4], ["published", "51,200", "1,024", "20,520"]);
+    assert!(
+        stdout.contains("not generated; --models DIR reads DIR/glove.bcc"),
+        "{stdout}"
+    );
+    assert!(
+        stdout.contains("20,000,000 segments are above --segments"),
+        "{stdout}"
+    );
+    let text = std::fs::read_to_string(csv).unwrap();
+    assert!(text.starts_with("model,input,segments,curves,"), "{text}");
+    // Four kernels of three models; lambda 10 is also the start of lambda 10^3 and of lambda 10^6.
+    assert_eq!(text.lines().count(), 1 + 4 * 3);
+    assert!(text.contains("\"Double Helix Ribbon, lambda 10^3\",ribbon:lambda=1000,200000,2,1,"));
+
+    let out = json_of(
+        "table1",
+        &[&short[..], &["--only", "rubber", "--kernels", "barnes-hut"]].concat(),
+    );
+    assert_eq!(out["models"].as_array().unwrap().len(), 1);
+    let model = &out["models"][0];
+    assert_eq!(model["published"]["crossings_s"], 0.05);
+    assert_eq!(model["published"]["potential_links"], 20_520);
+    assert_eq!(
+        (&model["as_constructed"], &model["left_out"]),
+        (&true.into(), &Value::Null)
+    );
+    let kernels = model["kernels"].as_array().unwrap();
+    assert_eq!(kernels.len(), 3);
+    assert_eq!(kernels[2]["published_error"], 7e-4);
+    for kernel in kernels {
+        assert_eq!(kernel["equal"], true);
+        assert!(kernel["s"].as_f64().unwrap() > 0.0);
+    }
+}
+
+#[test]
+fn bad_studies_of_the_table_exit_with_2() {
+    for (args, says) in [
+        (
+            &["--only", "rope"][..],
+            "no model is called 'rope' (known: Alien",
+        ),
+        (&["--only", ""], "no model is called ''"),
+        (&["--kernels", "fast"], "expected crossings, direct"),
+        (&["--segments", "0"], "expected numbers of segments"),
+        (
+            &["--only", "rubber", "--csv", "/dev/null/x"],
+            "error: /dev/null/x: ",
+        ),
+        (&["ribbon"], "unexpected argument"),
+    ] {
+        let (code, stdout, stderr) = study("table1", args);
+        assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}");
+        assert!(stderr.contains(says), "{args:?}: {stderr}");
+    }
 }

@@ -73,13 +73,12 @@ pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce()
     })
 }
 
-/// A progress bar of so many frames; nothing where stderr is no terminal. It is drawn by the caller's thread, between
-/// the frames.
-pub fn frames_bar(frames: u64) -> ProgressBar {
-    ProgressBar::new(frames).with_style(
-        ProgressStyle::with_template("{msg} [{bar:40}] {human_pos}/{human_len} frames, {eta} left")
-            .expect("the template is constant and valid"),
-    )
+/// A progress bar of so many frames, rows or the like; nothing where stderr is no terminal. It is drawn by the caller's
+/// thread, between them.
+pub fn bar(length: u64, of: &str) -> ProgressBar {
+    let template = format!("{{msg}} [{{bar:40}}] {{human_pos}}/{{human_len}} {of}, {{eta}} left");
+    let style = ProgressStyle::with_template(&template);
+    ProgressBar::new(length).with_style(style.expect("the template is constant and valid"))
 }
 
 /// Whether stderr is a terminal.

@@ -5,6 +5,7 @@ use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::kernels::{Accuracy, Estimate, Method};
 use crate::pairs::Pair;
+use crate::verdict::Defect;
 use std::time::{Duration, Instant};
 
 /// Who decided the potential links of a frame, and how well.
@@ -16,10 +17,14 @@ pub struct Ladder {
     pub counted: u64,
     /// Largest distance of a sum from the linking number, of all that have one and are not unknown.
     pub largest_error: f64,
+    /// Mean of those distances; 0 where there is none.
+    pub mean_error: f64,
     /// Largest bound of the sums that decided.
     pub largest_bound: f64,
     /// Time of the sums, discretization and the building of trees included.
     pub summing: Duration,
+    /// Part of it: splines to polylines.
+    pub discretizing: Duration,
 }
 
 /// The sums of some pairs.
@@ -27,6 +32,7 @@ pub(super) struct Sums<'a> {
     pairs: &'a [Pair],
     estimates: Vec<Estimate>,
     took: Duration,
+    discretizing: Duration,
 }
 
 impl<'a> Sums<'a> {
@@ -34,12 +40,24 @@ impl<'a> Sums<'a> {
     /// stayed too close for that.
     pub fn of(set: &CurveSet, method: Method, accuracy: Accuracy, pairs: &'a [Pair]) -> Sums<'a> {
         let start = Instant::now();
-        let estimates = estimates(set, method, accuracy, pairs)
-            .unwrap_or_else(|| vec![Estimate::UNKNOWN; pairs.len()]);
+        let discretized = match set.basis().is_polyline() {
+            true => None,
+            false => Some(homotopic_polylines(set)),
+        };
+        let discretizing = match discretized {
+            Some(_) => start.elapsed(),
+            None => Duration::ZERO,
+        };
+        let estimates = match discretized {
+            None => estimates(set, &[], method, accuracy, pairs),
+            Some(Ok(made)) => estimates(&made.curves, &made.too_close, method, accuracy, pairs),
+            Some(Err(_)) => None,
+        };
         Sums {
             pairs,
-            estimates,
+            estimates: estimates.unwrap_or_else(|| vec![Estimate::UNKNOWN; pairs.len()]),
             took: start.elapsed(),
+            discretizing,
         }
     }
 
@@ -65,8 +83,10 @@ impl<'a> Sums<'a> {
     pub fn ladder(&self, certificate: &Certificate) -> Ladder {
         let mut ladder = Ladder {
             summing: self.took,
+            discretizing: self.discretizing,
             ..Ladder::default()
         };
+        let mut known: u32 = 0;
         for ((i, j), estimate) in self.each() {
             match estimate.integer() {
                 Some(_) => {
@@ -84,32 +104,28 @@ impl<'a> Sums<'a> {
                 let lambda = found.map_or(0, |k| links[k].lambda);
                 let error = (estimate.value - lambda as f64).abs();
                 ladder.largest_error = ladder.largest_error.max(error);
+                ladder.mean_error += error;
+                known += 1;
             }
         }
+        ladder.mean_error /= f64::from(known.max(1));
         ladder
     }
 }
 
-/// The sums; none where the curves cannot be discretized, or the kernel counts.
+/// The sums; none where the kernel counts.
 fn estimates(
-    set: &CurveSet,
+    polylines: &CurveSet,
+    too_close: &[Defect],
     method: Method,
     accuracy: Accuracy,
     pairs: &[Pair],
 ) -> Option<Vec<Estimate>> {
-    let discretized = match set.basis().is_polyline() {
-        true => None,
-        false => Some(homotopic_polylines(set).ok()?),
-    };
-    let polylines = discretized.as_ref().map_or(set, |d| &d.curves);
     let summation = method.summation(polylines, accuracy)?;
-    let mut too_close: Vec<(u32, Option<u32>)> = discretized
-        .iter()
-        .flat_map(|d| d.too_close.iter().map(|d| (d.i, d.j)))
-        .collect();
     if too_close.is_empty() {
         return Some(summation.linking_numbers(pairs));
     }
+    let mut too_close: Vec<_> = too_close.iter().map(|d| (d.i, d.j)).collect();
     too_close.sort_unstable();
     let far_enough = |&(i, j): &Pair| too_close.binary_search(&(i, Some(j))).is_err();
     let summed: Vec<Pair> = pairs.iter().copied().filter(far_enough).collect();

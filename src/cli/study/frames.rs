@@ -109,7 +109,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             amplitudes.iter().map(move |&a| (motion, a))
         })
         .collect();
-    let bar = output::frames_bar(args.frames * cases.len() as u64);
+    let bar = output::bar(args.frames * cases.len() as u64, "frames");
     let mut rows = Vec::with_capacity(cases.len());
     for (motion, amplitude) in cases {
         bar.set_message(format!("{motion} {amplitude}"));

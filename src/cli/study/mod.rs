@@ -1,8 +1,16 @@
 //! `linkwatch study`: measurements that alternate, in one run, what is measured with what it is compared to.
 
+mod csv;
+mod figures;
 mod frames;
 mod kernels;
 mod plots;
+mod published;
+mod row;
+mod setting;
+mod sizes;
+mod slopes;
+mod table1;
 
 use super::Outcome;
 use clap::Subcommand;
@@ -19,6 +27,7 @@ pub struct Args {
 enum Study {
     Frames(frames::Args),
     Kernels(kernels::Args),
+    Table1(table1::Args),
 }
 
 /// Runs the command.
@@ -26,5 +35,6 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     match &args.study {
         Study::Frames(args) => frames::run(args, as_json),
         Study::Kernels(args) => kernels::run(args, as_json),
+        Study::Table1(args) => table1::run(args, as_json),
     }
 }

@@ -2,6 +2,7 @@
 
 use linkwatch::Result;
 use plotters::coord::Shift;
+use plotters::coord::combinators::{BindKeyPoints, LogCoord, WithKeyPoints};
 use plotters::prelude::*;
 use plotters::style::register_font;
 use std::fs::File;
@@ -109,7 +110,7 @@ impl Plot {
             .margin(16)
             .x_label_area_size(64)
             .y_label_area_size(92)
-            .build_cartesian_2d((x.0..x.1).log_scale(), (y.0..y.1).log_scale())?;
+            .build_cartesian_2d(axis(x), axis(y))?;
         chart
             .configure_mesh()
             .bold_line_style(BLACK.mix(0.16))
@@ -169,11 +170,55 @@ impl Plot {
     }
 }
 
+/// A logarithmic axis whose labels are round numbers.
+fn axis((lo, hi): (f64, f64)) -> WithKeyPoints<LogCoord<f64>> {
+    let axis: LogCoord<f64> = (lo..hi).log_scale().into();
+    let (bold, light) = ticks(lo, hi);
+    axis.with_key_points(bold).with_light_points(light)
+}
+
+/// Round numbers from one value to another, both above 0: those with a label, ten at most, and those with a line.
+fn ticks(lo: f64, hi: f64) -> (Vec<f64>, Vec<f64>) {
+    let (first, last) = (lo.log10().floor() as i32, hi.log10().ceil() as i32);
+    let decades = (hi / lo).log10();
+    let at = |digits: &[f64], each: i32| -> Vec<f64> {
+        let powers = (first..=last).filter(|power| power % each == 0);
+        let values = powers.flat_map(|power| {
+            // Parsed, since a power of ten that is computed is not the nearest number.
+            let unit: f64 = format!("1e{power}").parse().unwrap_or(f64::NAN);
+            digits.iter().map(move |d| d * unit)
+        });
+        values.filter(|v| (lo..=hi).contains(v)).collect()
+    };
+    const EVERY: [f64; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+    match decades {
+        d if d < 1.2 => (at(&[1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0], 1), at(&EVERY, 1)),
+        d if d < 3.0 => (at(&[1.0, 2.0, 5.0], 1), at(&EVERY, 1)),
+        d if d < 7.0 => (at(&[1.0], 1), at(&EVERY, 1)),
+        d => (at(&[1.0], (d / 8.0).ceil() as i32), at(&[1.0], 1)),
+    }
+}
+
 /// A value at an axis: powers of ten where it is far from 1.
 fn label(v: f64) -> String {
-    match v {
-        v if (0.01..10_000.0).contains(&v) => format!("{}", (v * 1e4).round() / 1e4),
-        v => format!("{v:.0e}"),
+    if (0.01..10_000.0).contains(&v) {
+        return format!("{}", (v * 1e4).round() / 1e4);
+    }
+    let text = format!("{v:.0e}");
+    let Some((digit, power)) = text.split_once('e') else {
+        return text;
+    };
+    let raised = |c| match c {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        digit => char::from_u32(digit as u32 - '0' as u32 + '⁰' as u32).unwrap_or(digit),
+    };
+    let power: String = power.chars().map(raised).collect();
+    match digit {
+        "1" => format!("10{power}"),
+        _ => format!("{digit}·10{power}"),
     }
 }
 
@@ -199,8 +244,24 @@ mod tests {
     #[test]
     fn labels_are_short() {
         assert_eq!(
-            [0.01, 0.1, 3.0, 1000.0, 1e-16].map(label),
-            ["0.01", "0.1", "3", "1000", "1e-16"]
+            [0.01, 0.1, 3.0, 1000.0, 1e-16, 2e5].map(label),
+            ["0.01", "0.1", "3", "1000", "10⁻¹⁶", "2·10⁵"]
         );
+    }
+    #[test]
+    fn axes_have_a_few_round_labels() {
+        assert_eq!(ticks(1.4, 8.5).0, [1.5, 2.0, 3.0, 4.0, 6.0, 8.0]);
+        assert_eq!(ticks(0.03, 3.0).0, [0.05, 0.1, 0.2, 0.5, 1.0, 2.0]);
+        for (lo, hi) in [
+            (1e-17, 2.0),
+            (0.5, 1e5),
+            (3.0, 4.5),
+            (9e-5, 1.1e5),
+            (1e-300, 1e300),
+        ] {
+            let (bold, light) = ticks(lo, hi);
+            assert!((1..=10).contains(&bold.len()), "{lo} {hi}: {bold:?}");
+            assert!(light.len() >= bold.len());
+        }
     }
 }

@@ -1,0 +1,80 @@
+//! Tables as files of comma-separated values, a row as soon as it is measured.
+
+use linkwatch::{Error, Result};
+use serde_json::Value;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// A file of rows that have these fields, or none where nobody asked for it.
+pub struct Csv {
+    file: Option<(PathBuf, File)>,
+    fields: &'static [&'static str],
+}
+
+impl Csv {
+    /// Creates the file and writes its header: before anything is measured, so that a path that cannot be written costs
+    /// no time.
+    pub fn create(path: Option<&Path>, fields: &'static [&'static str]) -> Result<Csv> {
+        let file = match path {
+            Some(path) => {
+                let file = File::create(path).map_err(|e| failed(path, e))?;
+                Some((path.to_owned(), file))
+            }
+            None => None,
+        };
+        let mut csv = Csv { file, fields };
+        csv.line(fields.join(","))?;
+        Ok(csv)
+    }
+
+    /// Writes the fields of an object; those that it lacks, or that are null, are empty.
+    pub fn row(&mut self, object: &Value) -> Result<()> {
+        let fields: Vec<String> = self.fields.iter().map(|f| field(&object[*f])).collect();
+        self.line(fields.join(","))
+    }
+
+    fn line(&mut self, line: String) -> Result<()> {
+        let Some((path, file)) = &mut self.file else {
+            return Ok(());
+        };
+        let line = line + "\n";
+        file.write_all(line.as_bytes()).map_err(|e| failed(path, e))
+    }
+}
+
+/// Makes sure that a folder is there.
+pub fn create_folder(path: &Path) -> Result<()> {
+    std::fs::create_dir_all(path).map_err(|e| failed(path, e))
+}
+
+fn failed(path: &Path, source: std::io::Error) -> Error {
+    let path = path.to_owned();
+    Error::File { path, source }
+}
+
+/// A value; in quotes where it has a comma, as scenes do.
+fn field(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(s) if s.contains([',', '"', '\n']) => {
+            format!("\"{}\"", s.replace('"', "\"\""))
+        }
+        Value::String(s) => s.clone(),
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_with_commas_are_quoted() {
+        assert_eq!(field(&"ribbon".into()), "ribbon");
+        assert_eq!(field(&"a:b=1,c=2".into()), "\"a:b=1,c=2\"");
+        assert_eq!(field(&"a \"b\"".into()), "\"a \"\"b\"\"\"");
+        assert_eq!(field(&Value::Null), "");
+        assert_eq!(field(&2.5.into()), "2.5");
+    }
+}

@@ -1,0 +1,112 @@
+//! Plots of rows: error against time, error against beta, time against size.
+
+use super::plots::{Plot, Series};
+use super::row::Row;
+use super::slopes;
+use linkwatch::kernels::Method;
+
+/// What is exact to the last bit is drawn here, for logarithms.
+const LEAST_ERROR: f64 = 1e-16;
+
+/// Times are drawn from here on, in milliseconds, for logarithms.
+const LEAST_TIME: f64 = 1e-4;
+
+/// Points in series, which stand in the order of their first points.
+fn series(points: impl Iterator<Item = (String, (f64, f64))>) -> Vec<Series> {
+    let mut all: Vec<Series> = Vec::new();
+    for (name, point) in points {
+        match all.iter_mut().find(|s| s.name == name) {
+            Some(series) => series.points.push(point),
+            None => all.push(Series::marks(name, vec![point])),
+        }
+    }
+    all
+}
+
+/// Error against time. What counts has no error that a logarithm could show: a line at its time.
+pub fn error_against_time(model: &str, rows: &[Row]) -> Plot {
+    let point = |row: &Row| {
+        let ms = row.measured.as_ref().ok()?.ms.max(LEAST_TIME);
+        let error = row.largest_error()?.max(LEAST_ERROR);
+        Some((row.setting.series(), (ms, error)))
+    };
+    let mut series = series(rows.iter().filter_map(point));
+    let counted = rows.iter().find(|r| r.setting.method == Method::Crossings);
+    if let Some(Ok(m)) = counted.map(|r| &r.measured) {
+        let errors = || series.iter().flat_map(|s| &s.points).map(|p| p.1);
+        let lo = errors().fold(LEAST_ERROR, f64::min);
+        let hi = errors().fold(1.0, f64::max);
+        let ms = m.ms.max(LEAST_TIME);
+        let name = "crossings (exact)".into();
+        series.push(Series::guide(name, vec![(ms, lo), (ms, hi)]));
+    }
+    Plot {
+        title: format!("Error against time: {model}"),
+        x: "time of the sums (ms)".into(),
+        y: "largest error of a linking number (0 drawn at 10⁻¹⁶)".into(),
+        series,
+    }
+}
+
+/// Mean error against beta, with what was published beside it.
+pub fn error_against_beta(model: &str, rows: &[Row]) -> Plot {
+    let mut series = Vec::new();
+    let mut guides = Vec::new();
+    for (order, name, power) in [("dipole", "β⁻³", -3), ("quadrupole", "β⁻⁴", -4)] {
+        let mut points = slopes::points(rows, order);
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for p in &mut points {
+            p.1 = p.1.max(LEAST_ERROR);
+        }
+        if points.is_empty() {
+            continue;
+        }
+        // Through the middle of the points, since single ones are off by chance.
+        let n = points.len() as f64;
+        let scales = points
+            .iter()
+            .map(|p| p.1.ln() - f64::from(power) * p.0.ln());
+        let scale = (scales.sum::<f64>() / n).exp();
+        let at = |&(beta, _): &(f64, f64)| (beta, scale * beta.powi(power));
+        guides.push(Series::guide(name.into(), points.iter().map(at).collect()));
+        series.push(Series::marks(order.into(), points));
+    }
+    series.extend(guides);
+    Plot {
+        title: format!("Error against β: {model}"),
+        x: "β: distance of expanded nodes over the sum of their radii".into(),
+        y: "mean error of a linking number".into(),
+        series,
+    }
+}
+
+/// Time of everything, from points to proven numbers, against the number of segments.
+pub fn time_against_size<'a>(model: &str, rows: impl Iterator<Item = &'a Row>) -> Plot {
+    let mut rows: Vec<&Row> = rows.filter(|row| row.segments > 0).collect();
+    rows.sort_by_key(|row| row.segments);
+    // Names in the order of the smallest size, which has all of them.
+    let point = |row: &&Row| {
+        let ms = row.measured.as_ref().ok()?.total_ms.max(LEAST_TIME);
+        let name = match row.setting.accuracy.beta {
+            Some(beta) => format!("{} β {beta}", row.setting.method),
+            None => row.setting.series(),
+        };
+        Some((name, (row.segments as f64, ms)))
+    };
+    let mut series = series(rows.iter().filter_map(point));
+    let sizes = rows.first().zip(rows.last());
+    if let Some((first, last)) = sizes.map(|(a, b)| (a.segments as f64, b.segments as f64)) {
+        let least = series.iter().filter_map(|s| s.points.first());
+        let least = least.map(|p| p.1).fold(f64::INFINITY, f64::min);
+        if last > first && least < f64::INFINITY {
+            let grown = vec![(first, least), (last, least * last / first)];
+            series.push(Series::guide("∝ segments".into(), grown));
+        }
+    }
+    Plot {
+        title: format!("Time against size: {model}"),
+        x: "segments".into(),
+        y: "time of everything (ms)".into(),
+        series,
+    }
+}

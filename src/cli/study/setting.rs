@@ -1,0 +1,125 @@
+//! What is measured: a kernel at some accuracy.
+
+use linkwatch::kernels::{Accuracy, Method};
+
+/// A kernel at some accuracy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setting {
+    pub method: Method,
+    pub accuracy: Accuracy,
+}
+
+impl Setting {
+    /// Barnes-Hut as published: from this beta, with this target (Qu & James 2021, section 4.1).
+    pub const PUBLISHED: Setting = Setting {
+        method: Method::BarnesHut,
+        accuracy: Accuracy {
+            beta: Some(2.0),
+            target: Some(0.2),
+            dipole: false,
+        },
+    };
+
+    /// A kernel as it is by default.
+    pub fn of(method: Method) -> Setting {
+        let accuracy = Accuracy::default();
+        Setting { method, accuracy }
+    }
+
+    fn by_beta(beta: f64, dipole: bool) -> Setting {
+        Setting {
+            method: Method::BarnesHut,
+            accuracy: Accuracy {
+                beta: Some(beta),
+                target: None,
+                dipole,
+            },
+        }
+    }
+
+    /// Every kernel; Barnes-Hut by these betas, by the bound, and as published.
+    pub fn all(betas: &[f64]) -> Vec<Setting> {
+        let exactly = Method::ALL
+            .into_iter()
+            .filter(|&m| m != Method::BarnesHut)
+            .map(Setting::of);
+        let by_beta = [true, false].into_iter().flat_map(|dipole| {
+            let by_beta = move |&beta: &f64| Setting::by_beta(beta, dipole);
+            betas.iter().map(by_beta)
+        });
+        let others = [Setting::of(Method::BarnesHut), Setting::PUBLISHED];
+        exactly.chain(by_beta).chain(others).collect()
+    }
+
+    /// What is worth measuring at several sizes. Interval arithmetic is left out: it is the direct sum, some hundred
+    /// times slower.
+    pub fn for_sizes() -> Vec<Setting> {
+        let kernels = Method::ALL.into_iter();
+        let default = kernels.filter(|&m| m != Method::Interval).map(Setting::of);
+        default.chain([Setting::by_beta(4.0, false)]).collect()
+    }
+
+    /// About what a pair of segments costs a kernel that goes through all of them, in nanoseconds of one thread.
+    pub fn ns_a_pair(&self) -> Option<f64> {
+        match self.method {
+            Method::Direct => Some(6.0),
+            Method::AngleSum => Some(5.0),
+            Method::Interval => Some(1500.0),
+            Method::Crossings | Method::BarnesHut => None,
+        }
+    }
+
+    /// Where expansions stop.
+    pub fn order(&self) -> Option<&'static str> {
+        match (self.method, self.accuracy.dipole) {
+            (Method::BarnesHut, true) => Some("dipole"),
+            (Method::BarnesHut, false) => Some("quadrupole"),
+            _ => None,
+        }
+    }
+
+    /// What rows of the same curve in a plot over accuracies share.
+    pub fn series(&self) -> String {
+        match (self.order(), self.accuracy) {
+            (None, _) => self.method.to_string(),
+            (Some(_), Accuracy { beta: None, .. }) => format!("{} by bound", self.method),
+            (Some(order), _) if self.is_by_beta() => format!("{order} by β"),
+            (Some(_), _) => "two passes".into(),
+        }
+    }
+
+    /// Whether expansions are accepted by beta alone.
+    pub fn is_by_beta(&self) -> bool {
+        self.accuracy.beta.is_some() && self.accuracy.target.is_none()
+    }
+}
+
+impl std::fmt::Display for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Accuracy { beta, target, .. } = self.accuracy;
+        let text = match (self.order(), beta, target) {
+            (None, ..) => self.method.to_string(),
+            (Some(order), None, _) => format!("{} {order}, by bound", self.method),
+            (Some(order), Some(beta), None) => format!("{} {order}, beta {beta}", self.method),
+            (Some(_), Some(beta), Some(target)) => {
+                format!("{} beta {beta}, target {target}", self.method)
+            }
+        };
+        f.pad(&text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kernel_and_every_beta_has_a_row() {
+        let all = Setting::all(&[2.0, 4.0]);
+        let kernels = Method::ALL.len() - 1;
+        assert_eq!(all.len(), kernels + 2 * 2 + 2);
+        assert_eq!(all.iter().filter(|s| s.is_by_beta()).count(), 4);
+        assert_eq!(all[kernels].to_string(), "barnes-hut dipole, beta 2");
+        assert_eq!(all[kernels + 5].series(), "two passes");
+    }
+}

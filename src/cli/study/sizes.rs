@@ -1,0 +1,113 @@
+//! The same scene at other sizes.
+
+use linkwatch::scenes::Scene;
+use linkwatch::{Error, Result};
+
+/// A scene like this one with about so many segments. Garments and mails keep their stitches and rings and have
+/// fewer or more of them; other curves get shorter or longer segments.
+///
+/// Errors: a size that the scene cannot have.
+pub fn resized(scene: &Scene, segments: u64) -> Result<Scene> {
+    let value = |name| scene.value(name).unwrap_or(0.0);
+    let segments = segments as f64;
+    let changes = match scene.kind().name {
+        "chainmail" => {
+            let (rows, columns) = (value("rows"), value("columns"));
+            // Three rings of 15 segments each for a row and column.
+            let factor = (segments / (45.0 * rows * columns)).sqrt();
+            vec![("rows", rows * factor), ("columns", columns * factor)]
+        }
+        "rubber_bands" => vec![("bands", segments / 50.0)],
+        "knit" => {
+            let a_row = value("segments") / value("rows");
+            let rows = (segments / a_row).round().max(1.0);
+            vec![("rows", rows), ("segments", rows * a_row)]
+        }
+        _ => vec![("segments", segments)],
+    };
+    let parameters: Vec<String> = scene
+        .kind()
+        .parameters
+        .iter()
+        .map(|p| {
+            let changed = changes.iter().find(|(name, _)| *name == p.name);
+            let changed = changed.map(|(_, value)| value.round().max(1.0));
+            format!("{}={}", p.name, changed.unwrap_or_else(|| value(p.name)))
+        })
+        .collect();
+    format!("{}:{}", scene.kind().name, parameters.join(",")).parse()
+}
+
+/// Scenes of these sizes, its own left out; without any, of a 64th of its own, a 16th and a 4th, as far as it can have
+/// them.
+///
+/// Errors: a size that the scene cannot have.
+pub fn scenes(scene: &Scene, own: u64, sizes: &[u64]) -> Result<Vec<Scene>> {
+    // Some sizes are refused only where the scene is built.
+    let built = |segments| {
+        let resized = resized(scene, segments)?;
+        resized.build().map(|_| resized)
+    };
+    let mut scenes: Vec<Scene> = match sizes {
+        [] => [64, 16, 4]
+            .into_iter()
+            .flat_map(|part| built(own / part))
+            .collect(),
+        _ => sizes
+            .iter()
+            .map(|&size| built(size))
+            .collect::<Result<_>>()?,
+    };
+    scenes.dedup();
+    scenes.retain(|s| s != scene);
+    Ok(scenes)
+}
+
+/// A number of segments, perhaps as `2e5`.
+pub fn size(text: &str) -> Result<u64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (1.0..=f64::from(i32::MAX)).contains(&x) && x.fract() == 0.0 => Ok(x as u64),
+        _ => Err(format!(
+            "expected numbers of segments, from 1 to {}",
+            i32::MAX
+        )),
+    }
+}
+
+/// What to say of a model file.
+pub fn refuse(name: &str) -> Error {
+    Error::Usage(format!(
+        "--sizes: {name} is no generated scene, its size is what it is"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_get_the_size_that_is_asked_for() {
+        for (name, size, near) in [
+            ("ribbon", 1000, 0),
+            ("woundball", 50_000, 0),
+            ("rubber_bands", 1000, 0),
+            ("square_link", 20_000, 0),
+            ("knit:rows=8,stitches=16,segments=2048", 1024, 0),
+            ("chainmail", 10_000, 500),
+        ] {
+            let scene: Scene = name.parse().unwrap();
+            let built = resized(&scene, size).unwrap().build().unwrap();
+            let found = built.curves.segments() as u64;
+            assert!(found.abs_diff(size) <= near, "{name}: {found}");
+        }
+        let ribbon: Scene = "ribbon".parse().unwrap();
+        assert!(resized(&ribbon, 3).is_err());
+        assert_eq!(scenes(&ribbon, 200_000, &[]).unwrap().len(), 3);
+        assert_eq!(size("2e5"), Ok(200_000));
+        assert!(
+            ["0", "-1", "nan", "1.5", "", "1e99"]
+                .iter()
+                .all(|s| size(s).is_err())
+        );
+    }
+}

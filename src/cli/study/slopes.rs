@@ -1,0 +1,95 @@
+//! How fast errors fall with beta.
+
+use super::row::Row;
+use serde_json::{Map, Value};
+
+/// Errors of this size are of rounding, and fall no further.
+const ROUNDING: f64 = 1e-12;
+
+/// The power of beta that the mean error of an expansion goes with.
+pub struct Slope {
+    /// Where the expansion stops.
+    pub order: &'static str,
+    /// As fitted.
+    pub power: f64,
+    /// As published (Qu & James 2021, section 4.1.1).
+    pub published: i32,
+    /// Betas that it is fitted to.
+    betas: usize,
+}
+
+impl Slope {
+    /// Those of both orders; of each only where three betas or more have an error above rounding.
+    pub fn all(rows: &[Row]) -> Vec<Slope> {
+        let of = |(order, published)| {
+            let points = points(rows, order);
+            let points: Vec<_> = points.into_iter().filter(|p| p.1 > ROUNDING).collect();
+            Some(Slope {
+                order,
+                power: fitted(&points)?,
+                published,
+                betas: points.len(),
+            })
+        };
+        [("dipole", -3), ("quadrupole", -4)]
+            .into_iter()
+            .filter_map(of)
+            .collect()
+    }
+
+    /// By the name of the order.
+    pub fn json(slopes: &[Slope]) -> Value {
+        let field = |s: &Slope| (s.order.to_owned(), s.power.into());
+        Value::Object(slopes.iter().map(field).collect::<Map<_, _>>())
+    }
+}
+
+impl std::fmt::Display for Slope {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{}: the mean error goes as beta^{:.1} (least squares over {} betas; published: beta^{})",
+            self.order, self.power, self.betas, self.published
+        )
+    }
+}
+
+/// Betas of an expansion, and its mean errors.
+pub fn points(rows: &[Row], order: &str) -> Vec<(f64, f64)> {
+    let point = |row: &Row| {
+        let fits = row.setting.is_by_beta() && row.setting.order() == Some(order);
+        let beta = row.setting.accuracy.beta.filter(|_| fits)?;
+        Some((beta, row.mean_error()?))
+    };
+    rows.iter().filter_map(point).collect()
+}
+
+/// The power of x that y goes with, by least squares over the logarithms; none of fewer than three points, or of points
+/// that all have the same x.
+fn fitted(points: &[(f64, f64)]) -> Option<f64> {
+    if points.len() < 3 {
+        return None;
+    }
+    let n = points.len() as f64;
+    let logs = || points.iter().map(|&(x, y)| (x.ln(), y.ln()));
+    let (x, y) = logs().fold((0.0, 0.0), |a, p| (a.0 + p.0 / n, a.1 + p.1 / n));
+    let spread: f64 = logs().map(|p| (p.0 - x) * (p.0 - x)).sum();
+    let slope = logs().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / spread;
+    slope.is_finite().then_some(slope)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_are_found() {
+        let points = |power| [1.5, 2.0, 4.0, 8.0].map(|x: f64| (x, 0.1 * x.powi(power)));
+        for power in [-4, -3, 0, 2] {
+            let found = fitted(&points(power)).unwrap();
+            assert!((found - f64::from(power)).abs() < 1e-12);
+        }
+        assert_eq!(fitted(&points(-3)[..2]), None);
+        assert_eq!(fitted(&[(2.0, 0.1); 3]), None);
+    }
+}

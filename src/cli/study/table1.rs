@@ -1,0 +1,396 @@
+//! `linkwatch study table1`: the models of a published table, measured here, next to what was published.
+
+use super::csv::Csv;
+use super::frames::positive;
+use super::published::{MACHINE, Published, Source, TABLE_1};
+use super::row::{Effort, Measured, Row, Subject, brief};
+use super::setting::Setting;
+use crate::cli::Outcome;
+use crate::cli::output::{self, count, plural};
+use linkwatch::kernels::Method;
+use linkwatch::scenes::Scene;
+use linkwatch::{Error, Result, model};
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+
+/// Measure the models of a published table: here, and as published
+///
+/// Table 1 of Qu & James 2021: generated models of the published sizes; the others where --models has their files. Two
+/// lines a model, what was measured here and what was published, on another machine. Times are in seconds. The exit code
+/// is 1 where a certificate is not the one that follows from the construction.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Only models whose names contain one of these, separated by commas
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Kernels beside counting crossings, separated by commas
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "angle-sum,barnes-hut"
+    )]
+    kernels: Vec<Method>,
+    /// A folder with files of the models that cannot be generated, such as glove.bcc
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// Leave out models of more segments: on some of them Barnes-Hut takes minutes, which --limit does not stop, and
+    /// gigabytes of memory
+    #[arg(long, value_name = "N", default_value = "6e5", value_parser = super::sizes::size)]
+    segments: u64,
+    /// Runs of each kernel, for a median
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    repeat: u32,
+    /// Skip sums over all pairs of segments that would take longer than this; repeat nothing beyond it
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
+    limit: f64,
+    /// Write the table to a file, a line for each model and kernel
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+}
+
+/// A kernel, with what was published of it.
+struct Column {
+    setting: Setting,
+    title: &'static str,
+    time: fn(&Published) -> Option<f64>,
+    error: fn(&Published) -> Option<f64>,
+}
+
+/// What is published of no such kernel.
+fn none(_: &Published) -> Option<f64> {
+    None
+}
+
+/// All kernels that may be asked for. Counting crossings is the first.
+fn columns() -> Vec<Column> {
+    let column = |method, title, time, error| Column {
+        setting: Setting::of(method),
+        title,
+        time,
+        error,
+    };
+    vec![
+        column(Method::Crossings, "crossings", |p| p.crossings_s, none),
+        column(Method::Direct, "direct", |p| p.direct_s, none),
+        column(Method::AngleSum, "angle sum", |p| p.direct_s, none),
+        column(Method::Interval, "interval", none, none),
+        column(Method::BarnesHut, "BH, bound", none, none),
+        Column {
+            setting: Setting::PUBLISHED,
+            title: "BH, beta 2",
+            time: |p| p.barnes_hut_s,
+            error: |p| p.barnes_hut_error,
+        },
+    ]
+}
+
+/// Of the file: names of [`Measurement::kernels`].
+const FIELDS: &[&str] = &[
+    "model",
+    "input",
+    "segments",
+    "curves",
+    "potential_links",
+    "threads",
+    "search_s",
+    "discretization_s",
+    "kernel",
+    "beta",
+    "target",
+    "s",
+    "cpu_s",
+    "mean_error",
+    "largest_error",
+    "largest_bound",
+    "summed",
+    "counted",
+    "equal",
+    "skipped_s",
+    "published_s",
+    "published_error",
+];
+
+/// A model, measured here.
+struct Measurement<'a> {
+    published: &'a Published,
+    input: String,
+    subject: Subject,
+    /// Whether the certificate is the one of the construction, where there is one.
+    as_constructed: bool,
+    /// In the order of the columns.
+    rows: Vec<Row>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
+    let chosen = chosen(&args.only)?;
+    let mut columns = columns();
+    columns.retain(|c| {
+        let method = c.setting.method;
+        method == Method::Crossings || args.kernels.contains(&method)
+    });
+    let mut csv = Csv::create(args.csv.as_deref(), FIELDS)?;
+    let say = |line: &dyn std::fmt::Display| match as_json {
+        true => Ok(()),
+        false => output::line(line),
+    };
+    let threads = plural(rayon::current_num_threads() as u64, "thread");
+    say(&format_args!("here: {threads}, median of {}", args.repeat))?;
+    say(&format_args!(
+        "published (Qu & James 2021, table 1): {MACHINE}"
+    ))?;
+    say(
+        &"other machines, other programs: compare orders of magnitude. Times in seconds; errors are the largest of a linking number",
+    )?;
+    say(&header(&columns))?;
+    let effort = Effort {
+        repeat: args.repeat,
+        limit: args.limit,
+    };
+    let bar = output::bar((chosen.len() * columns.len()) as u64, "rows");
+    let mut outcome = Outcome::Fine;
+    let mut models = Vec::new();
+    for published in chosen {
+        bar.set_message(published.model);
+        let (mut object, left_out) = match input(published, args) {
+            Ok((input, path)) => {
+                let mut m = Measurement::new(published, input, path.as_deref())?;
+                for column in &columns {
+                    bar.set_message(format!("{}, {}", published.model, column.title));
+                    m.rows
+                        .push(Row::measure(column.setting, &m.subject, effort)?);
+                    bar.inc(1);
+                }
+                bar.suspend(|| say(&m.line(&columns)))?;
+                if !m.as_constructed || m.rows.iter().any(Row::differs) {
+                    tracing::error!("{}: a certificate is not the exact one", published.model);
+                    outcome = Outcome::Changed;
+                }
+                let kernels = m.kernels(&columns);
+                for kernel in &kernels {
+                    csv.row(kernel)?;
+                }
+                (m.json(kernels), None)
+            }
+            Err(why) => {
+                bar.inc(columns.len() as u64);
+                let text = format!("{:38}here: {why}", published.model);
+                bar.suspend(|| say(&text))?;
+                (Map::new(), Some(why))
+            }
+        };
+        bar.suspend(|| say(&published_line(published, &columns)))?;
+        object.insert("model".into(), published.model.into());
+        object.insert("left_out".into(), json!(left_out));
+        object.insert("published".into(), json!(published));
+        models.push(Value::Object(object));
+    }
+    bar.finish_and_clear();
+    if as_json {
+        output::json(&json!({
+            "threads": rayon::current_num_threads(),
+            "repeat": args.repeat,
+            "published_machine": MACHINE,
+            "models": models,
+        }))?;
+    }
+    Ok(outcome)
+}
+
+/// The models whose names contain one of these words, or all.
+fn chosen(only: &[String]) -> Result<Vec<&'static Published>> {
+    let says = |p: &Published, word: &String| {
+        let name = p.model.to_lowercase();
+        !word.is_empty() && name.contains(&word.to_lowercase())
+    };
+    if let Some(word) = only.iter().find(|w| !TABLE_1.iter().any(|p| says(p, w))) {
+        let names: Vec<&str> = TABLE_1.iter().map(|p| p.model).collect();
+        return Err(Error::Usage(format!(
+            "--only: no model is called '{word}' (known: {})",
+            names.join("; ")
+        )));
+    }
+    let fits = |p: &&Published| only.is_empty() || only.iter().any(|w| says(p, w));
+    Ok(TABLE_1.iter().filter(fits).collect())
+}
+
+/// Where a model comes from, as a scene or a file, with the path of the file; or why it is left out.
+fn input(p: &Published, args: &Args) -> Result<(String, Option<PathBuf>), String> {
+    if p.segments > args.segments {
+        let segments = count(p.segments);
+        return Err(format!(
+            "left out: {segments} segments are above --segments"
+        ));
+    }
+    match (p.source, &args.models) {
+        (Source::Scene(scene), _) => Ok((scene.into(), None)),
+        (Source::File(name), Some(folder)) if folder.join(name).exists() => {
+            Ok((name.into(), Some(folder.join(name))))
+        }
+        (Source::File(name), Some(_)) => Err(format!("not generated; --models has no {name}")),
+        (Source::File(name), None) => Err(format!("not generated; --models DIR reads DIR/{name}")),
+    }
+}
+
+impl<'a> Measurement<'a> {
+    /// Reads a file or builds a scene, and certifies it.
+    fn new(published: &'a Published, input: String, file: Option<&Path>) -> Result<Self> {
+        let (subject, as_constructed) = match file {
+            Some(path) => (Subject::new(model::read(path)?)?, true),
+            None => {
+                let scene = input.parse::<Scene>()?.build()?;
+                let subject = Subject::new(scene.curves)?;
+                let same = subject.exact == scene.certificate;
+                (subject, same)
+            }
+        };
+        Ok(Measurement {
+            published,
+            input,
+            subject,
+            as_constructed,
+            rows: Vec::new(),
+        })
+    }
+
+    /// Boxes and the search for potential links, of the runs that count crossings.
+    fn search_s(&self) -> Option<f64> {
+        let measured = self.rows.iter().filter_map(|r| r.measured.as_ref().ok());
+        measured.map(|m| m.search_ms * 1e-3).next()
+    }
+
+    /// Splines to polylines, where some kernel needs that.
+    fn discretization_s(&self) -> Option<f64> {
+        let measured = self.rows.iter().filter_map(|r| r.measured.as_ref().ok());
+        let mut s = measured.map(|m| m.discretizing_ms * 1e-3);
+        s.find(|&s| s > 0.0)
+    }
+
+    fn line(&self, columns: &[Column]) -> String {
+        let set = &self.subject.set;
+        let sizes = [
+            set.segments() as u64,
+            set.len() as u64,
+            self.subject.potential_links,
+        ];
+        let mut text = start(self.published.model, "here", sizes);
+        text += &cell(self.search_s());
+        text += &cell(self.discretization_s());
+        for (row, _) in self.rows.iter().zip(columns) {
+            text += &match &row.measured {
+                Ok(m) => cell(Some(linking_s(m))),
+                Err(s) => format!(" {:>10}", format!("~{}", seconds(*s))),
+            };
+        }
+        for (row, _) in self.sums(columns) {
+            text += &format!(
+                " {:>10} {:>8}",
+                brief(row.largest_error()),
+                brief(row.bound())
+            );
+        }
+        text
+    }
+
+    /// The rows of kernels that sum.
+    fn sums<'b>(&'b self, columns: &'b [Column]) -> impl Iterator<Item = (&'b Row, &'b Column)> {
+        let pairs = self.rows.iter().zip(columns);
+        pairs.filter(|(_, c)| c.setting.method != Method::Crossings)
+    }
+
+    /// An object for each kernel.
+    fn kernels(&self, columns: &[Column]) -> Vec<Value> {
+        let object = |(row, column): (&Row, &Column)| {
+            let m = row.measured.as_ref().ok();
+            let mut object = row.json();
+            object["model"] = self.published.model.into();
+            object["input"] = self.input.as_str().into();
+            object["curves"] = self.subject.set.len().into();
+            object["potential_links"] = self.subject.potential_links.into();
+            object["threads"] = rayon::current_num_threads().into();
+            object["search_s"] = json!(self.search_s());
+            object["discretization_s"] = json!(self.discretization_s());
+            object["s"] = json!(m.map(linking_s));
+            object["cpu_s"] = json!(m.map(|m| m.cpu_ms * 1e-3));
+            object["published_s"] = json!((column.time)(self.published));
+            object["published_error"] = json!((column.error)(self.published));
+            object
+        };
+        self.rows.iter().zip(columns).map(object).collect()
+    }
+
+    fn json(&self, kernels: Vec<Value>) -> Map<String, Value> {
+        let fields = [
+            ("input", self.input.as_str().into()),
+            ("segments", self.subject.set.segments().into()),
+            ("curves", self.subject.set.len().into()),
+            ("potential_links", self.subject.potential_links.into()),
+            ("search_s", json!(self.search_s())),
+            ("discretization_s", json!(self.discretization_s())),
+            ("as_constructed", self.as_constructed.into()),
+            ("kernels", kernels.into()),
+        ];
+        fields
+            .map(|(name, value)| (name.to_owned(), value))
+            .into_iter()
+            .collect()
+    }
+}
+
+/// Seconds of the linking numbers alone, as they were published.
+fn linking_s(m: &Measured) -> f64 {
+    m.linking_ms * 1e-3
+}
+
+fn header(columns: &[Column]) -> String {
+    let mut text = format!(
+        "{:38}{:9} {:>10} {:>7} {:>9} {:>10} {:>10}",
+        "model", "", "segments", "curves", "pairs", "search", "splines"
+    );
+    for column in columns {
+        text += &format!(" {:>10}", column.title);
+    }
+    for column in columns
+        .iter()
+        .filter(|c| c.setting.method != Method::Crossings)
+    {
+        text += &format!(" {:>10} {:>8}", column.title, "bound");
+    }
+    text
+}
+
+fn published_line(p: &Published, columns: &[Column]) -> String {
+    let mut text = start("", "published", [p.segments, p.curves, p.potential_links]);
+    text += &cell(Some(p.search_s));
+    text += &cell(Some(p.discretization_s));
+    for column in columns {
+        text += &cell((column.time)(p));
+    }
+    for column in columns
+        .iter()
+        .filter(|c| c.setting.method != Method::Crossings)
+    {
+        text += &format!(" {:>10} {:>8}", brief((column.error)(p)), "");
+    }
+    text
+}
+
+fn start(model: &str, by: &str, [segments, curves, pairs]: [u64; 3]) -> String {
+    let [segments, curves, pairs] = [segments, curves, pairs].map(count);
+    format!("{model:38}{by:9} {segments:>10} {curves:>7} {pairs:>9}")
+}
+
+fn cell(s: Option<f64>) -> String {
+    format!(" {:>10}", s.map_or("-".into(), seconds))
+}
+
+/// Three digits.
+fn seconds(s: f64) -> String {
+    match s {
+        s if s < 0.1 => format!("{s:.4}"),
+        s if s < 10.0 => format!("{s:.3}"),
+        s if s < 1000.0 => format!("{s:.1}"),
+        s => format!("{s:.0}"),
+    }
+}
