@@ -22,7 +22,7 @@ pub struct Args {
     /// How splines become polylines
     #[arg(long, value_enum, default_value_t)]
     discretize: Discretize,
-    /// Which kernel computes: crossings, direct, angle-sum, barnes-hut or interval; what the bound of a sum does not
+    /// Which kernel computes: crossings, direct, angle-sum, barnes-hut, fmm or interval; what the bound of a sum does not
     /// decide is counted
     #[arg(
         long,
@@ -40,6 +40,9 @@ pub struct Args {
     /// Barnes-Hut without quadrupoles
     #[arg(long)]
     dipole: bool,
+    /// The order of fmm's expansions, 2 to 20 [default: by the bound]
+    #[arg(long, value_name = "P", value_parser = clap::value_parser!(u32).range(2..=20))]
+    order: Option<u32>,
     /// Only linking numbers that stay wherever vertices are within R along each axis (polylines)
     #[arg(long, value_name = "R", conflicts_with_all = ["discretize", "kernel"])]
     noise: Option<f64>,
@@ -95,6 +98,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
                     beta: args.beta,
                     target: args.target,
                     dipole: args.dipole,
+                    order: args.order,
                 };
                 let (certificate, stats, who) = verifier.certify_by(&set, args.kernel, accuracy)?;
                 ladder = Some(who);

@@ -19,6 +19,7 @@ pub(crate) mod barnes_hut;
 pub(crate) mod crossings;
 pub(crate) mod direct;
 mod estimate;
+pub(crate) mod fmm;
 pub(crate) mod interval;
 mod method;
 pub mod oracle;

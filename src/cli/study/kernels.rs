@@ -21,6 +21,7 @@ const ESTIMATED: Accuracy = Accuracy {
     beta: Some(2.0),
     target: Some(0.1),
     dipole: false,
+    order: None,
 };
 
 /// Measure the kernels: speed against error
@@ -137,6 +138,7 @@ impl Setting {
                 beta,
                 target: None,
                 dipole,
+                order: None,
             },
         };
         let exactly = Method::ALL
@@ -167,7 +169,7 @@ impl Setting {
             Method::Direct => Some(6.0),
             Method::AngleSum => Some(5.0),
             Method::Interval => Some(1500.0),
-            Method::Crossings | Method::BarnesHut => None,
+            Method::Crossings | Method::BarnesHut | Method::Fmm => None,
         }
     }
 
@@ -433,9 +435,9 @@ mod tests {
     #[test]
     fn every_kernel_and_every_beta_has_a_row() {
         let all = Setting::all(&[2.0, 4.0]);
-        assert_eq!(all.len(), 4 + 2 * 2 + 2);
+        assert_eq!(all.len(), 5 + 2 * 2 + 2);
         assert_eq!(all.iter().filter(|s| s.is_by_beta()).count(), 4);
-        assert_eq!(all[4].to_string(), "barnes-hut dipole, beta 2");
-        assert_eq!(all[9].series(), "two passes");
+        assert_eq!(all[5].to_string(), "barnes-hut dipole, beta 2");
+        assert_eq!(all[10].series(), "two passes");
     }
 }
