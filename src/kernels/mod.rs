@@ -19,6 +19,8 @@ pub(crate) mod barnes_hut;
 pub(crate) mod crossings;
 pub(crate) mod direct;
 mod estimate;
+#[cfg(test)]
+mod fixtures;
 pub(crate) mod fmm;
 pub(crate) mod interval;
 mod method;

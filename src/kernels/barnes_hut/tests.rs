@@ -1,26 +1,7 @@
 use super::*;
 use crate::curve::{Basis, Positions};
-use crate::kernels::oracle;
+use crate::kernels::fixtures::{check, hopf, polylines, random_pairs, scene};
 use crate::scenes::Scene;
-
-/// Closed polylines with these vertices.
-fn polylines(curves: &[&[[f64; 3]]]) -> CurveSet {
-    let counts: Vec<i32> = curves.iter().map(|c| -(c.len() as i32)).collect();
-    let flat: Vec<f64> = curves
-        .iter()
-        .copied()
-        .flatten()
-        .flatten()
-        .copied()
-        .collect();
-    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&flat)).unwrap()
-}
-
-fn scene(text: &str) -> (CurveSet, i64) {
-    let generated = text.parse::<Scene>().unwrap().build().unwrap();
-    let lambda = generated.certificate.links.first().map_or(0, |l| l.lambda);
-    (generated.curves, lambda)
-}
 
 fn options(order: Order, accept: Accept) -> Options {
     Options {
@@ -48,66 +29,14 @@ fn ways() -> Vec<Options> {
     accepts.into_iter().flat_map(each).collect()
 }
 
-fn check(found: Estimate, lambda: i64, what: &dyn std::fmt::Display) {
-    let off = (found.value - lambda as f64).abs();
-    assert!(off <= found.bound, "{what}: {found:?}, not {lambda}");
-    let integer = found.integer();
-    assert!(integer.is_none_or(|n| n == lambda), "{what}: {found:?}");
-}
-
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: i64) -> i64 {
-        let Random(seed) = self;
-        *seed = seed
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        ((*seed >> 33) as i64) % n
-    }
-
-    /// A polygon whose sides are steps of a walk in a box: coherent, as curves are.
-    fn polygon(&mut self, n: usize, size: i64, step: i64) -> Vec<[i64; 3]> {
-        let mut at = [0; 3].map(|_: i64| self.below(size));
-        (0..n)
-            .map(|_| {
-                at = at.map(|x| (x + self.below(2 * step + 1) - step).clamp(0, size));
-                at
-            })
-            .collect()
-    }
-}
-
 /// Random pairs of integer polygons; returns how many integers were proven, and how many are not 0.
 fn check_random(pairs: usize, seed: u64) -> (usize, usize) {
-    let mut random = Random(seed);
-    let (mut proven, mut linked) = (0, 0);
     let ways = ways();
-    for k in 0..pairs {
-        let sizes = [6, 30, 300];
-        let size = [20, 1000, 1 << 20][k % 3];
-        let step = size / [1, 4, 16][k / 3 % 3] + 1;
-        let mut polygon = |n| {
-            let n = 3 + random.below(n) as usize;
-            random.polygon(n, size, step)
-        };
-        let n = sizes[k / 9 % 3];
-        let (a, b) = (polygon(n), polygon(n));
-        let lambda = oracle::linking_number(&a, &b);
-        let real = |p: &[[i64; 3]]| p.iter().map(|p| p.map(|x| x as f64)).collect::<Vec<_>>();
-        let set = polylines(&[&real(&a), &real(&b)]);
+    random_pairs(pairs, seed, |k, set| {
         let way = ways[k % ways.len()];
-        let found = BarnesHut::new(&set, way).linking_number((0, 1));
-        match lambda {
-            Some(lambda) => {
-                check(found, lambda, &format_args!("{way:?} of {a:?} and {b:?}"));
-                proven += usize::from(found.integer().is_some());
-                linked += usize::from(lambda != 0);
-            }
-            None => assert_eq!(found.integer(), None, "touching: {a:?} and {b:?}"),
-        }
-    }
-    (proven, linked)
+        let found = BarnesHut::new(set, way).linking_number((0, 1));
+        (found, format!("{way:?}"))
+    })
 }
 
 #[test]
@@ -197,16 +126,6 @@ fn sums_have_the_same_bits_for_any_number_of_threads() {
         });
         assert_eq!(one, three, "{way:?}");
     }
-}
-
-/// A square about the z axis, and one through it.
-fn hopf(scale: f64, offset: f64) -> [Vec<[f64; 3]>; 2] {
-    let a = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
-    let b = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];
-    [a, b].map(|p| {
-        let place = |x: i32| f64::from(x) * scale + offset;
-        p.map(|p| p.map(place)).to_vec()
-    })
 }
 
 #[test]

@@ -1,1 +1,317 @@
+use super::*;
+use crate::curve::{Basis, Positions};
+use crate::kernels::barnes_hut::{self, BarnesHut};
+use crate::kernels::fixtures::{Random, check, hopf, polylines, random_pairs, scene};
 
+fn options(order: Option<u32>, accept: Accept) -> Options {
+    Options {
+        order,
+        accept,
+        ..Options::default()
+    }
+}
+
+fn by_bound(order: Option<u32>) -> Options {
+    options(order, Accept::Bound(0.8))
+}
+
+/// Every way to sum.
+fn ways() -> Vec<Options> {
+    let mut ways = vec![by_bound(None)];
+    for order in [2, 3, 6, 11, 20] {
+        ways.push(by_bound(Some(order)));
+        ways.extend([0.3, 0.6, 0.79].map(|q| options(Some(order), Accept::Separation(q))));
+    }
+    ways
+}
+
+fn sum(set: &CurveSet, options: Options) -> Estimate {
+    Fmm::new(set, options).linking_number((0, 1))
+}
+
+fn check_random(pairs: usize, seed: u64) -> (usize, usize) {
+    let ways = ways();
+    random_pairs(pairs, seed, |k, set| {
+        let way = ways[k % ways.len()];
+        (sum(set, way), format!("{way:?}"))
+    })
+}
+
+#[test]
+fn bounds_cover_the_error_on_random_polygons() {
+    let (proven, linked) = check_random(3_000, 1);
+    assert!(proven > 1_500 && linked > 120, "{proven} {linked}");
+}
+
+/// A tenth of a million pairs: minutes.
+#[test]
+#[ignore]
+fn bounds_cover_the_error_on_many_random_polygons() {
+    let (mut proven, mut linked) = (0, 0);
+    for seed in 0..50 {
+        let found = check_random(2_000, 1000 + seed);
+        proven += found.0;
+        linked += found.1;
+    }
+    println!("{proven} proven, {linked} linked");
+}
+
+#[test]
+fn bounds_cover_the_error_on_scenes() {
+    for text in [
+        "ribbon:segments=2000,lambda=10",
+        "ribbon:segments=20000,lambda=-100",
+        "ribbon:segments=60000,lambda=1000",
+        "woundball:segments=4000,crossings=20",
+        "torus_link:segments=4000,toroidal=10,poloidal=20",
+        "torus_zero:segments=16000,periods=20",
+    ] {
+        let (set, lambda) = scene(text);
+        for way in ways() {
+            let fmm = Fmm::new(&set, way);
+            let found = fmm.linking_number((0, 1));
+            check(found, lambda, &format_args!("{text} {way:?}"));
+            let back = fmm.linking_number((1, 0));
+            check(back, lambda, &format_args!("{text} {way:?}, swapped"));
+            if way == by_bound(None) {
+                assert!(found.bound <= 0.8, "{text}: {found:?}");
+                assert_eq!(found.integer(), Some(lambda), "{text}");
+                assert_eq!(back.integer(), Some(lambda), "{text}");
+            }
+        }
+    }
+}
+
+#[test]
+fn strands_that_cancel_need_a_high_order() {
+    let (set, lambda) = scene("woundball:segments=40000,crossings=400");
+    let found = sum(&set, by_bound(None));
+    assert!(found.bound <= 0.8, "{found:?}");
+    assert_eq!(found.integer(), Some(lambda));
+    let low = sum(&set, options(Some(3), Accept::Separation(0.5)));
+    check(low, lambda, &"order 3");
+    assert_eq!(low.integer(), None);
+}
+
+#[test]
+fn a_large_linking_number_is_never_rounded_to_a_wrong_one() {
+    // The published method's answer is -999 for a ribbon like this one.
+    let (set, lambda) = scene("ribbon:segments=200000,lambda=1000");
+    let coarse = sum(&set, options(Some(2), Accept::Separation(0.7)));
+    check(coarse, lambda, &"coarse");
+    assert_eq!(coarse.integer(), None);
+    assert_eq!(sum(&set, by_bound(None)).integer(), Some(lambda));
+}
+
+#[test]
+fn the_error_falls_with_the_order_as_a_power_of_the_separation() {
+    for text in [
+        "ribbon:segments=20000,lambda=100",
+        "woundball:segments=8000,crossings=40",
+        "torus_link:segments=8000,toroidal=20,poloidal=40",
+    ] {
+        let (set, lambda) = scene(text);
+        let found = |order| {
+            let found = sum(&set, options(Some(order), Accept::Separation(0.6)));
+            ((found.value - lambda as f64).abs(), found.bound)
+        };
+        // The larger of two orders: single errors have either sign.
+        let error = |order| found(order).0.max(found(order + 1).0);
+        let (low, high) = (error(2), error(8));
+        // With a = b = 0.3 R a degree more is worth 0.3 / 0.7 at least; points are nearer to the centre than the radius.
+        assert!(low > 1e-7, "{text}: {low}");
+        assert!(high < low * 0.43f64.powi(6), "{text}: {low} {high}");
+        assert!(found(8).1 < found(2).1 * 0.5f64.powi(6), "{text}");
+        assert!(
+            error(14) < high * 0.05 || error(14) < 1e-9,
+            "{text}: {high}"
+        );
+    }
+}
+
+/// Two nodes of a segment each: the bound of their interaction is not absurdly far from the error.
+#[test]
+fn the_bound_is_attained_within_a_factor() {
+    let mut random = Random(5);
+    let mut closest = f64::INFINITY;
+    for _ in 0..300 {
+        // Short pieces at the rim of both nodes, filled up to a leaf each with what lies across.
+        let mut piece = |centre: f64| {
+            let mut point = |s: f64| {
+                let mut x = [0; 3].map(|_: i32| random.below(2001) as f64 / 1000.0 - 1.0);
+                let norm = (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt().max(0.1);
+                x = x.map(|x| s * x / norm);
+                [x[0] + centre, x[1], x[2]]
+            };
+            vec![point(1.0), point(1.0), point(1.0)]
+        };
+        let set = polylines(&[&piece(0.0), &piece(5.0)]);
+        let fmm = Fmm::new(&set, by_bound(None));
+        let trees = fmm.pair((0, 1)).unwrap();
+        let direct = Walk::new(trees, [None; 2], Criterion::Share(0.0))
+            .sum()
+            .estimate();
+        for order in [2, 4, 8] {
+            let expansions = trees.map(|t| Expansions::new(t, order));
+            let of = expansions.each_ref().map(Some);
+            let found = Walk::new(trees, of, Criterion::Separation(0.79)).sum();
+            assert_eq!(found.expanded, 1);
+            let error = (found.estimate().value - direct.value).abs();
+            assert!(error <= found.bounds.tail + 1e-12, "{error} {found:?}");
+            closest = closest.min(found.bounds.tail / error);
+        }
+    }
+    assert!((1.0..30.0).contains(&closest), "{closest}");
+}
+
+#[test]
+fn moments_of_parents_are_those_of_their_segments() {
+    let (set, _) = scene("torus_link:segments=2000,toroidal=5,poloidal=7");
+    let fmm = Fmm::new(&set, by_bound(None));
+    let tree = fmm.trees[0].as_ref().unwrap();
+    for order in [2, 7, 20] {
+        let shifted = Expansions::new(tree, order);
+        let root = tree.balls[0];
+        let mut room = harmonics::Room::<1>::new(order);
+        let mut direct = vec![[0.0]; 2 * harmonics::count(order)];
+        let [starts, ends] = &tree.ends;
+        for k in 0..starts[0].len() {
+            let p = [0, 1, 2].map(|x| [(starts[x][k] - root.centre[x]) / root.size]);
+            let e = [0, 1, 2].map(|x| [(ends[x][k] - starts[x][k]) / root.size]);
+            harmonics::add_segments(order, &p, &e, &mut room, &mut direct);
+        }
+        let length = root.length / root.size;
+        for (shifted, direct) in shifted.of(0).iter().zip(&direct) {
+            assert!(
+                (shifted - direct[0]).abs() < 1e-14 * length,
+                "order {order}"
+            );
+        }
+    }
+}
+
+#[test]
+fn reversing_a_curve_changes_the_sign_and_swapping_nothing() {
+    let (set, lambda) = scene("ribbon:segments=4000,lambda=20");
+    let curve = |i: usize| -> Vec<[f64; 3]> {
+        (0..set.curve(i).points as usize)
+            .map(|k| set.point(i, k))
+            .collect()
+    };
+    let (a, b) = (curve(0), curve(1));
+    let back: Vec<_> = a.iter().rev().copied().collect();
+    let found = |a: &[[f64; 3]], b: &[[f64; 3]]| sum(&polylines(&[a, b]), by_bound(None));
+    assert_eq!(found(&a, &b).integer(), Some(lambda));
+    assert_eq!(found(&b, &a).integer(), Some(lambda));
+    assert_eq!(found(&back, &b).integer(), Some(-lambda));
+}
+
+#[test]
+fn sums_have_the_same_bits_for_any_number_of_threads() {
+    let (set, _) = scene("ribbon:segments=20000,lambda=100");
+    for way in ways() {
+        let [one, three] = [1, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            pool.build().unwrap().install(|| {
+                let found = sum(&set, way);
+                (found.value.to_bits(), found.bound.to_bits())
+            })
+        });
+        assert_eq!(one, three, "{way:?}");
+    }
+}
+
+#[test]
+fn the_scale_does_not_matter() {
+    for exponent in [-1074, -1070, -1022, -500, -50, 0, 50, 500, 1020] {
+        let half = exponent / 2;
+        let scale = 2f64.powi(half) * 2f64.powi(exponent - half);
+        let [a, b] = hopf(scale, 0.0);
+        let found = sum(&polylines(&[&a, &b]), by_bound(None));
+        assert_eq!(
+            found.integer().map(i64::abs),
+            Some(1),
+            "{exponent}: {found:?}"
+        );
+    }
+    // Expansions too: powers of two change no bit.
+    let (set, lambda) = scene("ribbon:segments=4000,lambda=20");
+    let at = |scale: f64, offset: f64| {
+        let curve = |i: usize| -> Vec<[f64; 3]> {
+            let place = |k| set.point(i, k).map(|x| x * scale + offset);
+            (0..set.curve(i).points as usize).map(place).collect()
+        };
+        sum(&polylines(&[&curve(0), &curve(1)]), by_bound(None))
+    };
+    let found = at(1.0, 0.0);
+    for exponent in [-900, -300, -3, 1, 300, 900] {
+        assert_eq!(at(2f64.powi(exponent), 0.0), found, "{exponent}");
+    }
+    for offset in [1.0, 1e3, 1e6] {
+        assert_eq!(at(1.0, offset).integer(), Some(lambda), "{offset}");
+    }
+    // Far from the origin, and beside curves that are much larger.
+    let [a, b] = hopf(2f64.powi(-40), 1.0);
+    let [far, _] = hopf(1e9, 0.0);
+    let found = sum(&polylines(&[&a, &b, &far]), by_bound(None));
+    assert_eq!(found.integer().map(i64::abs), Some(1));
+}
+
+#[test]
+fn curves_that_touch_have_no_integer() {
+    let [a, b] = hopf(1.0, 0.0);
+    let touching: [Vec<[f64; 3]>; 4] = [
+        // Edge through edge, vertex on vertex, collinear edges, the same curve.
+        vec![[2.0, 0.0, -1.0], [2.0, 0.0, 1.0], [5.0, 0.0, 0.0]],
+        vec![[2.0, 2.0, 0.0], [3.0, 3.0, 0.0], [3.0, 3.0, 9.0]],
+        vec![[-1.0, -2.0, 0.0], [1.0, -2.0, 0.0], [0.0, -5.0, 1.0]],
+        a.clone(),
+    ];
+    for other in &touching {
+        for way in ways() {
+            let found = sum(&polylines(&[&a, other]), way);
+            assert_eq!(found.integer(), None, "{other:?}: {found:?}");
+        }
+    }
+    // So do longer ones.
+    let (set, _) = scene("ribbon:segments=4000,lambda=20");
+    let curve: Vec<[f64; 3]> = (0..2000).map(|k| set.point(0, k)).collect();
+    for way in ways() {
+        assert_eq!(sum(&polylines(&[&curve, &curve]), way).integer(), None);
+    }
+    // Repeated vertices and points are no contact.
+    let mut repeated = b.clone();
+    repeated.extend([b[3]; 500]);
+    let point = vec![[0.5, 0.25, 0.0]; 400];
+    let set = polylines(&[&a, &repeated, &point]);
+    let sums = Fmm::new(&set, by_bound(None));
+    assert_eq!(sums.linking_number((0, 1)).integer().map(i64::abs), Some(1));
+    assert_eq!(sums.linking_number((0, 2)).integer(), Some(0));
+    assert_eq!(sums.linking_number((1, 2)).integer(), Some(0));
+}
+
+#[test]
+fn pairs_together_are_as_pairs_alone() {
+    let (set, _) = scene("chainmail");
+    let mut pairs = Vec::new();
+    for i in 0..set.len().min(12) as u32 {
+        pairs.extend((0..i).map(|j| (j, i)));
+    }
+    let fmm = Fmm::new(&set, by_bound(None));
+    let together = fmm.linking_numbers(&pairs);
+    for (&pair, found) in pairs.iter().zip(&together) {
+        assert_eq!(fmm.linking_number(pair), *found);
+        let other = BarnesHut::new(&set, barnes_hut::Options::default()).linking_number(pair);
+        assert_eq!(other.integer(), found.integer());
+    }
+}
+
+#[test]
+fn other_curves_than_closed_polylines_are_unknown() {
+    let flat: Vec<f64> = (0..24).map(f64::from).collect();
+    let open = CurveSet::from_counts(Basis::Polyline, &[-4, 4], Positions::F64(&flat)).unwrap();
+    let spline = CurveSet::from_counts(Basis::BSpline, &[-4, -4], Positions::F64(&flat)).unwrap();
+    for set in [open, spline] {
+        assert_eq!(sum(&set, by_bound(None)), Estimate::UNKNOWN);
+    }
+}
