@@ -11,6 +11,7 @@
 //! integer, and only a high order makes the remainder small enough. Nodes are regions, not stretches ([`tree`]).
 
 mod bound;
+mod expansions;
 mod harmonics;
 mod interact;
 mod norms;
@@ -25,8 +26,9 @@ use super::{Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use bound::OUTWARD;
+use expansions::Expansions;
 use rayon::prelude::*;
-use tree::{Expansions, Tree};
+use tree::Tree;
 use walk::{Criterion, Sum, Walk};
 
 /// When an expansion is good enough for a node pair.
@@ -111,42 +113,47 @@ impl Fmm {
         Some(order.clamp(2, harmonics::MOST))
     }
 
-    /// The sum for a pair, and whether a higher order may do better.
-    fn sum(&self, trees: [&Tree; 2], expansions: [Option<&Expansions>; 2]) -> (Sum, bool) {
-        let walk = |criterion| Walk::new(trees, expansions, criterion);
-        let [m, n] = trees.map(|t| f64::from(t.root().leaves));
+    /// What is accepted for a pair such that the remainder suffices, and what that takes; none where that is too much.
+    fn plan(
+        &self,
+        trees: [&Tree; 2],
+        expansions: [Option<&Expansions>; 2],
+        start: Option<Criterion>,
+    ) -> Option<(Criterion, Sum)> {
+        let plan = |criterion| Walk::new(trees, expansions, criterion).plan();
         let budget = match self.options.accept {
-            _ if expansions[0].is_none() => return (walk(Criterion::Share(0.0)).sum(), false),
-            Accept::Separation(q) => return (walk(Criterion::Separation(q)).sum(), false),
+            _ if expansions[0].is_none() => return Some((Criterion::Share(0.0), Sum::ZERO)),
+            Accept::Separation(q) => {
+                let criterion = Criterion::Separation(q);
+                return Some((criterion, plan(criterion)));
+            }
             Accept::Bound(budget) => budget,
         };
         // Rounding takes some.
         let aim = 0.8 * budget;
-        let mut share = aim / (16.0 * (m + n));
+        let [m, n] = trees.map(|t| f64::from(t.root().leaves));
+        let mut share = match start {
+            Some(Criterion::Share(share)) => share,
+            _ => aim / (16.0 * (m + n)),
+        };
         let mut found = None;
         for _ in 0..TRIES {
-            let plan = walk(Criterion::Share(share)).plan();
-            let fits = plan.bounds.tail <= aim;
-            // The finest that is too coarse, or the coarsest that fits.
-            if fits {
-                found = Some((share, plan));
-                if plan.bounds.tail > 0.4 * aim {
+            let criterion = Criterion::Share(share);
+            let sum = plan(criterion);
+            let tail = sum.bounds.tail;
+            if tail <= aim {
+                found = Some((criterion, sum));
+                if tail > 0.4 * aim || tail == 0.0 {
                     break;
                 }
+                share *= 0.7 * (aim / tail).min(1e3);
             } else if found.is_some() {
                 break;
+            } else {
+                share *= 0.6 * (aim / tail).max(1e-4);
             }
-            let factor = (aim / plan.bounds.tail).clamp(1e-4, 1e3);
-            share *= if fits { 0.7 * factor } else { 0.6 * factor };
         }
-        let more = self.options.order.is_none();
-        match found {
-            Some((share, plan)) if plan.work() <= self.options.limit => {
-                let sum = walk(Criterion::Share(share)).sum();
-                (sum, more && sum.estimate().bound > budget)
-            }
-            _ => (Sum::UNKNOWN, more),
-        }
+        found.filter(|(_, sum)| sum.work() <= self.options.limit)
     }
 }
 
@@ -198,26 +205,63 @@ impl Fmm {
             used[i as usize] = true;
             used[j as usize] = true;
         }
-        let expansions: Vec<Option<Expansions>> = self
+        // What can be said without moments tells which nodes need any.
+        let mut expansions: Vec<Option<Expansions>> = self
             .trees
             .par_iter()
             .zip(used)
             .map(|(tree, used)| {
                 let (tree, order) = (tree.as_ref().filter(|_| used)?, order?);
-                Some(Expansions::new(tree, order))
+                Some(Expansions::outline(tree, order))
             })
             .collect();
-        let sums: Vec<_> = now
+        let plan = |expansions: &[Option<Expansions>], at: usize, start| {
+            let of = |i: u32| expansions[i as usize].as_ref();
+            let (i, j) = pairs[at];
+            self.plan(self.pair((i, j))?, [of(i), of(j)], start)
+        };
+        let plans: Vec<_> = now
             .par_iter()
-            .map(|&(at, _)| {
+            .map(|&(at, _)| plan(&expansions, at, None))
+            .collect();
+        let mut least = vec![u32::MAX; self.trees.len()];
+        for (&(at, _), plan) in now.iter().zip(&plans) {
+            let (i, j) = pairs[at];
+            for (curve, smallest) in [i, j]
+                .into_iter()
+                .zip(plan.map_or([u32::MAX; 2], |p| p.1.smallest))
+            {
+                least[curve as usize] = smallest.min(least[curve as usize]);
+            }
+        }
+        expansions
+            .par_iter_mut()
+            .zip(&self.trees)
+            .zip(least)
+            .for_each(|((expansions, tree), least)| {
+                if let (Some(expansions), Some(tree)) = (expansions, tree) {
+                    expansions.fill(tree, least);
+                }
+            });
+        let sums: Vec<(Sum, bool)> = now
+            .par_iter()
+            .zip(plans)
+            .map(|(&(at, _), first)| {
+                let bounded = matches!(self.options.accept, Accept::Bound(_));
+                let more = self.options.order.is_none() && order.is_some() && bounded;
+                // Moments may be smaller than they could be, and so node pairs larger.
+                let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
                 let (i, j) = pairs[at];
+                let (Some((criterion, _)), Some(trees)) = (again, self.pair((i, j))) else {
+                    return (Sum::UNKNOWN, more);
+                };
                 let of = |i: u32| expansions[i as usize].as_ref();
-                let trees = self.pair(pairs[at])?;
-                Some(self.sum(trees, [of(i), of(j)]))
+                let sum = Walk::new(trees, [of(i), of(j)], criterion).sum();
+                (sum, more && sum.estimate().integer().is_none())
             })
             .collect();
         for (&(at, _), sum) in now.iter().zip(sums) {
-            let Some((sum, more)) = sum else { continue };
+            let (sum, more) = sum;
             let estimate = sum.estimate();
             if estimate.bound < estimates[at].bound {
                 estimates[at] = estimate;

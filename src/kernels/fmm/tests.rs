@@ -129,39 +129,48 @@ fn the_error_falls_with_the_order_as_a_power_of_the_separation() {
     }
 }
 
-/// Two nodes of a segment each: the bound of their interaction is not absurdly far from the error.
+/// The bound of the interaction of two leaves is not absurdly far from the error.
 #[test]
 fn the_bound_is_attained_within_a_factor() {
     let mut random = Random(5);
     let mut closest = f64::INFINITY;
     for _ in 0..300 {
-        // Short pieces at the rim of both nodes, filled up to a leaf each with what lies across.
-        let mut piece = |centre: f64| {
-            let mut point = |s: f64| {
-                let mut x = [0; 3].map(|_: i32| random.below(2001) as f64 / 1000.0 - 1.0);
-                let norm = (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt().max(0.1);
-                x = x.map(|x| s * x / norm);
-                [x[0] + centre, x[1], x[2]]
-            };
-            vec![point(1.0), point(1.0), point(1.0)]
+        // Leaves are no closed curves, whose interaction would be 0: two a curve.
+        let mut curve = |centre: f64| -> Vec<[f64; 3]> {
+            let place = |p: [i64; 3]| p.map(|x| x as f64 / 1000.0 + centre);
+            random
+                .polygon(64, 1000, 100)
+                .into_iter()
+                .map(place)
+                .collect()
         };
-        let set = polylines(&[&piece(0.0), &piece(5.0)]);
+        let set = polylines(&[&curve(0.0), &curve(2.0)]);
         let fmm = Fmm::new(&set, by_bound(None));
         let trees = fmm.pair((0, 1)).unwrap();
-        let direct = Walk::new(trees, [None; 2], Criterion::Share(0.0))
-            .sum()
-            .estimate();
+        let leaves = trees.map(|t| t.root().children()[0]);
+        let run = |expansions: [Option<&Expansions>; 2], criterion| {
+            let walk = Walk::new(trees, expansions, criterion);
+            walk.run(&mut vec![(leaves[0], leaves[1])])
+        };
+        let direct = run([None; 2], Criterion::Share(0.0));
+        assert_eq!((direct.expanded, direct.summed), (0, 1));
         for order in [2, 4, 8] {
-            let expansions = trees.map(|t| Expansions::new(t, order));
-            let of = expansions.each_ref().map(Some);
-            let found = Walk::new(trees, of, Criterion::Separation(0.79)).sum();
+            let expansions = trees.map(|t| {
+                let mut expansions = Expansions::outline(t, order);
+                expansions.fill(t, 1);
+                expansions
+            });
+            let found = run(expansions.each_ref().map(Some), Criterion::Separation(0.79));
             assert_eq!(found.expanded, 1);
-            let error = (found.estimate().value - direct.value).abs();
+            let error = (found.estimate().value - direct.estimate().value).abs();
             assert!(error <= found.bounds.tail + 1e-12, "{error} {found:?}");
-            closest = closest.min(found.bounds.tail / error);
+            if error > 1e-11 {
+                closest = closest.min(found.bounds.tail / error);
+            }
         }
     }
-    assert!((1.0..30.0).contains(&closest), "{closest}");
+    println!("closest: {closest}");
+    assert!((1.0..500.0).contains(&closest), "{closest}");
 }
 
 #[test]
@@ -170,7 +179,8 @@ fn moments_of_parents_are_those_of_their_segments() {
     let fmm = Fmm::new(&set, by_bound(None));
     let tree = fmm.trees[0].as_ref().unwrap();
     for order in [2, 7, 20] {
-        let shifted = Expansions::new(tree, order);
+        let mut shifted = Expansions::outline(tree, order);
+        shifted.fill(tree, 1);
         let root = tree.balls[0];
         let mut room = harmonics::Room::<1>::new(order);
         let mut direct = vec![[0.0]; 2 * harmonics::count(order)];

@@ -5,19 +5,14 @@
 //! [`super::super::barnes_hut`], so that where children are follows from the number of leaves. All leaves but the last
 //! are full.
 
-use super::harmonics::{Lanes, Room, ShiftRoom, add_segments, add_shifted, count};
-use super::norms::Norms;
 use crate::curve::{CurveSet, Point};
 use crate::kernels::barnes_hut::Node;
 
 /// Segments of a leaf.
 pub(super) const LEAF: usize = 32;
 
-/// Segments whose moments are summed together.
-const TOGETHER: usize = 8;
-
 /// Leaves above which subtrees are built as tasks of their own.
-const GRAIN: usize = 1 << 5;
+pub(super) const GRAIN: usize = 1 << 5;
 
 /// A ball around the segments of a node.
 #[derive(Clone, Copy, Debug)]
@@ -196,99 +191,4 @@ const SMALLEST: f64 = f64::from_bits((1023 - 400) << 52);
 /// The least power of two above a positive normal number.
 fn power_above(x: f64) -> f64 {
     f64::from_bits(((x.to_bits() >> 52) + 1) << 52)
-}
-
-/// The moments of all nodes of a curve, and what the bound takes of them.
-#[derive(Clone, Debug)]
-pub(super) struct Expansions {
-    pub order: usize,
-    /// `P`, then `T`, of a node after the other.
-    moments: Vec<f64>,
-    pub norms: Norms,
-}
-
-impl Expansions {
-    /// All expansions about the centres of a tree, from the leaves up.
-    pub fn new(tree: &Tree, order: usize) -> Expansions {
-        let nodes = tree.balls.len();
-        let mut moments = vec![0.0; 2 * count(order) * nodes];
-        let mut norms = Norms::new(order, nodes);
-        let leaves = nodes.div_ceil(2);
-        if leaves > 0 {
-            let (values, width) = norms.parts();
-            build(tree, order, [0, 0, leaves], &mut moments, values, width);
-        }
-        Expansions {
-            order,
-            moments,
-            norms,
-        }
-    }
-
-    /// `P`, then `T`, of a node.
-    #[inline(always)]
-    pub fn of(&self, place: usize) -> &[f64] {
-        let size = 2 * count(self.order);
-        &self.moments[place * size..][..size]
-    }
-}
-
-/// The moments of a subtree, whose place, first leaf and number of leaves are given.
-fn build(
-    tree: &Tree,
-    order: usize,
-    [place, first, leaves]: [usize; 3],
-    moments: &mut [f64],
-    norms: &mut [f64],
-    width: usize,
-) {
-    let size = 2 * count(order);
-    let (own, below) = moments.split_at_mut(size);
-    let (own_norms, norms_below) = norms.split_at_mut(width);
-    let ball = tree.balls[place];
-    if leaves == 1 {
-        leaf(tree, order, first, &ball, own);
-    } else {
-        let half = leaves / 2;
-        let (left, right) = below.split_at_mut((2 * half - 1) * size);
-        let (norms_left, norms_right) = norms_below.split_at_mut((2 * half - 1) * width);
-        let at = [
-            [place + 1, first, half],
-            [place + 2 * half, first + half, leaves - half],
-        ];
-        let mut lower = || build(tree, order, at[0], left, norms_left, width);
-        let mut upper = || build(tree, order, at[1], right, norms_right, width);
-        if leaves > GRAIN {
-            rayon::join(lower, upper);
-        } else {
-            lower();
-            upper();
-        }
-        let mut room = ShiftRoom::new(order);
-        for (child, moments) in [(at[0][0], &left[..size]), (at[1][0], &right[..size])] {
-            let child = tree.balls[child];
-            let r = [0, 1, 2].map(|x| (child.centre[x] - ball.centre[x]) / ball.size);
-            add_shifted(order, moments, child.size / ball.size, r, &mut room, own);
-        }
-    }
-    let range = first * LEAF..(first + leaves) * LEAF;
-    Norms::fill(order, tree, range, &ball, own, own_norms);
-}
-
-/// The moments of a leaf.
-fn leaf(tree: &Tree, order: usize, first: usize, ball: &Ball, out: &mut [f64]) {
-    let mut room: Room<TOGETHER> = Room::new(order);
-    let mut sums: Vec<Lanes<TOGETHER>> = vec![[0.0; TOGETHER]; 2 * count(order)];
-    for start in (first * LEAF..(first + 1) * LEAF).step_by(TOGETHER) {
-        let lanes = |f: &dyn Fn(usize, usize) -> f64| {
-            [0, 1, 2].map(|x| -> Lanes<TOGETHER> { std::array::from_fn(|l| f(x, start + l)) })
-        };
-        let [starts, ends] = &tree.ends;
-        let p = lanes(&|x, k| (starts[x][k] - ball.centre[x]) / ball.size);
-        let e = lanes(&|x, k| (ends[x][k] - starts[x][k]) / ball.size);
-        add_segments(order, &p, &e, &mut room, &mut sums);
-    }
-    for (out, lanes) in out.iter_mut().zip(&sums) {
-        *out = lanes.iter().sum();
-    }
 }

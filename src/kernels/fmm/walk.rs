@@ -2,8 +2,9 @@
 
 use super::OUTWARD;
 use super::bound::{Bounding, Bounds, ROUNDING};
+use super::expansions::Expansions;
 use super::interact::{BATCH, Room, Side, interact};
-use super::tree::{Expansions, LEAF, Tree};
+use super::tree::{Ball, LEAF, Tree};
 use crate::curve::Point;
 use crate::kernels::Estimate;
 use crate::kernels::barnes_hut::{Angles, Node};
@@ -33,10 +34,12 @@ pub(super) struct Sum {
     pub summed: u64,
     pub visited: u64,
     order: usize,
+    /// Leaves of the smallest expanded nodes of both trees.
+    pub smallest: [u32; 2],
 }
 
 impl Sum {
-    const ZERO: Sum = Sum {
+    pub const ZERO: Sum = Sum {
         far: 0.0,
         bounds: Bounds {
             tail: 0.0,
@@ -48,6 +51,7 @@ impl Sum {
         summed: 0,
         visited: 0,
         order: 0,
+        smallest: [u32::MAX; 2],
     };
 
     /// Nothing was summed.
@@ -65,6 +69,9 @@ impl Sum {
         self.expanded += other.expanded;
         self.summed += other.summed;
         self.visited += other.visited;
+        for (own, other) in self.smallest.iter_mut().zip(other.smallest) {
+            *own = other.min(*own);
+        }
         self
     }
 
@@ -153,7 +160,7 @@ impl<'a> Walk<'a> {
     }
 
     #[inline(always)]
-    fn ball(&self, side: usize, node: Node) -> &'a super::tree::Ball {
+    fn ball(&self, side: usize, node: Node) -> &'a Ball {
         &self.trees[side].balls[node.place as usize]
     }
 
@@ -161,6 +168,9 @@ impl<'a> Walk<'a> {
     #[inline(always)]
     fn accepted(&self, t: Node, u: Node) -> Option<Accepted> {
         let expansions = self.expansions?;
+        if t.leaves < expansions[0].least || u.leaves < expansions[1].least {
+            return None;
+        }
         let balls = [self.ball(0, t), self.ball(1, u)];
         let (r, distance, q) = Bounding::separation(balls[0], balls[1]);
         if let Criterion::Separation(most) = self.criterion
@@ -232,6 +242,7 @@ impl<'a> Walk<'a> {
                 if let Some(accepted) = self.accepted(t, u) {
                     sum.bounds.tail += accepted.bounds.tail;
                     sum.expanded += 1;
+                    sum.smallest = [t.leaves.min(sum.smallest[0]), u.leaves.min(sum.smallest[1])];
                 } else if t.is_leaf() && u.is_leaf() {
                     sum.summed += 1;
                 } else {
@@ -250,7 +261,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Sums all node pairs of the agenda.
-    fn run(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
+    pub fn run(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
         #[cfg(target_arch = "x86_64")]
         if crate::curve::Avx2::detect().is_some() {
             #[expect(unsafe_code, reason = "vector instructions")]
@@ -274,11 +285,6 @@ impl<'a> Walk<'a> {
         let mut sum = Sum::ZERO;
         let mut angles = Angles::ZERO;
         let mut batch: Vec<([Side; 2], Point)> = Vec::with_capacity(BATCH);
-        let mut add = |batch: &mut Vec<_>| {
-            let values = interact(order, batch, &mut room);
-            batch.clear();
-            values.iter().sum::<f64>()
-        };
         while let Some((t, u)) = agenda.pop() {
             sum.visited += 1;
             if let (Some(accepted), Some(expansions)) = (self.accepted(t, u), self.expansions) {
@@ -292,7 +298,7 @@ impl<'a> Walk<'a> {
                 };
                 batch.push(([side(0, t), side(1, u)], accepted.r));
                 if batch.len() == BATCH {
-                    sum.far += add(&mut batch);
+                    sum.far += expand(order, &mut batch, &mut room);
                 }
             } else if t.is_leaf() && u.is_leaf() {
                 let [first, second] = self.trees;
@@ -304,11 +310,19 @@ impl<'a> Walk<'a> {
             }
         }
         if !batch.is_empty() {
-            sum.far += add(&mut batch);
+            sum.far += expand(order, &mut batch, &mut room);
         }
         let (turns, error) = angles.turns();
         sum.near = turns;
         sum.near_error = error;
         sum
     }
+}
+
+/// Sums and empties a batch.
+#[inline(always)]
+fn expand(order: usize, batch: &mut Vec<([Side; 2], Point)>, room: &mut Room) -> f64 {
+    let values = interact(order, batch, room);
+    batch.clear();
+    values.iter().sum()
 }
