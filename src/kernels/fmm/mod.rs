@@ -7,6 +7,9 @@
 //! work is of the order of the number of leaves. The remainder of every node pair and rounding are bounded ([`bound`]),
 //! and node pairs are accepted by that.
 //!
+//! A pair is planned before it is summed: dry runs, by how large moments can be, find what to accept, and so which nodes
+//! need moments at all. Once these are known, norms are smaller, and so is the number of node pairs.
+//!
 //! What it is for: many strands in a small space, whose contributions cancel. Sums of magnitudes are then large beside an
 //! integer, and only a high order makes the remainder small enough. Nodes are regions, not stretches ([`tree`]).
 
@@ -48,8 +51,8 @@ pub(crate) struct Options {
     pub order: Option<u32>,
     /// When they are taken.
     pub accept: Accept,
-    /// Work on a pair that is not gone beyond, in node pairs and the like (about a microsecond each): where it is expected
-    /// to be more, other kernels are better.
+    /// Work on a pair that is not gone beyond, in microseconds of a core, about: where it is expected to be more, other
+    /// kernels are better.
     pub limit: f64,
 }
 
@@ -58,7 +61,7 @@ impl Default for Options {
         Options {
             order: None,
             accept: Accept::Bound(0.8),
-            limit: 3e7,
+            limit: 1e7,
         }
     }
 }
