@@ -28,6 +28,11 @@
 //!
 //! The last also bounds the sum of the magnitudes of all terms, with `M = 2`: what rounding is relative to.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "degrees of several arrays, side by side"
+)]
+
 use super::harmonics::MOST;
 use super::tree::Ball;
 use crate::curve::Point;
@@ -56,7 +61,7 @@ pub(super) const ROUNDING: f64 = f64::from_bits((1023 - 36) << 52);
 pub(super) const OUTWARD: f64 = 1.0 + 1e-9;
 
 /// Most of `(r1 + r2) / R` where the series is used.
-const WIDEST: f64 = 0.8;
+pub(super) const WIDEST: f64 = 0.8;
 
 /// Most of `(1 + (m + 1) / (p + 1)) r / R`, which is at most `2 r / R`.
 const STEEPEST: f64 = 0.9;

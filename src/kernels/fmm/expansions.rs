@@ -1,5 +1,10 @@
 //! The moments of the nodes of a curve.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
 use super::harmonics::{Lanes, Room, ShiftRoom, add_segments, add_shifted, count};
 use super::norms::Norms;
 use super::tree::{Ball, GRAIN, LEAF, Tree};

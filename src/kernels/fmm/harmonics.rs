@@ -24,6 +24,11 @@
 //! They are exact for straight segments: with `I_n^k` the mean of `R_n^k` over the segment from `p` to `q`,
 //! `(n + 1) I_n = R_n(q) + p . grad I_n` by Euler's theorem, and gradients are sums of the degree before.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
 use crate::curve::Point;
 
 /// Largest order.
@@ -63,7 +68,7 @@ fn get<const L: usize>(a: &[Lanes<L>], n: usize, k: isize) -> Complex<L> {
     if k >= 0 {
         return [re, im];
     }
-    if m % 2 == 0 {
+    if m.is_multiple_of(2) {
         [re, im.map(|x| -x)]
     } else {
         [re.map(|x| -x), im]

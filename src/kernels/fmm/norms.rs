@@ -5,6 +5,11 @@
 //! `T_n`, whose `x cross t` is across `x`, is at most `root(n (n + 1) / 2) |x|^n`. So the means of the powers of `|x|` over the
 //! node bound the degrees that are not stored, and strands that cancel lower those that are.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
 use super::bound::ROUNDING;
 use super::harmonics::{MOST, at};
 use super::tree::{Ball, GRAIN, LEAF, Tree};

@@ -3,6 +3,11 @@
 //! A turn about z multiplies by phases. One about y is the same between two swaps of y and z, which are constant
 //! matrices (Dehnen 2014, section 3.3): a fourth of their entries are not 0.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
 use super::harmonics::{Lanes, MOST, at};
 use std::sync::LazyLock;
 

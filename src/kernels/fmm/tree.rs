@@ -5,6 +5,11 @@
 //! [`super::super::barnes_hut`], so that where children are follows from the number of leaves. All leaves but the last
 //! are full.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
 use crate::curve::{CurveSet, Point};
 use crate::kernels::barnes_hut::Node;
 

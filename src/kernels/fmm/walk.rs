@@ -1,7 +1,7 @@
 //! The way down two trees.
 
 use super::OUTWARD;
-use super::bound::{Bounding, Bounds, ROUNDING};
+use super::bound::{Bounding, Bounds, ROUNDING, WIDEST};
 use super::expansions::Expansions;
 use super::interact::{BATCH, Room, Side, interact};
 use super::tree::{Ball, LEAF, Tree};
@@ -88,7 +88,7 @@ impl Sum {
             + self.bounds.size * (ROUNDING + units)
             + units * (1.0 + self.near.abs());
         let bound = (self.bounds.tail + rounding) * OUTWARD;
-        if !(bound < f64::INFINITY) {
+        if !bound.is_finite() {
             return Estimate::UNKNOWN;
         }
         Estimate {
@@ -179,7 +179,7 @@ impl<'a> Walk<'a> {
             return None;
         }
         // The norms are not looked at where there is no series.
-        if q >= 0.8 {
+        if q >= WIDEST {
             return None;
         }
         let norms = [
