@@ -17,7 +17,7 @@ const TOGETHER: usize = 8;
 
 /// Leaves up to which the segments of a node are expanded rather than the moments of its children shifted, which costs as
 /// much as some hundred segments.
-const DIRECT: usize = 8;
+const DIRECT: usize = 16;
 
 /// The moments of nodes of a curve, and what the bound takes of them.
 #[derive(Clone, Debug)]

@@ -139,7 +139,7 @@ fn the_bound_is_attained_within_a_factor() {
         let mut curve = |centre: f64| -> Vec<[f64; 3]> {
             let place = |p: [i64; 3]| p.map(|x| x as f64 / 1000.0 + centre);
             random
-                .polygon(64, 1000, 100)
+                .polygon(2 * tree::LEAF, 1000, 100)
                 .into_iter()
                 .map(place)
                 .collect()

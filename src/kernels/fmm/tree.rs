@@ -14,7 +14,7 @@ use crate::curve::{CurveSet, Point};
 use crate::kernels::barnes_hut::Node;
 
 /// Segments of a leaf.
-pub(super) const LEAF: usize = 32;
+pub(super) const LEAF: usize = 16;
 
 /// Leaves above which subtrees are built as tasks of their own.
 pub(super) const GRAIN: usize = 1 << 5;

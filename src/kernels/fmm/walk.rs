@@ -78,7 +78,7 @@ impl Sum {
     /// About how long it takes, in microseconds.
     pub fn work(&self) -> f64 {
         let p = self.order as f64;
-        self.expanded as f64 * 0.001 * p * p * p + self.summed as f64 * 3.0
+        self.expanded as f64 * 0.001 * p * p * p + self.summed as f64 * 0.8
     }
 
     pub fn estimate(&self) -> Estimate {
