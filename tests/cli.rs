@@ -461,6 +461,8 @@ fn kernels_agree_and_say_who_decided() {
         ("barnes-hut", &[]),
         ("barnes-hut", &["--beta", "2", "--dipole"]),
         ("barnes-hut", &["--beta", "2", "--target", "0.01"]),
+        ("fmm", &[]),
+        ("fmm", &["--order", "3"]),
         ("interval", &[]),
     ] {
         let found = certify(&[&["--kernel", kernel], more].concat());

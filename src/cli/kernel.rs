@@ -6,8 +6,8 @@ use linkwatch::kernels::{Accuracy, Method};
 /// Which kernel computes linking numbers.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct KernelArgs {
-    /// Which kernel computes: crossings, direct, angle-sum, barnes-hut or interval; what the bound of a sum does not
-    /// decide is counted
+    /// Which kernel computes: crossings, direct, angle-sum, barnes-hut, fmm or interval; what the bound of a sum does
+    /// not decide is counted
     #[arg(long = "kernel", value_name = "KERNEL", default_value_t)]
     pub method: Method,
     /// Barnes-Hut by distance: expand where nodes are further apart than B times their radii [default: by the bound]
@@ -19,6 +19,9 @@ pub struct KernelArgs {
     /// Barnes-Hut without quadrupoles
     #[arg(long)]
     dipole: bool,
+    /// The order of fmm's expansions, 2 to 20 [default: by the bound]
+    #[arg(long, value_name = "P", value_parser = clap::value_parser!(u32).range(2..=20))]
+    order: Option<u32>,
 }
 
 impl KernelArgs {
@@ -28,6 +31,7 @@ impl KernelArgs {
             beta: self.beta,
             target: self.target,
             dipole: self.dipole,
+            order: self.order,
         };
         verifier.set_kernel(self.method, accuracy);
     }

@@ -2,6 +2,7 @@
 
 use super::barnes_hut::{Accept, BarnesHut, Options, Order};
 use super::direct::{Direct, Formula};
+use super::fmm::{self, Fmm};
 use super::interval::{Interval, enclose};
 use super::{Estimate, Summation};
 use crate::curve::CurveSet;
@@ -22,11 +23,13 @@ pub enum Method {
     AngleSum,
     /// Barnes-Hut with two trees (Qu & James 2021, section 3.4.4), by a proven bound.
     BarnesHut,
+    /// A fast multipole method (Qu & James 2021, section 3.4.3), by a proven bound.
+    Fmm,
     /// Arai's sum in interval arithmetic (Arai 2013, algorithms 1 and 3).
     Interval,
 }
 
-/// How finely Barnes-Hut sums.
+/// How finely Barnes-Hut and the fast multipole method sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Accuracy {
     /// Node pairs are expanded where they are further apart than this times the sum of their radii. Without it, as the
@@ -37,15 +40,18 @@ pub struct Accuracy {
     pub target: Option<f64>,
     /// Whether expansions stop at the dipole.
     pub dipole: bool,
+    /// The order of the fast multipole method, 2 to 20. Without it, as the proven bound asks for.
+    pub order: Option<u32>,
 }
 
 impl Method {
     /// Every kernel.
-    pub const ALL: [Method; 5] = [
+    pub const ALL: [Method; 6] = [
         Method::Crossings,
         Method::Direct,
         Method::AngleSum,
         Method::BarnesHut,
+        Method::Fmm,
         Method::Interval,
     ];
 
@@ -56,6 +62,7 @@ impl Method {
             Method::Direct => "direct",
             Method::AngleSum => "angle-sum",
             Method::BarnesHut => "barnes-hut",
+            Method::Fmm => "fmm",
             Method::Interval => "interval",
         }
     }
@@ -95,6 +102,13 @@ impl Method {
                     ])),
                 }
             }
+            Method::Fmm => {
+                let options = fmm::Options {
+                    order: accuracy.order,
+                    ..fmm::Options::default()
+                };
+                Box::new(Fmm::new(polylines, options))
+            }
             Method::Interval => Box::new(Enclosures(polylines)),
         })
     }
@@ -110,7 +124,9 @@ impl FromStr for Method {
     type Err = String;
     fn from_str(s: &str) -> Result<Self, String> {
         let found = Self::ALL.into_iter().find(|m| m.word() == s);
-        found.ok_or_else(|| "expected crossings, direct, angle-sum, barnes-hut or interval".into())
+        found.ok_or_else(|| {
+            "expected crossings, direct, angle-sum, barnes-hut, fmm or interval".into()
+        })
     }
 }
 

@@ -21,6 +21,7 @@ mod conformance;
 pub(crate) mod crossings;
 pub(crate) mod direct;
 mod estimate;
+pub(crate) mod fmm;
 pub(crate) mod interval;
 mod method;
 pub mod oracle;

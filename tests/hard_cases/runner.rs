@@ -153,7 +153,7 @@ pub const EARLY_EXIT: Kernel = Kernel {
 };
 
 /// Kernels that sum, each with what its bound leaves to counting.
-pub const SUMS: [Kernel; 5] = [
+pub const SUMS: [Kernel; 7] = [
     Kernel {
         name: "direct",
         rule: Rule::Complete,
@@ -174,6 +174,23 @@ pub const SUMS: [Kernel; 5] = [
         rule: Rule::Complete,
         certify: |set| summed(set, Method::BarnesHut, Some(2.0)),
     },
+    Kernel {
+        name: "fast multipole method",
+        rule: Rule::Complete,
+        certify: |set| summed(set, Method::Fmm, None),
+    },
+    Kernel {
+        name: "fast multipole method, order 4",
+        rule: Rule::Complete,
+        certify: |set| {
+            let order = Some(4);
+            let accuracy = Accuracy {
+                order,
+                ..Accuracy::default()
+            };
+            summed_with(set, Method::Fmm, accuracy)
+        },
+    },
     INTERVAL,
 ];
 
@@ -189,6 +206,10 @@ fn summed(set: &CurveSet, method: Method, beta: Option<f64>) -> Certificate {
         beta,
         ..Accuracy::default()
     };
+    summed_with(set, method, accuracy)
+}
+
+fn summed_with(set: &CurveSet, method: Method, accuracy: Accuracy) -> Certificate {
     let mut verifier = Verifier::new(AbortOn::Never);
     verifier.set_kernel(method, accuracy);
     verifier.certify(set).0.clone()

@@ -17,6 +17,7 @@ impl Setting {
             beta: Some(2.0),
             target: Some(0.2),
             dipole: false,
+            order: None,
         },
     };
 
@@ -33,6 +34,7 @@ impl Setting {
                 beta: Some(beta),
                 target: None,
                 dipole,
+                order: None,
             },
         }
     }
@@ -65,7 +67,7 @@ impl Setting {
             Method::Direct => Some(6.0),
             Method::AngleSum => Some(5.0),
             Method::Interval => Some(1500.0),
-            Method::Crossings | Method::BarnesHut => None,
+            Method::Crossings | Method::BarnesHut | Method::Fmm => None,
         }
     }
 

@@ -24,10 +24,12 @@ use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use bound::{Bounds, OUTWARD, ROUNDING, bounds};
 use evaluate::{BATCH, expand_batch, next_order};
-use near::Angles;
 use rayon::prelude::*;
 use std::f64::consts::PI;
-use trees::{Node, Tree, dot};
+use trees::{Tree, dot};
+
+pub(super) use near::Angles;
+pub(super) use trees::Node;
 
 /// How far the expansion goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -219,7 +221,7 @@ impl Summation for BarnesHut<'_> {
 ///
 /// Products are exact but for underflow, which moves points by `2^-1074` at most, far less than the distance below which
 /// segments count as touching.
-fn normalizing(max_abs: f64) -> f64 {
+pub(super) fn normalizing(max_abs: f64) -> f64 {
     let exponent = (max_abs.to_bits() >> 52) as i64 - 1022;
     // The exponents of subnormal numbers are all alike, and so is their factor; those of the largest have a subnormal one.
     match 1023 - exponent {

@@ -23,13 +23,14 @@
 )]
 
 use super::trees::{LEAF, Tree};
+use std::ops::Range;
 
 /// Numbers of the lanes.
 type Lanes = [f64; LEAF];
 
 /// A sum of angles, a lane for each segment of a leaf.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Angles {
+pub(in crate::kernels) struct Angles {
     /// A complex number whose argument is the sum but for full turns.
     x: Lanes,
     y: Lanes,
@@ -67,7 +68,7 @@ impl Angles {
 
     /// Adds the angles of all segment pairs of two leaves, of this number in their curves.
     #[inline(always)]
-    pub fn add(&mut self, [first, second]: [&Tree; 2], [i, j]: [usize; 2]) {
+    pub(super) fn add(&mut self, [first, second]: [&Tree; 2], [i, j]: [usize; 2]) {
         let (i, j) = (i * LEAF, j * LEAF);
         // The ends of the second curve's segments: one window, and the next.
         let ends = [j, j + 1].map(|at| {
@@ -86,6 +87,37 @@ impl Angles {
             above = below;
         }
         self.count += 1;
+    }
+
+    /// Adds the angles of all segment pairs of two ranges, as multiples of [`LEAF`], of two curves; their segments are
+    /// given by where they start and end.
+    #[inline(always)]
+    pub fn add_segments(
+        &mut self,
+        [first, second]: [&[[Vec<f64>; 3]; 2]; 2],
+        [i, j]: [Range<usize>; 2],
+    ) {
+        let corner = |end: usize, k: usize| first[end].each_ref().map(|v| v[k]);
+        for at in j.step_by(LEAF) {
+            let ends = second.each_ref().map(|end| {
+                end.each_ref()
+                    .map(|v| -> Lanes { v[at..at + LEAF].try_into().unwrap_or([0.0; LEAF]) })
+            });
+            let mut before: Option<([f64; 3], Row)> = None;
+            for k in i.clone() {
+                let (p, q) = (corner(0, k), corner(1, k));
+                // Neighbours share an end.
+                let above = match before {
+                    Some((end, row)) if end == p => row,
+                    _ => Row::new(p, &ends),
+                };
+                let below = Row::new(q, &ends);
+                let side = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
+                self.add_row(side, &ends, &above, &below);
+                before = Some((q, below));
+            }
+            self.count += (i.len() / LEAF) as u64;
+        }
     }
 
     /// The pairs of one segment with those of a leaf.
@@ -156,6 +188,7 @@ impl Angles {
 }
 
 /// A vertex of the first curve, seen from the ends of the second's segments.
+#[derive(Clone, Copy)]
 struct Row {
     v: [[Lanes; 3]; 2],
     n: [Lanes; 2],

@@ -1,25 +1,6 @@
 use super::*;
-use crate::curve::{Basis, Positions};
+use crate::kernels::conformance::polygons::{check, hopf, polylines, scene};
 use crate::scenes::Scene;
-
-/// Closed polylines with these vertices.
-fn polylines(curves: &[&[[f64; 3]]]) -> CurveSet {
-    let counts: Vec<i32> = curves.iter().map(|c| -(c.len() as i32)).collect();
-    let flat: Vec<f64> = curves
-        .iter()
-        .copied()
-        .flatten()
-        .flatten()
-        .copied()
-        .collect();
-    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&flat)).unwrap()
-}
-
-fn scene(text: &str) -> (CurveSet, i64) {
-    let generated = text.parse::<Scene>().unwrap().build().unwrap();
-    let lambda = generated.certificate.links.first().map_or(0, |l| l.lambda);
-    (generated.curves, lambda)
-}
 
 fn options(order: Order, accept: Accept) -> Options {
     Options {
@@ -45,13 +26,6 @@ fn ways() -> Vec<Options> {
     let orders = [Order::Dipole, Order::Quadrupole];
     let each = |accept| orders.map(|order| options(order, accept));
     accepts.into_iter().flat_map(each).collect()
-}
-
-fn check(found: Estimate, lambda: i64, what: &dyn std::fmt::Display) {
-    let off = (found.value - lambda as f64).abs();
-    assert!(off <= found.bound, "{what}: {found:?}, not {lambda}");
-    let integer = found.integer();
-    assert!(integer.is_none_or(|n| n == lambda), "{what}: {found:?}");
 }
 
 #[test]
@@ -110,16 +84,6 @@ fn the_error_falls_with_beta_as_published() {
         assert!((slope - power).abs() < 1.5, "{order:?}: {slope}");
         assert!(error(order, 6.0).1 < error(order, 2.0).1 / 10.0);
     }
-}
-
-/// A square about the z axis, and one through it.
-fn hopf(scale: f64, offset: f64) -> [Vec<[f64; 3]>; 2] {
-    let a = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
-    let b = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];
-    [a, b].map(|p| {
-        let place = |x: i32| f64::from(x) * scale + offset;
-        p.map(|p| p.map(place)).to_vec()
-    })
 }
 
 #[test]

@@ -17,13 +17,22 @@ const GRAIN: usize = 1 << 10;
 
 /// A node: its place in preorder, and its leaves.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(in crate::kernels) struct Node {
     pub place: u32,
     pub first: u32,
     pub leaves: u32,
 }
 
 impl Node {
+    /// The node above all leaves.
+    pub fn root(leaves: u32) -> Node {
+        Node {
+            place: 0,
+            first: 0,
+            leaves,
+        }
+    }
+
     pub fn is_leaf(self) -> bool {
         self.leaves == 1
     }
@@ -80,11 +89,7 @@ impl Tree {
     }
 
     pub fn root(&self) -> Node {
-        Node {
-            place: 0,
-            first: 0,
-            leaves: self.reach.len().div_ceil(2) as u32,
-        }
+        Node::root(self.reach.len().div_ceil(2) as u32)
     }
 }
 

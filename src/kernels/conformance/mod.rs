@@ -69,4 +69,6 @@ conformance! {
     barnes_hut_by_beta: BARNES_HUT_BETA,
     barnes_hut_coarse: BARNES_HUT_COARSE,
     barnes_hut_estimated: BARNES_HUT_ESTIMATED,
+    fmm: FMM,
+    fmm_of_low_order: FMM_LOW,
 }

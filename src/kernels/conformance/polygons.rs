@@ -1,6 +1,9 @@
 //! Random polygons on integer grids, where the oracle is exact.
 
 use crate::curve::{Basis, CurveSet, Positions};
+use crate::kernels::Estimate;
+use crate::scenes::Scene;
+use std::fmt::Display;
 
 /// Vertices of a closed polygon.
 pub type Polygon = Vec<[i64; 3]>;
@@ -104,4 +107,46 @@ pub fn exact_set_of(a: &Polygon, b: &Polygon, scale: f64) -> CurveSet {
     let fits = |x: &f64| f64::from(*x as f32) == *x;
     let single = a.iter().chain(&b).flatten().all(fits);
     set_of(&a, &b, single)
+}
+
+/// Closed polylines with these vertices.
+pub fn polylines(curves: &[&[[f64; 3]]]) -> CurveSet {
+    let counts: Vec<i32> = curves.iter().map(|c| -(c.len() as i32)).collect();
+    let flat: Vec<f64> = curves
+        .iter()
+        .copied()
+        .flatten()
+        .flatten()
+        .copied()
+        .collect();
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&flat)).expect("finite")
+}
+
+/// The curves of a scene, and the linking number of the first pair.
+pub fn scene(text: &str) -> (CurveSet, i64) {
+    let generated = text
+        .parse::<Scene>()
+        .expect("a scene")
+        .build()
+        .expect("built");
+    let lambda = generated.certificate.links.first().map_or(0, |l| l.lambda);
+    (generated.curves, lambda)
+}
+
+/// The bound covers the error, and no other integer is given.
+pub fn check(found: Estimate, lambda: i64, what: &dyn Display) {
+    let off = (found.value - lambda as f64).abs();
+    assert!(off <= found.bound, "{what}: {found:?}, not {lambda}");
+    let integer = found.integer();
+    assert!(integer.is_none_or(|n| n == lambda), "{what}: {found:?}");
+}
+
+/// A square about the z axis, and one through it.
+pub fn hopf(scale: f64, offset: f64) -> [Vec<[f64; 3]>; 2] {
+    let a = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
+    let b = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];
+    [a, b].map(|p| {
+        let place = |x: i32| f64::from(x) * scale + offset;
+        p.map(|p| p.map(place)).to_vec()
+    })
 }

@@ -52,6 +52,7 @@ const DEFAULT: Accuracy = Accuracy {
     beta: None,
     target: None,
     dipole: false,
+    order: None,
 };
 
 pub const CROSSINGS: Kernel = by(
@@ -137,6 +138,33 @@ pub const BARNES_HUT_ESTIMATED: Kernel = barnes_hut(
     },
     [0.5, 0.0, 0.5],
 );
+
+pub const FMM: Kernel = by(
+    Method::Fmm,
+    Tolerance {
+        bound: 0.8,
+        general: 0.99,
+        smooth: 1.0,
+        lattice: 0.9,
+        pairs: 2000,
+    },
+);
+
+/// Of so low an order that little can be expanded.
+pub const FMM_LOW: Kernel = Kernel {
+    method: Method::Fmm,
+    accuracy: Accuracy {
+        order: Some(3),
+        ..DEFAULT
+    },
+    tolerance: Tolerance {
+        bound: 0.8,
+        general: 0.99,
+        smooth: 0.5,
+        lattice: 0.9,
+        pairs: 1000,
+    },
+};
 
 impl Kernel {
     /// What it says of some pairs of polylines.

@@ -1,0 +1,177 @@
+//! A proven bound of what the interaction of a node pair leaves out.
+//!
+//! In the frame of [`super::interact`] the terms of degrees `n` and `m` are diagonal in `k`. With the norms of
+//! [`super::norms`], `N = n + m`, and
+//!
+//! ```text
+//! (N)! / root((n - k)! (n + k)! (m - k)! (m + k)!) = root(C(N, n + k) C(N, n - k)) <= C(N, n),
+//! ```
+//!
+//! the inequality of Cauchy and Schwarz bounds them, times 4 pi, by
+//!
+//! ```text
+//! C(N, n) / R^(N + 1) [|P_n| |T_m| / (m + 1) + |T_n| |P_m| / (n + 1) + R K(n, m) / (n m) |P_n| |P_m|]
+//! ```
+//!
+//! where `K` is the largest `k root(C(N, n + k) C(N, n - k)) / C(N, n)`. The ratio of binomials is the product over `i` from 1
+//! to `k` of `(m - i + 1)(n - i + 1) / ((n + i)(m + i))`, which rises with `n`; without the factors of `n` it is a bound
+//! for all `n`, `K(m)`, and likewise `K(n)`; and `K <= min(n, m)`.
+//!
+//! Left out are the terms of which a degree is above the order `p`:
+//!
+//! 1. `n > p >= m`: from degree `n` to the next, the bound by lengths grows by `(N + 1) / n r / R` at most, with `r` the
+//!    radius of the node, since the norm of `P_n` by `(n + 1) / n r`, that of `T_n / (n + 1)` by less. So the
+//!    sum over all `n` is that of degree `p + 1` by `1 - (1 + (m + 1) / (p + 1)) r / R`. 2. `m > p >= n` likewise.
+//! 3. Both above: with `|P_n| <= n L r^(n - 1)`, `|T_n| / (n + 1) <= L r^n / root 2`, and the binomial series of
+//!    `q^N = (r1 + r2)^N / R^N`, all terms with `n + m = N` are at most `4 N q^(N - 2) L1 L2 / R^2`. Summed from `M = 2 p + 2`
+//!    on that is `4 q^(M - 2) (M - (M - 1) q) / (1 - q)^2`.
+//!
+//! The last also bounds the sum of the magnitudes of all terms, with `M = 2`: what rounding is relative to.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "degrees of several arrays, side by side"
+)]
+
+use super::harmonics::MOST;
+use super::tree::Ball;
+use crate::curve::Point;
+use std::f64::consts::PI;
+
+/// Bounds of one node pair's share of the error.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Bounds {
+    /// What the expansion leaves out.
+    pub tail: f64,
+    /// The sum of the magnitudes of its terms: what rounding is relative to.
+    pub size: f64,
+}
+
+/// Rounding of the moments and of the interaction of a node pair, by the sum of the magnitudes of its terms.
+///
+/// Every displacement is a difference of two stored numbers and so is off by `u = 2^-53` of itself. Harmonics of degree `n`
+/// follow by `2 n` steps of a few operations, means over segments by as many; an error in one of them grows no more than the
+/// degree. A shift, on each of at most 32 levels, sums `(n + 1)^2` products, an interaction adds four rotations by `2 n` terms
+/// a row and a sum over `p` degrees. In all, degree `n` is off by less than `2^7 (n + 2)^2 u` of its largest possible
+/// size, and the terms of degree `n` are at most `n q^(n - 2)` of all of them: less than `2^17 u` for every `q` below
+/// [`WIDEST`].
+pub(super) const ROUNDING: f64 = f64::from_bits((1023 - 36) << 52);
+
+/// Covers the rounding of the bounds themselves.
+pub(super) const OUTWARD: f64 = 1.0 + 1e-9;
+
+/// Most of `(r1 + r2) / R` where the series is used.
+pub(super) const WIDEST: f64 = 0.8;
+
+/// Most of `(1 + (m + 1) / (p + 1)) r / R`, which is at most `2 r / R`.
+const STEEPEST: f64 = 0.9;
+
+/// Squares of distances below which underflow could matter (coordinates are at most 1).
+const NEAREST: f64 = f64::from_bits((1023 - 120) << 52);
+
+/// Binomials `C(p + 1 + m, m)`, for this order `p`.
+fn binomials(order: usize) -> [f64; MOST + 1] {
+    let mut c = [1.0; MOST + 1];
+    for m in 1..=MOST {
+        c[m] = c[m - 1] * (order + 1 + m) as f64 / m as f64;
+    }
+    c
+}
+
+/// `K(m) / m`.
+fn twists() -> [f64; MOST + 1] {
+    let mut out = [0.0; MOST + 1];
+    for m in 1..=MOST {
+        let (mut ratio, mut most) = (1.0, 0.0f64);
+        for k in 1..=m {
+            ratio *= (m + 1 - k) as f64 / (m + k) as f64;
+            most = most.max(k as f64 * f64::sqrt(ratio));
+        }
+        out[m] = most / m as f64;
+    }
+    out
+}
+
+/// Bounds for an order, with what is the same for all node pairs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bounding {
+    order: usize,
+    binomials: [f64; MOST + 1],
+    twists: [f64; MOST + 1],
+}
+
+impl Bounding {
+    pub fn new(order: usize) -> Bounding {
+        Bounding {
+            order,
+            binomials: binomials(order),
+            twists: twists(),
+        }
+    }
+
+    /// How far apart two nodes are, by their radii; at least 1 where no series is used.
+    #[inline(always)]
+    pub fn separation(a: &Ball, b: &Ball) -> (Point, f64, f64) {
+        let r = [0, 1, 2].map(|x| a.centre[x] - b.centre[x]);
+        let square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+        if square > NEAREST {
+            let distance = square.sqrt();
+            (r, distance, (a.radius + b.radius) / distance)
+        } else {
+            (r, 1.0, f64::INFINITY)
+        }
+    }
+
+    /// The bounds of the interaction of a node pair at this distance, of this separation; none where no series is used.
+    #[inline(always)]
+    pub fn bounds(
+        &self,
+        [a, b]: [&Ball; 2],
+        norms: [[&[f64]; 2]; 2],
+        distance: f64,
+        q: f64,
+    ) -> Option<Bounds> {
+        let inverse = 1.0 / distance;
+        let steepest = |ball: &Ball| 2.0 * ball.radius * inverse;
+        // Not where it is NaN either.
+        if !(q < WIDEST && steepest(a) < STEEPEST && steepest(b) < STEEPEST) {
+            return None;
+        }
+        let edge = |x: usize, ball: &Ball, other: &Ball| {
+            self.edge(
+                norms[x],
+                norms[1 - x],
+                [ball.size * inverse, other.size * inverse],
+            ) / (1.0 - steepest(ball))
+        };
+        let lengths = a.length * b.length * inverse * inverse;
+        let geometric = 4.0 / ((1.0 - q) * (1.0 - q));
+        let least = (2 * self.order + 2) as f64;
+        let corner =
+            lengths * geometric * q.powi(2 * self.order as i32) * (least - (least - 1.0) * q);
+        let sphere = 1.0 / (4.0 * PI);
+        Some(Bounds {
+            tail: (edge(0, a, b) + edge(1, b, a) + corner) * sphere * OUTWARD,
+            size: lengths * geometric * (2.0 - q) * sphere,
+        })
+    }
+
+    /// The terms of degree `p + 1` of the one node and 1 to `p` of the other.
+    #[inline(always)]
+    fn edge(&self, [p, t]: [&[f64]; 2], [op, ot]: [&[f64]; 2], [own, other]: [f64; 2]) -> f64 {
+        let n = self.order + 1;
+        let mut power = 1.0;
+        let [mut with_p, mut with_t, mut with_twist] = [0.0; 3];
+        for m in 1..=self.order {
+            power *= other;
+            let f = self.binomials[m] * power;
+            with_t += f * op[m - 1];
+            with_p += f * other * ot[m - 1] / (m + 1) as f64;
+            with_twist += f * self.twists[m] * op[m - 1];
+        }
+        let scale = own.powi(n as i32);
+        scale
+            * (p[n - 1] * (with_p + with_twist / n as f64)
+                + t[n - 1] * own * with_t / (n + 1) as f64)
+    }
+}

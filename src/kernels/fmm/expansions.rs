@@ -1,0 +1,164 @@
+//! The moments of the nodes of a curve.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
+use super::harmonics::{Lanes, Room, ShiftRoom, add_segments, add_shifted, count};
+use super::norms::Norms;
+use super::tree::{Ball, GRAIN, LEAF, Tree};
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use std::ops::Range;
+
+/// Segments whose moments are summed together.
+const TOGETHER: usize = 8;
+
+/// Leaves up to which the segments of a node are expanded rather than the moments of its children shifted, which costs as
+/// much as some hundred segments.
+const DIRECT: usize = 16;
+
+/// The moments of nodes of a curve, and what the bound takes of them.
+#[derive(Clone, Debug)]
+pub(super) struct Expansions {
+    pub order: usize,
+    /// Nodes of fewer leaves have no moments.
+    pub least: u32,
+    /// `P`, then `T`, of a node after the other.
+    moments: Vec<f64>,
+    pub norms: Norms,
+}
+
+impl Expansions {
+    /// What is known before any moment is: how large they can be.
+    pub fn outline(tree: &Tree, order: usize) -> Expansions {
+        Expansions {
+            order,
+            least: 0,
+            moments: Vec::new(),
+            norms: Norms::outline(order, tree),
+        }
+    }
+
+    /// Adds the moments about the centres of all nodes of at least so many leaves.
+    pub fn fill(&mut self, tree: &Tree, least: u32) {
+        let nodes = tree.balls.len();
+        self.least = least.max(1);
+        self.moments = vec![0.0; 2 * count(self.order) * nodes];
+        let leaves = nodes.div_ceil(2);
+        let (norms, width) = self.norms.parts();
+        let build = Build {
+            tree,
+            order: self.order,
+            least: self.least as usize,
+            width,
+        };
+        if leaves >= build.least {
+            build.node([0, 0, leaves], &mut self.moments, norms);
+        }
+    }
+
+    /// `P`, then `T`, of a node.
+    #[inline(always)]
+    pub fn of(&self, place: usize) -> &[f64] {
+        let size = 2 * count(self.order);
+        self.moments
+            .get(place * size..(place + 1) * size)
+            .unwrap_or(&[])
+    }
+}
+
+/// What all nodes of a tree have in common.
+struct Build<'a> {
+    tree: &'a Tree,
+    order: usize,
+    least: usize,
+    width: usize,
+}
+
+impl Build<'_> {
+    /// The moments of a subtree, whose place, first leaf and number of leaves are given.
+    fn node(&self, [place, first, leaves]: [usize; 3], moments: &mut [f64], norms: &mut [f64]) {
+        let (order, width) = (self.order, self.width);
+        let size = 2 * count(order);
+        let (own, below) = moments.split_at_mut(size);
+        let (own_norms, norms_below) = norms.split_at_mut(width);
+        let ball = self.tree.balls[place];
+        let half = leaves / 2;
+        let at = [
+            [place + 1, first, half],
+            [place + 2 * half, first + half, leaves - half],
+        ];
+        let both = half >= self.least;
+        if leaves > 1 && leaves - half >= self.least {
+            let (left, right) = below.split_at_mut((2 * half - 1) * size);
+            let (norms_left, norms_right) = norms_below.split_at_mut((2 * half - 1) * width);
+            let mut lower = || {
+                if both {
+                    self.node(at[0], left, norms_left);
+                }
+            };
+            let mut upper = || self.node(at[1], right, norms_right);
+            if leaves > GRAIN {
+                rayon::join(lower, upper);
+            } else {
+                lower();
+                upper();
+            }
+        }
+        if leaves <= DIRECT || !both {
+            let range = first * LEAF..(first + leaves) * LEAF;
+            expand(self.tree, order, range, &ball, own);
+        } else {
+            let mut room = ShiftRoom::new(order);
+            for place in [at[0][0], at[1][0]] {
+                let child = self.tree.balls[place];
+                let moments = &below[(place - at[0][0]) * size..][..size];
+                let r = [0, 1, 2].map(|x| (child.centre[x] - ball.centre[x]) / ball.size);
+                add_shifted(order, moments, child.size / ball.size, r, &mut room, own);
+            }
+        }
+        Norms::tighten(order, &ball, own, own_norms);
+    }
+}
+
+/// The moments of a range of segments.
+fn expand(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
+    #[cfg(target_arch = "x86_64")]
+    if Avx2::detect().is_some() {
+        #[expect(unsafe_code, reason = "vector instructions")]
+        // SAFETY: the processor has them.
+        return unsafe { expand_avx2(tree, order, range, ball, out) };
+    }
+    expand_with(tree, order, range, ball, out)
+}
+
+/// [`expand_with`], compiled with AVX2: the same operations, none of them fused, and so the same bits.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn expand_avx2(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
+    expand_with(tree, order, range, ball, out)
+}
+
+#[inline(always)]
+fn expand_with(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
+    let mut room: Room<TOGETHER> = Room::new(order);
+    let mut sums: Vec<Lanes<TOGETHER>> = vec![[0.0; TOGETHER]; 2 * count(order)];
+    let [starts, ends] = &tree.ends;
+    for start in range.step_by(TOGETHER) {
+        let mut p = [[0.0; TOGETHER]; 3];
+        let mut e = [[0.0; TOGETHER]; 3];
+        for x in 0..3 {
+            for l in 0..TOGETHER {
+                let at = starts[x][start + l];
+                p[x][l] = (at - ball.centre[x]) / ball.size;
+                e[x][l] = (ends[x][start + l] - at) / ball.size;
+            }
+        }
+        add_segments(order, &p, &e, &mut room, &mut sums);
+    }
+    for (out, lanes) in out.iter_mut().zip(&sums) {
+        *out = lanes.iter().sum();
+    }
+}

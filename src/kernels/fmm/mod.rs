@@ -1,0 +1,279 @@
+//! A fast multipole method for two curves (Qu & James 2021, section 3.4.3), with a proven bound.
+//!
+//! The published way hands points to a library for the Biot-Savart integral and corrects for the length of segments
+//! afterwards. Here the segments themselves are expanded, exactly ([`harmonics`]), to any order up to 20; node pairs that are
+//! too close end in the exact sum of their segments, which is that of Barnes-Hut. A linking number is one number, so
+//! there are no local expansions and no way down: each accepted node pair contributes a number ([`interact`]), and the
+//! work is of the order of the number of leaves. The remainder of every node pair and rounding are bounded ([`bound`]),
+//! and node pairs are accepted by that.
+//!
+//! A pair is planned before it is summed: dry runs, by how large moments can be, find what to accept, and so which nodes
+//! need moments at all. Once these are known, norms are smaller, and so is the number of node pairs.
+//!
+//! What it is for: many strands in a small space, whose contributions cancel. Sums of magnitudes are then large beside an
+//! integer, and only a high order makes the remainder small enough. Nodes are regions, not stretches ([`tree`]).
+
+mod bound;
+mod expansions;
+mod harmonics;
+mod interact;
+mod norms;
+mod rotate;
+#[cfg(test)]
+mod tests;
+mod tree;
+mod walk;
+
+use super::barnes_hut::normalizing;
+use super::{Estimate, Summation};
+use crate::curve::CurveSet;
+use crate::pairs::Pair;
+use bound::OUTWARD;
+use expansions::Expansions;
+use rayon::prelude::*;
+use tree::Tree;
+use walk::{Criterion, Sum, Walk};
+
+/// When an expansion is good enough for a node pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Accept {
+    /// Where the sum of the radii is at most this times the distance of the centres.
+    #[cfg_attr(not(test), expect(dead_code, reason = "sweeps of the error by order"))]
+    Separation(f64),
+    /// By the proven bound, such that the sum is below this.
+    Bound(f64),
+}
+
+/// How to sum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Options {
+    /// The order of expansions, 2 to 20; by the bound that is asked for where there is none.
+    pub order: Option<u32>,
+    /// When they are taken.
+    pub accept: Accept,
+    /// Work on a pair that is not gone beyond, in microseconds of a core, about: where it is expected to be more, other
+    /// kernels are better.
+    pub limit: f64,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            order: None,
+            accept: Accept::Bound(0.8),
+            limit: 1e7,
+        }
+    }
+}
+
+/// The fast multipole method for all pairs of a set of polylines.
+#[derive(Debug)]
+pub(crate) struct Fmm {
+    options: Options,
+    /// Of closed curves.
+    trees: Vec<Option<Tree>>,
+}
+
+/// Orders that are tried, one after the other.
+const ORDERS: [usize; 5] = [4, 8, 12, 16, 20];
+
+impl Fmm {
+    /// Builds the trees of all closed curves. Other curves than polylines have no linking numbers here.
+    pub fn new(set: &CurveSet, options: Options) -> Fmm {
+        let scale = normalizing(set.max_abs());
+        let polyline = set.basis().is_polyline();
+        let trees = (0..set.len()).into_par_iter().map(|i| {
+            let fits = polyline && set.curve(i).closed && set.curve(i).points > 0;
+            fits.then(|| Tree::new(set, i, scale))
+        });
+        Fmm {
+            options,
+            trees: trees.collect(),
+        }
+    }
+
+    fn pair(&self, (i, j): Pair) -> Option<[&Tree; 2]> {
+        let tree = |i: u32| self.trees.get(i as usize)?.as_ref();
+        Some([tree(i)?, tree(j)?])
+    }
+
+    /// The order for a pair: none where nothing is worth an expansion.
+    fn order(&self, trees: [&Tree; 2]) -> Option<usize> {
+        let [m, n] = trees.map(|t| t.root().leaves as usize);
+        if m * n <= FEW {
+            return None;
+        }
+        let least = match self.options.accept {
+            Accept::Separation(_) => ORDERS[0],
+            Accept::Bound(budget) => {
+                let magnitude = Walk::magnitude(trees);
+                let digits = (magnitude / budget).log10().max(0.0);
+                // About what makes expansions and the near field cost the same.
+                2 + (1.7 * digits) as usize
+            }
+        };
+        let order = self.options.order.map_or(least, |p| p as usize);
+        Some(order.clamp(2, harmonics::MOST))
+    }
+
+    /// What is accepted for a pair such that the remainder suffices, and what that takes; none where that is too much.
+    fn plan(
+        &self,
+        trees: [&Tree; 2],
+        expansions: [Option<&Expansions>; 2],
+        start: Option<Criterion>,
+    ) -> Option<(Criterion, Sum)> {
+        let plan = |criterion| Walk::new(trees, expansions, criterion).plan();
+        let budget = match self.options.accept {
+            _ if expansions[0].is_none() => return Some((Criterion::Share(0.0), Sum::ZERO)),
+            Accept::Separation(q) => {
+                let criterion = Criterion::Separation(q);
+                return Some((criterion, plan(criterion)));
+            }
+            Accept::Bound(budget) => budget,
+        };
+        // Rounding takes some.
+        let aim = 0.8 * budget;
+        let [m, n] = trees.map(|t| f64::from(t.root().leaves));
+        let mut share = match start {
+            Some(Criterion::Share(share)) => share,
+            _ => aim / (16.0 * (m + n)),
+        };
+        let mut found = None;
+        for _ in 0..TRIES {
+            let criterion = Criterion::Share(share);
+            let sum = plan(criterion);
+            let tail = sum.bounds.tail;
+            if tail <= aim {
+                found = Some((criterion, sum));
+                if tail > 0.4 * aim || tail == 0.0 {
+                    break;
+                }
+                share *= 0.7 * (aim / tail).min(1e3);
+            } else if found.is_some() {
+                break;
+            } else {
+                share *= 0.6 * (aim / tail).max(1e-4);
+            }
+        }
+        found.filter(|(_, sum)| sum.work() <= self.options.limit)
+    }
+}
+
+/// Dry runs for the share of a node pair.
+const TRIES: usize = 8;
+
+/// Leaf pairs that are not worth an expansion.
+const FEW: usize = 9;
+
+impl Summation for Fmm {
+    fn linking_number(&self, pair: Pair) -> Estimate {
+        let estimates = self.linking_numbers(&[pair]);
+        estimates.first().copied().unwrap_or(Estimate::UNKNOWN)
+    }
+
+    /// Expansions are made once for each curve and order, and serve all of its pairs.
+    fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
+        let mut estimates = vec![Estimate::UNKNOWN; pairs.len()];
+        let orders: Vec<Option<Option<usize>>> = pairs
+            .par_iter()
+            .map(|&pair| self.pair(pair).map(|trees| self.order(trees)))
+            .collect();
+        let mut agenda: Vec<(usize, Option<usize>)> = orders
+            .into_iter()
+            .enumerate()
+            .filter_map(|(at, order)| Some((at, order?)))
+            .collect();
+        while !agenda.is_empty() {
+            let next = self.stage(pairs, &agenda, &mut estimates);
+            agenda = next;
+        }
+        estimates
+    }
+}
+
+impl Fmm {
+    /// Sums the pairs of the lowest order; returns the others, and those that need a higher one.
+    fn stage(
+        &self,
+        pairs: &[Pair],
+        agenda: &[(usize, Option<usize>)],
+        estimates: &mut [Estimate],
+    ) -> Vec<(usize, Option<usize>)> {
+        let order = agenda.iter().map(|a| a.1).min().flatten();
+        let (now, mut later): (Vec<_>, Vec<_>) = agenda.iter().partition(|a| a.1 == order);
+        let mut used = vec![false; self.trees.len()];
+        for &(at, _) in &now {
+            let (i, j) = pairs[at];
+            used[i as usize] = true;
+            used[j as usize] = true;
+        }
+        // What can be said without moments tells which nodes need any.
+        let mut expansions: Vec<Option<Expansions>> = self
+            .trees
+            .par_iter()
+            .zip(used)
+            .map(|(tree, used)| {
+                let (tree, order) = (tree.as_ref().filter(|_| used)?, order?);
+                Some(Expansions::outline(tree, order))
+            })
+            .collect();
+        let plan = |expansions: &[Option<Expansions>], at: usize, start| {
+            let of = |i: u32| expansions[i as usize].as_ref();
+            let (i, j) = pairs[at];
+            self.plan(self.pair((i, j))?, [of(i), of(j)], start)
+        };
+        let plans: Vec<_> = now
+            .par_iter()
+            .map(|&(at, _)| plan(&expansions, at, None))
+            .collect();
+        let mut least = vec![u32::MAX; self.trees.len()];
+        for (&(at, _), plan) in now.iter().zip(&plans) {
+            let (i, j) = pairs[at];
+            for (curve, smallest) in [i, j]
+                .into_iter()
+                .zip(plan.map_or([u32::MAX; 2], |p| p.1.smallest))
+            {
+                least[curve as usize] = smallest.min(least[curve as usize]);
+            }
+        }
+        expansions
+            .par_iter_mut()
+            .zip(&self.trees)
+            .zip(least)
+            .for_each(|((expansions, tree), least)| {
+                if let (Some(expansions), Some(tree)) = (expansions, tree) {
+                    expansions.fill(tree, least);
+                }
+            });
+        let sums: Vec<(Sum, bool)> = now
+            .par_iter()
+            .zip(plans)
+            .map(|(&(at, _), first)| {
+                let bounded = matches!(self.options.accept, Accept::Bound(_));
+                let more = self.options.order.is_none() && order.is_some() && bounded;
+                // Moments may be smaller than they could be, and so node pairs larger.
+                let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
+                let (i, j) = pairs[at];
+                let (Some((criterion, _)), Some(trees)) = (again, self.pair((i, j))) else {
+                    return (Sum::UNKNOWN, more);
+                };
+                let of = |i: u32| expansions[i as usize].as_ref();
+                let sum = Walk::new(trees, [of(i), of(j)], criterion).sum();
+                (sum, more && sum.estimate().integer().is_none())
+            })
+            .collect();
+        for (&(at, _), sum) in now.iter().zip(sums) {
+            let (sum, more) = sum;
+            let estimate = sum.estimate();
+            if estimate.bound < estimates[at].bound {
+                estimates[at] = estimate;
+            }
+            let next = order.and_then(|p| ORDERS.into_iter().find(|&o| o > p + 1));
+            if more && next.is_some() {
+                later.push((at, next));
+            }
+        }
+        later
+    }
+}

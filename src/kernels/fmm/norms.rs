@@ -1,0 +1,210 @@
+//! Norms of the moments of a node: what the bound of the remainder takes of them.
+//!
+//! The norm of `P_n` is the root of the sum over all `k` of `(n - k)! (n + k)! |P_n^k|^2`, which no rotation changes. For
+//! one point at `x` it is that of `t . grad` of the harmonics, at most `n |x|^(n - 1)` for a unit tangent `t`; that of
+//! `T_n`, whose `x cross t` is across `x`, is at most `root(n (n + 1) / 2) |x|^n`. So the means of the powers of `|x|` over the
+//! node bound the degrees that are not stored, and strands that cancel lower those that are.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
+use super::bound::ROUNDING;
+use super::harmonics::{MOST, at};
+use super::tree::{Ball, GRAIN, LEAF, Tree};
+#[cfg(target_arch = "x86_64")]
+use crate::curve::Avx2;
+use std::ops::Range;
+
+/// The norms of all nodes of a tree: of `P`, then of `T`, for degrees 1 to one above the order.
+#[derive(Clone, Debug)]
+pub(super) struct Norms {
+    order: usize,
+    values: Vec<f64>,
+}
+
+/// Rounding of moments by the largest that they can be: see [`ROUNDING`].
+const SLACK: f64 = ROUNDING;
+
+/// The factors `(n - k)! (n + k)!`, twice those for `k > 0`.
+const WEIGHTS: [[f64; MOST + 1]; MOST + 1] = {
+    let mut f = [1.0; 2 * MOST + 1];
+    let mut n = 1;
+    while n < f.len() {
+        f[n] = f[n - 1] * n as f64;
+        n += 1;
+    }
+    let mut w = [[0.0; MOST + 1]; MOST + 1];
+    let mut n = 0;
+    while n <= MOST {
+        let mut k = 0;
+        while k <= n {
+            w[n][k] = f[n - k] * f[n + k] * if k == 0 { 1.0 } else { 2.0 };
+            k += 1;
+        }
+        n += 1;
+    }
+    w
+};
+
+impl Norms {
+    /// Numbers of a node.
+    const fn width(order: usize) -> usize {
+        2 * (order + 1)
+    }
+
+    /// All numbers, and how many there are of a node.
+    pub fn parts(&mut self) -> (&mut [f64], usize) {
+        (&mut self.values, Norms::width(self.order))
+    }
+
+    /// Norms of `P` and of `T` from degree 1 on, in units of the node.
+    #[inline(always)]
+    pub fn of(&self, place: usize) -> [&[f64]; 2] {
+        let width = Norms::width(self.order);
+        let both = &self.values[place * width..][..width];
+        let (p, t) = both.split_at(self.order + 1);
+        [p, t]
+    }
+
+    /// The largest norms that nodes of these segments can have.
+    pub fn outline(order: usize, tree: &Tree) -> Norms {
+        let nodes = tree.balls.len();
+        let mut norms = Norms {
+            order,
+            values: vec![0.0; nodes * Norms::width(order)],
+        };
+        if nodes > 0 {
+            outline(tree, order, [0, 0, nodes.div_ceil(2)], &mut norms.values);
+        }
+        norms
+    }
+
+    /// Lowers the norms of a node to those of its moments.
+    pub fn tighten(order: usize, ball: &Ball, moments: &[f64], out: &mut [f64]) {
+        let (length, radius) = (ball.length / ball.size, ball.radius / ball.size);
+        let (p, t) = moments.split_at(super::harmonics::count(order));
+        let (out_p, out_t) = out.split_at_mut(order + 1);
+        let mut power = 1.0;
+        for n in 1..=order {
+            let norm = |m: &[f64]| {
+                let square = |k: usize| {
+                    let (re, im) = (m[at(n, k)], m[at(n, k) + 1]);
+                    WEIGHTS[n][k] * (re * re + im * im)
+                };
+                (0..=n).map(square).sum::<f64>().sqrt()
+            };
+            let [most_p, most_t] = most(n, length * power, radius);
+            out_p[n - 1] = out_p[n - 1].min((norm(p) + SLACK * most_p) * UP);
+            out_t[n - 1] = out_t[n - 1].min((norm(t) + SLACK * most_t) * UP);
+            power *= radius;
+        }
+    }
+}
+
+/// The largest norms in a subtree, whose place, first leaf and number of leaves are given.
+fn outline(tree: &Tree, order: usize, [place, first, leaves]: [usize; 3], out: &mut [f64]) {
+    let (own, below) = out.split_at_mut(Norms::width(order));
+    if leaves > 1 {
+        let half = leaves / 2;
+        let (left, right) = below.split_at_mut((2 * half - 1) * Norms::width(order));
+        let mut lower = || outline(tree, order, [place + 1, first, half], left);
+        let at = [place + 2 * half, first + half, leaves - half];
+        let mut upper = || outline(tree, order, at, right);
+        if leaves > GRAIN {
+            rayon::join(lower, upper);
+        } else {
+            lower();
+            upper();
+        }
+    }
+    let ball = &tree.balls[place];
+    let (length, radius) = (ball.length / ball.size, ball.radius / ball.size);
+    let (own_p, own_t) = own.split_at_mut(order + 1);
+    let mut power = 1.0;
+    for n in 1..=order {
+        [own_p[n - 1], own_t[n - 1]] = most(n, length * power, radius).map(|x| x * UP);
+        power *= radius;
+    }
+    let range = first * LEAF..(first + leaves) * LEAF;
+    let integral = powers(order, tree, range, ball).min(length * power);
+    [own_p[order], own_t[order]] = most(order + 1, integral, radius).map(|x| x * UP);
+}
+
+/// Covers the rounding of a norm.
+const UP: f64 = 1.0 + 1e-10;
+
+/// The largest norms of degree `n`, by the integral of `|x|^(n - 1)`.
+fn most(n: usize, integral: f64, radius: f64) -> [f64; 2] {
+    let n = n as f64;
+    [
+        n * integral,
+        (0.5 * n * (n + 1.0)).sqrt() * integral * radius,
+    ]
+}
+
+/// An upper bound of the integral of `|x|^order` over segments, in units of the node.
+///
+/// On a segment the power is convex, so it is below its chords between both ends and the middle.
+fn powers(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
+    #[cfg(target_arch = "x86_64")]
+    if Avx2::detect().is_some() {
+        #[expect(unsafe_code, reason = "vector instructions")]
+        // SAFETY: the processor has them.
+        return unsafe { powers_avx2(order, tree, range, ball) };
+    }
+    powers_with(order, tree, range, ball)
+}
+
+/// [`powers_with`], compiled with AVX2: the same operations, none of them fused, and so the same bits.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn powers_avx2(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
+    powers_with(order, tree, range, ball)
+}
+
+#[inline(always)]
+fn powers_with(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
+    const TOGETHER: usize = 8;
+    let half = order / 2;
+    let unit = 1.0 / ball.size;
+    let [starts, ends] = &tree.ends;
+    let [a, b] = [starts, ends].map(|e| e.each_ref().map(|e| &e[range.clone()]));
+    let mut sums = [0.0; TOGETHER];
+    for start in (0..a[0].len()).step_by(TOGETHER) {
+        let [mut first, mut middle, mut last, mut side] = [[0.0; TOGETHER]; 4];
+        for x in 0..3 {
+            for l in 0..TOGETHER {
+                let (from, to) = (a[x][start + l], b[x][start + l]);
+                let p = (from - ball.centre[x]) * unit;
+                let q = (to - ball.centre[x]) * unit;
+                let m = 0.5 * (p + q);
+                let e = (to - from) * unit;
+                first[l] += p * p;
+                middle[l] += m * m;
+                last[l] += q * q;
+                side[l] += e * e;
+            }
+        }
+        let [mut f, mut m, mut t] = [[1.0; TOGETHER]; 3];
+        for _ in 0..half {
+            for l in 0..TOGETHER {
+                f[l] *= first[l];
+                m[l] *= middle[l];
+                t[l] *= last[l];
+            }
+        }
+        for l in 0..TOGETHER {
+            sums[l] += side[l].sqrt() * (f[l] + 2.0 * m[l] + t[l]);
+        }
+    }
+    let sum: f64 = sums.iter().sum();
+    // An odd order has one more factor, at most the radius.
+    let odd = if order % 2 == 1 {
+        ball.radius * unit
+    } else {
+        1.0
+    };
+    0.25 * sum * odd * UP
+}

@@ -1,0 +1,199 @@
+//! A tree over the segments of every curve, by space.
+//!
+//! Wound curves come back to the same place again and again, so nodes are made of the segments of a region, not of
+//! a stretch: the longest side of the box of the midpoints is halved by number. Nodes lie in preorder as those of
+//! [`super::super::barnes_hut`], so that where children are follows from the number of leaves. All leaves but the last
+//! are full.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes and axes of several arrays, side by side"
+)]
+
+use crate::curve::{CurveSet, Point};
+use crate::kernels::barnes_hut::Node;
+
+/// Segments of a leaf.
+pub(super) const LEAF: usize = 16;
+
+/// Leaves above which subtrees are built as tasks of their own.
+pub(super) const GRAIN: usize = 1 << 5;
+
+/// A ball around the segments of a node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ball {
+    /// The centre of expansions.
+    pub centre: Point,
+    /// An upper bound of the distance of its points from the centre.
+    pub radius: f64,
+    /// An upper bound of the length.
+    pub length: f64,
+    /// The unit of its moments: a power of two, at least the radius.
+    pub size: f64,
+}
+
+const EMPTY: Ball = Ball {
+    centre: [0.0; 3],
+    radius: 0.0,
+    length: 0.0,
+    size: 1.0,
+};
+
+/// One closed curve.
+#[derive(Clone, Debug)]
+pub(super) struct Tree {
+    /// Where segments start and end, one array an axis, in the order of the leaves; the last is filled up with points.
+    pub ends: [[Vec<f64>; 3]; 2],
+    pub balls: Vec<Ball>,
+}
+
+/// A segment on its way into a leaf.
+#[derive(Clone, Copy, Debug, Default)]
+struct Segment {
+    ends: [Point; 2],
+    number: u32,
+}
+
+impl Segment {
+    fn middle(&self, x: usize) -> f64 {
+        0.5 * self.ends[0][x] + 0.5 * self.ends[1][x]
+    }
+}
+
+impl Tree {
+    /// The tree of curve `i`, a closed polyline of at least one point, with its coordinates multiplied by a power of two.
+    pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
+        let n = set.curve(i).points as usize;
+        let leaves = n.div_ceil(LEAF);
+        let point = |k: usize| set.point(i, k).map(|x| x * scale);
+        let mut segments: Vec<Segment> = (0..n)
+            .map(|k| Segment {
+                ends: [point(k), point(if k + 1 < n { k + 1 } else { 0 })],
+                number: k as u32,
+            })
+            .collect();
+        sort(&mut segments, leaves);
+        let last = segments.last().map_or([0.0; 3], |s| s.ends[1]);
+        let filler = Segment {
+            ends: [last; 2],
+            number: u32::MAX,
+        };
+        segments.resize(leaves * LEAF, filler);
+        let ends =
+            [0, 1].map(|e| [0, 1, 2].map(|x| segments.iter().map(|s| s.ends[e][x]).collect()));
+        let mut balls = vec![EMPTY; (2 * leaves).saturating_sub(1)];
+        enclose(&ends, 0, leaves, &mut balls);
+        Tree { ends, balls }
+    }
+
+    pub fn root(&self) -> Node {
+        Node::root(self.balls.len().div_ceil(2) as u32)
+    }
+}
+
+/// Sorts segments into leaves; those of a leaf by their number, so that neighbours share ends.
+fn sort(segments: &mut [Segment], leaves: usize) {
+    if leaves <= 1 {
+        segments.sort_unstable_by_key(|s| s.number);
+        return;
+    }
+    let mut extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for s in segments.iter() {
+        for x in 0..3 {
+            extent[0][x] = extent[0][x].min(s.middle(x));
+            extent[1][x] = extent[1][x].max(s.middle(x));
+        }
+    }
+    let side = |x: usize| extent[1][x] - extent[0][x];
+    let axis = (1..3).fold(0, |best, x| if side(x) > side(best) { x } else { best });
+    let half = leaves / 2;
+    let order = |a: &Segment, b: &Segment| {
+        let by_place = a.middle(axis).total_cmp(&b.middle(axis));
+        by_place.then(a.number.cmp(&b.number))
+    };
+    if half * LEAF < segments.len() {
+        segments.select_nth_unstable_by(half * LEAF, order);
+    }
+    let (left, right) = segments.split_at_mut(half * LEAF);
+    let mut lower = || sort(left, half);
+    let mut upper = || sort(right, leaves - half);
+    if leaves > GRAIN {
+        rayon::join(lower, upper);
+    } else {
+        lower();
+        upper();
+    }
+}
+
+/// Smallest and largest coordinates.
+type Extent = [Point; 2];
+
+/// The balls of a subtree; returns its box.
+fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [Ball]) -> Extent {
+    let Some((ball, below)) = balls.split_first_mut() else {
+        return [[0.0; 3]; 2];
+    };
+    let range = first * LEAF..(first + leaves) * LEAF;
+    let mut extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    if leaves == 1 {
+        for points in ends {
+            for x in 0..3 {
+                for &at in &points[x][range.clone()] {
+                    extent[0][x] = extent[0][x].min(at);
+                    extent[1][x] = extent[1][x].max(at);
+                }
+            }
+        }
+        ball.length = range
+            .clone()
+            .map(|k| {
+                let square = |x: usize| (ends[1][x][k] - ends[0][x][k]).powi(2);
+                (square(0) + square(1) + square(2)).sqrt()
+            })
+            .sum();
+    } else {
+        let half = leaves / 2;
+        let (left, right) = below.split_at_mut(2 * half - 1);
+        let mut lower = || enclose(ends, first, half, left);
+        let mut upper = || enclose(ends, first + half, leaves - half, right);
+        let [a, b] = if leaves > GRAIN {
+            rayon::join(lower, upper).into()
+        } else {
+            [lower(), upper()]
+        };
+        extent = [
+            [0, 1, 2].map(|x| a[0][x].min(b[0][x])),
+            [0, 1, 2].map(|x| a[1][x].max(b[1][x])),
+        ];
+        ball.length = left[0].length + right[0].length;
+    }
+    let centre = [0, 1, 2].map(|x| 0.5 * extent[0][x] + 0.5 * extent[1][x]);
+    let mut farthest: f64 = 0.0;
+    for points in ends {
+        let [x, y, z] = points.each_ref().map(|p| &p[range.clone()]);
+        for ((x, y), z) in x.iter().zip(y).zip(z) {
+            let r = [x - centre[0], y - centre[1], z - centre[2]];
+            farthest = farthest.max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
+        }
+    }
+    ball.centre = centre;
+    // Rounded up, and above squares that underflow.
+    ball.radius = (farthest.sqrt() * SLACK).max(SMALLEST / 2.0);
+    ball.length = ball.length * SLACK + SHORTEST;
+    ball.size = power_above(ball.radius);
+    extent
+}
+
+/// Covers the rounding of radii and lengths, on every level.
+const SLACK: f64 = 1.0 + 1e-12;
+
+/// Above the lengths of segments whose squares underflow.
+const SHORTEST: f64 = f64::from_bits((1023 - 500) << 52);
+
+/// Least unit of moments.
+const SMALLEST: f64 = f64::from_bits((1023 - 400) << 52);
+
+/// The least power of two above a positive normal number.
+fn power_above(x: f64) -> f64 {
+    f64::from_bits(((x.to_bits() >> 52) + 1) << 52)
+}

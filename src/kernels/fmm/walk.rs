@@ -1,0 +1,328 @@
+//! The way down two trees.
+
+use super::OUTWARD;
+use super::bound::{Bounding, Bounds, ROUNDING, WIDEST};
+use super::expansions::Expansions;
+use super::interact::{BATCH, Room, Side, interact};
+use super::tree::{Ball, LEAF, Tree};
+use crate::curve::Point;
+use crate::kernels::Estimate;
+use crate::kernels::barnes_hut::{Angles, Node};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// What a pass accepts.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Criterion {
+    /// Where the sum of the radii is at most this times the distance of the centres.
+    Separation(f64),
+    /// Where the bound of the remainder is below this; nowhere where it is 0.
+    Share(f64),
+}
+
+/// Sums over node pairs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sum {
+    /// Of the expansions, times 4 pi.
+    pub far: f64,
+    /// Magnitudes and remainders.
+    pub bounds: Bounds,
+    near: f64,
+    near_error: f64,
+    /// Node pairs expanded, leaf pairs summed, node pairs visited.
+    pub expanded: u64,
+    pub summed: u64,
+    pub visited: u64,
+    order: usize,
+    /// Leaves of the smallest expanded nodes of both trees.
+    pub smallest: [u32; 2],
+}
+
+impl Sum {
+    pub const ZERO: Sum = Sum {
+        far: 0.0,
+        bounds: Bounds {
+            tail: 0.0,
+            size: 0.0,
+        },
+        near: 0.0,
+        near_error: 0.0,
+        expanded: 0,
+        summed: 0,
+        visited: 0,
+        order: 0,
+        smallest: [u32::MAX; 2],
+    };
+
+    /// Nothing was summed.
+    pub const UNKNOWN: Sum = Sum {
+        near_error: f64::INFINITY,
+        ..Sum::ZERO
+    };
+
+    fn plus(mut self, other: Sum) -> Sum {
+        self.far += other.far;
+        self.bounds.tail += other.bounds.tail;
+        self.bounds.size += other.bounds.size;
+        self.near += other.near;
+        self.near_error += other.near_error;
+        self.expanded += other.expanded;
+        self.summed += other.summed;
+        self.visited += other.visited;
+        for (own, other) in self.smallest.iter_mut().zip(other.smallest) {
+            *own = other.min(*own);
+        }
+        self
+    }
+
+    /// About how long it takes, in microseconds.
+    pub fn work(&self) -> f64 {
+        let p = self.order as f64;
+        self.expanded as f64 * 0.001 * p * p * p + self.summed as f64 * 0.8
+    }
+
+    pub fn estimate(&self) -> Estimate {
+        // Every sum is of at most as many numbers as there are node pairs, with a unit each.
+        let units = (self.expanded + self.summed + 64) as f64 * f64::EPSILON;
+        let rounding = self.near_error
+            + self.bounds.size * (ROUNDING + units)
+            + units * (1.0 + self.near.abs());
+        let bound = (self.bounds.tail + rounding) * OUTWARD;
+        if !bound.is_finite() {
+            return Estimate::UNKNOWN;
+        }
+        Estimate {
+            value: self.far / (4.0 * PI) + self.near,
+            bound,
+        }
+    }
+}
+
+/// Tasks of a pass, about.
+const TASKS: usize = 256;
+
+/// Leaves of two trees that are not worth more than one task.
+const SMALL: usize = 8;
+
+/// Two trees, and what is accepted.
+#[derive(Clone, Copy)]
+pub(super) struct Walk<'a> {
+    trees: [&'a Tree; 2],
+    expansions: Option<[&'a Expansions; 2]>,
+    bounding: Bounding,
+    criterion: Criterion,
+}
+
+/// An accepted node pair.
+struct Accepted {
+    bounds: Bounds,
+    r: Point,
+}
+
+impl<'a> Walk<'a> {
+    pub fn new(
+        trees: [&'a Tree; 2],
+        expansions: [Option<&'a Expansions>; 2],
+        criterion: Criterion,
+    ) -> Walk<'a> {
+        let expansions = match expansions {
+            [Some(a), Some(b)] => Some([a, b]),
+            _ => None,
+        };
+        let order = expansions.map_or(2, |e| e[0].order);
+        Walk {
+            trees,
+            expansions,
+            bounding: Bounding::new(order),
+            criterion,
+        }
+    }
+
+    /// About the sum of the magnitudes of all contributions.
+    pub fn magnitude(trees: [&Tree; 2]) -> f64 {
+        let walk = Walk::new(trees, [None; 2], Criterion::Share(0.0));
+        let smallest = trees.map(|t| t.balls[0].radius / 64.0);
+        let mut agenda = vec![(trees[0].root(), trees[1].root())];
+        let mut sum = 0.0;
+        while let Some((t, u)) = agenda.pop() {
+            let (a, b) = (walk.ball(0, t), walk.ball(1, u));
+            let (_, distance, q) = Bounding::separation(a, b);
+            let small =
+                (t.is_leaf() || a.radius < smallest[0]) && (u.is_leaf() || b.radius < smallest[1]);
+            if q < 0.7 || small {
+                let distance = distance.max(a.radius + b.radius);
+                sum += a.length / distance * (b.length / distance);
+            } else {
+                walk.open((t, u), &mut agenda);
+            }
+        }
+        sum / (4.0 * PI)
+    }
+
+    #[inline(always)]
+    fn ball(&self, side: usize, node: Node) -> &'a Ball {
+        &self.trees[side].balls[node.place as usize]
+    }
+
+    /// The bounds of a node pair, where it is accepted.
+    #[inline(always)]
+    fn accepted(&self, t: Node, u: Node) -> Option<Accepted> {
+        let expansions = self.expansions?;
+        if t.leaves < expansions[0].least || u.leaves < expansions[1].least {
+            return None;
+        }
+        let balls = [self.ball(0, t), self.ball(1, u)];
+        let (r, distance, q) = Bounding::separation(balls[0], balls[1]);
+        if let Criterion::Separation(most) = self.criterion
+            && q > most
+        {
+            return None;
+        }
+        // The norms are not looked at where there is no series.
+        if q >= WIDEST {
+            return None;
+        }
+        let norms = [
+            expansions[0].norms.of(t.place as usize),
+            expansions[1].norms.of(u.place as usize),
+        ];
+        let bounds = self.bounding.bounds(balls, norms, distance, q)?;
+        let fits = match self.criterion {
+            Criterion::Separation(_) => bounds.tail < f64::INFINITY,
+            Criterion::Share(share) => bounds.tail <= share && share > 0.0,
+        };
+        fits.then_some(Accepted { bounds, r })
+    }
+
+    /// Replaces the larger node by its children.
+    #[inline(always)]
+    fn open(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
+        if u.is_leaf() || (!t.is_leaf() && self.ball(0, t).radius > self.ball(1, u).radius) {
+            next.extend(t.children().map(|t| (t, u)));
+        } else {
+            next.extend(u.children().map(|u| (t, u)));
+        }
+    }
+
+    /// Runs some hundred tasks, the same for any number of threads, and adds them up in their order.
+    fn over(&self, run: impl Fn(&mut Vec<(Node, Node)>) -> Sum + Sync) -> Sum {
+        let mut agenda = vec![(self.trees[0].root(), self.trees[1].root())];
+        let leaves = agenda[0].0.leaves as usize + agenda[0].1.leaves as usize;
+        if leaves <= SMALL {
+            return run(&mut agenda);
+        }
+        while agenda.len() < TASKS {
+            let before = agenda.len();
+            let mut next = Vec::with_capacity(2 * before);
+            for (t, u) in agenda {
+                if (t.is_leaf() && u.is_leaf()) || self.accepted(t, u).is_some() {
+                    next.push((t, u));
+                } else {
+                    self.open((t, u), &mut next);
+                }
+            }
+            agenda = next;
+            if agenda.len() == before {
+                break;
+            }
+        }
+        let parts: Vec<Sum> = agenda
+            .into_par_iter()
+            .map(|pair| run(&mut vec![pair]))
+            .collect();
+        parts.into_iter().fold(Sum::ZERO, Sum::plus)
+    }
+
+    /// What a pass would take, and its remainder, without the sum.
+    pub fn plan(&self) -> Sum {
+        let mut plan = self.over(|agenda| {
+            let mut sum = Sum::ZERO;
+            while let Some((t, u)) = agenda.pop() {
+                sum.visited += 1;
+                if let Some(accepted) = self.accepted(t, u) {
+                    sum.bounds.tail += accepted.bounds.tail;
+                    sum.expanded += 1;
+                    sum.smallest = [t.leaves.min(sum.smallest[0]), u.leaves.min(sum.smallest[1])];
+                } else if t.is_leaf() && u.is_leaf() {
+                    sum.summed += 1;
+                } else {
+                    self.open((t, u), agenda);
+                }
+            }
+            sum
+        });
+        plan.order = self.expansions.map_or(0, |e| e[0].order);
+        plan
+    }
+
+    /// One pass.
+    pub fn sum(&self) -> Sum {
+        self.over(|agenda| self.run(agenda))
+    }
+
+    /// Sums all node pairs of the agenda.
+    pub fn run(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
+        #[cfg(target_arch = "x86_64")]
+        if crate::curve::Avx2::detect().is_some() {
+            #[expect(unsafe_code, reason = "vector instructions")]
+            // SAFETY: the processor has them.
+            return unsafe { self.run_avx2(agenda) };
+        }
+        self.run_with(agenda)
+    }
+
+    /// [`Walk::run_with`], compiled with AVX2: the same operations, none of them fused, and so the same bits.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn run_avx2(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
+        self.run_with(agenda)
+    }
+
+    #[inline(always)]
+    fn run_with(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
+        let order = self.expansions.map_or(0, |e| e[0].order);
+        let mut room = Room::new(order);
+        let mut sum = Sum::ZERO;
+        let mut angles = Angles::ZERO;
+        let mut batch: Vec<([Side; 2], Point)> = Vec::with_capacity(BATCH);
+        while let Some((t, u)) = agenda.pop() {
+            sum.visited += 1;
+            if let (Some(accepted), Some(expansions)) = (self.accepted(t, u), self.expansions) {
+                sum.bounds.tail += accepted.bounds.tail;
+                sum.bounds.size += accepted.bounds.size;
+                sum.expanded += 1;
+                let side = |x: usize, node: Node| Side {
+                    moments: expansions[x].of(node.place as usize),
+                    degrees: order,
+                    size: self.ball(x, node).size,
+                };
+                batch.push(([side(0, t), side(1, u)], accepted.r));
+                if batch.len() == BATCH {
+                    sum.far += expand(order, &mut batch, &mut room);
+                }
+            } else if t.is_leaf() && u.is_leaf() {
+                let [first, second] = self.trees;
+                let range = |n: Node| n.first as usize * LEAF..(n.first as usize + 1) * LEAF;
+                angles.add_segments([&first.ends, &second.ends], [range(t), range(u)]);
+                sum.summed += 1;
+            } else {
+                self.open((t, u), agenda);
+            }
+        }
+        if !batch.is_empty() {
+            sum.far += expand(order, &mut batch, &mut room);
+        }
+        let (turns, error) = angles.turns();
+        sum.near = turns;
+        sum.near_error = error;
+        sum
+    }
+}
+
+/// Sums and empties a batch.
+#[inline(always)]
+fn expand(order: usize, batch: &mut Vec<([Side; 2], Point)>, room: &mut Room) -> f64 {
+    let values = interact(order, batch, room);
+    batch.clear();
+    values.iter().sum()
+}
