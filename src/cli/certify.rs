@@ -48,7 +48,7 @@ struct Certified {
     set: CurveSet,
     certificate: Certificate,
     stats: Stats,
-    /// Who decided, where a kernel that sums was asked for.
+    /// Who decided, where that was not up to noise.
     ladder: Option<Ladder>,
     took: Duration,
 }
@@ -87,7 +87,6 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
             }
         })?;
     let took = start.elapsed();
-    let sums = args.kernel.method != Method::Crossings;
     output::warn_of_open_curves(&name, &stats);
     if stats.repeated_vertices > 0 {
         let vertices = plural_of(
@@ -104,7 +103,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         set,
         certificate,
         stats,
-        ladder: sums.then(|| verifier.ladder()),
+        ladder: args.noise.is_none().then(|| verifier.ladder()),
         took,
     })
 }
@@ -117,6 +116,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             args.models.len()
         )));
     }
+    let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
     let mut outcome = Outcome::Fine;
     for path in &args.models {
         if let Some(n) = args.repeat {
@@ -128,7 +128,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             outcome = Outcome::Undecided;
         }
         tracing::info!("{}: {}", path.display(), summary(&c));
-        if let Some(l) = &c.ladder {
+        if let Some(l) = c.ladder.as_ref().filter(|l| l.summed > 0 || asked_to_sum) {
             tracing::info!(
                 "{}: {} decided {} ({} off at most, proven within {}), counting {}; the sums took {}",
                 path.display(),

@@ -6,7 +6,7 @@ use linkwatch::kernels::{Accuracy, Method};
 /// Which kernel computes linking numbers.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct KernelArgs {
-    /// Which kernel computes: crossings, direct, angle-sum, barnes-hut, fmm or interval; what the bound of a sum does
+    /// Which kernel computes: auto, crossings, direct, angle-sum, barnes-hut, fmm or interval; what the bound of a sum does
     /// not decide is counted
     #[arg(long = "kernel", value_name = "KERNEL", default_value_t)]
     pub method: Method,

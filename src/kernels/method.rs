@@ -14,8 +14,11 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Counting crossings, exactly (Qu & James 2021, section 3.4.1).
+    /// The fast multipole method on pairs where it is predicted to be done sooner than counting ([`Plan`](crate::Plan));
+    /// counting on all others.
     #[default]
+    Auto,
+    /// Counting crossings, exactly (Qu & James 2021, section 3.4.1).
     Crossings,
     /// The Gauss integral over all pairs of segments, an arctangent each (Arai 2013).
     Direct,
@@ -46,7 +49,8 @@ pub struct Accuracy {
 
 impl Method {
     /// Every kernel.
-    pub const ALL: [Method; 6] = [
+    pub const ALL: [Method; 7] = [
+        Method::Auto,
         Method::Crossings,
         Method::Direct,
         Method::AngleSum,
@@ -58,6 +62,7 @@ impl Method {
     /// The word on the command line.
     pub fn word(self) -> &'static str {
         match self {
+            Method::Auto => "auto",
             Method::Crossings => "crossings",
             Method::Direct => "direct",
             Method::AngleSum => "angle-sum",
@@ -67,14 +72,15 @@ impl Method {
         }
     }
 
-    /// The kernel that sums, ready for a set of polylines; none where crossings are counted.
+    /// The kernel that sums, ready for a set of polylines; none where crossings are counted or it is not known yet
+    /// what is.
     pub(crate) fn summation(
         self,
         polylines: &CurveSet,
         accuracy: Accuracy,
     ) -> Option<Box<dyn Summation + '_>> {
         Some(match self {
-            Method::Crossings => return None,
+            Method::Auto | Method::Crossings => return None,
             Method::Direct => Box::new(Direct::new(polylines, Formula::Arctangent)),
             Method::AngleSum => Box::new(Direct::new(polylines, Formula::AngleSum)),
             Method::BarnesHut => {
@@ -125,7 +131,7 @@ impl FromStr for Method {
     fn from_str(s: &str) -> Result<Self, String> {
         let found = Self::ALL.into_iter().find(|m| m.word() == s);
         found.ok_or_else(|| {
-            "expected crossings, direct, angle-sum, barnes-hut, fmm or interval".into()
+            "expected auto, crossings, direct, angle-sum, barnes-hut, fmm or interval".into()
         })
     }
 }

@@ -39,6 +39,8 @@ struct Nanoseconds {
     hulls: f64,
     /// A point added by the discretization, with the segments tested again.
     refined: f64,
+    /// A segment in the fast multipole method, where hardly any pair of segments is close.
+    multipole: f64,
     /// A segment looked at for repeated vertices, which are counted.
     repeat: f64,
 }
@@ -62,19 +64,32 @@ const NS: Nanoseconds = Nanoseconds {
     exact: 60.0,
     hulls: 50.0,
     refined: 140.0,
+    multipole: 2000.0,
     repeat: 0.5,
 };
 
 /// Time on one thread.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Time {
+pub(crate) struct Time {
     ns: f64,
 }
 
 impl Time {
+    /// In milliseconds.
+    pub fn ms(self) -> f64 {
+        self.ns * 1e-6
+    }
+
+    /// This, with a part of it replaced.
+    pub fn instead_of(self, part: Time, other: Time) -> Time {
+        Time {
+            ns: (self.ns - part.ns).max(0.0) + other.ns,
+        }
+    }
+
     /// The same on several threads that all have something to do.
     pub fn on(self, threads: usize) -> Prediction {
-        let one_thread_ms = self.ns * 1e-6;
+        let one_thread_ms = self.ms();
         Prediction {
             one_thread_ms,
             ms: one_thread_ms / threads as f64,
@@ -112,6 +127,13 @@ pub(super) fn direction(links: usize, work: KernelWork) -> Time {
 pub(super) fn discretization(work: KernelWork) -> Time {
     Time {
         ns: work.overlaps as f64 * NS.hulls + work.refined as f64 * NS.refined,
+    }
+}
+
+/// The fast multipole method on so many segments, in any number of links that are each predicted to gain by it.
+pub(super) fn multipole(segments: usize) -> Time {
+    Time {
+        ns: segments as f64 * NS.multipole,
     }
 }
 

@@ -103,9 +103,13 @@ impl fmt::Display for Plan {
             Parallelism::OverLinks => "links shared out",
             Parallelism::InsideLinks => "each link shared out",
         };
+        let first = match kernel.summed {
+            0 => String::new(),
+            n => format!("fmm first on {}, then ", plural(n, "link")),
+        };
         writeln!(
             f,
-            "kernel: crossings (exact), {parallelism}, {} of {} busy; {} of {} sampled, {} and {} expected: {}",
+            "kernel: {first}crossings (exact), {parallelism}, {} of {} busy; {} of {} sampled, {} and {} expected: {}",
             kernel.busy_threads,
             plural(*threads, "thread"),
             count(kernel.sampled),

@@ -42,10 +42,13 @@
 //! Not in the model: other caches than the last, and processors without AVX2, where all takes longer. Where more than
 //! 64 potential links differ much, a rare one of much work may be missed by the sample.
 
+mod choice;
 mod costs;
 mod message;
 #[cfg(test)]
 mod tests;
+
+pub(crate) use choice::{LongLink, worth_summing};
 
 use crate::curve::CurveSet;
 use crate::kernels::KernelWork;
@@ -177,8 +180,10 @@ pub struct Directions {
 /// How linking numbers are computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KernelPlan {
-    /// The choice.
+    /// The choice, where none is asked for ([`Method::Auto`](crate::kernels::Method::Auto)).
     pub choice: Kernel,
+    /// Links on which another kernel than counting goes first.
+    pub summed: usize,
     /// What threads share.
     pub parallelism: Parallelism,
     /// Threads that will have something to do.
@@ -191,13 +196,16 @@ pub struct KernelPlan {
     pub predicted: Prediction,
 }
 
-/// Kernels.
+/// Kernels that go first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Kernel {
-    /// Counting crossings, exactly. The only one there is; it needs no proof that a sum is near an integer.
+    /// Counting crossings, exactly, on every link.
     Crossings,
+    /// The fast multipole method on links of long curves that cross very often; crossings are counted on the others, and
+    /// where its bound decides nothing.
+    Fmm,
 }
 
 /// What the threads of the kernel share.
@@ -232,6 +240,7 @@ impl Plan {
             workspaces: &workspaces,
         };
         let sample = Sample::of(scene, links);
+        let long = worth_summing(scene, links);
         let formula = |&&(i, j): &&Pair| {
             by_formula([i, j].map(|i| -> CurveTree<'_> { trees.of(set, i as usize) }))
         };
@@ -302,13 +311,21 @@ impl Plan {
             best_of_six: links - by_formula,
             predicted: costs::direction(links, work).on(busy),
         };
+        let mut time = costs::crossings(segments, work, coordinates + boxes.bytes);
+        for link in &long {
+            time = time.instead_of(link.counting, link.summing);
+        }
         let kernel = KernelPlan {
-            choice: Kernel::Crossings,
+            choice: match long[..] {
+                [] => Kernel::Crossings,
+                _ => Kernel::Fmm,
+            },
+            summed: long.len(),
             parallelism,
             busy_threads,
             sampled: sample.links,
             work,
-            predicted: costs::crossings(segments, work, coordinates + boxes.bytes).on(busy),
+            predicted: time.on(busy),
         };
         // Candidates of splines wait for their pair's discretization; those of polylines do not.
         let waiting = match discretization.choice {

@@ -9,6 +9,7 @@ use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::kernels::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accuracy, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
+use crate::plan::worth_summing;
 use crate::verdict::{Defect, DefectKind, Place, Stats};
 use rayon::prelude::*;
 use std::slice::SliceIndex;
@@ -42,27 +43,45 @@ impl FullRun {
     /// Computes the certificate of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
         let mut stats = self.find_pairs(set);
-        match self.kernel.0 {
-            Method::Crossings => {
+        let long = match self.kernel.0 {
+            Method::Auto => worth_summing(self.scene(set), self.search.pairs()),
+            _ => Vec::new(),
+        };
+        match self.kernel {
+            (Method::Auto, _) if !long.is_empty() => {
+                let pairs = self.search.pairs().to_vec();
+                self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
+            }
+            (Method::Auto | Method::Crossings, _) => {
                 self.compute_pairs(set, .., &mut stats);
                 self.ladder = Ladder {
                     counted: stats.potential_links,
                     ..Ladder::default()
                 };
             }
-            _ => self.sum_pairs(set, &mut stats),
+            (method, accuracy) => {
+                let pairs = self.search.pairs().to_vec();
+                let sums = Sums::of(set, method, accuracy, &pairs);
+                self.add_sums(set, &sums, &mut stats);
+            }
         }
         stats
     }
 
-    /// Adds the linking numbers of all potential links to the certificate: those that the kernel's bound decides, then the
-    /// others, counted.
-    fn sum_pairs(&mut self, set: &CurveSet, stats: &mut Stats) {
+    fn scene<'a>(&'a self, set: &'a CurveSet) -> Scene<'a> {
+        Scene {
+            set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        }
+    }
+
+    /// Adds all linking numbers to the certificate: those that the bounds of sums decide, and the others, counted.
+    fn add_sums(&mut self, set: &CurveSet, sums: &Sums<'_>, stats: &mut Stats) {
         let start = Instant::now();
-        let (method, accuracy) = self.kernel;
-        let sums = Sums::of(set, method, accuracy, self.search.pairs());
         let undecided: Vec<Pair> = sums.undecided().collect();
-        let summed = self.search.pairs().len() - undecided.len();
+        let links: Vec<Link> = sums.links().collect();
+        let summed = sums.pairs().len() - undecided.len();
         self.progress
             .done
             .fetch_add(summed as u64, Ordering::Relaxed);
@@ -74,10 +93,10 @@ impl FullRun {
         compute_links(scene, &undecided, &mut self.parts, &self.progress);
         gather(&self.parts, &mut self.certificate, stats);
         stats.potential_links += summed as u64;
-        self.certificate.links.extend(sums.links());
+        self.certificate.links.extend(links);
         self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
         self.ladder = sums.ladder(&self.certificate);
-        self.timings.links += start.elapsed();
+        self.timings.links += start.elapsed() + self.ladder.summing;
     }
 
     /// Computes the linking numbers that no noise of the vertices of polylines can change.

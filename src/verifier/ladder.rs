@@ -3,8 +3,10 @@
 use crate::certificate::{Certificate, Link};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
-use crate::kernels::{Accuracy, Estimate, Method};
-use crate::pairs::Pair;
+use crate::kernels::fmm::{self, Fmm};
+use crate::kernels::{Accuracy, Estimate, Method, Summation};
+use crate::pairs::{Pair, curves_of};
+use crate::plan::LongLink;
 use crate::verdict::Defect;
 use std::time::{Duration, Instant};
 
@@ -15,7 +17,9 @@ pub struct Ladder {
     pub summed: u64,
     /// Pairs that were left to counting crossings, exactly.
     pub counted: u64,
-    /// Largest distance of a sum from the linking number, of all that have one and are not unknown.
+    /// Sums that are not unknown, of pairs that have a linking number.
+    pub known: u64,
+    /// Largest distance of one of those from the linking number.
     pub largest_error: f64,
     /// Mean of those distances; 0 where there is none.
     pub mean_error: f64,
@@ -61,6 +65,36 @@ impl<'a> Sums<'a> {
         }
     }
 
+    /// Sums of those pairs of polylines that are predicted to be decided sooner than by counting; the others are unknown.
+    pub fn of_long(set: &CurveSet, long: &[LongLink], pairs: &'a [Pair]) -> Sums<'a> {
+        let start = Instant::now();
+        let worth: Vec<Pair> = long.iter().map(|link| pairs[link.at]).collect();
+        let needed = curves_of(worth.iter().copied());
+        let needed = |i: u32| needed.binary_search(&i).is_ok();
+        // Where the kernel itself expects to take longer, it gives up before it begins.
+        let counting = long.iter().map(|link| link.counting.ms());
+        let options = fmm::Options {
+            limit: 1e3 * counting.fold(0.0, f64::max),
+            ..fmm::Options::default()
+        };
+        let fmm = Fmm::of_some(set, needed, options);
+        let mut estimates = vec![Estimate::UNKNOWN; pairs.len()];
+        for (link, found) in long.iter().zip(fmm.linking_numbers(&worth)) {
+            estimates[link.at] = found;
+        }
+        Sums {
+            pairs,
+            estimates,
+            took: start.elapsed(),
+            discretizing: Duration::ZERO,
+        }
+    }
+
+    /// All pairs, whether they were summed or not.
+    pub fn pairs(&self) -> &[Pair] {
+        self.pairs
+    }
+
     fn each(&self) -> impl Iterator<Item = (Pair, &Estimate)> {
         self.pairs.iter().copied().zip(&self.estimates)
     }
@@ -86,7 +120,6 @@ impl<'a> Sums<'a> {
             discretizing: self.discretizing,
             ..Ladder::default()
         };
-        let mut known: u32 = 0;
         for ((i, j), estimate) in self.each() {
             match estimate.integer() {
                 Some(_) => {
@@ -105,10 +138,10 @@ impl<'a> Sums<'a> {
                 let error = (estimate.value - lambda as f64).abs();
                 ladder.largest_error = ladder.largest_error.max(error);
                 ladder.mean_error += error;
-                known += 1;
+                ladder.known += 1;
             }
         }
-        ladder.mean_error /= f64::from(known.max(1));
+        ladder.mean_error /= ladder.known.max(1) as f64;
         ladder
     }
 }

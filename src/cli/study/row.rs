@@ -121,9 +121,8 @@ impl Row {
 
     /// What was measured, of a kernel that sums some pair.
     fn sums(&self) -> Option<&Measured> {
-        let sums = self.setting.method != Method::Crossings;
-        let measured = self.measured.as_ref().ok().filter(|_| sums);
-        measured.filter(|m| m.ladder.summed + m.ladder.counted > 0)
+        let measured = self.measured.as_ref().ok();
+        measured.filter(|m| m.ladder.known > 0)
     }
 
     /// The largest error of the sums, where there are any.
@@ -211,7 +210,7 @@ impl Measured {
             let ms = |d: std::time::Duration| d.as_secs_f64() * 1e3;
             let discretizing_ms = ms(ladder.discretizing);
             let (sum_ms, linking_ms) = match method {
-                Method::Crossings => (total_ms, ms(timings.links)),
+                Method::Auto | Method::Crossings => (total_ms, ms(timings.links)),
                 _ => (ms(ladder.summing), ms(ladder.summing) - discretizing_ms),
             };
             runs.push(Measured {

@@ -9,6 +9,9 @@ pub struct Setting {
     pub accuracy: Accuracy,
 }
 
+/// Orders of the fast multipole method that are measured beside the one that it takes by itself.
+const ORDERS: [u32; 4] = [3, 6, 10, 16];
+
 impl Setting {
     /// Barnes-Hut as published: from this beta, with this target (Qu & James 2021, section 4.1).
     pub const PUBLISHED: Setting = Setting {
@@ -45,12 +48,23 @@ impl Setting {
             .into_iter()
             .filter(|&m| m != Method::BarnesHut)
             .map(Setting::of);
+        let by_order = ORDERS.map(|order| Setting {
+            method: Method::Fmm,
+            accuracy: Accuracy {
+                order: Some(order),
+                ..Accuracy::default()
+            },
+        });
         let by_beta = [true, false].into_iter().flat_map(|dipole| {
             let by_beta = move |&beta: &f64| Setting::by_beta(beta, dipole);
             betas.iter().map(by_beta)
         });
         let others = [Setting::of(Method::BarnesHut), Setting::PUBLISHED];
-        exactly.chain(by_beta).chain(others).collect()
+        exactly
+            .chain(by_order)
+            .chain(by_beta)
+            .chain(others)
+            .collect()
     }
 
     /// What is worth measuring at several sizes. Interval arithmetic is left out: it is the direct sum, some hundred
@@ -67,16 +81,16 @@ impl Setting {
             Method::Direct => Some(6.0),
             Method::AngleSum => Some(5.0),
             Method::Interval => Some(1500.0),
-            Method::Crossings | Method::BarnesHut | Method::Fmm => None,
+            Method::Auto | Method::Crossings | Method::BarnesHut | Method::Fmm => None,
         }
     }
 
     /// Where expansions stop.
-    pub fn order(&self) -> Option<&'static str> {
+    pub fn order(&self) -> Option<String> {
         match (self.method, self.accuracy.dipole) {
-            (Method::BarnesHut, true) => Some("dipole"),
-            (Method::BarnesHut, false) => Some("quadrupole"),
-            _ => None,
+            (Method::BarnesHut, true) => Some("dipole".into()),
+            (Method::BarnesHut, false) => Some("quadrupole".into()),
+            _ => self.accuracy.order.map(|p| p.to_string()),
         }
     }
 
@@ -84,6 +98,7 @@ impl Setting {
     pub fn series(&self) -> String {
         match (self.order(), self.accuracy) {
             (None, _) => self.method.to_string(),
+            (Some(_), Accuracy { order: Some(_), .. }) => format!("{} by order", self.method),
             (Some(_), Accuracy { beta: None, .. }) => format!("{} by bound", self.method),
             (Some(order), _) if self.is_by_beta() => format!("{order} by β"),
             (Some(_), _) => "two passes".into(),
@@ -101,6 +116,9 @@ impl std::fmt::Display for Setting {
         let Accuracy { beta, target, .. } = self.accuracy;
         let text = match (self.order(), beta, target) {
             (None, ..) => self.method.to_string(),
+            (Some(order), ..) if self.method == Method::Fmm => {
+                format!("{}, order {order}", self.method)
+            }
             (Some(order), None, _) => format!("{} {order}, by bound", self.method),
             (Some(order), Some(beta), None) => format!("{} {order}, beta {beta}", self.method),
             (Some(_), Some(beta), Some(target)) => {
@@ -119,9 +137,11 @@ mod tests {
     fn every_kernel_and_every_beta_has_a_row() {
         let all = Setting::all(&[2.0, 4.0]);
         let kernels = Method::ALL.len() - 1;
-        assert_eq!(all.len(), kernels + 2 * 2 + 2);
+        let others = kernels + ORDERS.len();
+        assert_eq!(all.len(), others + 2 * 2 + 2);
         assert_eq!(all.iter().filter(|s| s.is_by_beta()).count(), 4);
-        assert_eq!(all[kernels].to_string(), "barnes-hut dipole, beta 2");
-        assert_eq!(all[kernels + 5].series(), "two passes");
+        assert_eq!(all[kernels].to_string(), "fmm, order 3");
+        assert_eq!(all[others].to_string(), "barnes-hut dipole, beta 2");
+        assert_eq!(all[others + 5].series(), "two passes");
     }
 }

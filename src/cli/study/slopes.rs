@@ -57,7 +57,7 @@ impl std::fmt::Display for Slope {
 /// Betas of an expansion, and its mean errors.
 pub fn points(rows: &[Row], order: &str) -> Vec<(f64, f64)> {
     let point = |row: &Row| {
-        let fits = row.setting.is_by_beta() && row.setting.order() == Some(order);
+        let fits = row.setting.is_by_beta() && row.setting.order().as_deref() == Some(order);
         let beta = row.setting.accuracy.beta.filter(|_| fits)?;
         Some((beta, row.mean_error()?))
     };

@@ -28,7 +28,7 @@ pub struct Args {
         long,
         value_name = "LIST",
         value_delimiter = ',',
-        default_value = "angle-sum,barnes-hut"
+        default_value = "angle-sum,barnes-hut,fmm"
     )]
     kernels: Vec<Method>,
     /// A folder with files of the models that cannot be generated, such as glove.bcc
@@ -76,6 +76,7 @@ fn columns() -> Vec<Column> {
         column(Method::AngleSum, "angle sum", |p| p.direct_s, none),
         column(Method::Interval, "interval", none, none),
         column(Method::BarnesHut, "BH, bound", none, none),
+        column(Method::Fmm, "FMM, bound", |p| p.fmm_s, |p| p.fmm_error),
         Column {
             setting: Setting::PUBLISHED,
             title: "BH, beta 2",

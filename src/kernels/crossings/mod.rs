@@ -112,6 +112,7 @@ pub(crate) struct Workspace {
     tally: Tally,
     halving: Halving,
     polylines: evaluate::Polylines,
+    sampling: sample::Buffers,
     /// Work done since the caller last took it.
     pub stats: Stats,
 }

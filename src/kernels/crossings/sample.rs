@@ -6,6 +6,14 @@ use crate::kernels::KernelWork;
 use crate::pairs::{Agenda, Pair, Query, SegmentPairs, descend};
 use crate::verdict::Stats;
 
+/// Buffers of a sample.
+#[derive(Debug, Default)]
+pub(super) struct Buffers {
+    found: SegmentPairs,
+    below: Agenda,
+    one: Agenda,
+}
+
 /// Node pairs of a level that are looked into.
 const BRANCHES: usize = 256;
 
@@ -17,7 +25,12 @@ const BRANCHES: usize = 256;
 pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) -> KernelWork {
     let [i, j] = [i as usize, j as usize];
     let both = [i, j].map(|i| scene.trees.of(scene.set, i));
-    let Workspace { fronts, agenda, .. } = &mut *workspace;
+    let Workspace {
+        fronts,
+        agenda,
+        sampling,
+        ..
+    } = &mut *workspace;
     fronts.visited = 0;
     let chosen = direction::choose(Portable, both, None, fronts, agenda);
     let choice = KernelWork {
@@ -35,8 +48,7 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
         reach: 0.0,
     };
     let both = task.curves.map(|i| scene.trees.of(scene.set, i));
-    let mut found = SegmentPairs::default();
-    let (mut below, mut one) = (Agenda::new(), Agenda::new());
+    let Buffers { found, below, one } = sampling;
     let (mut factor, mut nodes) = (1.0, 0.0);
     // All first nodes are of one level, and so are all second ones.
     loop {
@@ -50,11 +62,13 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
         nodes += factor * agenda.len() as f64;
         for pair in agenda.drain(..) {
             one.push(pair);
-            descend::<_, false>(Portable, both, query, &mut one, &mut found, (1, usize::MAX));
-            below.append(&mut one);
+            descend::<_, false>(Portable, both, query, one, found, (1, usize::MAX));
+            below.append(one);
         }
-        std::mem::swap(agenda, &mut below);
+        std::mem::swap(agenda, below);
     }
+    found.all.clear();
+    found.meeting.clear();
     workspace.tally = Tally::default();
     workspace.candidates.clear();
     gather::resume(&task, workspace);

@@ -80,10 +80,16 @@ const ORDERS: [usize; 5] = [4, 8, 12, 16, 20];
 impl Fmm {
     /// Builds the trees of all closed curves. Other curves than polylines have no linking numbers here.
     pub fn new(set: &CurveSet, options: Options) -> Fmm {
+        Fmm::of_some(set, |_| true, options)
+    }
+
+    /// Builds the trees of some curves; the others have no linking numbers here.
+    pub fn of_some(set: &CurveSet, some: impl Fn(u32) -> bool + Sync, options: Options) -> Fmm {
         let scale = normalizing(set.max_abs());
         let polyline = set.basis().is_polyline();
         let trees = (0..set.len()).into_par_iter().map(|i| {
-            let fits = polyline && set.curve(i).closed && set.curve(i).points > 0;
+            let curve = set.curve(i);
+            let fits = polyline && curve.closed && curve.points > 0 && some(i as u32);
             fits.then(|| Tree::new(set, i, scale))
         });
         Fmm {

@@ -48,6 +48,9 @@ fn check_walks(pairs: usize, seed: u64) -> usize {
         let found = sum(&exact_set_of(&a, &b, 1.0), way);
         check(found, lambda, &format_args!("{way:?} of {a:?} and {b:?}"));
         proven += usize::from(found.integer().is_some());
+        if way == by_bound(None) {
+            assert_eq!(found.integer(), Some(lambda), "{found:?}");
+        }
     }
     proven
 }
@@ -55,7 +58,7 @@ fn check_walks(pairs: usize, seed: u64) -> usize {
 #[test]
 fn bounds_cover_the_error_on_walks() {
     let proven = check_walks(400, 1);
-    assert!(proven > 100, "{proven}");
+    assert!(proven > 60, "{proven}");
 }
 
 #[test]
