@@ -455,7 +455,10 @@ fn kernels_agree_and_say_who_decided() {
     let expected = certify(&[]);
     assert_eq!(expected["kernel"], "auto");
     assert_eq!(expected["ladder"]["summed"], 0);
-    assert_eq!(expected["ladder"]["counted"], expected["stats"]["potential_links"]);
+    assert_eq!(
+        expected["ladder"]["counted"],
+        expected["stats"]["potential_links"]
+    );
     let pairs = expected["stats"]["potential_links"].as_u64().unwrap();
     for (kernel, more) in [
         ("direct", &[][..]),

@@ -219,7 +219,7 @@ fn times_at_several_sizes() {
         ],
     );
     assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
-    assert!(stdout.contains("\n400 segments:\ncrossings "), "{stdout}");
+    assert!(stdout.contains("\n400 segments:\nauto "), "{stdout}");
     // Two betas are none to fit a power to.
     assert!(!stdout.contains("goes as"), "{stdout}");
     let text = std::fs::read_to_string(csv).unwrap();
@@ -343,8 +343,8 @@ fn a_published_table_beside_our_own() {
     );
     let text = std::fs::read_to_string(csv).unwrap();
     assert!(text.starts_with("model,input,segments,curves,"), "{text}");
-    // Four kernels of three models; lambda 10 is also the start of lambda 10^3 and of lambda 10^6.
-    assert_eq!(text.lines().count(), 1 + 4 * 3);
+    // Five kernels of three models; lambda 10 is also the start of lambda 10^3 and of lambda 10^6.
+    assert_eq!(text.lines().count(), 1 + 5 * 3);
     assert!(text.contains("\"Double Helix Ribbon, lambda 10^3\",ribbon:lambda=1000,200000,2,1,"));
 
     let out = json_of(
@@ -376,7 +376,7 @@ fn bad_studies_of_the_table_exit_with_2() {
             "no model is called 'rope' (known: Alien",
         ),
         (&["--only", ""], "no model is called ''"),
-        (&["--kernels", "fast"], "expected crossings, direct"),
+        (&["--kernels", "fast"], "expected auto, crossings"),
         (&["--segments", "0"], "expected numbers of segments"),
         (
             &["--only", "rubber", "--csv", "/dev/null/x"],

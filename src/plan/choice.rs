@@ -31,7 +31,7 @@ const SHORT_MS: f64 = 500.0;
 const FEW: usize = 64;
 
 /// How much shorter the sum must be, since predictions are off by some.
-const SHORTER: f64 = 1.5;
+const SHORTER: f64 = 2.5;
 
 /// The potential links of polylines that the fast multipole method is predicted to decide sooner than counting.
 ///

@@ -64,7 +64,7 @@ const NS: Nanoseconds = Nanoseconds {
     exact: 60.0,
     hulls: 50.0,
     refined: 140.0,
-    multipole: 2000.0,
+    multipole: 1300.0,
     repeat: 0.5,
 };
 

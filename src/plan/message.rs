@@ -105,7 +105,10 @@ impl fmt::Display for Plan {
         };
         let first = match kernel.summed {
             0 => String::new(),
-            n => format!("fmm first on {}, then ", plural(n, "link")),
+            n => format!(
+                "fmm first on {} (unless strands are too close), then ",
+                plural(n, "link")
+            ),
         };
         writeln!(
             f,

@@ -71,10 +71,11 @@ impl<'a> Sums<'a> {
         let worth: Vec<Pair> = long.iter().map(|link| pairs[link.at]).collect();
         let needed = curves_of(worth.iter().copied());
         let needed = |i: u32| needed.binary_search(&i).is_ok();
-        // Where the kernel itself expects to take longer, it gives up before it begins.
+        // Where the kernel itself expects to take nearly as long, since strands are close, it gives up before it
+        // begins.
         let counting = long.iter().map(|link| link.counting.ms());
         let options = fmm::Options {
-            limit: 1e3 * counting.fold(0.0, f64::max),
+            limit: 0.4e3 * counting.fold(0.0, f64::max),
             ..fmm::Options::default()
         };
         let fmm = Fmm::of_some(set, needed, options);

@@ -129,12 +129,12 @@ impl Fmm {
         expansions: [Option<&Expansions>; 2],
         start: Option<Criterion>,
     ) -> Option<(Criterion, Sum)> {
-        let plan = |criterion| Walk::new(trees, expansions, criterion).plan();
+        let plan = |criterion| Walk::new(trees, expansions, criterion).plan(self.options.limit);
         let budget = match self.options.accept {
             _ if expansions[0].is_none() => return Some((Criterion::Share(0.0), Sum::ZERO)),
             Accept::Separation(q) => {
                 let criterion = Criterion::Separation(q);
-                return Some((criterion, plan(criterion)));
+                return Some((criterion, plan(criterion)?));
             }
             Accept::Bound(budget) => budget,
         };
@@ -148,7 +148,9 @@ impl Fmm {
         let mut found = None;
         for _ in 0..TRIES {
             let criterion = Criterion::Share(share);
-            let sum = plan(criterion);
+            let Some(sum) = plan(criterion) else {
+                break;
+            };
             let tail = sum.bounds.tail;
             if tail <= aim {
                 found = Some((criterion, sum));
@@ -257,7 +259,9 @@ impl Fmm {
             .zip(plans)
             .map(|(&(at, _), first)| {
                 let bounded = matches!(self.options.accept, Accept::Bound(_));
-                let more = self.options.order.is_none() && order.is_some() && bounded;
+                // What is too much work is more of it by a higher order, where most of it is near.
+                let more =
+                    self.options.order.is_none() && order.is_some() && bounded && first.is_some();
                 // Moments may be smaller than they could be, and so node pairs larger.
                 let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
                 let (i, j) = pairs[at];

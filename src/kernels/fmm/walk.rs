@@ -101,6 +101,9 @@ impl Sum {
 /// Tasks of a pass, about.
 const TASKS: usize = 256;
 
+/// Tasks of a dry run between two looks at what it has come to.
+const GROUP: usize = 32;
+
 /// Leaves of two trees that are not worth more than one task.
 const SMALL: usize = 8;
 
@@ -204,12 +207,12 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Runs some hundred tasks, the same for any number of threads, and adds them up in their order.
-    fn over(&self, run: impl Fn(&mut Vec<(Node, Node)>) -> Sum + Sync) -> Sum {
+    /// Some hundred tasks, the same for any number of threads; one for small trees.
+    fn tasks(&self) -> Vec<(Node, Node)> {
         let mut agenda = vec![(self.trees[0].root(), self.trees[1].root())];
         let leaves = agenda[0].0.leaves as usize + agenda[0].1.leaves as usize;
         if leaves <= SMALL {
-            return run(&mut agenda);
+            return agenda;
         }
         while agenda.len() < TASKS {
             let before = agenda.len();
@@ -226,16 +229,25 @@ impl<'a> Walk<'a> {
                 break;
             }
         }
-        let parts: Vec<Sum> = agenda
-            .into_par_iter()
-            .map(|pair| run(&mut vec![pair]))
-            .collect();
-        parts.into_iter().fold(Sum::ZERO, Sum::plus)
+        agenda
     }
 
-    /// What a pass would take, and its remainder, without the sum.
-    pub fn plan(&self) -> Sum {
-        let mut plan = self.over(|agenda| {
+    /// Runs tasks and adds them up in their order.
+    fn over(tasks: &[(Node, Node)], run: impl Fn(&mut Vec<(Node, Node)>) -> Sum + Sync) -> Sum {
+        match tasks {
+            [one] => run(&mut vec![*one]),
+            tasks => {
+                let parts = tasks.par_iter().map(|&pair| run(&mut vec![pair]));
+                let parts: Vec<Sum> = parts.collect();
+                parts.into_iter().fold(Sum::ZERO, Sum::plus)
+            }
+        }
+    }
+
+    /// What a pass would take, and its remainder, without the sum; none where it would take more than `limit`, in
+    /// microseconds, which it is not looked at how much.
+    pub fn plan(&self, limit: f64) -> Option<Sum> {
+        let dry = |agenda: &mut Vec<(Node, Node)>| {
             let mut sum = Sum::ZERO;
             while let Some((t, u)) = agenda.pop() {
                 sum.visited += 1;
@@ -250,14 +262,21 @@ impl<'a> Walk<'a> {
                 }
             }
             sum
-        });
+        };
+        let mut plan = Sum::ZERO;
         plan.order = self.expansions.map_or(0, |e| e[0].order);
-        plan
+        for group in self.tasks().chunks(GROUP) {
+            plan = plan.plus(Self::over(group, dry));
+            if plan.work() > 1.2 * limit {
+                return None;
+            }
+        }
+        Some(plan)
     }
 
     /// One pass.
     pub fn sum(&self) -> Sum {
-        self.over(|agenda| self.run(agenda))
+        Self::over(&self.tasks(), |agenda| self.run(agenda))
     }
 
     /// Sums all node pairs of the agenda.
