@@ -232,12 +232,14 @@ fn times_at_several_sizes() {
         rows.map(|row| row[kernel]).collect::<Vec<_>>()
     };
     // The size of its own is in the table already.
-    assert_eq!(of("4000").len(), 10);
+    assert_eq!(of("4000").len(), 16);
     let sums = [
+        "auto",
         "crossings",
         "direct",
         "angle-sum",
         "barnes-hut",
+        "fmm",
         "barnes-hut",
     ];
     assert_eq!((of("100"), of("400")), (sums.to_vec(), sums.to_vec()));
