@@ -17,12 +17,16 @@
 
 pub(crate) mod barnes_hut;
 pub(crate) mod crossings;
+pub(crate) mod device;
 pub(crate) mod direct;
 mod estimate;
+#[cfg(feature = "gpu")]
+pub(crate) mod gpu;
 pub(crate) mod interval;
 mod method;
 pub mod oracle;
 
+pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;
 pub use method::{Accuracy, Method};

@@ -1,0 +1,77 @@
+//! Structs that programs share with us: here as Rust has them, in `shared.wgsl` as programs see them. A test compares the two.
+
+use bytemuck::{Pod, Zeroable};
+
+/// What is the same for a whole dispatch.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct Parameters {
+    /// How far each coordinate may be from the true one: 0 where all of them are exact in single precision.
+    pub radius: f32,
+    /// 0, which a compiler does not know.
+    pub zero: u32,
+    /// Entries that the list of undecided tests has room for.
+    pub capacity: u32,
+    /// Items in the list.
+    pub items: u32,
+}
+
+/// A tile of work: some consecutive segments of one curve with some of another.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct Tile {
+    /// Which pair of curves it is a part of.
+    pub pair: u32,
+    /// Axis of projection, where crossings are counted.
+    pub axis: u32,
+    /// First vertex of the rows, and how many segments they are.
+    pub first_row: u32,
+    /// Rows.
+    pub rows: u32,
+    /// First vertex of the columns.
+    pub first_column: u32,
+    /// Columns.
+    pub columns: u32,
+    /// None: parts of the list start at multiples of 32 bytes.
+    pub padding: [u32; 2],
+}
+
+/// The sum of the angles of a pair: fixed-point numbers of 64 bits, in units of [`super::fixed::UNIT`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct AngleSum {
+    /// The sum: low half, high half.
+    pub value: [u32; 2],
+    /// The sum of the bounds: low half, high half.
+    pub bound: [u32; 2],
+    /// Pairs of segments whose angle is in doubt.
+    pub doubts: u32,
+    /// Pairs of segments so near that the uncertainty of their vertices may make them cross.
+    pub near: u32,
+    /// None.
+    pub padding: [u32; 2],
+}
+
+/// The crossings of a pair that single precision decides.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct CrossingSum {
+    /// The sum of the signs: low half, high half.
+    pub signs: [u32; 2],
+    /// Crossings.
+    pub crossings: u32,
+    /// Pairs of segments tested.
+    pub tests: u32,
+}
+
+/// A test that single precision does not decide.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+pub(crate) struct Undecided {
+    /// The pair of curves.
+    pub pair: u32,
+    /// First vertex of the segment on top.
+    pub upper: u32,
+    /// First vertex of the segment below.
+    pub lower: u32,
+}

@@ -1,0 +1,260 @@
+//! Kernels on a graphics processor, through Vulkan, Metal or DX12: all pairs of curves in one list of commands.
+//!
+//! A stage has one name, on the processor's side (`.rs`: work lists, the proof of its bounds, what becomes of the result) and on
+//! the adapter's (`.wgsl`). [`device`] owns the adapter, and is the only file that knows the graphics interface;
+//! [`commands`] is what the others tell it, and [`layout`] what both sides read.
+//!
+//! Source: Qu & James 2021, section 3.4.5, who launch their kernels pair by pair in single precision and name all
+//! pairs at once as future work. Here all pairs are one work list of tiles, and single precision comes with a proof: crossings
+//! that it cannot decide go to the processor, sums have a bound of their error.
+//!
+//! An adapter is trusted with single operations only, and after a test ([`self_test`]). Whatever else fails, a lost adapter, too
+//! little memory, too large a frame, is [`Trouble`]: the caller says so and computes on the processor.
+
+mod commands;
+mod crossings;
+mod device;
+mod direct;
+mod error;
+mod fixed;
+mod frame;
+mod layout;
+mod self_test;
+#[cfg(test)]
+mod tests;
+mod tiles;
+
+pub(crate) use error::Trouble;
+
+use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
+use self::device::Device;
+use self::frame::Frame;
+use self::layout::{Parameters, Tile};
+use super::crossings::Scene;
+use super::device::{Device as Choice, DeviceInfo};
+use super::{Estimate, Linking, Summation};
+use crate::curve::CurveSet;
+use crate::pairs::Pair;
+use crate::verdict::Stats;
+use std::fmt::Write;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+const PARAMETERS: Buffer = Buffer("parameters", "all");
+const VERTICES: Buffer = Buffer("vertices", "all");
+const SUMS: Buffer = Buffer("sums", "all");
+
+/// Pairs of segments in one submission, at most: a fraction of a second of a slow adapter, and of the processor in disguise.
+const MOST_WORK: [u64; 2] = [1 << 31, 1 << 28];
+
+/// All adapters, each opened and tested.
+pub(super) fn devices() -> Vec<DeviceInfo> {
+    let mut all = device::list();
+    for info in &mut all {
+        let opened = Gpu::open(&Choice::Named(info.name.clone()));
+        info.trouble = opened.err().map(|e| e.to_string());
+    }
+    all
+}
+
+/// An adapter that is ready to compute. One caller at a time.
+#[derive(Debug)]
+pub(crate) struct Gpu {
+    engine: Mutex<Engine>,
+}
+
+impl Gpu {
+    /// Opens an adapter and tests its arithmetic.
+    pub fn open(choice: &Choice) -> Result<Gpu, Trouble> {
+        let name = match choice {
+            Choice::Named(name) => Some(&name[..]),
+            _ => None,
+        };
+        let mut engine = Engine {
+            device: Device::open(name)?,
+            vertices_of: None,
+            room: crossings::ROOM,
+            undecided: 0,
+        };
+        self_test::run(&mut engine)?;
+        Ok(Gpu {
+            engine: Mutex::new(engine),
+        })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Engine> {
+        // Buffers are written before they are read, so an engine that panicked is as good as any.
+        self.engine.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Which adapter it is.
+    pub fn info(&self) -> DeviceInfo {
+        self.lock().device.info().clone()
+    }
+
+    /// Linking numbers by counting crossings, and the counts of the work; of polylines.
+    pub fn count(
+        &self,
+        scene: Scene<'_>,
+        pairs: &[Pair],
+    ) -> Result<(Vec<Linking>, Stats), Trouble> {
+        let frame = Frame::new(scene.set);
+        crossings::linking_numbers(&mut self.lock(), &frame, scene, pairs)
+    }
+
+    /// Tests of the last count that the adapter left to the processor.
+    #[cfg(test)]
+    pub fn undecided(&self) -> u64 {
+        self.lock().undecided
+    }
+}
+
+/// The Gauss sum on an adapter, or on the processor once the adapter failed.
+pub(super) struct DirectSum<'a> {
+    gpu: &'a Gpu,
+    frame: Frame,
+    otherwise: super::direct::Direct,
+}
+
+impl<'a> DirectSum<'a> {
+    /// Prepares the vertices of a set of polylines.
+    pub fn new(gpu: &'a Gpu, set: &CurveSet, otherwise: super::direct::Direct) -> DirectSum<'a> {
+        DirectSum {
+            gpu,
+            frame: Frame::new(set),
+            otherwise,
+        }
+    }
+}
+
+impl Summation for DirectSum<'_> {
+    fn linking_number(&self, pair: Pair) -> Estimate {
+        self.linking_numbers(&[pair])[0]
+    }
+
+    fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
+        let found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs);
+        found.unwrap_or_else(|trouble| {
+            tracing::warn!("the sums are made on the processor: {trouble}");
+            self.otherwise.linking_numbers(pairs)
+        })
+    }
+}
+
+/// An adapter with what is on it.
+#[derive(Debug)]
+pub(super) struct Engine {
+    device: Device,
+    /// The frame whose vertices are on it.
+    vertices_of: Option<u64>,
+    /// Undecided tests that there is room for.
+    room: u32,
+    /// Undecided tests of the last count.
+    undecided: u64,
+}
+
+impl Engine {
+    /// Runs commands that read the vertices of a frame, which go up with the first of them.
+    fn run(&mut self, frame: &Frame, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
+        if self.vertices_of == Some(frame.id) {
+            return self.device.run(commands);
+        }
+        self.vertices_of = None;
+        let vertices = bytemuck::cast_slice(&frame.vertices).to_vec();
+        let mut all = vec![Command::Upload(VERTICES, vertices)];
+        all.extend_from_slice(commands);
+        let done = self.device.run(&all)?;
+        self.vertices_of = Some(frame.id);
+        Ok(done)
+    }
+
+    /// Lists what it takes to run a program on tiles, `per_group` of them in a workgroup; `results` are bound after the
+    /// parameters, the vertices and the tiles.
+    fn dispatch_tiles(
+        &self,
+        commands: &mut Vec<Command>,
+        stage: Stage,
+        frame: &Frame,
+        tiles: &[Tile],
+        per_group: u32,
+        results: &[(Buffer, u64)],
+    ) -> Result<(), Trouble> {
+        const STEP: usize = ALIGNMENT as usize / size_of::<Tile>();
+        let (list, parameters) = (
+            Buffer("tiles", stage.name),
+            Buffer("parameters", stage.name),
+        );
+        let most = self.device.most_bytes();
+        // Parts of the list with their parameters have to fit, and are counted in 32 bits.
+        let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
+        let most_work = MOST_WORK[usize::from(self.device.info().software)];
+        for tiles in tiles.chunks(longest.max(STEP)) {
+            let parts = tiles::parts(tiles, STEP, longest, most_work);
+            let mut all = vec![0; parts.len() * ALIGNMENT as usize];
+            for (part, to) in parts.iter().zip(all.chunks_mut(ALIGNMENT as usize)) {
+                let own = Parameters {
+                    radius: frame.radius,
+                    zero: 0,
+                    capacity: self.room,
+                    items: part.len() as u32,
+                };
+                to[..size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(&own));
+            }
+            commands.push(Command::Upload(parameters, all));
+            commands.push(Command::Upload(list, bytemuck::cast_slice(tiles).to_vec()));
+            let mut at = 0;
+            for (k, part) in (0..).zip(parts) {
+                let mut bindings = vec![
+                    Binding {
+                        buffer: parameters,
+                        offset: k * ALIGNMENT,
+                        size: size_of::<Parameters>() as u64,
+                    },
+                    Binding {
+                        buffer: VERTICES,
+                        offset: 0,
+                        size: size_of_val(&frame.vertices[..]) as u64,
+                    },
+                    Binding {
+                        buffer: list,
+                        offset: at,
+                        size: size_of_val(part) as u64,
+                    },
+                ];
+                bindings.extend(results.iter().map(|&(buffer, size)| Binding {
+                    buffer,
+                    offset: 0,
+                    size,
+                }));
+                commands.push(Command::Dispatch {
+                    stage,
+                    bindings,
+                    groups: (part.len() as u32).div_ceil(per_group),
+                });
+                commands.push(Command::Submit);
+                at += size_of_val(part) as u64;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Every program.
+#[cfg(test)]
+fn stages() -> Vec<Stage> {
+    let mut all = vec![self_test::STAGE, crossings::STAGE];
+    all.extend(direct::SHAPES.map(|(_, stage)| stage));
+    all
+}
+
+/// A program, with its constants and what all share in front: a constant has one place, and that is in Rust.
+fn program(whole: &[(&str, u32)], real: &[(&str, f64)], body: &str) -> String {
+    let mut out = String::new();
+    // Writing to a string does not fail.
+    for (name, value) in whole {
+        let _ = writeln!(out, "const {name}: u32 = {value}u;");
+    }
+    for (name, value) in real {
+        let _ = writeln!(out, "const {name}: f32 = {:e}f;", *value as f32);
+    }
+    out + include_str!("shared.wgsl") + "\n" + body
+}
