@@ -3,7 +3,7 @@
 use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, input, measure, output::with_progress};
 use clap::ValueEnum;
-use linkwatch::kernels::{Accuracy, Method};
+use linkwatch::kernels::{Accuracy, Device, Method, Offload};
 use linkwatch::{
     AbortOn, Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines,
 };
@@ -31,6 +31,9 @@ pub struct Args {
         conflicts_with = "discretize"
     )]
     kernel: Method,
+    /// Where the kernel runs: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
+    #[arg(long, value_name = "DEVICE", default_value_t)]
+    device: Device,
     /// Barnes-Hut by distance: expand where nodes are further apart than B times their radii [default: by the bound]
     #[arg(long, value_name = "B", value_parser = beta)]
     beta: Option<f64>,
@@ -73,6 +76,8 @@ struct Certified {
     stats: Stats,
     /// Who decided, where a kernel that sums was asked for.
     ladder: Option<Ladder>,
+    /// What a graphics processor was given.
+    offload: Offload,
     took: Duration,
 }
 
@@ -80,6 +85,7 @@ struct Certified {
 fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let set = input::read(path)?;
     let mut verifier = Verifier::new(AbortOn::Never);
+    verifier.set_device(&args.device)?;
     let name = path.display().to_string();
     let start = std::time::Instant::now();
     let mut ladder = None;
@@ -137,6 +143,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         certificate,
         stats,
         ladder,
+        offload: verifier.offload(),
         took,
     })
 }
@@ -172,9 +179,19 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 millis(l.summing),
             );
         }
+        if c.offload.tests > 0 {
+            tracing::info!(
+                "{}: {} on the device, {} left to the processor ({})",
+                path.display(),
+                plural(c.offload.tests, "test"),
+                count(c.offload.undecided),
+                percent(c.offload.undecided as f64 / c.offload.tests as f64),
+            );
+        }
         if json {
             output::json(&serde_json::json!({
                 "model": path,
+                "offload": c.offload,
                 "basis": c.set.basis(),
                 "certificate": c.certificate,
                 "stats": c.stats,

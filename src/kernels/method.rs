@@ -3,7 +3,7 @@
 use super::barnes_hut::{Accept, BarnesHut, Options, Order};
 use super::direct::{Direct, Formula};
 use super::interval::{Interval, enclose};
-use super::{Estimate, Summation};
+use super::{Accelerator, Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use std::fmt;
@@ -60,16 +60,22 @@ impl Method {
         }
     }
 
-    /// The kernel that sums, ready for a set of polylines; none where crossings are counted.
-    pub(crate) fn summation(
+    /// The kernel that sums, ready for a set of polylines; none where crossings are counted. Both direct sums are one on an
+    /// adapter.
+    pub(crate) fn summation<'a>(
         self,
-        polylines: &CurveSet,
+        polylines: &'a CurveSet,
         accuracy: Accuracy,
-    ) -> Option<Box<dyn Summation + '_>> {
+        accelerator: &'a Accelerator,
+    ) -> Option<Box<dyn Summation + 'a>> {
+        let direct = |formula| {
+            let otherwise = Box::new(Direct::new(polylines, formula));
+            accelerator.direct_sum(polylines, otherwise)
+        };
         Some(match self {
             Method::Crossings => return None,
-            Method::Direct => Box::new(Direct::new(polylines, Formula::Arctangent)),
-            Method::AngleSum => Box::new(Direct::new(polylines, Formula::AngleSum)),
+            Method::Direct => direct(Formula::Arctangent),
+            Method::AngleSum => direct(Formula::AngleSum),
             Method::BarnesHut => {
                 let order = match accuracy.dipole {
                     true => Order::Dipole,

@@ -15,6 +15,7 @@
 //! 7. The sign is that of Arai's sum (Arai 2013).
 //! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
 
+mod accelerator;
 pub(crate) mod barnes_hut;
 pub(crate) mod crossings;
 pub(crate) mod device;
@@ -26,6 +27,8 @@ pub(crate) mod interval;
 mod method;
 pub mod oracle;
 
+pub(crate) use accelerator::Accelerator;
+pub use accelerator::Offload;
 pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;

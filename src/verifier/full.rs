@@ -4,9 +4,9 @@ use super::{Progress, Timings};
 use crate::certificate::{Certificate, Comparison, Link};
 use crate::curve::{Box3, CurveSet};
 use crate::error::Result;
-use crate::kernels::Linking;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::kernels::interval::noise::linking_number as noisy_linking_number;
+use crate::kernels::{Accelerator, Linking};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
 use crate::verdict::{Defect, DefectKind, Place, Stats};
 use rayon::prelude::*;
@@ -27,6 +27,8 @@ pub(super) struct FullRun {
     /// Boxes of the frame before, where the motion since then is asked for.
     before: Vec<Box3>,
     workspaces: Workspaces,
+    /// What crossings are counted on, where it is not the processor.
+    pub accelerator: Accelerator,
     /// Of the last frame.
     pub certificate: Certificate,
     pub progress: Arc<Progress>,
@@ -100,7 +102,8 @@ impl FullRun {
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
-        compute_links(scene, &meeting, &mut self.parts, &self.progress);
+        let to = (&mut self.parts, &*self.progress);
+        compute_links(scene, &meeting, &mut self.accelerator, to);
         let mut anew = Certificate {
             curves: set.len(),
             ..Certificate::default()
@@ -134,6 +137,7 @@ impl FullRun {
     /// The stages before the linking numbers: boxes and potential links. Nothing is certified yet.
     pub fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
+        self.accelerator.start_frame();
         self.trees.refit(set);
         let boxed = Instant::now();
         let Certificate {
@@ -180,12 +184,9 @@ impl FullRun {
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
-        compute_links(
-            scene,
-            &self.search.pairs()[range],
-            &mut self.parts,
-            &self.progress,
-        );
+        let pairs = &self.search.pairs()[range];
+        let to = (&mut self.parts, &*self.progress);
+        compute_links(scene, pairs, &mut self.accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         self.timings.links += start.elapsed();
     }
@@ -224,30 +225,36 @@ impl FullRun {
 }
 
 /// The linking numbers of these pairs, in parts that follow one another in the order of the pairs.
-fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progress: &Progress) {
+fn compute_links(
+    scene: Scene<'_>,
+    pairs: &[Pair],
+    accelerator: &mut Accelerator,
+    (parts, progress): (&mut Vec<Part>, &Progress),
+) {
+    if let Some((found, stats)) = accelerator.count(scene, pairs) {
+        parts.iter_mut().for_each(Part::clear);
+        parts.resize_with(parts.len().max(1), Part::default);
+        let part = &mut parts[0];
+        for (&pair, linking) in pairs.iter().zip(found) {
+            part.add(pair, linking);
+        }
+        part.stats = stats;
+        let done = pairs.len() as u64;
+        progress.done.fetch_add(done, Ordering::Relaxed);
+        return;
+    }
     let size = links_per_task(pairs.len(), rayon::current_num_threads());
     let count = pairs.len().div_ceil(size);
     parts.resize_with(count.max(parts.len()), Part::default);
     parts.par_iter_mut().enumerate().for_each(|(k, part)| {
-        part.links.clear();
-        part.undefined.clear();
-        part.stats = Stats::default();
+        part.clear();
         if k >= count {
             return;
         }
         let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
         let mut workspace = scene.workspaces.take();
-        for &(i, j) in pairs {
-            match linking_number(scene, (i, j), None, &mut workspace) {
-                Linking::Number(0) => {}
-                Linking::Number(lambda) => part.links.push(Link { i, j, lambda }),
-                Linking::Undefined(kind, place) => part.undefined.push(Defect {
-                    i,
-                    j: Some(j),
-                    kind,
-                    place,
-                }),
-            }
+        for &pair in pairs {
+            part.add(pair, linking_number(scene, pair, None, &mut workspace));
         }
         part.stats = workspace.take_stats();
         scene.workspaces.put(workspace);
@@ -304,6 +311,27 @@ struct Part {
     links: Vec<Link>,
     undefined: Vec<Defect>,
     stats: Stats,
+}
+
+impl Part {
+    fn clear(&mut self) {
+        self.links.clear();
+        self.undefined.clear();
+        self.stats = Stats::default();
+    }
+
+    fn add(&mut self, (i, j): Pair, linking: Linking) {
+        match linking {
+            Linking::Number(0) => {}
+            Linking::Number(lambda) => self.links.push(Link { i, j, lambda }),
+            Linking::Undefined(kind, place) => self.undefined.push(Defect {
+                i,
+                j: Some(j),
+                kind,
+                place,
+            }),
+        }
+    }
 }
 
 /// Closed curves that bound nothing, in order.

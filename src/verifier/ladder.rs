@@ -5,7 +5,7 @@ use crate::certificate::{Certificate, Link};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
-use crate::kernels::{Accuracy, Estimate, Method};
+use crate::kernels::{Accelerator, Accuracy, Estimate, Method};
 use crate::pairs::Pair;
 use crate::verdict::Stats;
 use std::time::{Duration, Instant};
@@ -51,7 +51,7 @@ impl Verifier {
         let pairs = self.full.pairs().to_vec();
         stats.potential_links = pairs.len() as u64;
         let summing = Instant::now();
-        let estimates = estimates(set, method, accuracy, &pairs)?;
+        let estimates = estimates(set, method, accuracy, &pairs, &self.full.accelerator)?;
         let mut ladder = Ladder {
             summing: summing.elapsed(),
             ..Ladder::default()
@@ -131,6 +131,7 @@ fn estimates(
     method: Method,
     accuracy: Accuracy,
     pairs: &[Pair],
+    accelerator: &Accelerator,
 ) -> Result<Vec<Estimate>> {
     let discretized = match set.basis().is_polyline() {
         true => None,
@@ -142,7 +143,7 @@ fn estimates(
         .flat_map(|d| d.too_close.iter().map(|d| (d.i, d.j)))
         .collect();
     too_close.sort_unstable();
-    let Some(summation) = method.summation(polylines, accuracy) else {
+    let Some(summation) = method.summation(polylines, accuracy, accelerator) else {
         return Ok(vec![Estimate::UNKNOWN; pairs.len()]);
     };
     if too_close.is_empty() {

@@ -9,7 +9,7 @@ use super::error::Trouble;
 pub(crate) struct Buffer(pub &'static str, pub &'static str);
 
 /// A program: a stage by its name, which is that of its `.rs` and of its `.wgsl` file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Stage {
     /// The name.
     pub name: &'static str,
@@ -32,7 +32,7 @@ pub(crate) struct Binding {
 pub(crate) const ALIGNMENT: u64 = 256;
 
 /// One step.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub(crate) enum Command {
     /// Makes room for so many bytes. What was in the buffer is lost where it grows.
     Reserve(Buffer, u64),

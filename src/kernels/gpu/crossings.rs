@@ -21,12 +21,12 @@
 //! difference. Segments that touch are never decided here: they lie in one plane and their shadows meet in each
 //! direction, so bounds prove neither that they are apart nor that they cross.
 
-use super::Engine;
 use super::commands::{Buffer, Command, Stage};
 use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{CrossingSum, Tile, Undecided};
+use super::{Counts, Engine};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{BLOCK, Block, Counted, Direction, Scene, blocks, conclude};
 use crate::pairs::Pair;
@@ -58,13 +58,13 @@ pub(super) const ROOM: u32 = 1 << 16;
 /// Pairs of curves that are a task of the processor.
 const TASK: usize = 256;
 
-/// All linking numbers, with the counts of the work.
+/// All linking numbers.
 pub(super) fn linking_numbers(
     engine: &mut Engine,
     frame: &Frame,
     scene: Scene<'_>,
     pairs: &[Pair],
-) -> Result<(Vec<Linking>, Stats), Trouble> {
+) -> Result<Counts, Trouble> {
     let views = View::of_all(frame, scene, pairs);
     let tiles: Vec<Tile> = views.iter().flat_map(|v| &v.tiles).copied().collect();
     let (sums, undecided) = count(engine, frame, pairs.len(), &tiles)?;
@@ -116,11 +116,8 @@ pub(super) fn linking_numbers(
     for (_, part) in &parts {
         stats.add(part);
     }
-    engine.undecided = undecided.len() as u64;
-    Ok((
-        parts.into_iter().flat_map(|(found, _)| found).collect(),
-        stats,
-    ))
+    let found = parts.into_iter().flat_map(|(found, _)| found).collect();
+    Ok((found, stats, undecided.len() as u64))
 }
 
 /// Some pairs as they are seen, and what there is to test.

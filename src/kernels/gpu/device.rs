@@ -83,6 +83,8 @@ impl Device {
         let limits = wgpu::Limits {
             max_buffer_size: has.max_buffer_size,
             max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
+            // Those of the counting of crossings.
+            max_storage_buffers_per_shader_stage: 5,
             max_compute_workgroups_per_dimension: has.max_compute_workgroups_per_dimension,
             ..wgpu::Limits::downlevel_defaults()
         };
@@ -124,6 +126,11 @@ impl Device {
     /// Bytes that a buffer may have, at most.
     pub fn most_bytes(&self) -> u64 {
         self.most
+    }
+
+    /// Whether it has gone.
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed)
     }
 
     /// Allows buffers of so many bytes only.

@@ -37,7 +37,7 @@ use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use crate::verdict::Stats;
 use std::fmt::Write;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 const PARAMETERS: Buffer = Buffer("parameters", "all");
 const VERTICES: Buffer = Buffer("vertices", "all");
@@ -56,6 +56,12 @@ pub(super) fn devices() -> Vec<DeviceInfo> {
     all
 }
 
+/// Linking numbers, the counts of the work, and how many tests were left to the processor.
+type Counts = (Vec<Linking>, Stats, u64);
+
+/// Adapters that are open: one serves all who ask for it.
+static OPEN: Mutex<Vec<(Choice, Weak<Gpu>)>> = Mutex::new(Vec::new());
+
 /// An adapter that is ready to compute. One caller at a time.
 #[derive(Debug)]
 pub(crate) struct Gpu {
@@ -73,12 +79,27 @@ impl Gpu {
             device: Device::open(name)?,
             vertices_of: None,
             room: crossings::ROOM,
-            undecided: 0,
         };
         self_test::run(&mut engine)?;
         Ok(Gpu {
             engine: Mutex::new(engine),
         })
+    }
+
+    /// [`Gpu::open`], once for all who ask for the same.
+    pub fn shared(choice: &Choice) -> Result<Arc<Gpu>, Trouble> {
+        let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+        open.retain(|(_, gpu)| gpu.strong_count() > 0);
+        let known = open.iter().find(|(known, _)| known == choice);
+        if let Some(gpu) = known.and_then(|(_, gpu)| gpu.upgrade()) {
+            if !gpu.lock().device.is_lost() {
+                return Ok(gpu);
+            }
+            open.retain(|(known, _)| known != choice);
+        }
+        let gpu = Arc::new(Gpu::open(choice)?);
+        open.push((choice.clone(), Arc::downgrade(&gpu)));
+        Ok(gpu)
     }
 
     fn lock(&self) -> MutexGuard<'_, Engine> {
@@ -91,20 +112,10 @@ impl Gpu {
         self.lock().device.info().clone()
     }
 
-    /// Linking numbers by counting crossings, and the counts of the work; of polylines.
-    pub fn count(
-        &self,
-        scene: Scene<'_>,
-        pairs: &[Pair],
-    ) -> Result<(Vec<Linking>, Stats), Trouble> {
+    /// Linking numbers of polylines by counting crossings.
+    pub fn count(&self, scene: Scene<'_>, pairs: &[Pair]) -> Result<Counts, Trouble> {
         let frame = Frame::new(scene.set);
         crossings::linking_numbers(&mut self.lock(), &frame, scene, pairs)
-    }
-
-    /// Tests of the last count that the adapter left to the processor.
-    #[cfg(test)]
-    pub fn undecided(&self) -> u64 {
-        self.lock().undecided
     }
 }
 
@@ -112,12 +123,12 @@ impl Gpu {
 pub(super) struct DirectSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
-    otherwise: super::direct::Direct,
+    otherwise: Box<dyn Summation + 'a>,
 }
 
 impl<'a> DirectSum<'a> {
     /// Prepares the vertices of a set of polylines.
-    pub fn new(gpu: &'a Gpu, set: &CurveSet, otherwise: super::direct::Direct) -> DirectSum<'a> {
+    pub fn new(gpu: &'a Gpu, set: &CurveSet, otherwise: Box<dyn Summation + 'a>) -> DirectSum<'a> {
         DirectSum {
             gpu,
             frame: Frame::new(set),
@@ -148,8 +159,6 @@ pub(super) struct Engine {
     vertices_of: Option<u64>,
     /// Undecided tests that there is room for.
     room: u32,
-    /// Undecided tests of the last count.
-    undecided: u64,
 }
 
 impl Engine {
