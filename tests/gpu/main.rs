@@ -95,13 +95,15 @@ fn scenes() -> Result<(), Failed> {
 /// Frame after frame on the device gives the reports of the processor.
 fn frames() -> Result<(), Failed> {
     let built = "chainmail:rows=8,columns=9".parse::<Scene>()?.build()?;
-    let broken = "chainmail:rows=8,columns=9,crumple=2.5"
-        .parse::<Scene>()?
-        .build()?;
+    let broken = runner::changed(&built.curves, |coordinates| {
+        let points = 3 * built.curves.curve(40).points as usize;
+        let moved = &mut coordinates[40 * points..41 * points];
+        moved.iter_mut().for_each(|x| *x += 100.0);
+    });
     let reports = |device| -> Result<_, Failed> {
         let mut verifier = Verifier::new(AbortOn::Any);
         verifier.set_device(&device)?;
-        let frames = [&built.curves, &broken.curves, &built.curves];
+        let frames = [&built.curves, &broken, &built.curves];
         let step = |(k, set)| verifier.step(k, 0.0, set).map_err(Failed::from);
         (0..).zip(frames).map(step).collect::<Result<Vec<_>, _>>()
     };
