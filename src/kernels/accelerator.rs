@@ -122,6 +122,31 @@ impl Accelerator {
         }
     }
 
+    /// Barnes-Hut on the adapter, likewise; `beta` leaves it at one pass by distance.
+    #[cfg(feature = "gpu")]
+    pub fn barnes_hut<'a>(
+        &'a self,
+        set: &CurveSet,
+        beta: Option<f64>,
+        otherwise: Box<dyn Summation + 'a>,
+    ) -> Box<dyn Summation + 'a> {
+        match &self.gpu {
+            Some(gpu) => Box::new(gpu::BarnesHutSum::new(gpu, set, beta, otherwise)),
+            None => otherwise,
+        }
+    }
+
+    /// The kernel of the processor.
+    #[cfg(not(feature = "gpu"))]
+    pub fn barnes_hut<'a>(
+        &'a self,
+        _: &CurveSet,
+        _: Option<f64>,
+        otherwise: Box<dyn Summation + 'a>,
+    ) -> Box<dyn Summation + 'a> {
+        otherwise
+    }
+
     /// The kernel of the processor.
     #[cfg(not(feature = "gpu"))]
     pub fn direct_sum<'a>(

@@ -86,7 +86,7 @@ impl Method {
                     accept,
                     ..Options::default()
                 };
-                match (accuracy.beta, accuracy.target) {
+                let on_processor: Box<dyn Summation + 'a> = match (accuracy.beta, accuracy.target) {
                     (Some(beta), None) => {
                         Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
                     }
@@ -99,6 +99,14 @@ impl Method {
                         BarnesHut::new(polylines, options(Accept::Beta(4.0))),
                         BarnesHut::new(polylines, options(Options::default().accept)),
                     ])),
+                };
+                match accuracy {
+                    Accuracy {
+                        beta,
+                        target: None,
+                        dipole: false,
+                    } => accelerator.barnes_hut(polylines, beta, on_processor),
+                    _ => on_processor,
                 }
             }
             Method::Interval => Box::new(Enclosures(polylines)),

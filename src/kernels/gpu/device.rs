@@ -83,8 +83,8 @@ impl Device {
         let limits = wgpu::Limits {
             max_buffer_size: has.max_buffer_size,
             max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
-            // Those of the counting of crossings.
-            max_storage_buffers_per_shader_stage: 5,
+            // Those of Barnes-Hut, and what every adapter has.
+            max_storage_buffers_per_shader_stage: 8,
             max_compute_workgroups_per_dimension: has.max_compute_workgroups_per_dimension,
             ..wgpu::Limits::downlevel_defaults()
         };

@@ -57,13 +57,14 @@
 //! shows it, nothing is known of the pair of curves.
 
 use super::Engine;
-use super::commands::{Command, Stage};
+use super::commands::{Buffer, Command, Stage};
 use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{AngleSum, Tile};
 use super::tiles::{Shape, cut};
 use crate::kernels::Estimate;
+use crate::kernels::barnes_hut::LEAF_SEGMENTS;
 use crate::pairs::Pair;
 use std::f64::consts::{PI, TAU};
 
@@ -91,15 +92,18 @@ const TILT: f64 = 84.0;
 /// Largest error of `z1` and of `z2`, relative to `m`, at which their arguments are certain; less than 1/8.
 const DOUBT: f64 = 0.1;
 /// The distance at which segments may meet if vertices are off by 1 along each axis: more than `2 sqrt(3)`.
-const REACH: f64 = 3.6;
+pub(super) const REACH: f64 = 3.6;
 /// More than the error of `q`, for each `|e| |f| / |c|`.
 const SKEW: f64 = 40.0 * UNIT_ERROR;
 /// Added to the length of a segment.
 const TINY_LENGTH: f64 = 1e-15;
 /// Squares of distances below this are in doubt.
-const TINY_SQUARE: f64 = 1e-24;
+pub(super) const TINY_SQUARE: f64 = 1e-24;
 /// What a bound is taken times.
 const ROUNDED_UP: f64 = 1.01 * UNIT_ERROR;
+
+// Leaves of trees are tiles of the smaller shape.
+const _: () = assert!(LEAF_SEGMENTS <= SHAPES[0].0.rows && LEAF_SEGMENTS <= SHAPES[0].0.columns);
 
 /// How work is cut: rows of a tile, and steps of [`COLUMNS`] columns.
 pub(super) const SHAPES: [(Shape, Stage); 2] = [
@@ -190,28 +194,52 @@ pub(super) fn linking_numbers(
     let mut commands = vec![Command::Clear(super::SUMS, size.max(4))];
     for ((shape, stage), tiles) in SHAPES.iter().zip(&tiles) {
         let per_group = THREADS / shape.rows;
-        engine.dispatch_tiles(
-            &mut commands,
-            *stage,
-            frame,
-            tiles,
-            per_group,
-            &[(super::SUMS, size)],
-        )?;
+        let sums = [(super::SUMS, size)];
+        engine.dispatch_tiles(&mut commands, *stage, frame, tiles, per_group, &sums)?;
     }
     commands.push(Command::Download(super::SUMS, size.max(4)));
     let found = engine.run(frame, &commands)?;
-    let sums: &[AngleSum] = bytemuck::cast_slice(&found[0][..size as usize]);
+    let sums: Vec<AngleSum> = bytemuck::pod_collect_to_vec(&found[0][..size as usize]);
     let estimate = |(pair, sum): (&Pair, &AngleSum)| match segments(pair) {
         [0, _] | [_, 0] => Estimate::UNKNOWN,
         _ if pair.0 == pair.1 => Estimate::UNKNOWN,
         _ => estimate(sum),
     };
-    Ok(pairs.iter().zip(sums).map(estimate).collect())
+    Ok(pairs.iter().zip(&sums).map(estimate).collect())
+}
+
+/// The sums of tiles that are in a buffer already, each no larger than the smaller shape.
+pub(super) fn sum_tiles(
+    engine: &mut Engine,
+    frame: &Frame,
+    pairs: usize,
+    tiles: Buffer,
+    count: u32,
+) -> Result<Vec<AngleSum>, Trouble> {
+    if count == 0 {
+        return Ok(vec![AngleSum::default(); pairs]);
+    }
+    let (shape, stage) = SHAPES[0];
+    let size = (pairs * size_of::<AngleSum>()) as u64;
+    let work = u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
+    let mut commands = vec![Command::Clear(super::SUMS, size)];
+    let per_group = THREADS / shape.rows;
+    let sums = [(super::SUMS, size)];
+    engine.dispatch_buffer(
+        &mut commands,
+        stage,
+        frame,
+        (tiles, count, work),
+        per_group,
+        &sums,
+    );
+    commands.push(Command::Download(super::SUMS, size));
+    let found = engine.run(frame, &commands)?;
+    Ok(bytemuck::pod_collect_to_vec(&found[0]))
 }
 
 /// What a sum says of the linking number.
-fn estimate(sum: &AngleSum) -> Estimate {
+pub(super) fn estimate(sum: &AngleSum) -> Estimate {
     if sum.near > 0 {
         return Estimate::UNKNOWN;
     }

@@ -75,3 +75,73 @@ pub(crate) struct Undecided {
     /// First vertex of the segment below.
     pub lower: u32,
 }
+
+/// A node of a tree; see [`crate::kernels::barnes_hut::PackedNode`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Node {
+    /// Centre.
+    pub centre: [f32; 3],
+    /// Distance of its points from the centre, at most.
+    pub radius: f32,
+    /// What the centre lacks.
+    pub centre_rest: [f32; 3],
+    /// Length.
+    pub length: f32,
+    /// Mean of the squared distance from the centre, by that of the radius.
+    pub second: f32,
+    /// Mean of its fourth power.
+    pub fourth: f32,
+    /// First vertex.
+    pub first: u32,
+    /// Segments.
+    pub segments: u32,
+    /// Mean of the products of the tangent's coordinates.
+    pub tangents: [f32; 6],
+    /// Second child; the first one comes next.
+    pub right: u32,
+    /// 1 where there are none.
+    pub leaf: u32,
+    /// Moments.
+    pub moments: [f32; 30],
+    /// None.
+    pub padding: [u32; 2],
+}
+
+/// A pair of nodes to look into.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct NodePair {
+    /// The pair of curves.
+    pub pair: u32,
+    /// A node of the first.
+    pub first: u32,
+    /// A node of the second.
+    pub second: u32,
+}
+
+/// When a node pair is expanded: both have to hold.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Criterion {
+    /// Its distance is above this times the sum of the radii.
+    pub beta: f32,
+    /// The bound of the remainder is not above this.
+    pub share: f32,
+}
+
+/// The sum of the expansions of a pair, in units of [`super::fixed::UNIT`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct FarSum {
+    /// The sum: low half, high half.
+    pub value: [u32; 2],
+    /// The sum of the bounds.
+    pub bound: [u32; 2],
+    /// That of rounding alone.
+    pub size: [u32; 2],
+    /// Node pairs expanded.
+    pub expanded: u32,
+    /// Node pairs looked into.
+    pub visited: u32,
+}

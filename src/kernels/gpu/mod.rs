@@ -11,6 +11,7 @@
 //! An adapter is trusted with single operations only, and after a test ([`self_test`]). Whatever else fails, a lost adapter, too
 //! little memory, too large a frame, is [`Trouble`]: the caller says so and computes on the processor.
 
+mod barnes_hut;
 mod commands;
 mod crossings;
 mod device;
@@ -42,6 +43,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 const PARAMETERS: Buffer = Buffer("parameters", "all");
 const VERTICES: Buffer = Buffer("vertices", "all");
 const SUMS: Buffer = Buffer("sums", "all");
+
+/// Parts of lists of tiles start at multiples of this.
+const STEP: usize = ALIGNMENT as usize / size_of::<Tile>();
 
 /// Pairs of segments in one submission, at most: a fraction of a second of a slow adapter, and of the processor in disguise.
 const MOST_WORK: [u64; 2] = [1 << 31, 1 << 28];
@@ -78,7 +82,9 @@ impl Gpu {
         let mut engine = Engine {
             device: Device::open(name)?,
             vertices_of: None,
+            nodes_of: None,
             room: crossings::ROOM,
+            agenda_room: barnes_hut::ROOM,
         };
         self_test::run(&mut engine)?;
         Ok(Gpu {
@@ -151,14 +157,62 @@ impl Summation for DirectSum<'_> {
     }
 }
 
+/// Barnes-Hut on an adapter, or on the processor once the adapter failed.
+pub(super) struct BarnesHutSum<'a> {
+    gpu: &'a Gpu,
+    frame: Frame,
+    forest: barnes_hut::Forest,
+    beta: Option<f64>,
+    otherwise: Box<dyn Summation + 'a>,
+}
+
+impl<'a> BarnesHutSum<'a> {
+    /// Builds the trees of a set of polylines; `beta` leaves it at one pass by distance.
+    pub fn new(
+        gpu: &'a Gpu,
+        set: &CurveSet,
+        beta: Option<f64>,
+        otherwise: Box<dyn Summation + 'a>,
+    ) -> BarnesHutSum<'a> {
+        let frame = Frame::new(set);
+        BarnesHutSum {
+            gpu,
+            forest: barnes_hut::Forest::new(&frame),
+            frame,
+            beta,
+            otherwise,
+        }
+    }
+}
+
+impl Summation for BarnesHutSum<'_> {
+    fn linking_number(&self, pair: Pair) -> Estimate {
+        self.linking_numbers(&[pair])[0]
+    }
+
+    fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
+        let engine = &mut self.gpu.lock();
+        let found =
+            barnes_hut::linking_numbers(engine, &self.frame, &self.forest, pairs, self.beta);
+        found.unwrap_or_else(|trouble| {
+            tracing::warn!("the sums are made on the processor: {trouble}");
+            self.otherwise.linking_numbers(pairs)
+        })
+    }
+}
+
 /// An adapter with what is on it.
 #[derive(Debug)]
 pub(super) struct Engine {
     device: Device,
     /// The frame whose vertices are on it.
     vertices_of: Option<u64>,
+    /// The frame whose trees are on it.
+    nodes_of: Option<u64>,
     /// Undecided tests that there is room for.
     room: u32,
+    /// Node pairs and tiles of Barnes-Hut that there is room for.
+    agenda_room: [u32; 2],
 }
 
 impl Engine {
@@ -187,70 +241,94 @@ impl Engine {
         per_group: u32,
         results: &[(Buffer, u64)],
     ) -> Result<(), Trouble> {
-        const STEP: usize = ALIGNMENT as usize / size_of::<Tile>();
-        let (list, parameters) = (
-            Buffer("tiles", stage.name),
-            Buffer("parameters", stage.name),
-        );
+        let list = Buffer("tiles", stage.name);
         let most = self.device.most_bytes();
         // Parts of the list with their parameters have to fit, and are counted in 32 bits.
         let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
         let most_work = MOST_WORK[usize::from(self.device.info().software)];
         for tiles in tiles.chunks(longest.max(STEP)) {
             let parts = tiles::parts(tiles, STEP, longest, most_work);
-            let mut all = vec![0; parts.len() * ALIGNMENT as usize];
-            for (part, to) in parts.iter().zip(all.chunks_mut(ALIGNMENT as usize)) {
-                let own = Parameters {
-                    radius: frame.radius,
-                    zero: 0,
-                    capacity: self.room,
-                    items: part.len() as u32,
-                };
-                to[..size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(&own));
-            }
-            commands.push(Command::Upload(parameters, all));
+            let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
             commands.push(Command::Upload(list, bytemuck::cast_slice(tiles).to_vec()));
-            let mut at = 0;
-            for (k, part) in (0..).zip(parts) {
-                let mut bindings = vec![
-                    Binding {
-                        buffer: parameters,
-                        offset: k * ALIGNMENT,
-                        size: size_of::<Parameters>() as u64,
-                    },
-                    Binding {
-                        buffer: VERTICES,
-                        offset: 0,
-                        size: size_of_val(&frame.vertices[..]) as u64,
-                    },
-                    Binding {
-                        buffer: list,
-                        offset: at,
-                        size: size_of_val(part) as u64,
-                    },
-                ];
-                bindings.extend(results.iter().map(|&(buffer, size)| Binding {
-                    buffer,
-                    offset: 0,
-                    size,
-                }));
-                commands.push(Command::Dispatch {
-                    stage,
-                    bindings,
-                    groups: (part.len() as u32).div_ceil(per_group),
-                });
-                commands.push(Command::Submit);
-                at += size_of_val(part) as u64;
-            }
+            self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
         }
         Ok(())
+    }
+
+    /// [`Engine::dispatch_tiles`] of so many tiles that are in a buffer already, each of at most so many pairs of segments.
+    fn dispatch_buffer(
+        &self,
+        commands: &mut Vec<Command>,
+        stage: Stage,
+        frame: &Frame,
+        (list, count, work): (Buffer, u32, u64),
+        per_group: u32,
+        results: &[(Buffer, u64)],
+    ) {
+        let most = MOST_WORK[usize::from(self.device.info().software)] / work.max(1);
+        let part = (most as u32).next_multiple_of(STEP as u32).max(STEP as u32);
+        let counts: Vec<u32> = (0..count.div_ceil(part))
+            .map(|k| part.min(count - k * part))
+            .collect();
+        self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
+    }
+
+    /// Lists a dispatch for each part of a list of tiles; all but the last have a multiple of [`STEP`].
+    fn dispatch_parts(
+        &self,
+        commands: &mut Vec<Command>,
+        stage: Stage,
+        frame: &Frame,
+        (list, counts): (Buffer, &[u32]),
+        per_group: u32,
+        results: &[(Buffer, u64)],
+    ) {
+        let parameters = Buffer("parameters", stage.name);
+        let mut all = vec![0; counts.len() * ALIGNMENT as usize];
+        for (&count, to) in counts.iter().zip(all.chunks_mut(ALIGNMENT as usize)) {
+            let own = Parameters {
+                radius: frame.radius,
+                zero: 0,
+                capacity: self.room,
+                items: count,
+            };
+            to[..size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(&own));
+        }
+        commands.push(Command::Upload(parameters, all));
+        let mut at = 0;
+        for (k, &count) in (0..).zip(counts) {
+            let bytes = u64::from(count) * size_of::<Tile>() as u64;
+            let binding = |buffer, offset, size| Binding {
+                buffer,
+                offset,
+                size,
+            };
+            let vertices = size_of_val(&frame.vertices[..]) as u64;
+            let mut bindings = vec![
+                binding(parameters, k * ALIGNMENT, size_of::<Parameters>() as u64),
+                binding(VERTICES, 0, vertices),
+                binding(list, at, bytes),
+            ];
+            bindings.extend(
+                results
+                    .iter()
+                    .map(|&(buffer, size)| binding(buffer, 0, size)),
+            );
+            commands.push(Command::Dispatch {
+                stage,
+                bindings,
+                groups: count.div_ceil(per_group),
+            });
+            commands.push(Command::Submit);
+            at += bytes;
+        }
     }
 }
 
 /// Every program.
 #[cfg(test)]
 fn stages() -> Vec<Stage> {
-    let mut all = vec![self_test::STAGE, crossings::STAGE];
+    let mut all = vec![self_test::STAGE, crossings::STAGE, barnes_hut::STAGE];
     all.extend(direct::SHAPES.map(|(_, stage)| stage));
     all
 }

@@ -11,7 +11,7 @@ use crate::kernels::direct::{Direct, Formula};
 use crate::kernels::oracle;
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
-use layout::{AngleSum, CrossingSum, Undecided};
+use layout::{AngleSum, Criterion, CrossingSum, FarSum, Node, NodePair, Undecided};
 use std::mem::offset_of;
 use wgpu::naga;
 
@@ -76,19 +76,46 @@ fn structs_lie_in_memory_as_programs_expect() {
     same_layout!(AngleSum: value, bound, doubts, near, padding);
     same_layout!(CrossingSum: signs, crossings, tests);
     same_layout!(Undecided: pair, upper, lower);
+    same_layout!(
+        Node: centre, radius, centre_rest, length, second, fourth, first, segments, tangents, right, leaf, moments, padding
+    );
+    same_layout!(NodePair: pair, first, second);
+    same_layout!(Criterion: beta, share);
+    same_layout!(FarSum: value, bound, size, expanded, visited);
 }
 
 fn adapter() -> Gpu {
     Gpu::open(&Choice::Gpu).unwrap_or_else(|trouble| panic!("{trouble}"))
 }
 
-/// All pairs of a set, by the sum.
-fn sums(gpu: &Gpu, set: &CurveSet) -> Vec<(Pair, Estimate)> {
+/// A sum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Direct,
+    /// By the bound, or with a beta.
+    BarnesHut(Option<f64>),
+}
+
+const ALL_KINDS: [Kind; 3] = [
+    Kind::Direct,
+    Kind::BarnesHut(None),
+    Kind::BarnesHut(Some(1.5)),
+];
+
+/// All pairs of a set, by a sum.
+fn sums(gpu: &Gpu, set: &CurveSet, kind: Kind) -> Vec<(Pair, Estimate)> {
     let n = set.len() as u32;
     let pairs: Vec<Pair> = (0..n).flat_map(|i| (0..i).map(move |j| (j, i))).collect();
     let frame = Frame::new(set);
-    let found = direct::linking_numbers(&mut gpu.lock(), &frame, &pairs).unwrap();
-    pairs.into_iter().zip(found).collect()
+    let engine = &mut gpu.lock();
+    let found = match kind {
+        Kind::Direct => direct::linking_numbers(engine, &frame, &pairs),
+        Kind::BarnesHut(beta) => {
+            let forest = barnes_hut::Forest::new(&frame);
+            barnes_hut::linking_numbers(engine, &frame, &forest, &pairs, beta)
+        }
+    };
+    pairs.into_iter().zip(found.unwrap()).collect()
 }
 
 /// Many polygons in one set: neighbours make the links.
@@ -123,11 +150,12 @@ fn polygons((seed, count, most, size, _): (u64, usize, u64, u64, f64)) -> Vec<Po
 #[ignore = "needs an adapter"]
 fn sums_are_within_their_bounds_of_the_oracle() {
     let gpu = adapter();
-    for kind in KINDS {
+    let all = KINDS.iter().flat_map(|&k| ALL_KINDS.map(|sum| (k, sum)));
+    for (kind, sum) in all {
         let polygons = polygons(kind);
         let scaled: Vec<_> = polygons.iter().map(|p| floats(p, kind.4)).collect();
         let (mut decided, mut numbers) = (0, 0);
-        for ((i, j), found) in sums(&gpu, &set_of_all(&scaled, false)) {
+        for ((i, j), found) in sums(&gpu, &set_of_all(&scaled, false), sum) {
             let want = oracle::linking_number(&polygons[i as usize], &polygons[j as usize]);
             let Some(want) = want else {
                 assert_eq!(found.integer(), None, "touching: {found:?}");
@@ -141,7 +169,7 @@ fn sums_are_within_their_bounds_of_the_oracle() {
                 assert_eq!(integer, want);
             }
         }
-        println!("{kind:?}: {decided} of {numbers} decided");
+        println!("{kind:?}, {sum:?}: {decided} of {numbers} decided");
         assert!(decided > numbers / 10);
     }
 }
@@ -211,20 +239,23 @@ fn scenes_have_the_numbers_of_their_constructions() {
     for text in SCENES {
         let built = text.parse::<Model>().unwrap().build().unwrap();
         let polylines = crate::homotopic_polylines(&built.curves).unwrap().curves;
-        let mut worst = [0f64; 2];
-        for (pair, found) in sums(&gpu, &polylines) {
-            let links = &built.certificate.links;
-            let want = links.iter().find(|l| (l.i, l.j) == pair);
-            let want = want.map_or(0, |l| l.lambda);
-            let off = (found.value - want as f64).abs();
-            assert!(off <= found.bound, "{text}: {found:?}");
-            assert!(found.integer().is_none_or(|i| i == want));
-            if found.bound.is_finite() {
-                worst = [worst[0].max(off), worst[1].max(found.bound)];
+        for kind in ALL_KINDS {
+            let mut worst = [0f64; 2];
+            for (pair, found) in sums(&gpu, &polylines, kind) {
+                let links = &built.certificate.links;
+                let want = links.iter().find(|l| (l.i, l.j) == pair);
+                let want = want.map_or(0, |l| l.lambda);
+                let off = (found.value - want as f64).abs();
+                assert!(off <= found.bound, "{text}, {kind:?}: {found:?}");
+                assert!(found.integer().is_none_or(|i| i == want));
+                if found.bound.is_finite() {
+                    worst = [worst[0].max(off), worst[1].max(found.bound)];
+                }
             }
+            println!("{text}, {kind:?}: off by {worst:?}");
         }
         let (tests, undecided) = counts_agree(&gpu, &polylines);
-        println!("{text}: off by {worst:?}; {undecided} of {tests} tests undecided");
+        println!("{text}: {undecided} of {tests} tests undecided");
     }
 }
 
@@ -236,9 +267,11 @@ fn sums_have_the_same_bits_on_every_run_and_whichever_curve_comes_first() {
         .parse()
         .unwrap();
     let set = model.build().unwrap().curves;
-    let first = sums(&gpu, &set);
-    assert_eq!(first[0].1.integer(), Some(6));
-    assert_eq!(first, sums(&gpu, &set));
+    for kind in ALL_KINDS {
+        let first = sums(&gpu, &set, kind);
+        assert_eq!(first[0].1.integer(), Some(6), "{kind:?}");
+        assert_eq!(first, sums(&gpu, &set, kind));
+    }
     let frame = Frame::new(&set);
     let both = direct::linking_numbers(&mut gpu.lock(), &frame, &[(0, 1), (1, 0), (0, 0), (0, 2)]);
     let both = both.unwrap();
@@ -301,7 +334,7 @@ fn the_ribbon_of_two_hundred_thousand_segments_is_summed() {
     let model: Model = "ribbon:segments=200000,lambda=10".parse().unwrap();
     let set = model.build().unwrap().curves;
     let start = std::time::Instant::now();
-    let found = sums(&gpu, &set)[0].1;
+    let found = sums(&gpu, &set, Kind::Direct)[0].1;
     println!("{found:?}, {:?}", start.elapsed());
     assert!((found.value - 10.0).abs() < 1e-4);
     assert_eq!(found.integer(), Some(10));
