@@ -28,7 +28,7 @@ use super::commands::{Binding, Buffer, Command, Stage};
 use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
-use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters};
+use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
 use super::{Engine, direct};
 use crate::kernels::Estimate;
 use crate::kernels::barnes_hut::{PackedNode, pack};
@@ -44,8 +44,10 @@ const PARALLEL: f64 = 4e-6;
 const OUTWARD: f64 = 1.01;
 /// Of the sizes of the terms.
 const ROUNDING: f64 = 1024.0 * direct::UNIT_ERROR;
-/// Expansions whose terms are larger have no place in a fixed-point number.
-const LARGEST: f64 = 1000.0;
+/// Expansions whose terms or remainders are larger are not taken.
+const LARGEST: f64 = 16.0;
+/// Expansions that a thread adds up in 64 bits: far below the 500,000 that these hold.
+const RUN: u32 = 1024;
 
 /// Counters: one a level, and the last for tiles.
 const COUNTS: u32 = 64;
@@ -54,7 +56,17 @@ const COUNTS: u32 = 64;
 pub(super) const STAGE: Stage = Stage {
     name: "Barnes-Hut",
     source: || {
-        let whole = [("THREADS", direct::THREADS), ("COUNTS", COUNTS)];
+        let whole = [
+            ("THREADS", direct::THREADS),
+            ("COUNTS", COUNTS),
+            ("RUN", RUN),
+            ("WORDS", word!(FarSum)),
+            ("VALUE", word!(FarSum.value)),
+            ("BOUND", word!(FarSum.bound)),
+            ("SIZE", word!(FarSum.size)),
+            ("EXPANDED", word!(FarSum.expanded)),
+            ("VISITED", word!(FarSum.visited)),
+        ];
         let real = [
             ("WIDEST", WIDEST),
             ("PARALLEL", PARALLEL),
@@ -65,7 +77,11 @@ pub(super) const STAGE: Stage = Stage {
             ("REACH", direct::REACH),
             ("TINY_SQUARE", direct::TINY_SQUARE),
         ];
-        super::program(&whole, &real, include_str!("barnes_hut.wgsl"))
+        super::program(
+            &whole,
+            &real,
+            &[direct::SUMS_PROGRAM, include_str!("barnes_hut.wgsl")],
+        )
     },
 };
 
@@ -343,10 +359,10 @@ fn pass(
                 },
                 binding(NODES, size_of_val(&forest.nodes[..]) as u64),
                 binding(CRITERIA, size_of_val(&criteria[..]) as u64),
+                binding(FAR, far_bytes),
                 binding(from, agenda_bytes),
                 binding(to, agenda_bytes),
                 binding(TILES, tile_bytes),
-                binding(FAR, far_bytes),
                 binding(COUNTERS, u64::from(4 * COUNTS)),
             ],
             groups: GROUPS[usize::from(engine.device.info().software)],
@@ -386,7 +402,7 @@ fn found(far: &FarSum, near: &AngleSum) -> Found {
     Found {
         estimate: Estimate {
             value: value + fixed::number(far.value),
-            bound: bound + 1.000_001 * fixed::number(far.bound),
+            bound: bound + 1.000_001 * fixed::number(far.bound) + 1e-15 * value.abs(),
         },
         rounding: bound + fixed::number(far.size),
     }

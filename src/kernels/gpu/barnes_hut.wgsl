@@ -28,20 +28,11 @@ struct Criterion {
     share: f32,
 }
 
-struct FarSum {
-    value: array<atomic<u32>, 2>,
-    bound: array<atomic<u32>, 2>,
-    size: array<atomic<u32>, 2>,
-    expanded: atomic<u32>,
-    visited: atomic<u32>,
-}
-
 @group(0) @binding(1) var<storage, read> nodes: array<Node>;
 @group(0) @binding(2) var<storage, read> criteria: array<Criterion>;
-@group(0) @binding(3) var<storage, read> agenda: array<NodePair>;
-@group(0) @binding(4) var<storage, read_write> next: array<NodePair>;
-@group(0) @binding(5) var<storage, read_write> tiles: array<Tile>;
-@group(0) @binding(6) var<storage, read_write> sums: array<FarSum>;
+@group(0) @binding(4) var<storage, read> agenda: array<NodePair>;
+@group(0) @binding(5) var<storage, read_write> next: array<NodePair>;
+@group(0) @binding(6) var<storage, read_write> tiles: array<Tile>;
 // Node pairs of each level; tiles last.
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>, COUNTS>;
 
@@ -132,14 +123,12 @@ fn flush(r: Running) {
     if r.visited == 0u {
         return;
     }
-    let value = atomicAdd(&sums[r.pair].value[0], r.value.x);
-    atomicAdd(&sums[r.pair].value[1], r.value.y + select(0u, 1u, value + r.value.x < value));
-    let bound = atomicAdd(&sums[r.pair].bound[0], r.bound.x);
-    atomicAdd(&sums[r.pair].bound[1], r.bound.y + select(0u, 1u, bound + r.bound.x < bound));
-    let size = atomicAdd(&sums[r.pair].size[0], r.size.x);
-    atomicAdd(&sums[r.pair].size[1], r.size.y + select(0u, 1u, size + r.size.x < size));
-    atomicAdd(&sums[r.pair].expanded, r.expanded);
-    atomicAdd(&sums[r.pair].visited, r.visited);
+    let at = r.pair * WORDS;
+    add96(at + VALUE, r.value);
+    add96(at + BOUND, r.bound);
+    add96(at + SIZE, r.size);
+    atomicAdd(&sums[at + EXPANDED], r.expanded);
+    atomicAdd(&sums[at + VISITED], r.visited);
 }
 
 @compute @workgroup_size(THREADS)
@@ -154,7 +143,7 @@ fn main(
     var running: Running;
     for (var k = (group.y * grid.x + group.x) * THREADS + thread; k < count; k += threads) {
         let item = agenda[k];
-        if item.pair != running.pair {
+        if item.pair != running.pair || running.visited >= RUN {
             flush(running);
             running = Running(item.pair, vec2<u32>(), vec2<u32>(), vec2<u32>(), 0u, 0u);
         }
@@ -181,7 +170,7 @@ fn main(
             let scale = SPHERE * (nodes[t].length * inverse) * (nodes[u].length * inverse);
             let tail = OUTWARD * scale * series;
             let size = scale * (1.0 + q * (4.0 + 12.0 * q));
-            if tail <= criteria[item.pair].share && size < LARGEST {
+            if tail <= criteria[item.pair].share && tail < LARGEST && size < LARGEST {
                 accepted = true;
                 let r = apart * inverse;
                 let value = scale * expanded(contracted(t, r, a), contracted(u, r, b), r);

@@ -45,7 +45,11 @@ pub(super) const STAGE: Stage = Stage {
     name: "crossings",
     source: || {
         let real = [("FLAT", FLAT), ("SOLID", SOLID), ("TINY", TINY)];
-        super::program(&[("BLOCK", BLOCK)], &real, include_str!("crossings.wgsl"))
+        super::program(
+            &[("BLOCK", BLOCK)],
+            &real,
+            &[include_str!("crossings.wgsl")],
+        )
     },
 };
 

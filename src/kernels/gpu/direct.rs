@@ -46,7 +46,8 @@
 //!
 //! Up to [`COLUMNS`] angles are added in single precision, off by `u` of each partial sum, which is added to the
 //! bound; then in units of `2^-44`, exactly, with a unit for the conversion. Ten thousand million pairs lose less
-//! than `10^-5` by that.
+//! than `10^-5` by that. An angle that is certain is off by less than 1, and one is below `pi`, so a workgroup's 1024 by 64 pairs
+//! stay below the 500,000 that 64 bits hold; the sum of a pair of curves has 96.
 //!
 //! # Vertices that are not exact
 //!
@@ -61,12 +62,15 @@ use super::commands::{Buffer, Command, Stage};
 use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
-use super::layout::{AngleSum, Tile};
+use super::layout::{AngleSum, Tile, word};
 use super::tiles::{Shape, cut};
 use crate::kernels::Estimate;
 use crate::kernels::barnes_hut::LEAF_SEGMENTS;
 use crate::pairs::Pair;
 use std::f64::consts::{PI, TAU};
+
+/// What sums are made with.
+pub(super) const SUMS_PROGRAM: &str = include_str!("sums.wgsl");
 
 /// Threads of a workgroup.
 pub(super) const THREADS: u32 = 64;
@@ -136,6 +140,11 @@ fn source(rows: u32, steps: u32) -> String {
         ("ROWS", rows),
         ("COLUMNS", COLUMNS),
         ("STEPS", steps),
+        ("WORDS", word!(AngleSum)),
+        ("VALUE", word!(AngleSum.value)),
+        ("BOUND", word!(AngleSum.bound)),
+        ("DOUBTS", word!(AngleSum.doubts)),
+        ("NEAR", word!(AngleSum.near)),
     ];
     let real = [
         ("UNIT_ERROR", UNIT_ERROR),
@@ -155,7 +164,7 @@ fn source(rows: u32, steps: u32) -> String {
         ("HALF_PI", PI / 2.0),
         ("PI", PI),
     ];
-    super::program(&whole, &real, include_str!("direct.wgsl"))
+    super::program(&whole, &real, &[SUMS_PROGRAM, include_str!("direct.wgsl")])
 }
 
 /// The linking numbers of all pairs, in one list of commands.
@@ -247,6 +256,6 @@ pub(super) fn estimate(sum: &AngleSum) -> Estimate {
     let bound = fixed::number(sum.bound) + PI * f64::from(sum.doubts);
     Estimate {
         value: value / TAU,
-        bound: 1.000_001 * bound / TAU,
+        bound: (1.000_001 * bound + 1e-15 * value.abs()) / TAU,
     }
 }

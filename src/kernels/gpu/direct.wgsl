@@ -1,17 +1,8 @@
 // The Gauss sum of tiles: src/kernels/gpu/direct.rs has the formulas and the proof of the bounds. Constants in capitals that
 // are not defined here come from there.
 
-struct AngleSum {
-    value: array<atomic<u32>, 2>,
-    bound: array<atomic<u32>, 2>,
-    doubts: atomic<u32>,
-    near: atomic<u32>,
-    padding: vec2<u32>,
-}
-
 @group(0) @binding(1) var<storage, read> vertices: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(3) var<storage, read_write> sums: array<AngleSum>;
 
 // Threads of a workgroup, and of those the ones that work on a tile together, a row each.
 const SLOTS = THREADS / ROWS;
@@ -176,17 +167,14 @@ fn main(
         }
     }
     if lane == 0u && here {
-        let v = values[thread];
-        let b = bounds[thread];
-        let v_before = atomicAdd(&sums[tile.pair].value[0], v.x);
-        atomicAdd(&sums[tile.pair].value[1], v.y + select(0u, 1u, v_before + v.x < v_before));
-        let b_before = atomicAdd(&sums[tile.pair].bound[0], b.x);
-        atomicAdd(&sums[tile.pair].bound[1], b.y + select(0u, 1u, b_before + b.x < b_before));
+        let at = tile.pair * WORDS;
+        add96(at + VALUE, values[thread]);
+        add96(at + BOUND, bounds[thread]);
         if counts[thread].x > 0u {
-            atomicAdd(&sums[tile.pair].doubts, counts[thread].x);
+            atomicAdd(&sums[at + DOUBTS], counts[thread].x);
         }
         if counts[thread].y > 0u {
-            atomicAdd(&sums[tile.pair].near, counts[thread].y);
+            atomicAdd(&sums[at + NEAR], counts[thread].y);
         }
     }
 }

@@ -36,20 +36,19 @@ pub(crate) struct Tile {
     pub padding: [u32; 2],
 }
 
-/// The sum of the angles of a pair: fixed-point numbers of 64 bits, in units of [`super::fixed::UNIT`].
+/// The sum of the angles of a pair: fixed-point numbers of three words each, in units of [`super::fixed::UNIT`]. Programs see
+/// a list of words, and are told where each is.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct AngleSum {
-    /// The sum: low half, high half.
-    pub value: [u32; 2],
-    /// The sum of the bounds: low half, high half.
-    pub bound: [u32; 2],
+    /// The sum.
+    pub value: [u32; 3],
+    /// The sum of the bounds.
+    pub bound: [u32; 3],
     /// Pairs of segments whose angle is in doubt.
     pub doubts: u32,
     /// Pairs of segments so near that the uncertainty of their vertices may make them cross.
     pub near: u32,
-    /// None.
-    pub padding: [u32; 2],
 }
 
 /// The crossings of a pair that single precision decides.
@@ -130,18 +129,29 @@ pub(crate) struct Criterion {
     pub share: f32,
 }
 
-/// The sum of the expansions of a pair, in units of [`super::fixed::UNIT`].
+/// The sum of the expansions of a pair, like [`AngleSum`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct FarSum {
-    /// The sum: low half, high half.
-    pub value: [u32; 2],
+    /// The sum.
+    pub value: [u32; 3],
     /// The sum of the bounds.
-    pub bound: [u32; 2],
+    pub bound: [u32; 3],
     /// That of rounding alone.
-    pub size: [u32; 2],
+    pub size: [u32; 3],
     /// Node pairs expanded.
     pub expanded: u32,
     /// Node pairs looked into.
     pub visited: u32,
 }
+
+/// A place in a struct, in words.
+macro_rules! word {
+    ($struct:ident.$field:ident) => {
+        (std::mem::offset_of!($struct, $field) / 4) as u32
+    };
+    ($struct:ident) => {
+        (size_of::<$struct>() / 4) as u32
+    };
+}
+pub(crate) use word;

@@ -334,7 +334,7 @@ fn stages() -> Vec<Stage> {
 }
 
 /// A program, with its constants and what all share in front: a constant has one place, and that is in Rust.
-fn program(whole: &[(&str, u32)], real: &[(&str, f64)], body: &str) -> String {
+fn program(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
     let mut out = String::new();
     // Writing to a string does not fail.
     for (name, value) in whole {
@@ -343,5 +343,10 @@ fn program(whole: &[(&str, u32)], real: &[(&str, f64)], body: &str) -> String {
     for (name, value) in real {
         let _ = writeln!(out, "const {name}: f32 = {:e}f;", *value as f32);
     }
-    out + include_str!("shared.wgsl") + "\n" + body
+    out.push_str(include_str!("shared.wgsl"));
+    for part in parts {
+        out.push('\n');
+        out.push_str(part);
+    }
+    out
 }

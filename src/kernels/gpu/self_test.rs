@@ -13,7 +13,7 @@ use super::layout::Parameters;
 /// The program.
 pub(super) const STAGE: Stage = Stage {
     name: "self test",
-    source: || super::program(&[], &[], include_str!("self_test.wgsl")),
+    source: || super::program(&[], &[], &[include_str!("self_test.wgsl")]),
 };
 
 const OPERANDS: Buffer = Buffer("operands", "self test");
