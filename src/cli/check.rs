@@ -3,6 +3,7 @@
 use super::Outcome;
 use super::look_for::LookFor;
 use super::output::{self, plural, with_progress};
+use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, Certificate, Error, Report, Result, Verifier, model};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,9 @@ pub struct Args {
     early_exit: bool,
     #[command(flatten)]
     look_for: LookFor,
+    /// Where crossings are counted: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
+    #[arg(long, value_name = "DEVICE", default_value_t)]
+    device: Device,
     /// Write the pairs that differ, a line `i,j,expected,found` each
     #[arg(long, value_name = "FILE")]
     diff_pairs: Option<PathBuf>,
@@ -33,6 +37,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let expected = Certificate::read(&args.against)?;
     let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
+    verifier.set_device(&args.device)?;
     verifier.set_early_exit(args.early_exit);
     verifier.set_events(args.look_for.events(AbortOn::Never));
     let mut outcome = Outcome::Fine;

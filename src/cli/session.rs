@@ -6,6 +6,7 @@ use super::look_for::LookFor;
 use super::output::{self, count, millis, plural};
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 use linkwatch::Overflow;
+use linkwatch::kernels::Device;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, Events, FrameRecord,
     PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
@@ -44,6 +45,9 @@ pub struct Judge {
     /// Compute every frame in full as well, and compare: slow, for those who want to be sure
     #[arg(long)]
     pub paranoid: bool,
+    /// Where the crossings of whole frames are counted: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
+    #[arg(long, value_name = "DEVICE", default_value_t)]
+    pub device: Device,
 }
 
 /// Where expected linking numbers come from.
@@ -206,6 +210,7 @@ impl Session {
             Some((certificate, origin)) => (Verifier::with_baseline(abort_on, certificate), origin),
             None => (Verifier::new(abort_on), "first frame".to_owned()),
         };
+        verifier.set_device(&judge.device)?;
         verifier.set_incremental(true);
         verifier.set_paranoid(judge.paranoid);
         verifier.set_events(events);

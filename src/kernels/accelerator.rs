@@ -9,7 +9,7 @@ use crate::pairs::Pair;
 use crate::verdict::Stats;
 
 #[cfg(feature = "gpu")]
-use super::gpu::{self, Gpu};
+use super::gpu::{self, Calibration, Gpu};
 #[cfg(feature = "gpu")]
 use std::sync::Arc;
 
@@ -27,6 +27,9 @@ pub struct Offload {
 pub(crate) struct Accelerator {
     #[cfg(feature = "gpu")]
     gpu: Option<Arc<Gpu>>,
+    /// What says where the adapter wins, where it is for us to choose.
+    #[cfg(feature = "gpu")]
+    calibration: Option<Calibration>,
     /// Of the last frame.
     offload: Offload,
 }
@@ -37,17 +40,29 @@ impl Accelerator {
     /// Errors: [`Error::Device`] where it was asked for by name or as such and there is none that can be used.
     #[cfg(feature = "gpu")]
     pub fn open(device: &Device) -> Result<Accelerator> {
-        let gpu = match device {
-            Device::Auto | Device::Cpu => None,
-            Device::Gpu | Device::Named(_) => {
-                let opened = Gpu::shared(device);
-                Some(opened.map_err(|trouble| Error::Device(trouble.to_string()))?)
-            }
+        let open = |device: &Device| {
+            let opened = Gpu::shared(device);
+            opened.map_err(|trouble| Error::Device(trouble.to_string()))
         };
-        Ok(Accelerator {
-            gpu,
-            ..Accelerator::default()
-        })
+        let mut chosen = Accelerator::default();
+        match device {
+            Device::Cpu => {}
+            Device::Gpu | Device::Named(_) => chosen.gpu = Some(open(device)?),
+            // No adapter is opened that was never measured, and none is missed.
+            Device::Auto => {
+                if let Some(calibration) = Calibration::fastest() {
+                    let adapter = Device::Named(calibration.adapter.clone());
+                    match open(&adapter) {
+                        Ok(gpu) if calibration.is_of(&gpu.info()) => {
+                            (chosen.gpu, chosen.calibration) = (Some(gpu), Some(calibration));
+                        }
+                        Ok(_) => {}
+                        Err(e) => tracing::debug!("{e}"),
+                    }
+                }
+            }
+        }
+        Ok(chosen)
     }
 
     /// Opens a device: this build knows none but the processor.
@@ -86,7 +101,8 @@ impl Accelerator {
     #[cfg(feature = "gpu")]
     pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<(Vec<Linking>, Stats)> {
         let gpu = self.gpu.as_ref()?;
-        if pairs.is_empty() || !scene.set.basis().is_polyline() {
+        // Of counting, trees and directions take most of the time, and they are the processor's either way.
+        if self.calibration.is_some() || pairs.is_empty() || !scene.set.basis().is_polyline() {
             return None;
         }
         match gpu.count(scene, pairs) {
@@ -117,7 +133,12 @@ impl Accelerator {
         otherwise: Box<dyn Summation + 'a>,
     ) -> Box<dyn Summation + 'a> {
         match &self.gpu {
-            Some(gpu) => Box::new(gpu::DirectSum::new(gpu, set, otherwise)),
+            Some(gpu) => Box::new(gpu::DirectSum::new(
+                gpu,
+                set,
+                self.calibration.clone(),
+                otherwise,
+            )),
             None => otherwise,
         }
     }
@@ -131,8 +152,11 @@ impl Accelerator {
         otherwise: Box<dyn Summation + 'a>,
     ) -> Box<dyn Summation + 'a> {
         match &self.gpu {
-            Some(gpu) => Box::new(gpu::BarnesHutSum::new(gpu, set, beta, otherwise)),
-            None => otherwise,
+            // Which of the two is faster depends on the scene; it is not measured.
+            Some(gpu) if self.calibration.is_none() => {
+                Box::new(gpu::BarnesHutSum::new(gpu, set, beta, otherwise))
+            }
+            _ => otherwise,
         }
     }
 

@@ -32,6 +32,8 @@ pub use accelerator::Offload;
 pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;
+#[cfg(feature = "gpu")]
+pub use gpu::{Calibration, DeviceTimes, calibrate, measure as measure_device};
 pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};

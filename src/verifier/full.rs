@@ -102,8 +102,9 @@ impl FullRun {
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
+        // Too few to be worth the way to another device and back.
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, &meeting, &mut self.accelerator, to);
+        compute_links(scene, &meeting, &mut Accelerator::default(), to);
         let mut anew = Certificate {
             curves: set.len(),
             ..Certificate::default()

@@ -9,7 +9,7 @@ use crate::cli::certify::beta;
 use crate::cli::measure::cpu_ms;
 use crate::cli::output::{self, plural, plural_of};
 use crate::cli::{Outcome, input};
-use linkwatch::kernels::{Accuracy, Method};
+use linkwatch::kernels::{Accuracy, Device, DeviceInfo, Method};
 use linkwatch::{AbortOn, Certificate, CurveSet, Ladder, Result, Verifier, homotopic_polylines};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -41,6 +41,9 @@ pub struct Args {
         value_parser = beta
     )]
     betas: Vec<f64>,
+    /// Where the kernels run: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
+    #[arg(long, value_name = "DEVICE", default_value_t = Device::Cpu)]
+    device: Device,
     /// Runs of each kernel, for a median
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
@@ -62,19 +65,25 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut verifier = Verifier::new(AbortOn::Never);
     let (certificate, stats) = verifier.certify(&set);
     let exact = certificate.clone();
+    // Open from here on, so that no run pays for it.
+    verifier.set_device(&args.device)?;
+    let device = verifier.device();
     let segment_pairs = match set.basis().is_polyline() {
         true => verifier.segment_pairs(&set),
         false => verifier.segment_pairs(&homotopic_polylines(&set)?.curves),
     };
     if !as_json {
         output::line(format_args!(
-            "{}: {} of {}, {} of {}, {}; median of {}",
+            "{}: {} of {}, {} of {}, {}{}; median of {}",
             args.input,
             plural(set.len() as u64, "curve"),
             plural(set.segments() as u64, "segment"),
             plural(stats.potential_links, "potential link"),
             plural_of(segment_pairs, "pair of segments", "pairs of segments"),
             plural(threads as u64, "thread"),
+            device
+                .as_ref()
+                .map_or(String::new(), |d| format!(", {}", d.name)),
             args.repeat,
         ))?;
         output::line(HEADER)?;
@@ -83,10 +92,11 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let busy = stats.potential_links.clamp(1, threads as u64);
     let mut rows = Vec::new();
     for setting in Setting::all(&args.betas) {
-        let seconds = setting.ns_a_pair().unwrap_or(0.0) * 1e-9 * segment_pairs as f64;
+        let seconds =
+            setting.ns_a_pair(device.as_ref()).unwrap_or(0.0) * 1e-9 * segment_pairs as f64;
         let row = match seconds / busy as f64 {
             s if s > args.limit => Row::skipped(setting, s),
-            _ => Row::measure(setting, &set, &exact, args.repeat)?,
+            _ => Row::measure(setting, &set, &exact, args)?,
         };
         if !as_json {
             output::line(row.line())?;
@@ -101,6 +111,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "potential_links": stats.potential_links,
             "segment_pairs": segment_pairs,
             "threads": threads,
+            "device": device,
             "repeat": args.repeat,
             "rows": rows.iter().map(Row::json).collect::<Vec<_>>(),
         }))?;
@@ -162,8 +173,9 @@ impl Setting {
     }
 
     /// About what a pair of segments costs a kernel that goes through all of them, in nanoseconds.
-    fn ns_a_pair(&self) -> Option<f64> {
+    fn ns_a_pair(&self, device: Option<&DeviceInfo>) -> Option<f64> {
         match self.method {
+            Method::Direct | Method::AngleSum if device.is_some_and(|d| !d.software) => Some(0.1),
             Method::Direct => Some(6.0),
             Method::AngleSum => Some(5.0),
             Method::Interval => Some(1500.0),
@@ -237,16 +249,22 @@ impl Row {
         Row { setting, measured }
     }
 
-    fn measure(setting: Setting, set: &CurveSet, exact: &Certificate, n: u32) -> Result<Row> {
+    fn measure(setting: Setting, set: &CurveSet, exact: &Certificate, args: &Args) -> Result<Row> {
         let Setting { method, accuracy } = setting;
         let (mut sums, mut totals, mut cpus) = (Vec::new(), Vec::new(), Vec::new());
         let (mut last, mut equal) = (Ladder::default(), true);
-        for _ in 0..n {
+        // An adapter compiles its programs once.
+        let warm_up = i64::from(args.device != Device::Cpu);
+        for run in -warm_up..i64::from(args.repeat) {
             // Each run meets the model for the first time.
             let mut verifier = Verifier::new(AbortOn::Never);
+            verifier.set_device(&args.device)?;
             let (start, cpu) = (Instant::now(), cpu_ms());
             let (certificate, _, ladder) = verifier.certify_by(set, method, accuracy)?;
             let total = start.elapsed();
+            if run < 0 {
+                continue;
+            }
             cpus.push(cpu_ms() - cpu);
             let sum = match method {
                 Method::Crossings => total,

@@ -7,7 +7,7 @@ use super::{Direction, Scene, Workspace, direction};
 use crate::curve::Avx2;
 use crate::curve::{Box3, BoxGroup, LANES, Lanes, Portable};
 use crate::kernels::Linking;
-use crate::pairs::{CurveTree, Node, Pair, SMALL, closest_of_segments};
+use crate::pairs::{Node, Pair, SMALL, closest_of_segments};
 use crate::verdict::DefectKind;
 
 /// Segments of a block, at most.
@@ -87,13 +87,13 @@ fn find<L: Lanes>(
         }
         let mut room = BoxGroup::EMPTY;
         if s.level == larger {
-            let below = node_box(second, t);
+            let below = second.node_box(t);
             let group = *first.children(s, &mut room);
             for k in (0..LANES).filter(|&k| may_cross(&group.lane(k), &below, direction.axis)) {
                 agenda.push((s.child(k as u32), t));
             }
         } else {
-            let above = node_box(first, s);
+            let above = first.node_box(s);
             let group = *second.children(t, &mut room);
             for k in (0..LANES).filter(|&k| may_cross(&above, &group.lane(k), direction.axis)) {
                 agenda.push((s, t.child(k as u32)));
@@ -106,14 +106,10 @@ fn find<L: Lanes>(
     Some(direction)
 }
 
-fn node_box(tree: CurveTree<'_>, node: Node) -> Box3 {
-    tree.node_box(node)
-}
-
 /// Whether the shadows overlap along the axis `w`, and the upper box is not wholly below.
 fn may_cross(upper: &Box3, lower: &Box3, w: usize) -> bool {
-    let meet = |x: usize| !(upper.hi[x] < lower.lo[x]) && !(lower.hi[x] < upper.lo[x]);
-    meet((w + 1) % 3) && meet((w + 2) % 3) && !(upper.hi[w] < lower.lo[w])
+    let meet = |x: usize| lower.lo[x] <= upper.hi[x] && upper.lo[x] <= lower.hi[x];
+    meet((w + 1) % 3) && meet((w + 2) % 3) && lower.lo[w] <= upper.hi[w]
 }
 
 /// The linking number of a pair of polylines from what was counted for certain and what is left to decide: segments of the

@@ -12,6 +12,7 @@
 //! little memory, too large a frame, is [`Trouble`]: the caller says so and computes on the processor.
 
 mod barnes_hut;
+mod calibration;
 mod commands;
 mod crossings;
 mod device;
@@ -20,12 +21,15 @@ mod error;
 mod fixed;
 mod frame;
 mod layout;
+mod measure;
 mod self_test;
 #[cfg(test)]
 mod tests;
 mod tiles;
 
+pub use calibration::Calibration;
 pub(crate) use error::Trouble;
+pub use measure::{DeviceTimes, calibrate, measure};
 
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use self::device::Device;
@@ -129,15 +133,23 @@ impl Gpu {
 pub(super) struct DirectSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
+    /// Where it says so, the processor is faster.
+    calibration: Option<Calibration>,
     otherwise: Box<dyn Summation + 'a>,
 }
 
 impl<'a> DirectSum<'a> {
     /// Prepares the vertices of a set of polylines.
-    pub fn new(gpu: &'a Gpu, set: &CurveSet, otherwise: Box<dyn Summation + 'a>) -> DirectSum<'a> {
+    pub fn new(
+        gpu: &'a Gpu,
+        set: &CurveSet,
+        calibration: Option<Calibration>,
+        otherwise: Box<dyn Summation + 'a>,
+    ) -> DirectSum<'a> {
         DirectSum {
             gpu,
             frame: Frame::new(set),
+            calibration,
             otherwise,
         }
     }
@@ -149,6 +161,11 @@ impl Summation for DirectSum<'_> {
     }
 
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
+        let segments = |i: u32| u64::from(self.frame.segments(i));
+        let work = || pairs.iter().map(|&(i, j)| segments(i) * segments(j)).sum();
+        if self.calibration.as_ref().is_some_and(|c| !c.wins(work())) {
+            return self.otherwise.linking_numbers(pairs);
+        }
         let found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs);
         found.unwrap_or_else(|trouble| {
             tracing::warn!("the sums are made on the processor: {trouble}");
