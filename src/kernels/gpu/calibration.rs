@@ -41,7 +41,8 @@ impl Calibration {
     /// The one of the fastest adapter for as many threads as there are, if any was measured.
     pub fn fastest() -> Option<Calibration> {
         let mut all = read(&file()?).ok()?;
-        all.retain(|c| c.threads == rayon::current_num_threads());
+        // One that never wins is not worth being opened.
+        all.retain(|c| c.threads == rayon::current_num_threads() && c.wins(u64::MAX));
         all.into_iter()
             .min_by(|a, b| a.pair_ns.total_cmp(&b.pair_ns))
     }

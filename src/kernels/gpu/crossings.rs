@@ -26,7 +26,7 @@ use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{CrossingSum, Tile, Undecided};
-use super::{Counts, Engine};
+use super::{Counts, Engine, Gpu};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{BLOCK, Block, Counted, Direction, Scene, blocks, conclude};
 use crate::pairs::Pair;
@@ -64,14 +64,16 @@ const TASK: usize = 256;
 
 /// All linking numbers.
 pub(super) fn linking_numbers(
-    engine: &mut Engine,
+    gpu: &Gpu,
     frame: &Frame,
     scene: Scene<'_>,
     pairs: &[Pair],
 ) -> Result<Counts, Trouble> {
     let views = View::of_all(frame, scene, pairs);
     let tiles: Vec<Tile> = views.iter().flat_map(|v| &v.tiles).copied().collect();
-    let (sums, undecided) = count(engine, frame, pairs.len(), &tiles)?;
+    // No other work of the pool comes between: it might want the adapter, too.
+    let (sums, mut undecided) = count(&mut gpu.lock(), frame, pairs.len(), &tiles)?;
+    undecided.par_sort_unstable();
     let curve = |i: u32| frame.first(i);
     // Lists are in the order of the pairs, so parts of them are parts of it.
     let parts = views.par_iter().enumerate().map(|(k, view)| {
@@ -124,6 +126,13 @@ pub(super) fn linking_numbers(
     Ok((found, stats, undecided.len() as u64))
 }
 
+/// The work list of some pairs.
+#[cfg(test)]
+pub(super) fn tiles(frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<Tile> {
+    let views = View::of_all(frame, scene, pairs);
+    views.iter().flat_map(|v| &v.tiles).copied().collect()
+}
+
 /// Some pairs as they are seen, and what there is to test.
 struct View {
     directions: Vec<Option<Direction>>,
@@ -164,7 +173,7 @@ impl View {
     }
 }
 
-/// What the adapter decides, and, sorted, what it does not.
+/// What the adapter decides, and, in any order, what it does not.
 fn count(
     engine: &mut Engine,
     frame: &Frame,
@@ -197,7 +206,6 @@ fn count(
             let bytes = u64::from(found) * size_of::<Undecided>() as u64;
             let list = engine.run(frame, &[Command::Download(UNDECIDED, bytes)])?;
             undecided = bytemuck::pod_collect_to_vec(&list[0]);
-            undecided.par_sort_unstable();
         }
         return Ok((sums, undecided));
     }

@@ -269,7 +269,7 @@ impl Device {
             return Ok(());
         }
         // Room to grow, so that a frame of a few more segments needs no new one.
-        let size = bytes.next_power_of_two().clamp(256, self.most).max(bytes);
+        let size = bytes.next_power_of_two().max(256).min(self.most).max(bytes);
         let made = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(buffer.0),
             size: size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),

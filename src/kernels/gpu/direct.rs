@@ -37,8 +37,9 @@
 //! Together, with `g = 1/|b| + 1/|d|`: `u g / m (16.1 |e| |f| / |c| + (90.8 + 83 / m) |q|)`. [`SPAN`], [`TURN`] and [`TILT`] are
 //! above that, and all of it is taken 1.01 times ([`ROUNDED_UP`]) for the errors of the bound itself and of higher order.
 //!
-//! Numbers below `2^-126` may count as 0. With all four distances above `10^-12` ([`TINY_SQUARE`]; nearer pairs are in doubt)
-//! and `10^-15` added to the lengths of segments ([`TINY_LENGTH`]), what that costs is below a hundredth of the bound.
+//! Numbers below `2^-126` may count as 0. With all four distances above `10^-8` ([`TINY_SQUARE`]; nearer pairs are in doubt)
+//! and `10^-15` added to the lengths of segments ([`TINY_LENGTH`]), what that costs is below a hundredth of the bound; and
+//! with coordinates below 1 nothing overflows.
 //!
 //! Pairs in doubt count as 0, which is off by less than `pi`.
 //!
@@ -102,7 +103,7 @@ const SKEW: f64 = 40.0 * UNIT_ERROR;
 /// Added to the length of a segment.
 const TINY_LENGTH: f64 = 1e-15;
 /// Squares of distances below this are in doubt.
-pub(super) const TINY_SQUARE: f64 = 1e-24;
+pub(super) const TINY_SQUARE: f64 = 1e-16;
 /// What a bound is taken times.
 const ROUNDED_UP: f64 = 1.01 * UNIT_ERROR;
 

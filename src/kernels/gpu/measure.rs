@@ -121,8 +121,7 @@ impl Subject<'_> {
 
     fn crossings(&self) -> Result<DeviceTimes, Trouble> {
         let frame = Frame::new(self.scene.set);
-        let resident =
-            || crossings::linking_numbers(&mut self.gpu.lock(), &frame, self.scene, self.pairs);
+        let resident = || crossings::linking_numbers(self.gpu, &frame, self.scene, self.pairs);
         // Programs are compiled, and buffers made.
         resident()?;
         let (resident_ms, _) = self.timed(resident)?;

@@ -125,7 +125,7 @@ impl Gpu {
     /// Linking numbers of polylines by counting crossings.
     pub fn count(&self, scene: Scene<'_>, pairs: &[Pair]) -> Result<Counts, Trouble> {
         let frame = Frame::new(scene.set);
-        crossings::linking_numbers(&mut self.lock(), &frame, scene, pairs)
+        crossings::linking_numbers(self, &frame, scene, pairs)
     }
 }
 

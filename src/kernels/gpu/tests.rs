@@ -341,3 +341,39 @@ fn the_ribbon_of_two_hundred_thousand_segments_is_summed() {
     assert!((found.value - 10.0).abs() < 1e-4);
     assert_eq!(found.integer(), Some(10));
 }
+
+#[test]
+#[ignore = "a measurement: what the processor does for a count on an adapter"]
+fn measure_the_lists_of_a_count() {
+    for text in [
+        "ribbon:segments=200000,lambda=10",
+        "chainmail",
+        "square_link",
+    ] {
+        let set = text.parse::<Model>().unwrap().build().unwrap().curves;
+        let mut trees = Trees::default();
+        trees.refit(&set);
+        let mut search = crate::pairs::LinkSearch::default();
+        let pairs = &*search.find(trees.roots());
+        let workspaces = Workspaces::default();
+        let scene = Scene {
+            set: &set,
+            trees: &trees,
+            workspaces: &workspaces,
+        };
+        for _ in 0..3 {
+            let start = std::time::Instant::now();
+            let frame = Frame::new(&set);
+            let framed = start.elapsed();
+            let tiles = crossings::tiles(&frame, scene, pairs);
+            let listed = start.elapsed() - framed;
+            let tests: u64 = (tiles.iter())
+                .map(|t| u64::from(t.rows) * u64::from(t.columns))
+                .sum();
+            println!(
+                "{text}: frame {framed:?}, {} tiles of {tests} pairs {listed:?}",
+                tiles.len()
+            );
+        }
+    }
+}
