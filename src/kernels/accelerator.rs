@@ -9,7 +9,7 @@ use crate::pairs::Pair;
 use crate::verdict::Stats;
 
 #[cfg(feature = "gpu")]
-use super::gpu::{self, Calibration, Gpu};
+use super::gpu::{self, Calibration, Frame, Gpu, Trouble};
 #[cfg(feature = "gpu")]
 use std::sync::Arc;
 
@@ -30,6 +30,9 @@ pub(crate) struct Accelerator {
     /// What says where the adapter wins, where it is for us to choose.
     #[cfg(feature = "gpu")]
     calibration: Option<Calibration>,
+    /// The vertices of the frame in work, where they were sent ahead.
+    #[cfg(feature = "gpu")]
+    ahead: Option<Arc<Frame>>,
     /// Of the last frame.
     offload: Offload,
 }
@@ -91,29 +94,64 @@ impl Accelerator {
         self.offload
     }
 
-    /// Forgets the work of the frame before.
+    /// Forgets the frame before.
     pub fn start_frame(&mut self) {
         self.offload = Offload::default();
+        #[cfg(feature = "gpu")]
+        {
+            self.ahead = None;
+        }
+    }
+
+    /// Sends up the vertices of a frame whose crossings will be asked for, while the processor has other things to do.
+    #[cfg(feature = "gpu")]
+    pub fn send_ahead(&mut self, set: &CurveSet) {
+        if let Some(gpu) = self.counter(set) {
+            match gpu.send(set) {
+                Ok(frame) => self.ahead = Some(Arc::new(frame)),
+                Err(trouble) => self.give_up(&trouble),
+            }
+        }
+    }
+
+    /// Sends nothing.
+    #[cfg(not(feature = "gpu"))]
+    pub fn send_ahead(&mut self, _: &CurveSet) {}
+
+    /// The adapter, where the crossings of a set are counted on it.
+    #[cfg(feature = "gpu")]
+    fn counter(&self, set: &CurveSet) -> Option<Arc<Gpu>> {
+        // Of counting, trees and directions take most of the time, and they are the processor's either way.
+        let asked_for = self.calibration.is_none() && set.basis().is_polyline();
+        self.gpu.clone().filter(|_| asked_for)
+    }
+
+    #[cfg(feature = "gpu")]
+    fn give_up(&mut self, trouble: &Trouble) {
+        tracing::warn!("from here on all is computed on the processor: {trouble}");
+        self.gpu = None;
+        self.ahead = None;
     }
 
     /// Counts the crossings of all pairs; none where that is left to the processor: without an adapter, for splines, and
     /// once it failed, which is said.
     #[cfg(feature = "gpu")]
     pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<(Vec<Linking>, Stats)> {
-        let gpu = self.gpu.as_ref()?;
-        // Of counting, trees and directions take most of the time, and they are the processor's either way.
-        if self.calibration.is_some() || pairs.is_empty() || !scene.set.basis().is_polyline() {
-            return None;
-        }
-        match gpu.count(scene, pairs) {
+        let gpu = self.counter(scene.set).filter(|_| !pairs.is_empty())?;
+        let counted = match self.ahead.clone() {
+            Some(frame) => gpu.count(&frame, scene, pairs),
+            None => gpu
+                .send(scene.set)
+                .and_then(|frame| gpu.count(&frame, scene, pairs)),
+        };
+        match counted {
             Ok((found, stats, undecided)) => {
                 self.offload.tests += stats.tests;
                 self.offload.undecided += undecided;
                 Some((found, stats))
             }
             Err(trouble) => {
-                tracing::warn!("from here on all is computed on the processor: {trouble}");
-                self.gpu = None;
+                self.give_up(&trouble);
                 None
             }
         }

@@ -38,6 +38,8 @@ pub(super) struct FullRun {
 impl FullRun {
     /// Computes the certificate of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
+        self.accelerator.start_frame();
+        self.accelerator.send_ahead(set);
         let mut stats = self.find_pairs(set);
         self.compute_pairs(set, .., &mut stats);
         stats
@@ -138,7 +140,6 @@ impl FullRun {
     /// The stages before the linking numbers: boxes and potential links. Nothing is certified yet.
     pub fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
-        self.accelerator.start_frame();
         self.trees.refit(set);
         let boxed = Instant::now();
         let Certificate {
@@ -200,6 +201,8 @@ impl FullRun {
         set: &CurveSet,
         baseline: &Certificate,
     ) -> Result<(Comparison, Stats)> {
+        self.accelerator.start_frame();
+        self.accelerator.send_ahead(set);
         self.before.clear();
         self.before.extend_from_slice(self.trees.roots());
         let mut stats = self.find_pairs(set);

@@ -47,6 +47,7 @@ impl Verifier {
             self.full.timings.total = start.elapsed();
             return Ok((&self.full.certificate, stats, ladder));
         }
+        self.full.accelerator.start_frame();
         let mut stats = self.full.find_pairs(set);
         let pairs = self.full.pairs().to_vec();
         stats.potential_links = pairs.len() as u64;

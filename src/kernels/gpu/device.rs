@@ -128,7 +128,7 @@ impl Device {
         self.most
     }
 
-    /// Whether it has gone.
+    /// Whether it has gone, or has failed once.
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Relaxed)
     }
@@ -146,7 +146,8 @@ impl Device {
         self.device.destroy();
     }
 
-    /// Runs the commands; returns what the downloads read, in their order.
+    /// Runs the commands; returns what the downloads read, in their order. Without a download it does not wait for the work
+    /// to be done, and errors of that show in the next run.
     pub fn run(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
         let filters = [
             wgpu::ErrorFilter::Internal,
@@ -168,10 +169,12 @@ impl Device {
         if self.lost.load(Ordering::Relaxed) {
             return Err(Trouble::Failed("the adapter was lost".into()));
         }
-        match errors.into_iter().next() {
-            Some(error) => Err(error),
-            None => done,
+        let done = errors.into_iter().next().map_or(done, Err);
+        if let Err(Trouble::Failed(_)) = done {
+            // What is lost is said to be lost only later. Whoever asks for the adapter again has it opened anew.
+            self.lost.store(true, Ordering::Relaxed);
         }
+        done
     }
 
     fn run_unchecked(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
@@ -224,6 +227,9 @@ impl Device {
             }
         }
         submitted.push(self.submit(&mut encoder));
+        if staged.is_empty() {
+            return Ok(Vec::new());
+        }
         let (send, receive) = mpsc::channel();
         for buffer in &staged {
             let send = send.clone();

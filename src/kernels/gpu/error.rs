@@ -41,15 +41,13 @@ impl Trouble {
 impl fmt::Display for Trouble {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Trouble::NoAdapter { found, .. } if found.is_empty() => {
+                f.write_str("no adapter found (Vulkan, Metal or DX12)")
+            }
             Trouble::NoAdapter { wanted, found } => {
-                match wanted {
-                    Some(name) => write!(f, "no adapter is called {name}")?,
-                    None => write!(f, "no adapter")?,
-                }
-                match &found[..] {
-                    [] => write!(f, "; there are none"),
-                    names => write!(f, "; there are: {}", names.join(", ")),
-                }
+                let wanted = wanted.as_deref().unwrap_or_default();
+                let names = found.join(", ");
+                write!(f, "no adapter is called {wanted}; there are: {names}")
             }
             Trouble::Arithmetic(what) => write!(f, "its arithmetic cannot be relied on: {what}"),
             Trouble::Limit {

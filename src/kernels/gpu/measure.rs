@@ -125,8 +125,10 @@ impl Subject<'_> {
         // Programs are compiled, and buffers made.
         resident()?;
         let (resident_ms, _) = self.timed(resident)?;
-        let (whole_ms, (found, _, undecided)) =
-            self.timed(|| self.gpu.count(self.scene, self.pairs))?;
+        let (whole_ms, (found, _, undecided)) = self.timed(|| {
+            let frame = self.gpu.send(self.scene.set)?;
+            self.gpu.count(&frame, self.scene, self.pairs)
+        })?;
         let (processor_ms, exact) = self.timed(|| Ok(self.count()))?;
         Ok(DeviceTimes {
             kernel: Method::Crossings,

@@ -33,7 +33,7 @@ pub use measure::{DeviceTimes, calibrate, measure};
 
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use self::device::Device;
-use self::frame::Frame;
+pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
 use super::crossings::Scene;
 use super::device::{Device as Choice, DeviceInfo};
@@ -122,10 +122,21 @@ impl Gpu {
         self.lock().device.info().clone()
     }
 
-    /// Linking numbers of polylines by counting crossings.
-    pub fn count(&self, scene: Scene<'_>, pairs: &[Pair]) -> Result<Counts, Trouble> {
-        let frame = Frame::new(scene.set);
-        crossings::linking_numbers(self, &frame, scene, pairs)
+    /// Makes the vertices of a set ready and sends them up, without waiting for that.
+    pub fn send(&self, set: &CurveSet) -> Result<Frame, Trouble> {
+        let frame = Frame::new(set);
+        self.lock().run(&frame, &[])?;
+        Ok(frame)
+    }
+
+    /// Linking numbers of polylines by counting crossings; `frame` has their vertices.
+    pub fn count(
+        &self,
+        frame: &Frame,
+        scene: Scene<'_>,
+        pairs: &[Pair],
+    ) -> Result<Counts, Trouble> {
+        crossings::linking_numbers(self, frame, scene, pairs)
     }
 }
 

@@ -8,9 +8,11 @@ use crate::curve::{Basis, Positions};
 use crate::kernels::crossings::{Workspaces, linking_number};
 use crate::kernels::direct::tests::{Polygon, Random, floats, set_of};
 use crate::kernels::direct::{Direct, Formula};
-use crate::kernels::oracle;
+use crate::kernels::{Offload, oracle};
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
+use crate::verdict::AbortOn;
+use crate::verifier::Verifier;
 use layout::{Criterion, CrossingSum, Node, NodePair, Undecided};
 use std::mem::offset_of;
 use wgpu::naga;
@@ -188,7 +190,8 @@ fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
         trees: &trees,
         workspaces: &workspaces,
     };
-    let (found, stats, undecided) = gpu.count(scene, &pairs).unwrap();
+    let frame = gpu.send(set).unwrap();
+    let (found, stats, undecided) = gpu.count(&frame, scene, &pairs).unwrap();
     let mut workspace = workspaces.take();
     for (&pair, &found) in pairs.iter().zip(&found) {
         let want = linking_number(scene, pair, None, &mut workspace);
@@ -305,6 +308,28 @@ fn a_failing_adapter_is_an_error_and_the_processor_goes_on() {
     assert!(matches!(found, Err(Trouble::Failed(_))), "{found:?}");
     let sum = DirectSum::new(&gpu, &set, None, Box::new(processor()));
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
+}
+
+/// Frames before and after the loss of the adapter: the same certificates, and no adapter from then on.
+#[test]
+#[ignore = "needs an adapter"]
+fn a_watch_goes_on_without_its_adapter() {
+    let model: Model = "chainmail:rows=5,columns=6".parse().unwrap();
+    let built = model.build().unwrap();
+    let mut verifier = Verifier::new(AbortOn::Never);
+    verifier.set_device(&Choice::Gpu).unwrap();
+    assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+    assert!(verifier.offload().tests > 0 && verifier.device().is_some());
+    let gpu = Gpu::shared(&Choice::Gpu).unwrap();
+    gpu.lock().device.destroy();
+    assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+    assert_eq!(verifier.device(), None);
+    assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+    assert_eq!(verifier.offload(), Offload::default());
+    // Whoever asks anew gets one that works.
+    verifier.set_device(&Choice::Gpu).unwrap();
+    assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+    assert!(verifier.offload().tests > 0);
 }
 
 #[test]
