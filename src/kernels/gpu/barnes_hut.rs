@@ -258,14 +258,16 @@ fn sums(
     if asked.is_empty() {
         return Ok(Vec::new());
     }
+    let most = engine.device.most_bytes();
+    // Room for the sums, the larger of both kinds.
+    let fits = size_of::<FarSum>() as u64 * asked.len() as u64 <= most;
     loop {
-        if let Some(found) = pass(engine, frame, forest, asked)? {
+        if fits && let Some(found) = pass(engine, frame, forest, asked)? {
             return Ok(found);
         }
-        let most = engine.device.most_bytes();
         let largest = [size_of::<NodePair>(), size_of::<super::Tile>()].map(|s| most / s as u64);
         let room = engine.agenda_room.map(u64::from);
-        if room[0] * 4 <= largest[0] && room[1] * 4 <= largest[1] {
+        if fits && room[0] * 4 <= largest[0] && room[1] * 4 <= largest[1] {
             engine.agenda_room = engine.agenda_room.map(|room| 4 * room);
             continue;
         }

@@ -168,12 +168,21 @@ fn source(rows: u32, steps: u32) -> String {
     super::program(&whole, &real, &[SUMS_PROGRAM, include_str!("direct.wgsl")])
 }
 
-/// The linking numbers of all pairs, in one list of commands.
+/// The linking numbers of all pairs, in one list of commands unless they are millions.
 pub(super) fn linking_numbers(
     engine: &mut Engine,
     frame: &Frame,
     pairs: &[Pair],
 ) -> Result<Vec<Estimate>, Trouble> {
+    // As many as there is room for the sums of.
+    let most = (engine.device.most_bytes() / size_of::<AngleSum>() as u64).max(1) as usize;
+    if pairs.len() > most {
+        let mut all = Vec::with_capacity(pairs.len());
+        for part in pairs.chunks(most) {
+            all.extend(linking_numbers(engine, frame, part)?);
+        }
+        return Ok(all);
+    }
     let segments = |&(i, j): &Pair| [frame.segments(i), frame.segments(j)];
     // Most pairs are small together or large together; what wastes fewer threads is taken.
     let shape_of = |[m, n]: [u32; 2]| usize::from(m.max(n) > 2 * SHAPES[0].0.rows);

@@ -126,8 +126,8 @@ fn main(
                 let certain = clear && lever * UNIT_ERROR <= DOUBT * m;
                 if certain {
                     let over = 1.0 / m;
-                    let angle = select(argument(x, y), -argument(x, y), q < 0.0);
-                    sum += angle;
+                    let size_of_angle = argument(x, y);
+                    sum += select(size_of_angle, -size_of_angle, q < 0.0);
                     error += inverse * over * (SPAN * edges * ic + (TURN + TILT * over) * size) + abs(sum);
                 } else {
                     doubts += 1u;

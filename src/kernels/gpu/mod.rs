@@ -8,6 +8,9 @@
 //! pairs at once as future work. Here all pairs are one work list of tiles, and single precision comes with a proof: crossings
 //! that it cannot decide go to the processor, sums have a bound of their error.
 //!
+//! The vertices go up once a frame, ahead of the processor's own work on it; programs and buffers stay for the next. Lists
+//! are cut so that no buffer is larger than the adapter allows and no submission so long that it is taken for hung.
+//!
 //! An adapter is trusted with single operations only, and after a test ([`self_test`]). Whatever else fails, a lost adapter, too
 //! little memory, too large a frame, is [`Trouble`]: the caller says so and computes on the processor.
 
