@@ -151,6 +151,9 @@ pub enum Error {
     /// Arguments that do not go together.
     #[error("{0}")]
     Usage(String),
+    /// There is no such device, or none that can be used.
+    #[error("device: {0}")]
+    Device(String),
     /// The bus failed.
     #[error("bus: {0}")]
     Bus(String),

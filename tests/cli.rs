@@ -529,3 +529,32 @@ fn noise_is_borne_as_long_as_no_segments_can_meet() {
     assert_eq!(run.code, 2);
     assert!(run.stderr.contains("splines"), "{}", run.stderr);
 }
+
+/// Devices are listed; one that is not there is an error that says which are; the processor is always there.
+#[test]
+fn devices_are_listed_and_unknown_ones_refused() {
+    let run = linkwatch(&["devices"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(!run.stdout.is_empty());
+    let names: Vec<String> = linkwatch(&["--json", "devices"])
+        .stdout
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap())
+        .map(|device| device["name"].as_str().unwrap().to_string())
+        .collect();
+    let scene = "chainmail:rows=2,columns=2";
+    let run = linkwatch(&["certify", scene, "--device", "no such adapter"]);
+    assert_eq!(run.code, 2);
+    for name in &names {
+        assert!(run.stderr.contains(name), "{}", run.stderr);
+    }
+    let certify = |device: &str| linkwatch(&["certify", scene, "--device", device]);
+    let expected = certify("cpu");
+    assert_eq!(expected.code, 0, "{}", expected.stderr);
+    assert_eq!(certify("auto").stdout, expected.stdout);
+    let on_adapter = certify("gpu");
+    match names.is_empty() {
+        true => assert_eq!(on_adapter.code, 2),
+        false => assert_eq!(on_adapter.stdout, expected.stdout),
+    }
+}

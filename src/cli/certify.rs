@@ -4,7 +4,7 @@ use super::kernel::KernelArgs;
 use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, input, measure, output::with_progress};
 use clap::ValueEnum;
-use linkwatch::kernels::Method;
+use linkwatch::kernels::{Method, Offload};
 use linkwatch::{
     AbortOn, Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines,
 };
@@ -50,6 +50,8 @@ struct Certified {
     stats: Stats,
     /// Who decided, where that was not up to noise.
     ladder: Option<Ladder>,
+    /// What a graphics processor was given.
+    offload: Offload,
     took: Duration,
 }
 
@@ -59,7 +61,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let mut verifier = Verifier::new(AbortOn::Never);
     let name = path.display().to_string();
     let start = std::time::Instant::now();
-    args.kernel.set(&mut verifier);
+    args.kernel.set(&mut verifier)?;
     let (certificate, stats) =
         with_progress(&name, verifier.progress(), || match args.discretize {
             _ if args.noise.is_some() => {
@@ -104,6 +106,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         certificate,
         stats,
         ladder: args.noise.is_none().then(|| verifier.ladder()),
+        offload: verifier.offload(),
         took,
     })
 }
@@ -140,9 +143,19 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 millis(l.summing),
             );
         }
+        if c.offload.tests > 0 {
+            tracing::info!(
+                "{}: {} on the device, {} left to the processor ({})",
+                path.display(),
+                plural(c.offload.tests, "test"),
+                count(c.offload.undecided),
+                percent(c.offload.undecided as f64 / c.offload.tests as f64),
+            );
+        }
         if json {
             output::json(&serde_json::json!({
                 "model": path,
+                "offload": c.offload,
                 "basis": c.set.basis(),
                 "certificate": c.certificate,
                 "stats": c.stats,

@@ -37,7 +37,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let expected = Certificate::read(&args.against)?;
     let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
     verifier.set_early_exit(args.early_exit);
-    args.kernel.set(&mut verifier);
+    args.kernel.set(&mut verifier)?;
     verifier.set_events(args.look_for.events(AbortOn::Never));
     let mut outcome = Outcome::Fine;
     let mut pairs = BTreeSet::new();

@@ -1,10 +1,10 @@
 //! `--kernel` and how finely it sums, of every command that computes linking numbers.
 
 use linkwatch::Verifier;
-use linkwatch::kernels::{Accuracy, Method};
+use linkwatch::kernels::{Accuracy, Device, Method};
 
 /// Which kernel computes linking numbers.
-#[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct KernelArgs {
     /// Which kernel computes: auto, crossings, direct, angle-sum, barnes-hut, fmm or interval; what the bound of a sum does
     /// not decide is counted
@@ -22,11 +22,14 @@ pub struct KernelArgs {
     /// The order of fmm's expansions, 2 to 20 [default: by the bound]
     #[arg(long, value_name = "P", value_parser = clap::value_parser!(u32).range(2..=20))]
     order: Option<u32>,
+    /// Where the kernel runs: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
+    #[arg(long, value_name = "DEVICE", default_value_t)]
+    device: Device,
 }
 
 impl KernelArgs {
     /// Lets a verifier use it.
-    pub fn set(&self, verifier: &mut Verifier) {
+    pub fn set(&self, verifier: &mut Verifier) -> linkwatch::Result<()> {
         let accuracy = Accuracy {
             beta: self.beta,
             target: self.target,
@@ -34,6 +37,7 @@ impl KernelArgs {
             order: self.order,
         };
         verifier.set_kernel(self.method, accuracy);
+        verifier.set_device(&self.device)
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod certify;
 mod check;
+mod devices;
 mod generate;
 mod input;
 mod kernel;
@@ -48,6 +49,7 @@ Exit codes: 0 intact or done, 1 topology changed, 2 bad arguments or bad input, 
 enum Command {
     Certify(certify::Args),
     Check(check::Args),
+    Devices(devices::Args),
     Generate(generate::Args),
     Plan(plan::Args),
     Study(study::Args),
@@ -105,6 +107,7 @@ pub fn main() -> ExitCode {
     let result = match &cli.command {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
+        Command::Devices(args) => devices::run(args, cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Plan(args) => plan::run(args, cli.json),
         Command::Study(args) => study::run(args, cli.json),

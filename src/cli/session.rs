@@ -210,7 +210,7 @@ impl Session {
             None => (Verifier::new(abort_on), "first frame".to_owned()),
         };
         verifier.set_incremental(true);
-        judge.kernel.set(&mut verifier);
+        judge.kernel.set(&mut verifier)?;
         verifier.set_paranoid(judge.paranoid);
         verifier.set_events(events);
         Ok(Session {

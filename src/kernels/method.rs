@@ -4,7 +4,7 @@ use super::barnes_hut::{Accept, BarnesHut, Options, Order};
 use super::direct::{Direct, Formula};
 use super::fmm::{self, Fmm};
 use super::interval::{Interval, enclose};
-use super::{Estimate, Summation};
+use super::{Accelerator, Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use std::fmt;
@@ -73,16 +73,21 @@ impl Method {
     }
 
     /// The kernel that sums, ready for a set of polylines; none where crossings are counted or it is not known yet
-    /// what is.
-    pub(crate) fn summation(
+    /// what is. Both direct sums are one on an adapter.
+    pub(crate) fn summation<'a>(
         self,
-        polylines: &CurveSet,
+        polylines: &'a CurveSet,
         accuracy: Accuracy,
-    ) -> Option<Box<dyn Summation + '_>> {
+        accelerator: &'a Accelerator,
+    ) -> Option<Box<dyn Summation + 'a>> {
+        let direct = |formula| {
+            let otherwise = Box::new(Direct::new(polylines, formula));
+            accelerator.direct_sum(polylines, otherwise)
+        };
         Some(match self {
             Method::Auto | Method::Crossings => return None,
-            Method::Direct => Box::new(Direct::new(polylines, Formula::Arctangent)),
-            Method::AngleSum => Box::new(Direct::new(polylines, Formula::AngleSum)),
+            Method::Direct => direct(Formula::Arctangent),
+            Method::AngleSum => direct(Formula::AngleSum),
             Method::BarnesHut => {
                 let order = match accuracy.dipole {
                     true => Order::Dipole,
@@ -93,7 +98,7 @@ impl Method {
                     accept,
                     ..Options::default()
                 };
-                match (accuracy.beta, accuracy.target) {
+                let on_processor: Box<dyn Summation + 'a> = match (accuracy.beta, accuracy.target) {
                     (Some(beta), None) => {
                         Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
                     }
@@ -106,6 +111,15 @@ impl Method {
                         BarnesHut::new(polylines, options(Accept::Beta(4.0))),
                         BarnesHut::new(polylines, options(Options::default().accept)),
                     ])),
+                };
+                match accuracy {
+                    Accuracy {
+                        beta,
+                        target: None,
+                        dipole: false,
+                        ..
+                    } => accelerator.barnes_hut(polylines, beta, on_processor),
+                    _ => on_processor,
                 }
             }
             Method::Fmm => {

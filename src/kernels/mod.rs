@@ -15,19 +15,28 @@
 //! 7. The sign is that of Arai's sum (Arai 2013).
 //! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
 
+mod accelerator;
 pub(crate) mod barnes_hut;
 #[cfg(test)]
 mod conformance;
 pub(crate) mod crossings;
+pub(crate) mod device;
 pub(crate) mod direct;
 mod estimate;
 pub(crate) mod fmm;
+#[cfg(feature = "gpu")]
+pub(crate) mod gpu;
 pub(crate) mod interval;
 mod method;
 pub mod oracle;
 
+pub(crate) use accelerator::Accelerator;
+pub use accelerator::Offload;
+pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;
+#[cfg(feature = "gpu")]
+pub use gpu::{Calibration, DeviceTimes, calibrate, measure as measure_device};
 pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};

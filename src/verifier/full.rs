@@ -7,7 +7,7 @@ use crate::curve::{Box3, CurveSet};
 use crate::error::Result;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::kernels::interval::noise::linking_number as noisy_linking_number;
-use crate::kernels::{Accuracy, Linking, Method};
+use crate::kernels::{Accelerator, Accuracy, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
 use crate::plan::worth_summing;
 use crate::verdict::{Defect, DefectKind, Place, Stats};
@@ -31,6 +31,8 @@ pub(super) struct FullRun {
     workspaces: Workspaces,
     /// What sums, and how finely.
     pub kernel: (Method, Accuracy),
+    /// What kernels run on, where it is not the processor.
+    pub accelerator: Accelerator,
     /// Of the last frame.
     pub certificate: Certificate,
     /// Who decided the last full run.
@@ -42,9 +44,16 @@ pub(super) struct FullRun {
 impl FullRun {
     /// Computes the certificate of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
+        self.accelerator.start_frame();
+        if let Method::Auto | Method::Crossings = self.kernel.0 {
+            self.accelerator.send_ahead(set);
+        }
         let mut stats = self.find_pairs(set);
         let long = match self.kernel.0 {
-            Method::Auto => worth_summing(self.scene(set), self.search.pairs()),
+            // Who asks for an adapter gets it.
+            Method::Auto if !self.accelerator.counts(set) => {
+                worth_summing(self.scene(set), self.search.pairs())
+            }
             _ => Vec::new(),
         };
         match self.kernel {
@@ -61,7 +70,7 @@ impl FullRun {
             }
             (method, accuracy) => {
                 let pairs = self.search.pairs().to_vec();
-                let sums = Sums::of(set, method, accuracy, &pairs);
+                let sums = Sums::of(set, (method, accuracy), &self.accelerator, &pairs);
                 self.add_sums(set, &sums, &mut stats);
             }
         }
@@ -90,7 +99,8 @@ impl FullRun {
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
-        compute_links(scene, &undecided, &mut self.parts, &self.progress);
+        let to = (&mut self.parts, &*self.progress);
+        compute_links(scene, &undecided, &mut self.accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         stats.potential_links += summed as u64;
         self.certificate.links.extend(links);
@@ -158,7 +168,9 @@ impl FullRun {
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
-        compute_links(scene, &meeting, &mut self.parts, &self.progress);
+        // Too few to be worth the way to another device and back.
+        let to = (&mut self.parts, &*self.progress);
+        compute_links(scene, &meeting, &mut Accelerator::default(), to);
         let mut anew = Certificate {
             curves: set.len(),
             ..Certificate::default()
@@ -238,12 +250,9 @@ impl FullRun {
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
-        compute_links(
-            scene,
-            &self.search.pairs()[range],
-            &mut self.parts,
-            &self.progress,
-        );
+        let pairs = &self.search.pairs()[range];
+        let to = (&mut self.parts, &*self.progress);
+        compute_links(scene, pairs, &mut self.accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         self.timings.links += start.elapsed();
     }
@@ -256,6 +265,8 @@ impl FullRun {
         set: &CurveSet,
         baseline: &Certificate,
     ) -> Result<(Comparison, Stats)> {
+        self.accelerator.start_frame();
+        self.accelerator.send_ahead(set);
         self.before.clear();
         self.before.extend_from_slice(self.trees.roots());
         let mut stats = self.find_pairs(set);
@@ -282,30 +293,36 @@ impl FullRun {
 }
 
 /// The linking numbers of these pairs, in parts that follow one another in the order of the pairs.
-fn compute_links(scene: Scene<'_>, pairs: &[Pair], parts: &mut Vec<Part>, progress: &Progress) {
+fn compute_links(
+    scene: Scene<'_>,
+    pairs: &[Pair],
+    accelerator: &mut Accelerator,
+    (parts, progress): (&mut Vec<Part>, &Progress),
+) {
+    if let Some((found, stats)) = accelerator.count(scene, pairs) {
+        parts.iter_mut().for_each(Part::clear);
+        parts.resize_with(parts.len().max(1), Part::default);
+        let part = &mut parts[0];
+        for (&pair, linking) in pairs.iter().zip(found) {
+            part.add(pair, linking);
+        }
+        part.stats = stats;
+        let done = pairs.len() as u64;
+        progress.done.fetch_add(done, Ordering::Relaxed);
+        return;
+    }
     let size = links_per_task(pairs.len(), rayon::current_num_threads());
     let count = pairs.len().div_ceil(size);
     parts.resize_with(count.max(parts.len()), Part::default);
     parts.par_iter_mut().enumerate().for_each(|(k, part)| {
-        part.links.clear();
-        part.undefined.clear();
-        part.stats = Stats::default();
+        part.clear();
         if k >= count {
             return;
         }
         let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
         let mut workspace = scene.workspaces.take();
-        for &(i, j) in pairs {
-            match linking_number(scene, (i, j), None, &mut workspace) {
-                Linking::Number(0) => {}
-                Linking::Number(lambda) => part.links.push(Link { i, j, lambda }),
-                Linking::Undefined(kind, place) => part.undefined.push(Defect {
-                    i,
-                    j: Some(j),
-                    kind,
-                    place,
-                }),
-            }
+        for &pair in pairs {
+            part.add(pair, linking_number(scene, pair, None, &mut workspace));
         }
         part.stats = workspace.take_stats();
         scene.workspaces.put(workspace);
@@ -362,6 +379,27 @@ struct Part {
     links: Vec<Link>,
     undefined: Vec<Defect>,
     stats: Stats,
+}
+
+impl Part {
+    fn clear(&mut self) {
+        self.links.clear();
+        self.undefined.clear();
+        self.stats = Stats::default();
+    }
+
+    fn add(&mut self, (i, j): Pair, linking: Linking) {
+        match linking {
+            Linking::Number(0) => {}
+            Linking::Number(lambda) => self.links.push(Link { i, j, lambda }),
+            Linking::Undefined(kind, place) => self.undefined.push(Defect {
+                i,
+                j: Some(j),
+                kind,
+                place,
+            }),
+        }
+    }
 }
 
 /// Closed curves that bound nothing, in order.

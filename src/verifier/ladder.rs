@@ -4,7 +4,7 @@ use crate::certificate::{Certificate, Link};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::kernels::fmm::{self, Fmm};
-use crate::kernels::{Accuracy, Estimate, Method, Summation};
+use crate::kernels::{Accelerator, Accuracy, Estimate, Method, Summation};
 use crate::pairs::{Pair, curves_of};
 use crate::plan::LongLink;
 use crate::verdict::Defect;
@@ -42,7 +42,12 @@ pub(super) struct Sums<'a> {
 impl<'a> Sums<'a> {
     /// Sums by some kernel. Splines become polylines first, for all pairs at once ([`homotopic_polylines`]); unknown is what
     /// stayed too close for that.
-    pub fn of(set: &CurveSet, method: Method, accuracy: Accuracy, pairs: &'a [Pair]) -> Sums<'a> {
+    pub fn of(
+        set: &CurveSet,
+        kernel: (Method, Accuracy),
+        accelerator: &Accelerator,
+        pairs: &'a [Pair],
+    ) -> Sums<'a> {
         let start = Instant::now();
         let discretized = match set.basis().is_polyline() {
             true => None,
@@ -53,8 +58,8 @@ impl<'a> Sums<'a> {
             None => Duration::ZERO,
         };
         let estimates = match discretized {
-            None => estimates(set, &[], method, accuracy, pairs),
-            Some(Ok(made)) => estimates(&made.curves, &made.too_close, method, accuracy, pairs),
+            None => estimates(set, &[], kernel, accelerator, pairs),
+            Some(Ok(made)) => estimates(&made.curves, &made.too_close, kernel, accelerator, pairs),
             Some(Err(_)) => None,
         };
         Sums {
@@ -151,11 +156,11 @@ impl<'a> Sums<'a> {
 fn estimates(
     polylines: &CurveSet,
     too_close: &[Defect],
-    method: Method,
-    accuracy: Accuracy,
+    (method, accuracy): (Method, Accuracy),
+    accelerator: &Accelerator,
     pairs: &[Pair],
 ) -> Option<Vec<Estimate>> {
-    let summation = method.summation(polylines, accuracy)?;
+    let summation = method.summation(polylines, accuracy, accelerator)?;
     if too_close.is_empty() {
         return Some(summation.linking_numbers(pairs));
     }

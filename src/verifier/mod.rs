@@ -18,7 +18,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Finding, Monitor, PullThrough, Route, Work};
-use crate::kernels::{Accuracy, Method};
+use crate::kernels::{Accelerator, Accuracy, Device, DeviceInfo, Method, Offload};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, Report, Stats, Verdict};
 use rayon::prelude::*;
@@ -145,6 +145,27 @@ impl Verifier {
     pub fn set_events(&mut self, events: Events) {
         self.steps = Steps::new(events);
         self.monitor = Monitor::new(self.steps.cover());
+    }
+
+    /// Where kernels run. The results are the same; what differs is the time.
+    ///
+    /// On a graphics processor, crossings of polylines are counted, in full runs, and sums are made directly and by
+    /// Barnes-Hut. Where it fails, a warning says so, and the processor goes on.
+    ///
+    /// Errors: [`Error::Device`] where there is none of that name, or none that can be used.
+    pub fn set_device(&mut self, device: &Device) -> Result<()> {
+        self.full.accelerator = Accelerator::open(device)?;
+        Ok(())
+    }
+
+    /// The graphics processor in use.
+    pub fn device(&self) -> Option<DeviceInfo> {
+        self.full.accelerator.info()
+    }
+
+    /// What the graphics processor was given in the last frame.
+    pub fn offload(&self) -> Offload {
+        self.full.accelerator.offload()
     }
 
     /// What the last frame took.

@@ -1,7 +1,7 @@
 //! The collection through any kernel.
 
 use crate::case::{Answer, Case};
-use linkwatch::kernels::{Accuracy, Method};
+use linkwatch::kernels::{Accuracy, Device, Method};
 use linkwatch::{
     AbortOn, Certificate, Change, CurveSet, Defect, DefectKind, Events, Link, Positions, Precision,
     Verdict, Verifier,
@@ -80,7 +80,7 @@ pub const EVENTS: Kernel = Kernel {
 };
 
 /// The same curves with other coordinates.
-fn changed(set: &CurveSet, change: impl Fn(&mut [f64])) -> CurveSet {
+pub fn changed(set: &CurveSet, change: impl Fn(&mut [f64])) -> CurveSet {
     let points = |i: usize| (0..set.curve(i).points as usize).map(move |k| set.point(i, k));
     let mut coordinates: Vec<f64> = (0..set.len()).flat_map(points).flatten().collect();
     change(&mut coordinates);
@@ -201,6 +201,26 @@ pub const INTERVAL: Kernel = Kernel {
     certify: |set| summed(set, Method::Interval, None),
 };
 
+/// Kernels on a graphics processor.
+#[allow(dead_code, reason = "for those who have made sure that there is one")]
+pub const ON_DEVICE: [Kernel; 3] = [
+    Kernel {
+        name: "crossings on the device",
+        rule: Rule::Complete,
+        certify: |set| certified_on(&Device::Gpu, set, (Method::Crossings, Accuracy::default())),
+    },
+    Kernel {
+        name: "direct on the device",
+        rule: Rule::Complete,
+        certify: |set| certified_on(&Device::Gpu, set, (Method::Direct, Accuracy::default())),
+    },
+    Kernel {
+        name: "Barnes-Hut on the device",
+        rule: Rule::Complete,
+        certify: |set| certified_on(&Device::Gpu, set, (Method::BarnesHut, Accuracy::default())),
+    },
+];
+
 fn summed(set: &CurveSet, method: Method, beta: Option<f64>) -> Certificate {
     let accuracy = Accuracy {
         beta,
@@ -210,7 +230,16 @@ fn summed(set: &CurveSet, method: Method, beta: Option<f64>) -> Certificate {
 }
 
 fn summed_with(set: &CurveSet, method: Method, accuracy: Accuracy) -> Certificate {
+    certified_on(&Device::Cpu, set, (method, accuracy))
+}
+
+fn certified_on(
+    device: &Device,
+    set: &CurveSet,
+    (method, accuracy): (Method, Accuracy),
+) -> Certificate {
     let mut verifier = Verifier::new(AbortOn::Never);
+    verifier.set_device(device).expect("an adapter");
     verifier.set_kernel(method, accuracy);
     verifier.certify(set).0.clone()
 }

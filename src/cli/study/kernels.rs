@@ -13,8 +13,9 @@ use super::slopes::Slope;
 use crate::cli::kernel::beta;
 use crate::cli::output::{self, count, plural, plural_of};
 use crate::cli::{Outcome, input};
-use linkwatch::Result;
+use linkwatch::kernels::Device;
 use linkwatch::scenes::Scene;
+use linkwatch::{AbortOn, Result, Verifier};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -40,6 +41,9 @@ pub struct Args {
     /// and a 4th of its own]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = sizes::size)]
     sizes: Vec<u64>,
+    /// Where the kernels run: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
+    #[arg(long, value_name = "DEVICE", default_value_t = Device::Cpu)]
+    device: Device,
     /// Runs of each kernel, for a median
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
@@ -56,6 +60,10 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
+    // Open from here on, so that no run pays for it.
+    let mut on_device = Verifier::new(AbortOn::Never);
+    on_device.set_device(&args.device)?;
+    let device = on_device.device();
     let subject = Subject::new(input::read(Path::new(&args.input))?)?;
     // What could be read is no scene only where it is a file.
     let scene = args.input.parse::<Scene>().ok();
@@ -77,7 +85,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     };
     let threads = rayon::current_num_threads();
     say(&format_args!(
-        "{}: {} of {}, {} of {}, {}; median of {}",
+        "{}: {} of {}, {} of {}, {}{}; median of {}",
         args.input,
         plural(subject.set.len() as u64, "curve"),
         plural(own, "segment"),
@@ -88,11 +96,16 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "pairs of segments"
         ),
         plural(threads as u64, "thread"),
+        device
+            .as_ref()
+            .map_or(String::new(), |d| format!(", {}", d.name)),
         args.repeat,
     ))?;
     say(&HEADER)?;
     let (settings, at_sizes) = (Setting::all(&args.betas), Setting::for_sizes());
     let effort = Effort {
+        device: args.device.clone(),
+        fast_device: device.as_ref().is_some_and(|d| !d.software),
         repeat: args.repeat,
         limit: args.limit,
     };
@@ -103,7 +116,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut measure = |subject: &Subject, settings: &[Setting], rows: &mut Vec<Row>| {
         for &setting in settings {
             bar.set_message(setting.to_string());
-            let row = Row::measure(setting, subject, effort)?;
+            let row = Row::measure(setting, subject, &effort)?;
             bar.inc(1);
             bar.suspend(|| say(&row.line()))?;
             csv.row(&row.json())?;
@@ -135,6 +148,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "threads": threads,
             "repeat": args.repeat,
             "rows": rows.iter().map(Row::json).collect::<Vec<_>>(),
+            "device": device,
             "slopes": Slope::json(&slopes),
             "sizes": resized.iter().map(Row::json).collect::<Vec<_>>(),
         }))?;

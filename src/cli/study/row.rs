@@ -3,7 +3,7 @@
 use super::frames::median_of;
 use super::setting::Setting;
 use crate::cli::measure::cpu_ms;
-use linkwatch::kernels::{Accuracy, Method};
+use linkwatch::kernels::{Accuracy, Device, Method};
 use linkwatch::{AbortOn, Certificate, CurveSet, Ladder, Result, Verifier, homotopic_polylines};
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -36,15 +36,20 @@ impl Subject {
     }
 
     /// Seconds that a sum over all pairs of segments would take, about; 0 for other kernels.
-    fn expected_s(&self, setting: Setting) -> f64 {
+    fn expected_s(&self, setting: Setting, effort: &Effort) -> f64 {
         let threads = rayon::current_num_threads() as f64;
-        setting.ns_a_pair().unwrap_or(0.0) * 1e-9 * self.segment_pairs as f64 / threads
+        let ns = setting.ns_a_pair(effort.fast_device).unwrap_or(0.0);
+        ns * 1e-9 * self.segment_pairs as f64 / threads
     }
 }
 
 /// How long to measure.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Effort {
+    /// Where kernels run.
+    pub device: Device,
+    /// Whether that is a graphics processor, a fast one.
+    pub fast_device: bool,
     /// Runs, for a median.
     pub repeat: u32,
     /// Seconds beyond which a sum over all pairs of segments is skipped, and nothing is run once more.
@@ -106,8 +111,8 @@ pub const FIELDS: &[&str] = &[
 
 impl Row {
     /// Runs a kernel, unless that would take too long.
-    pub fn measure(setting: Setting, subject: &Subject, effort: Effort) -> Result<Row> {
-        let measured = match subject.expected_s(setting) {
+    pub fn measure(setting: Setting, subject: &Subject, effort: &Effort) -> Result<Row> {
+        let measured = match subject.expected_s(setting, effort) {
             s if s > effort.limit => Err(s),
             _ => Ok(Measured::run(setting, subject, effort)?),
         };
@@ -193,16 +198,22 @@ impl Row {
 }
 
 impl Measured {
-    fn run(setting: Setting, subject: &Subject, effort: Effort) -> Result<Measured> {
+    fn run(setting: Setting, subject: &Subject, effort: &Effort) -> Result<Measured> {
         let Setting { method, accuracy } = setting;
         let began = Instant::now();
         let mut runs: Vec<Measured> = Vec::new();
+        // An adapter compiles its programs once.
+        let mut warm = effort.device == Device::Cpu;
         loop {
             // Each run meets the model for the first time.
             let mut verifier = Verifier::new(AbortOn::Never);
+            verifier.set_device(&effort.device)?;
             let (start, cpu) = (Instant::now(), cpu_ms());
             verifier.set_kernel(method, accuracy);
             let (certificate, _) = verifier.certify(&subject.set);
+            if !std::mem::replace(&mut warm, true) {
+                continue;
+            }
             let total_ms = start.elapsed().as_secs_f64() * 1e3;
             let cpu_ms = cpu_ms() - cpu;
             let equal = *certificate == subject.exact;

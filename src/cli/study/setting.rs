@@ -76,8 +76,9 @@ impl Setting {
     }
 
     /// About what a pair of segments costs a kernel that goes through all of them, in nanoseconds of one thread.
-    pub fn ns_a_pair(&self) -> Option<f64> {
+    pub fn ns_a_pair(&self, fast_device: bool) -> Option<f64> {
         match self.method {
+            Method::Direct | Method::AngleSum if fast_device => Some(0.1),
             Method::Direct => Some(6.0),
             Method::AngleSum => Some(5.0),
             Method::Interval => Some(1500.0),

@@ -7,7 +7,7 @@ use super::row::{Effort, Measured, Row, Subject, brief};
 use super::setting::Setting;
 use crate::cli::Outcome;
 use crate::cli::output::{self, count, plural};
-use linkwatch::kernels::Method;
+use linkwatch::kernels::{Device, Method};
 use linkwatch::scenes::Scene;
 use linkwatch::{Error, Result, model};
 use serde_json::{Map, Value, json};
@@ -146,6 +146,8 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     )?;
     say(&header(&columns))?;
     let effort = Effort {
+        device: Device::Cpu,
+        fast_device: false,
         repeat: args.repeat,
         limit: args.limit,
     };
@@ -160,7 +162,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
                 for column in &columns {
                     bar.set_message(format!("{}, {}", published.model, column.title));
                     m.rows
-                        .push(Row::measure(column.setting, &m.subject, effort)?);
+                        .push(Row::measure(column.setting, &m.subject, &effort)?);
                     bar.inc(1);
                 }
                 bar.suspend(|| say(&m.line(&columns)))?;

@@ -13,6 +13,8 @@ mod bound;
 mod evaluate;
 mod moments;
 mod near;
+#[cfg(feature = "gpu")]
+mod packed;
 #[cfg(test)]
 mod tests;
 mod trees;
@@ -22,6 +24,9 @@ use super::{Estimate, Summation};
 use crate::curve::Avx2;
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
+#[cfg(feature = "gpu")]
+pub(crate) use packed::{LEAF_SEGMENTS, PackedNode, pack};
+
 use bound::{Bounds, OUTWARD, ROUNDING, bounds};
 use evaluate::{BATCH, expand_batch, next_order};
 use rayon::prelude::*;

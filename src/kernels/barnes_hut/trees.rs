@@ -67,10 +67,20 @@ impl Tree {
     /// The tree of curve `i`, a polyline, with its coordinates multiplied by a power of two.
     pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
         let n = set.curve(i).points as usize;
+        Tree::through(n, |k| set.point(i, k).map(|x| x * scale))
+    }
+
+    /// The tree of a closed polyline.
+    #[cfg(feature = "gpu")]
+    pub fn of(points: &[Point]) -> Tree {
+        Tree::through(points.len(), |k| points[k])
+    }
+
+    fn through(n: usize, point: impl Fn(usize) -> Point) -> Tree {
         let leaves = n.div_ceil(LEAF);
         let vertices = [0, 1, 2].map(|x| {
             let mut v = Vec::with_capacity(leaves * LEAF + 1);
-            v.extend((0..n).map(|k| set.point(i, k)[x] * scale));
+            v.extend((0..n).map(|k| point(k)[x]));
             let start = v.first().copied().unwrap_or_default();
             v.resize(leaves * LEAF + 1, start);
             v

@@ -2,7 +2,7 @@
 
 use crate::curve::CurveSet;
 use crate::kernels::crossings::{self, Workspace, Workspaces};
-use crate::kernels::{Accuracy, Estimate, Linking, Method};
+use crate::kernels::{Accelerator, Accuracy, Estimate, Linking, Method};
 use crate::pairs::{Pair, Trees};
 
 /// A kernel at some accuracy.
@@ -169,7 +169,10 @@ pub const FMM_LOW: Kernel = Kernel {
 impl Kernel {
     /// What it says of some pairs of polylines.
     pub fn estimates(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
-        match self.method.summation(set, self.accuracy) {
+        match self
+            .method
+            .summation(set, self.accuracy, &Accelerator::default())
+        {
             Some(sum) => sum.linking_numbers(pairs),
             None => pairs.iter().map(|&pair| counted(set, pair)).collect(),
         }

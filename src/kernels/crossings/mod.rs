@@ -12,6 +12,8 @@
 //! Undefined: curves that touch, that are too close to discretize, or that have fewer than three distinct
 //! vertices.
 
+#[cfg(feature = "gpu")]
+mod blocks;
 mod direction;
 mod evaluate;
 mod gather;
@@ -21,6 +23,8 @@ mod spline_tests;
 #[cfg(test)]
 mod tests;
 
+#[cfg(feature = "gpu")]
+pub(crate) use self::blocks::{BLOCK, Block, Counted, blocks, conclude};
 pub(crate) use self::direction::by_formula;
 use self::evaluate::Tally;
 pub(crate) use self::gather::shares_out;
@@ -59,7 +63,7 @@ impl Direction {
     }
 
     /// What belongs to the upper curve first.
-    fn upper_first<T>(self, first: T, second: T) -> (T, T) {
+    pub fn upper_first<T>(self, first: T, second: T) -> (T, T) {
         if self.second_over {
             (second, first)
         } else {

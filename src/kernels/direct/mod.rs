@@ -15,6 +15,8 @@ pub(super) mod tests;
 mod vertices;
 
 pub(crate) use block::Formula;
+#[cfg(feature = "gpu")]
+pub(crate) use vertices::Scale;
 pub(crate) use vertices::Vertices;
 
 use super::{Estimate, Summation};

@@ -19,11 +19,11 @@ pub(crate) struct Vertices {
 
 /// A power of two, as a product of two that are neither too large nor too small for a number.
 #[derive(Clone, Copy, Debug)]
-struct Scale([f64; 2]);
+pub(crate) struct Scale([f64; 2]);
 
 impl Scale {
     /// What brings numbers up to `largest` below 1.
-    fn new(largest: f64) -> Scale {
+    pub fn new(largest: f64) -> Scale {
         let power = |exponent: i32| f64::from_bits(((1023 + exponent) as u64) << 52);
         let exponent = (largest.to_bits() >> 52) as i32 - 1023;
         // Up to 2^1000: what is smaller yet stays small.
@@ -31,7 +31,8 @@ impl Scale {
         Scale([power(-(down / 2)), power(-(down - down / 2))])
     }
 
-    fn apply(self, x: f64) -> f64 {
+    /// The scaled number: exact but where it is below `2^-1022`.
+    pub fn apply(self, x: f64) -> f64 {
         x * self.0[0] * self.0[1]
     }
 }

@@ -1,0 +1,411 @@
+//! Barnes-Hut with quadrupoles for all pairs of curves at once: level by level down both trees, all node pairs of a level
+//! side by side.
+//!
+//! The expansion and its remainder are those of [`crate::kernels::barnes_hut`]; the trees are its trees, of the vertices as they
+//! went up, cut off at leaves of 16 segments. What is new is single precision: moments are over the length and the radius
+//! of their node, the distance is the unit of length, so that no product underflows. Pairs of leaves that are not
+//! expanded become tiles of the direct sum ([`super::direct`]).
+//!
+//! # Rounding
+//!
+//! With `u = 2^-23` (see [`super::direct`]): a centre comes in two parts, so that a coordinate of the difference of two is off by
+//! `3 u` of itself, its direction by `13 u`, the ratio of a radius and the distance by `8 u`, a moment by `u`. A term of the
+//! expansion is a product of at most two moments, two squares of ratios and five directions, by at most 20
+//! multiplications and additions: off by less than `128 u` of the sum of the sizes of its monomials. That sum is
+//! at most 4 times what the term can be at most, and those add up to `1 + 4 q + 12 q^2` times the scale ([`bound`]); the scale
+//! itself is off by `20 u`. [`ROUNDING`] is `1024 u`.
+//!
+//! The bound of the remainder has positive terms only, but for `1 - q`, which is above 0.2, and for the squared sine between
+//! tangents, to which [`PARALLEL`] is added; [`OUTWARD`] covers the rest.
+//!
+//! [`bound`]: crate::kernels::barnes_hut
+//!
+//! # Passes
+//!
+//! First by distance; then, for the pairs that this does not prove, by the bound, finer and finer, like on the processor.
+
+use super::commands::{Binding, Buffer, Command, Stage};
+use super::error::Trouble;
+use super::fixed;
+use super::frame::Frame;
+use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
+use super::{Engine, direct};
+use crate::kernels::Estimate;
+use crate::kernels::barnes_hut::{PackedNode, pack};
+use crate::pairs::Pair;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Node pairs are no longer expanded where the sum of the radii is above this, by the distance of the centres.
+const WIDEST: f64 = 0.79;
+/// Added to the squared sine between tangents: six products of means, rounded.
+const PARALLEL: f64 = 4e-6;
+/// What bounds are taken times.
+const OUTWARD: f64 = 1.01;
+/// Of the sizes of the terms.
+const ROUNDING: f64 = 1024.0 * direct::UNIT_ERROR;
+/// Expansions whose terms or remainders are larger are not taken.
+const LARGEST: f64 = 16.0;
+/// Expansions that a thread adds up in 64 bits: far below the 500,000 that these hold.
+const RUN: u32 = 1024;
+
+/// Counters: one a level, and the last for tiles.
+const COUNTS: u32 = 64;
+
+/// The program.
+pub(super) const STAGE: Stage = Stage {
+    name: "Barnes-Hut",
+    source: || {
+        let whole = [
+            ("THREADS", direct::THREADS),
+            ("COUNTS", COUNTS),
+            ("RUN", RUN),
+            ("WORDS", word!(FarSum)),
+            ("VALUE", word!(FarSum.value)),
+            ("BOUND", word!(FarSum.bound)),
+            ("SIZE", word!(FarSum.size)),
+            ("EXPANDED", word!(FarSum.expanded)),
+            ("VISITED", word!(FarSum.visited)),
+        ];
+        let real = [
+            ("WIDEST", WIDEST),
+            ("PARALLEL", PARALLEL),
+            ("OUTWARD", OUTWARD),
+            ("ROUNDING", ROUNDING),
+            ("LARGEST", LARGEST),
+            ("SPHERE", 1.0 / (4.0 * PI)),
+            ("REACH", direct::REACH),
+            ("TINY_SQUARE", direct::TINY_SQUARE),
+        ];
+        super::program(
+            &whole,
+            &real,
+            &[direct::SUMS_PROGRAM, include_str!("barnes_hut.wgsl")],
+        )
+    },
+};
+
+const NODES: Buffer = Buffer("nodes", "Barnes-Hut");
+const CRITERIA: Buffer = Buffer("criteria", "Barnes-Hut");
+const AGENDAS: [Buffer; 2] = [
+    Buffer("agenda", "Barnes-Hut"),
+    Buffer("next agenda", "Barnes-Hut"),
+];
+const TILES: Buffer = Buffer("tiles", "Barnes-Hut");
+const FAR: Buffer = Buffer("sums", "Barnes-Hut");
+const COUNTERS: Buffer = Buffer("counts", "Barnes-Hut");
+
+/// Workgroups of a level, on an adapter and on the processor in disguise.
+const GROUPS: [u32; 2] = [4096, 64];
+
+/// Node pairs, and tiles, that there is room for at first.
+pub(super) const ROOM: [u32; 2] = [1 << 17, 1 << 16];
+
+/// Passes by the bound.
+const PASSES: usize = 4;
+
+/// What the bound of a pair is to become.
+const BUDGET: f64 = 0.8;
+
+/// The trees of a frame.
+#[derive(Debug)]
+pub(super) struct Forest {
+    nodes: Vec<Node>,
+    /// Of each curve its root, its levels and its leaves.
+    roots: Vec<(u32, u32, u32)>,
+}
+
+impl Forest {
+    /// The trees of the curves of a frame.
+    pub fn new(frame: &Frame) -> Forest {
+        let trees: Vec<(Vec<Node>, u32)> = (frame.curves.par_iter())
+            .map(|range| {
+                let range = range.start as usize..range.end as usize;
+                let Some((_, open)) = frame.vertices[range.clone()].split_last() else {
+                    return (Vec::new(), 0);
+                };
+                let points: Vec<_> = open
+                    .iter()
+                    .map(|p| [0, 1, 2].map(|x| f64::from(p[x])))
+                    .collect();
+                let mut packed = Vec::new();
+                let levels = pack(&points, &mut packed);
+                let own = |n: &PackedNode| node(n, range.start as u32);
+                (packed.iter().map(own).collect(), levels)
+            })
+            .collect();
+        let mut forest = Forest {
+            nodes: Vec::with_capacity(trees.iter().map(|t| t.0.len()).sum()),
+            roots: Vec::with_capacity(trees.len()),
+        };
+        for (nodes, levels) in trees {
+            let at = forest.nodes.len() as u32;
+            let leaves = (nodes.len() as u32).div_ceil(2);
+            forest.roots.push((at, levels, leaves));
+            forest.nodes.extend(nodes.into_iter().map(|mut n| {
+                n.right += at;
+                n
+            }));
+        }
+        forest
+    }
+}
+
+fn node(n: &PackedNode, first_vertex: u32) -> Node {
+    Node {
+        centre: n.centre[0],
+        radius: n.radius,
+        centre_rest: n.centre[1],
+        length: n.length,
+        second: n.second,
+        fourth: n.fourth,
+        first: first_vertex + n.first,
+        segments: n.segments,
+        tangents: n.tangents,
+        right: n.right,
+        leaf: u32::from(n.right == 0),
+        moments: n.moments,
+        padding: [0; 2],
+    }
+}
+
+/// What a pass gave for a pair.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    estimate: Estimate,
+    /// The part of the bound that no finer pass changes.
+    rounding: f64,
+}
+
+const NOTHING: Found = Found {
+    estimate: Estimate::UNKNOWN,
+    rounding: f64::INFINITY,
+};
+
+/// The linking numbers of all pairs; `beta` leaves it at one pass by distance.
+pub(super) fn linking_numbers(
+    engine: &mut Engine,
+    frame: &Frame,
+    forest: &Forest,
+    pairs: &[Pair],
+    beta: Option<f64>,
+) -> Result<Vec<Estimate>, Trouble> {
+    let whole = |&(i, j): &Pair| i != j && frame.segments(i) > 0 && frame.segments(j) > 0;
+    let by_distance = Criterion {
+        beta: beta.unwrap_or(4.0) as f32,
+        share: f32::MAX,
+    };
+    let mut open: Vec<usize> = (0..pairs.len()).filter(|&k| whole(&pairs[k])).collect();
+    let mut shares: Vec<f64> = Vec::new();
+    let mut out = vec![NOTHING; pairs.len()];
+    for pass in 0..=PASSES {
+        let asked: Vec<(Pair, Criterion)> = open
+            .iter()
+            .enumerate()
+            .map(|(k, &at)| {
+                let criterion = match pass {
+                    0 => by_distance,
+                    _ => Criterion {
+                        beta: 0.0,
+                        share: shares[k] as f32,
+                    },
+                };
+                (pairs[at], criterion)
+            })
+            .collect();
+        let found = sums(engine, frame, forest, &asked)?;
+        for (&at, found) in open.iter().zip(&found) {
+            // A pass that is finer may still be worse, by rounding.
+            if found.estimate.bound < out[at].estimate.bound {
+                out[at] = *found;
+            }
+        }
+        if beta.is_some() {
+            break;
+        }
+        let mut left = Vec::new();
+        let mut finer = Vec::new();
+        for (k, (&at, found)) in open.iter().zip(&found).enumerate() {
+            let bound = found.estimate.bound;
+            let hopeless = found.rounding > BUDGET || bound.is_nan() || bound == f64::INFINITY;
+            if out[at].estimate.integer().is_some() || hopeless {
+                continue;
+            }
+            let (i, j) = pairs[at];
+            let leaves = forest.roots[i as usize].2 + forest.roots[j as usize].2;
+            let share = match pass {
+                0 => BUDGET / (8.0 * f64::from(leaves).sqrt()),
+                _ => shares[k] * (0.9 * BUDGET / bound).powf(1.25).clamp(1e-4, 0.7),
+            };
+            left.push(at);
+            finer.push(share);
+        }
+        (open, shares) = (left, finer);
+        if open.is_empty() {
+            break;
+        }
+    }
+    Ok(out.into_iter().map(|found| found.estimate).collect())
+}
+
+/// One pass; pairs in parts where all at once are too many.
+fn sums(
+    engine: &mut Engine,
+    frame: &Frame,
+    forest: &Forest,
+    asked: &[(Pair, Criterion)],
+) -> Result<Vec<Found>, Trouble> {
+    if asked.is_empty() {
+        return Ok(Vec::new());
+    }
+    let most = engine.device.most_bytes();
+    // Room for the sums, the larger of both kinds.
+    let fits = size_of::<FarSum>() as u64 * asked.len() as u64 <= most;
+    loop {
+        if fits && let Some(found) = pass(engine, frame, forest, asked)? {
+            return Ok(found);
+        }
+        let largest = [size_of::<NodePair>(), size_of::<super::Tile>()].map(|s| most / s as u64);
+        let room = engine.agenda_room.map(u64::from);
+        if fits && room[0] * 4 <= largest[0] && room[1] * 4 <= largest[1] {
+            engine.agenda_room = engine.agenda_room.map(|room| 4 * room);
+            continue;
+        }
+        if asked.len() == 1 {
+            return Ok(vec![NOTHING]);
+        }
+        let (first, second) = asked.split_at(asked.len() / 2);
+        let mut found = sums(engine, frame, forest, first)?;
+        found.extend(sums(engine, frame, forest, second)?);
+        return Ok(found);
+    }
+}
+
+/// One pass; none where there was too little room.
+fn pass(
+    engine: &mut Engine,
+    frame: &Frame,
+    forest: &Forest,
+    asked: &[(Pair, Criterion)],
+) -> Result<Option<Vec<Found>>, Trouble> {
+    let [room, tile_room] = engine.agenda_room;
+    if asked.len() as u64 > u64::from(room) {
+        return Ok(None);
+    }
+    let root = |i: u32| forest.roots[i as usize];
+    let levels = asked
+        .iter()
+        .map(|((i, j), _)| root(*i).1 + root(*j).1)
+        .max()
+        .unwrap_or(0);
+    let levels = levels.min(COUNTS - 2);
+    let start: Vec<NodePair> = (0..)
+        .zip(asked)
+        .map(|(pair, ((i, j), _))| NodePair {
+            pair,
+            first: root(*i).0,
+            second: root(*j).0,
+        })
+        .collect();
+    let criteria: Vec<Criterion> = asked.iter().map(|a| a.1).collect();
+    let mut counts = [0u32; COUNTS as usize];
+    counts[0] = asked.len() as u32;
+    let mut parameters = Vec::new();
+    for level in 0..levels {
+        let own = Parameters {
+            radius: frame.radius,
+            zero: 0,
+            capacity: room,
+            items: level,
+        };
+        parameters.extend_from_slice(bytemuck::bytes_of(&own));
+        parameters.resize((level as usize + 1) * super::ALIGNMENT as usize, 0);
+    }
+    let agenda_bytes = u64::from(room) * size_of::<NodePair>() as u64;
+    let tile_bytes = u64::from(tile_room) * size_of::<super::Tile>() as u64;
+    let far_bytes = size_of_val(asked) as u64 / size_of::<(Pair, Criterion)>() as u64
+        * size_of::<FarSum>() as u64;
+    let upload = |buffer, bytes: &[u8]| Command::Upload(buffer, bytes.to_vec());
+    let own_parameters = Buffer("parameters", STAGE.name);
+    let mut commands = Vec::new();
+    if engine.nodes_of != Some(frame.id) {
+        commands.push(upload(NODES, bytemuck::cast_slice(&forest.nodes)));
+    }
+    commands.extend([
+        upload(own_parameters, &parameters),
+        upload(CRITERIA, bytemuck::cast_slice(&criteria)),
+        Command::Reserve(AGENDAS[0], agenda_bytes),
+        Command::Reserve(AGENDAS[1], agenda_bytes),
+        upload(AGENDAS[0], bytemuck::cast_slice(&start)),
+        upload(COUNTERS, bytemuck::cast_slice(&counts)),
+        Command::Reserve(TILES, tile_bytes),
+        Command::Clear(FAR, far_bytes),
+    ]);
+    let binding = |buffer, size| Binding {
+        buffer,
+        offset: 0,
+        size,
+    };
+    for level in 0..levels {
+        let [from, to] = match level % 2 {
+            0 => AGENDAS,
+            _ => [AGENDAS[1], AGENDAS[0]],
+        };
+        commands.push(Command::Dispatch {
+            stage: STAGE,
+            bindings: vec![
+                Binding {
+                    buffer: own_parameters,
+                    offset: u64::from(level) * super::ALIGNMENT,
+                    size: size_of::<Parameters>() as u64,
+                },
+                binding(NODES, size_of_val(&forest.nodes[..]) as u64),
+                binding(CRITERIA, size_of_val(&criteria[..]) as u64),
+                binding(FAR, far_bytes),
+                binding(from, agenda_bytes),
+                binding(to, agenda_bytes),
+                binding(TILES, tile_bytes),
+                binding(COUNTERS, u64::from(4 * COUNTS)),
+            ],
+            groups: GROUPS[usize::from(engine.device.info().software)],
+        });
+    }
+    commands.push(Command::Download(FAR, far_bytes));
+    commands.push(Command::Download(COUNTERS, u64::from(4 * COUNTS)));
+    engine.nodes_of = None;
+    let got = engine.run(frame, &commands)?;
+    engine.nodes_of = Some(frame.id);
+    let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&got[1]);
+    let tiles = counts[COUNTS as usize - 1];
+    let full = |&count: &u32| count > room;
+    if counts[..COUNTS as usize - 1].iter().any(full) || tiles > tile_room {
+        return Ok(None);
+    }
+    // What is left below the last level would be lost.
+    if counts[levels as usize] > 0 {
+        return Err(Trouble::limit(
+            "levels of trees",
+            u64::from(levels) + 1,
+            u64::from(levels),
+        ));
+    }
+    let far: Vec<FarSum> = bytemuck::pod_collect_to_vec(&got[0]);
+    let near = direct::sum_tiles(engine, frame, asked.len(), TILES, tiles)?;
+    Ok(Some(
+        far.iter()
+            .zip(&near)
+            .map(|(far, near)| found(far, near))
+            .collect(),
+    ))
+}
+
+fn found(far: &FarSum, near: &AngleSum) -> Found {
+    let Estimate { value, bound } = direct::estimate(near);
+    Found {
+        estimate: Estimate {
+            value: value + fixed::number(far.value),
+            bound: bound + 1.000_001 * fixed::number(far.bound) + 1e-15 * value.abs(),
+        },
+        rounding: bound + fixed::number(far.size),
+    }
+}

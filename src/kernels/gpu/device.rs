@@ -1,0 +1,377 @@
+//! The adapter, and how a list of commands runs on it: the only file that names the graphics interface.
+
+use super::commands::{Binding, Buffer, Command, Stage, grid};
+use super::error::Trouble;
+use crate::kernels::device::DeviceInfo;
+use std::collections::HashMap;
+use std::pin::pin;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::task::{Context, Poll, Wake, Waker};
+use std::time::Duration;
+use wgpu::PollType;
+
+/// What one submission may take. Pieces of work are cut so that they end far earlier; an adapter that does not answer in
+/// this time has hung.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// An adapter, open, with its programs and buffers.
+#[derive(Debug)]
+pub(crate) struct Device {
+    info: DeviceInfo,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    limits: wgpu::Limits,
+    pipelines: HashMap<&'static str, wgpu::ComputePipeline>,
+    buffers: HashMap<Buffer, wgpu::Buffer>,
+    lost: Arc<AtomicBool>,
+    uncaptured: Arc<Mutex<Option<String>>>,
+    /// Bytes that one buffer may have, at most.
+    most: u64,
+}
+
+fn instance() -> wgpu::Instance {
+    wgpu::Instance::new(wgpu::InstanceDescriptor {
+        backends: wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12,
+        ..wgpu::InstanceDescriptor::new_without_display_handle()
+    })
+}
+
+fn adapters() -> Vec<wgpu::Adapter> {
+    let enumerated = instance().enumerate_adapters(wgpu::Backends::all());
+    block_on(enumerated)
+}
+
+fn info(adapter: &wgpu::Adapter) -> DeviceInfo {
+    let about = adapter.get_info();
+    let limits = adapter.limits();
+    DeviceInfo {
+        name: about.name,
+        backend: format!("{:?}", about.backend),
+        kind: format!("{:?}", about.device_type),
+        driver: format!("{} {}", about.driver, about.driver_info),
+        software: about.device_type == wgpu::DeviceType::Cpu,
+        double_precision: adapter.features().contains(wgpu::Features::SHADER_F64),
+        max_buffer_bytes: limits.max_buffer_size,
+        max_binding_bytes: limits.max_storage_buffer_binding_size,
+        trouble: None,
+    }
+}
+
+/// All adapters.
+pub(super) fn list() -> Vec<DeviceInfo> {
+    adapters().iter().map(info).collect()
+}
+
+impl Device {
+    /// Opens an adapter: the one whose name has these words in it, or the first of the fastest kind.
+    pub fn open(name: Option<&str>) -> Result<Device, Trouble> {
+        let mut found = adapters();
+        found.sort_by_key(|a| rank(a.get_info().device_type));
+        let fits = |a: &&wgpu::Adapter| {
+            let wanted = name.unwrap_or_default().to_lowercase();
+            a.get_info().name.to_lowercase().contains(&wanted)
+        };
+        let Some(adapter) = found.iter().find(fits) else {
+            return Err(Trouble::NoAdapter {
+                wanted: name.map(Into::into),
+                found: found.iter().map(|a| a.get_info().name).collect(),
+            });
+        };
+        // Only what is used: buffers as large as they come, nothing else beyond what every adapter has.
+        let has = adapter.limits();
+        let limits = wgpu::Limits {
+            max_buffer_size: has.max_buffer_size,
+            max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
+            // Those of Barnes-Hut, and what every adapter has.
+            max_storage_buffers_per_shader_stage: 8,
+            max_compute_workgroups_per_dimension: has.max_compute_workgroups_per_dimension,
+            ..wgpu::Limits::downlevel_defaults()
+        };
+        let request = adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("linkwatch"),
+            required_limits: limits.clone(),
+            ..Default::default()
+        });
+        let (device, queue) = block_on(request).map_err(failed)?;
+        let lost = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&lost);
+        device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));
+        let uncaptured = Arc::new(Mutex::new(None));
+        let to = Arc::clone(&uncaptured);
+        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
+            let mut first = to.lock().unwrap_or_else(PoisonError::into_inner);
+            first.get_or_insert_with(|| e.to_string());
+        }));
+        Ok(Device {
+            info: info(adapter),
+            device,
+            queue,
+            most: limits
+                .max_buffer_size
+                .min(limits.max_storage_buffer_binding_size),
+            limits,
+            pipelines: HashMap::new(),
+            buffers: HashMap::new(),
+            lost,
+            uncaptured,
+        })
+    }
+
+    /// Which adapter this is.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// Bytes that a buffer may have, at most.
+    pub fn most_bytes(&self) -> u64 {
+        self.most
+    }
+
+    /// Whether it has gone, or has failed once.
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Allows buffers of so many bytes only.
+    #[cfg(test)]
+    pub fn restrict(&mut self, most: u64) {
+        self.most = most;
+        self.buffers.clear();
+    }
+
+    /// Takes the adapter away, as a driver that resets it would.
+    #[cfg(test)]
+    pub fn destroy(&self) {
+        self.device.destroy();
+    }
+
+    /// Runs the commands; returns what the downloads read, in their order. Without a download it does not wait for the work
+    /// to be done, and errors of that show in the next run.
+    pub fn run(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
+        let filters = [
+            wgpu::ErrorFilter::Internal,
+            wgpu::ErrorFilter::OutOfMemory,
+            wgpu::ErrorFilter::Validation,
+        ];
+        let scopes = filters.map(|filter| self.device.push_error_scope(filter));
+        let done = self.run_unchecked(commands);
+        let mut errors = Vec::new();
+        // The last one pushed is the first to go.
+        for scope in scopes.into_iter().rev() {
+            errors.extend(block_on(scope.pop()).map(failed));
+        }
+        let mut uncaptured = self
+            .uncaptured
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        errors.extend(uncaptured.take().map(Trouble::Failed));
+        if self.lost.load(Ordering::Relaxed) {
+            return Err(Trouble::Failed("the adapter was lost".into()));
+        }
+        let done = errors.into_iter().next().map_or(done, Err);
+        if let Err(Trouble::Failed(_)) = done {
+            // What is lost is said to be lost only later. Whoever asks for the adapter again has it opened anew.
+            self.lost.store(true, Ordering::Relaxed);
+        }
+        done
+    }
+
+    fn run_unchecked(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let mut recorded = false;
+        let mut submitted = Vec::new();
+        let mut staged = Vec::new();
+        for command in commands {
+            match command {
+                Command::Reserve(buffer, bytes) => self.reserve(*buffer, *bytes)?,
+                Command::Upload(buffer, bytes) => {
+                    let padded = (bytes.len() as u64).next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
+                    self.reserve(*buffer, padded)?;
+                    // What is listed before must not see it.
+                    if std::mem::take(&mut recorded) {
+                        submitted.push(self.submit(&mut encoder));
+                    }
+                    self.queue.write_buffer(&self.buffers[buffer], 0, bytes);
+                }
+                Command::Clear(buffer, bytes) => {
+                    self.reserve(*buffer, *bytes)?;
+                    recorded = true;
+                    encoder.clear_buffer(&self.buffers[buffer], 0, Some(*bytes));
+                }
+                Command::Dispatch {
+                    stage,
+                    bindings,
+                    groups,
+                } => {
+                    recorded = true;
+                    self.dispatch(&mut encoder, *stage, bindings, *groups)?;
+                }
+                Command::Submit => {
+                    recorded = false;
+                    submitted.push(self.submit(&mut encoder));
+                }
+                Command::Download(buffer, bytes) => {
+                    let target = self.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some("download"),
+                        size: *bytes,
+                        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                        mapped_at_creation: false,
+                    });
+                    let source = self.buffers.get(buffer);
+                    let source = source.ok_or_else(|| failed("a download from no buffer"))?;
+                    recorded = true;
+                    encoder.copy_buffer_to_buffer(source, 0, &target, 0, *bytes);
+                    staged.push(target);
+                }
+            }
+        }
+        submitted.push(self.submit(&mut encoder));
+        if staged.is_empty() {
+            return Ok(Vec::new());
+        }
+        let (send, receive) = mpsc::channel();
+        for buffer in &staged {
+            let send = send.clone();
+            buffer.map_async(wgpu::MapMode::Read, .., move |done| {
+                // The other end waits, unless it has given up.
+                let _ = send.send(done);
+            });
+        }
+        for index in submitted {
+            let wait = PollType::Wait {
+                submission_index: Some(index),
+                timeout: Some(PATIENCE),
+            };
+            self.device.poll(wait).map_err(failed)?;
+        }
+        let mut out = Vec::new();
+        for _ in &staged {
+            let mapped = receive.recv_timeout(PATIENCE).map_err(failed)?;
+            mapped.map_err(failed)?;
+        }
+        for buffer in &staged {
+            let view = buffer.get_mapped_range(..).map_err(failed)?;
+            out.push(view.to_vec());
+            drop(view);
+            buffer.unmap();
+        }
+        Ok(out)
+    }
+
+    /// Hands over what was recorded, and starts anew.
+    fn submit(&self, encoder: &mut wgpu::CommandEncoder) -> wgpu::SubmissionIndex {
+        let fresh = self.device.create_command_encoder(&Default::default());
+        let full = std::mem::replace(encoder, fresh);
+        self.queue.submit([full.finish()])
+    }
+
+    /// Makes room in a buffer.
+    fn reserve(&mut self, buffer: Buffer, bytes: u64) -> Result<(), Trouble> {
+        if bytes > self.most {
+            return Err(Trouble::limit("bytes in a buffer", bytes, self.most));
+        }
+        if self.buffers.get(&buffer).is_some_and(|b| b.size() >= bytes) {
+            return Ok(());
+        }
+        // Room to grow, so that a frame of a few more segments needs no new one.
+        let size = bytes.next_power_of_two().max(256).min(self.most).max(bytes);
+        let made = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(buffer.0),
+            size: size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
+            usage: wgpu::BufferUsages::STORAGE
+                | wgpu::BufferUsages::UNIFORM
+                | wgpu::BufferUsages::COPY_SRC
+                | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.buffers.insert(buffer, made);
+        Ok(())
+    }
+
+    fn dispatch(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        stage: Stage,
+        bindings: &[Binding],
+        groups: u32,
+    ) -> Result<(), Trouble> {
+        let [x, y] = grid(groups, self.limits.max_compute_workgroups_per_dimension)?;
+        let device = &self.device;
+        let pipeline = self.pipelines.entry(stage.name).or_insert_with(|| {
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(stage.name),
+                source: wgpu::ShaderSource::Wgsl((stage.source)().into()),
+            });
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(stage.name),
+                layout: None,
+                module: &module,
+                entry_point: Some("main"),
+                // What programs read of it they have written.
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    zero_initialize_workgroup_memory: false,
+                    ..Default::default()
+                },
+                cache: None,
+            })
+        });
+        let mut entries = Vec::new();
+        for (k, b) in (0..).zip(bindings) {
+            let buffer = self.buffers.get(&b.buffer);
+            let buffer = buffer.ok_or_else(|| failed("a binding to no buffer"))?;
+            entries.push(wgpu::BindGroupEntry {
+                binding: k,
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer,
+                    offset: b.offset,
+                    size: std::num::NonZero::new(b.size),
+                }),
+            });
+        }
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(stage.name),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(x, y, 1);
+        Ok(())
+    }
+}
+
+/// The fastest kinds first.
+fn rank(kind: wgpu::DeviceType) -> u32 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+fn failed(e: impl std::fmt::Display) -> Trouble {
+    Trouble::Failed(e.to_string())
+}
+
+/// Waits for a future that needs no executor.
+fn block_on<F: Future>(future: F) -> F::Output {
+    struct Unpark(std::thread::Thread);
+    impl Wake for Unpark {
+        fn wake(self: Arc<Self>) {
+            self.0.unpark();
+        }
+    }
+    let waker = Waker::from(Arc::new(Unpark(std::thread::current())));
+    let mut context = Context::from_waker(&waker);
+    let mut future = pin!(future);
+    loop {
+        match future.as_mut().poll(&mut context) {
+            Poll::Ready(out) => return out,
+            Poll::Pending => std::thread::park(),
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! The Gauss sum of all pairs of curves at once, in single precision, with its bound.
+//!
+//! The terms are those of [`crate::kernels::direct`], divided by the distances, so that no product of lengths underflows:
+//! with `a = l0 - k0`, `b = l0 - k1`, `c = l1 - k1`, `d = l1 - k0`, their unit vectors `a^ ..`, `e = k1 - k0`, `f = l1 - l0`,
+//!
+//! ```text
+//! q  = (a^ . (f x e)) / |c|                     P1 = q / |b|     P2 = q / |d|
+//! D1 = 1 + a^.b^ + b^.c^ + c^.a^                D2 = 1 + a^.d^ + d^.c^ + c^.a^
+//! theta = arg z1 + arg z2 = arg(z1 z2),         z1 = D1 + i P1,  z2 = D2 + i P2
+//! ```
+//!
+//! Changed against the processor: the bound of a pair is proportional to the pair's own size, which it has to be where
+//! `2^-23` times ten thousand million pairs is more than an integer; sums are made in fixed point.
+//!
+//! # The bound of a pair
+//!
+//! `u = 2^-23` is more than the relative error of an addition, a subtraction or a multiplication, whichever way the
+//! adapter rounds; `4 u` is more than that of a division or an inverse square root. [`super::self_test`] looks whether
+//! that is so. Vertices are exact, their differences are pinned, so that no compiler takes them apart; all the rest are sums of
+//! products, and the bounds hold for each grouping and contraction of those. To first order in `u`:
+//!
+//! * A difference is off by `u` a coordinate, the square of its length by `5 u` of itself, the inverse of the length by `6.5 u`,
+//!   a coordinate of the unit vector by `8.5 u` of itself, the dot product of two by `20 u`, and `D1`, `D2` by `delta_D = 69 u`,
+//!   below [`CORNERS`]` / 2`.
+//! * `f x e` is off by `4 sqrt(2) u |e| |f|`; `q` by `10.7 u |e| |f| / |c| + 14.5 u |q|`; and `P1` by `delta_P = 10.7 u s1 + 22 u |P1|`
+//!   with `s1 = |e| |f| / (|b| |c|)`. [`LEVER`] and [`HEIGHT`] are above that.
+//! * Let `m = min(max(D1, |P1|), max(D2, |P2|))`. Where `(delta_P1 + delta_P2 + 2 delta_D) / m <= 1/8` ([`DOUBT`] is less), the
+//!   computed and the true `z1` are on the same side of the negative axis, as in [`crate::kernels::direct::block`], and with
+//!   `|z1| >= max(D1, |P1|)` their arguments differ by
+//!   `asin((|D1| delta_P1 + |P1| delta_D) / (|z1| |z1'|)) <= 1.15 (delta_P1 + delta_D |P1| / m) / m`. The same for `z2`.
+//! * The product is off by `4 u (|D1 D2| + |P1 P2|)` in its real part and by `4 u (|P1 D2| + |P2 D1|)` in the
+//!   imaginary one, which turn it by `12 u (|P1| + |P2|) / m` at most. It does not cross the negative axis, because the factor
+//!   `D2 / |b| + D1 / |d|`, which is not negative, counts as 0 where it is computed as negative.
+//! * The arctangent is off by `16 u |theta|`: its series of seven terms by `(1/3)^14 / 15 < u / 8`, the rest is rounding. As
+//!   `|theta| <= pi (|P1| + |P2|) / m`, that is below `50 u (|P1| + |P2|) / m`.
+//!
+//! Together, with `g = 1/|b| + 1/|d|`: `u g / m (16.1 |e| |f| / |c| + (90.8 + 83 / m) |q|)`. [`SPAN`], [`TURN`] and [`TILT`] are
+//! above that, and all of it is taken 1.01 times ([`ROUNDED_UP`]) for the errors of the bound itself and of higher order.
+//!
+//! Numbers below `2^-126` may count as 0. With all four distances above `10^-8` ([`TINY_SQUARE`]; nearer pairs are in doubt)
+//! and `10^-15` added to the lengths of segments ([`TINY_LENGTH`]), what that costs is below a hundredth of the bound; and
+//! with coordinates below 1 nothing overflows.
+//!
+//! Pairs in doubt count as 0, which is off by less than `pi`.
+//!
+//! # The bound of a sum
+//!
+//! Up to [`COLUMNS`] angles are added in single precision, off by `u` of each partial sum, which is added to the
+//! bound; then in units of `2^-44`, exactly, with a unit for the conversion. Ten thousand million pairs lose less
+//! than `10^-5` by that. An angle that is certain is off by less than 1, and one is below `pi`, so a workgroup's 1024 by 64 pairs
+//! stay below the 500,000 that 64 bits hold; the sum of a pair of curves has 96.
+//!
+//! # Vertices that are not exact
+//!
+//! Where coordinates had to be rounded, the sum is that of polylines whose vertices are where they were rounded to. They have
+//! the same linking number if no two segments can meet on the way there: if these are further apart than `2 sqrt(3)`
+//! times the radius, which is [`REACH`] or less. That is looked at for every pair of segments: along the axes; and by the
+//! volume of the tetrahedron of their ends, since their lines are `|q| |a| |c| / (|e| |f|)` apart or more. Where neither
+//! shows it, nothing is known of the pair of curves.
+
+use super::Engine;
+use super::commands::{Buffer, Command, Stage};
+use super::error::Trouble;
+use super::fixed;
+use super::frame::Frame;
+use super::layout::{AngleSum, Tile, word};
+use super::tiles::{Shape, cut};
+use crate::kernels::Estimate;
+use crate::kernels::barnes_hut::LEAF_SEGMENTS;
+use crate::pairs::Pair;
+use std::f64::consts::{PI, TAU};
+
+/// What sums are made with.
+pub(super) const SUMS_PROGRAM: &str = include_str!("sums.wgsl");
+
+/// Threads of a workgroup.
+pub(super) const THREADS: u32 = 64;
+
+/// Columns that are summed in single precision.
+pub(super) const COLUMNS: u32 = 64;
+
+/// More than the relative error of an operation.
+pub(super) const UNIT_ERROR: f64 = 1.0 / (1u32 << 23) as f64;
+
+/// Twice the error of `D1`, in units of [`UNIT_ERROR`], like those that follow.
+const CORNERS: f64 = 144.0;
+/// Of `P1`, for each `s1`.
+const LEVER: f64 = 14.0;
+/// Of `P1`, for each `|P1|`.
+const HEIGHT: f64 = 25.0;
+/// Of the angle, for each `g |e| |f| / (|c| m)`.
+const SPAN: f64 = 17.0;
+/// Of the angle, for each `g |q| / m`.
+const TURN: f64 = 92.0;
+/// Of the angle, for each `g |q| / m^2`.
+const TILT: f64 = 84.0;
+/// Largest error of `z1` and of `z2`, relative to `m`, at which their arguments are certain; less than 1/8.
+const DOUBT: f64 = 0.1;
+/// The distance at which segments may meet if vertices are off by 1 along each axis: more than `2 sqrt(3)`.
+pub(super) const REACH: f64 = 3.6;
+/// More than the error of `q`, for each `|e| |f| / |c|`.
+const SKEW: f64 = 40.0 * UNIT_ERROR;
+/// Added to the length of a segment.
+const TINY_LENGTH: f64 = 1e-15;
+/// Squares of distances below this are in doubt.
+pub(super) const TINY_SQUARE: f64 = 1e-16;
+/// What a bound is taken times.
+const ROUNDED_UP: f64 = 1.01 * UNIT_ERROR;
+
+// Leaves of trees are tiles of the smaller shape.
+const _: () = assert!(LEAF_SEGMENTS <= SHAPES[0].0.rows && LEAF_SEGMENTS <= SHAPES[0].0.columns);
+
+/// How work is cut: rows of a tile, and steps of [`COLUMNS`] columns.
+pub(super) const SHAPES: [(Shape, Stage); 2] = [
+    (
+        Shape {
+            rows: 16,
+            columns: COLUMNS,
+        },
+        Stage {
+            name: "direct, small",
+            source: || source(16, 1),
+        },
+    ),
+    (
+        Shape {
+            rows: 64,
+            columns: 16 * COLUMNS,
+        },
+        Stage {
+            name: "direct",
+            source: || source(64, 16),
+        },
+    ),
+];
+
+/// The program for tiles of so many rows and steps.
+fn source(rows: u32, steps: u32) -> String {
+    let whole = [
+        ("THREADS", THREADS),
+        ("ROWS", rows),
+        ("COLUMNS", COLUMNS),
+        ("STEPS", steps),
+        ("WORDS", word!(AngleSum)),
+        ("VALUE", word!(AngleSum.value)),
+        ("BOUND", word!(AngleSum.bound)),
+        ("DOUBTS", word!(AngleSum.doubts)),
+        ("NEAR", word!(AngleSum.near)),
+    ];
+    let real = [
+        ("UNIT_ERROR", UNIT_ERROR),
+        ("CORNERS", CORNERS),
+        ("LEVER", LEVER),
+        ("HEIGHT", HEIGHT),
+        ("SPAN", SPAN),
+        ("TURN", TURN),
+        ("TILT", TILT),
+        ("DOUBT", DOUBT),
+        ("REACH", REACH),
+        ("SKEW", SKEW),
+        ("TINY_LENGTH", TINY_LENGTH),
+        ("TINY_SQUARE", TINY_SQUARE),
+        ("ROUNDED_UP", ROUNDED_UP),
+        ("ATAN_HALF", 0.5f64.atan()),
+        ("HALF_PI", PI / 2.0),
+        ("PI", PI),
+    ];
+    super::program(&whole, &real, &[SUMS_PROGRAM, include_str!("direct.wgsl")])
+}
+
+/// The linking numbers of all pairs, in one list of commands unless they are millions.
+pub(super) fn linking_numbers(
+    engine: &mut Engine,
+    frame: &Frame,
+    pairs: &[Pair],
+) -> Result<Vec<Estimate>, Trouble> {
+    // As many as there is room for the sums of.
+    let most = (engine.device.most_bytes() / size_of::<AngleSum>() as u64).max(1) as usize;
+    if pairs.len() > most {
+        let mut all = Vec::with_capacity(pairs.len());
+        for part in pairs.chunks(most) {
+            all.extend(linking_numbers(engine, frame, part)?);
+        }
+        return Ok(all);
+    }
+    let segments = |&(i, j): &Pair| [frame.segments(i), frame.segments(j)];
+    // Most pairs are small together or large together; what wastes fewer threads is taken.
+    let shape_of = |[m, n]: [u32; 2]| usize::from(m.max(n) > 2 * SHAPES[0].0.rows);
+    let mut tiles = SHAPES.map(|_| Vec::new());
+    for (k, pair) in (0..).zip(pairs) {
+        let (i, j) = *pair;
+        let [m, n] = segments(pair);
+        if i == j || m == 0 || n == 0 {
+            continue;
+        }
+        // The same sum whichever curve is named first.
+        let (rows, columns) = match (m, i) > (n, j) {
+            true => (i, j),
+            false => (j, i),
+        };
+        let shape = shape_of([m, n]);
+        let whole = Tile {
+            pair: k,
+            first_row: frame.first(rows),
+            rows: frame.segments(rows),
+            first_column: frame.first(columns),
+            columns: frame.segments(columns),
+            ..Tile::default()
+        };
+        cut(whole, SHAPES[shape].0, &mut tiles[shape]);
+    }
+    let size = (pairs.len() * size_of::<AngleSum>()) as u64;
+    let mut commands = vec![Command::Clear(super::SUMS, size.max(4))];
+    for ((shape, stage), tiles) in SHAPES.iter().zip(&tiles) {
+        let per_group = THREADS / shape.rows;
+        let sums = [(super::SUMS, size)];
+        engine.dispatch_tiles(&mut commands, *stage, frame, tiles, per_group, &sums)?;
+    }
+    commands.push(Command::Download(super::SUMS, size.max(4)));
+    let found = engine.run(frame, &commands)?;
+    let sums: Vec<AngleSum> = bytemuck::pod_collect_to_vec(&found[0][..size as usize]);
+    let estimate = |(pair, sum): (&Pair, &AngleSum)| match segments(pair) {
+        [0, _] | [_, 0] => Estimate::UNKNOWN,
+        _ if pair.0 == pair.1 => Estimate::UNKNOWN,
+        _ => estimate(sum),
+    };
+    Ok(pairs.iter().zip(&sums).map(estimate).collect())
+}
+
+/// The sums of tiles that are in a buffer already, each no larger than the smaller shape.
+pub(super) fn sum_tiles(
+    engine: &mut Engine,
+    frame: &Frame,
+    pairs: usize,
+    tiles: Buffer,
+    count: u32,
+) -> Result<Vec<AngleSum>, Trouble> {
+    if count == 0 {
+        return Ok(vec![AngleSum::default(); pairs]);
+    }
+    let (shape, stage) = SHAPES[0];
+    let size = (pairs * size_of::<AngleSum>()) as u64;
+    let work = u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
+    let mut commands = vec![Command::Clear(super::SUMS, size)];
+    let per_group = THREADS / shape.rows;
+    let sums = [(super::SUMS, size)];
+    engine.dispatch_buffer(
+        &mut commands,
+        stage,
+        frame,
+        (tiles, count, work),
+        per_group,
+        &sums,
+    );
+    commands.push(Command::Download(super::SUMS, size));
+    let found = engine.run(frame, &commands)?;
+    Ok(bytemuck::pod_collect_to_vec(&found[0]))
+}
+
+/// What a sum says of the linking number.
+pub(super) fn estimate(sum: &AngleSum) -> Estimate {
+    if sum.near > 0 {
+        return Estimate::UNKNOWN;
+    }
+    let value = fixed::number(sum.value);
+    let bound = fixed::number(sum.bound) + PI * f64::from(sum.doubts);
+    Estimate {
+        value: value / TAU,
+        bound: (1.000_001 * bound + 1e-15 * value.abs()) / TAU,
+    }
+}

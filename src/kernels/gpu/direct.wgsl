@@ -1,0 +1,180 @@
+// The Gauss sum of tiles: src/kernels/gpu/direct.rs has the formulas and the proof of the bounds. Constants in capitals that
+// are not defined here come from there.
+
+@group(0) @binding(1) var<storage, read> vertices: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
+
+// Threads of a workgroup, and of those the ones that work on a tile together, a row each.
+const SLOTS = THREADS / ROWS;
+// Columns that are in reach at once; a vertex more than segments.
+const STRIDE = COLUMNS + 1u;
+
+var<workgroup> columns: array<vec3<f32>, SLOTS * STRIDE>;
+var<workgroup> values: array<vec2<u32>, THREADS>;
+var<workgroup> bounds: array<vec2<u32>, THREADS>;
+var<workgroup> counts: array<vec2<u32>, THREADS>;
+
+// atan(y / x), the argument of a complex number of the upper half plane, x of any sign: off by 16 u of itself.
+fn argument(x: f32, y: f32) -> f32 {
+    let size = abs(x);
+    let small = min(size, y);
+    let large = max(size, y);
+    // Tangents above 1/3 are turned back by atan(1/2).
+    let over = 3.0 * small > large;
+    let top = select(small, pinned(2.0 * small) - large, over);
+    let bottom = select(large, 2.0 * large + small, over);
+    let t = top / bottom;
+    let s = t * t;
+    var series = 1.0 / 13.0;
+    series = series * s - 1.0 / 11.0;
+    series = series * s + 1.0 / 9.0;
+    series = series * s - 1.0 / 7.0;
+    series = series * s + 1.0 / 5.0;
+    series = series * s - 1.0 / 3.0;
+    series = series * s + 1.0;
+    let eighth = select(0.0, ATAN_HALF, over) + t * series;
+    let quarter = select(eighth, HALF_PI - eighth, y > size);
+    return select(quarter, PI - quarter, x < 0.0);
+}
+
+// Gaps along the axes between the boxes of two segments: the largest.
+fn gap(a0: vec3<f32>, a1: vec3<f32>, b0: vec3<f32>, b1: vec3<f32>) -> f32 {
+    let above = pinned3(min(a0, a1)) - pinned3(max(b0, b1));
+    let below = pinned3(min(b0, b1)) - pinned3(max(a0, a1));
+    let each = max(above, below);
+    return max(each.x, max(each.y, each.z));
+}
+
+@compute @workgroup_size(THREADS)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) grid: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
+    let slot = thread / ROWS;
+    let lane = thread % ROWS;
+    let number = (group.y * grid.x + group.x) * SLOTS + slot;
+    let here = number < parameters.items;
+    var tile = Tile(0u, 0u, 0u, 0u, 0u, 0u, vec2<u32>());
+    if here {
+        tile = tiles[number];
+    }
+    let works = lane < tile.rows;
+    var k0 = vec3<f32>();
+    var k1 = vec3<f32>();
+    if works {
+        k0 = vertices[tile.first_row + lane].xyz;
+        k1 = vertices[tile.first_row + lane + 1u].xyz;
+    }
+    let e = pinned3(k1 - k0);
+    let e_length = sqrt(dot(e, e)) + TINY_LENGTH;
+    var value = vec2<u32>();
+    var bound = vec2<u32>();
+    var doubts = 0u;
+    var near = 0u;
+
+    for (var step = 0u; step < STEPS; step++) {
+        let begin = step * COLUMNS;
+        let end = min(begin + COLUMNS, max(tile.columns, begin));
+        let count = end - begin;
+        workgroupBarrier();
+        for (var j = lane; j <= count && begin < tile.columns; j += ROWS) {
+            columns[slot * STRIDE + j] = vertices[tile.first_column + begin + j].xyz;
+        }
+        workgroupBarrier();
+        if works && count > 0u {
+            var sum = 0.0;
+            var error = 0.0;
+            var l0 = columns[slot * STRIDE];
+            // Differences, the squares of their lengths and one over these, and the unit vectors.
+            let first_a = pinned3(l0 - k0);
+            let first_b = pinned3(l0 - k1);
+            var aa = dot(first_a, first_a);
+            var bb = dot(first_b, first_b);
+            var ia = inverseSqrt(max(aa, TINY_SQUARE));
+            var ib = inverseSqrt(max(bb, TINY_SQUARE));
+            var a = first_a * ia;
+            var b = first_b * ib;
+            var ab = dot(a, b);
+            for (var j = 0u; j < count; j++) {
+                let l1 = columns[slot * STRIDE + j + 1u];
+                let long_c = pinned3(l1 - k1);
+                let long_d = pinned3(l1 - k0);
+                let f = pinned3(l1 - l0);
+                let cc = dot(long_c, long_c);
+                let dd = dot(long_d, long_d);
+                let ic = inverseSqrt(max(cc, TINY_SQUARE));
+                let id = inverseSqrt(max(dd, TINY_SQUARE));
+                let c = long_c * ic;
+                let d = long_d * id;
+                let cd = dot(c, d);
+                let ac = dot(a, c);
+                let d1 = 1.0 + ab + dot(b, c) + ac;
+                let d2 = 1.0 + dot(a, d) + cd + ac;
+                let crossed = cross(f, e);
+                let q = dot(a, crossed) * ic;
+                let size = abs(q);
+                let w = ib * d2 + id * d1;
+                let x = d1 * d2 - q * q * ib * id;
+                let y = size * max(w, 0.0);
+
+                let inverse = ib + id;
+                let m = min(max(d1, size * ib), max(d2, size * id));
+                let edges = e_length * (sqrt(dot(f, f)) + TINY_LENGTH);
+                let lever = inverse * (LEVER * edges * ic + HEIGHT * size) + CORNERS;
+                let clear = min(min(aa, bb), min(cc, dd)) > TINY_SQUARE;
+                let certain = clear && lever * UNIT_ERROR <= DOUBT * m;
+                if certain {
+                    let over = 1.0 / m;
+                    let size_of_angle = argument(x, y);
+                    sum += select(size_of_angle, -size_of_angle, q < 0.0);
+                    error += inverse * over * (SPAN * edges * ic + (TURN + TILT * over) * size) + abs(sum);
+                } else {
+                    doubts += 1u;
+                }
+                if parameters.radius > 0.0 {
+                    let reach = REACH * parameters.radius;
+                    let aside = size > edges * ic * (reach * ia + SKEW);
+                    let apart = gap(k0, k1, l0, l1) > reach;
+                    if !(clear && (aside || apart)) {
+                        near += 1u;
+                    }
+                }
+                l0 = l1;
+                aa = dd;
+                bb = cc;
+                ia = id;
+                ib = ic;
+                a = d;
+                b = c;
+                ab = cd;
+            }
+            value = add64(value, fixed64(sum));
+            // Up by more than what the rounding to fixed point, of both, and of this sum have cost.
+            bound = add64(bound, add64(fixed64(error * ROUNDED_UP), vec2<u32>(8u, 0u)));
+        }
+    }
+
+    values[thread] = value;
+    bounds[thread] = bound;
+    counts[thread] = vec2<u32>(doubts, near);
+    for (var half = ROWS / 2u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if lane < half {
+            values[thread] = add64(values[thread], values[thread + half]);
+            bounds[thread] = add64(bounds[thread], bounds[thread + half]);
+            counts[thread] += counts[thread + half];
+        }
+    }
+    if lane == 0u && here {
+        let at = tile.pair * WORDS;
+        add96(at + VALUE, values[thread]);
+        add96(at + BOUND, bounds[thread]);
+        if counts[thread].x > 0u {
+            atomicAdd(&sums[at + DOUBTS], counts[thread].x);
+        }
+        if counts[thread].y > 0u {
+            atomicAdd(&sums[at + NEAR], counts[thread].y);
+        }
+    }
+}

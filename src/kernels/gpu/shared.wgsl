@@ -1,0 +1,48 @@
+// What all programs share. Structs: layout.rs.
+
+struct Parameters {
+    radius: f32,
+    zero: u32,
+    capacity: u32,
+    items: u32,
+}
+
+struct Tile {
+    pair: u32,
+    axis: u32,
+    first_row: u32,
+    rows: u32,
+    first_column: u32,
+    columns: u32,
+    padding: vec2<u32>,
+}
+
+@group(0) @binding(0) var<uniform> parameters: Parameters;
+
+// The same number. A compiler cannot know that, so it can neither cancel nor regroup across it.
+fn pinned(x: f32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(x) ^ parameters.zero);
+}
+
+fn pinned3(v: vec3<f32>) -> vec3<f32> {
+    return bitcast<vec3<f32>>(bitcast<vec3<u32>>(v) ^ vec3<u32>(parameters.zero));
+}
+
+// Integers of 64 bits: low half, high half. Their sums are exact, whatever the order.
+fn add64(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
+    let low = a.x + b.x;
+    return vec2<u32>(low, a.y + b.y + select(0u, 1u, low < a.x));
+}
+
+fn widened(x: i32) -> vec2<u32> {
+    return vec2<u32>(u32(x), u32(x >> 31u));
+}
+
+// A number of at most 2^10 in units of 2^-44, towards 0: off by less than one unit. Whole parts and rests are exact.
+fn fixed64(x: f32) -> vec2<u32> {
+    let scaled = x * 1048576.0;
+    let whole = trunc(scaled);
+    let rest = i32((scaled - whole) * 16777216.0);
+    let bits = i32(whole);
+    return add64(vec2<u32>(u32(bits) << 24u, u32(bits >> 8u)), widened(rest));
+}

@@ -1,0 +1,165 @@
+//! The hard cases on a graphics processor, and the device as the library offers it.
+//!
+//! Without an adapter these tests are shown as ignored, never as passed; software Vulkan (lavapipe) is an adapter.
+
+#[path = "../hard_cases/case.rs"]
+#[allow(dead_code, reason = "shared with the hard cases of the processor")]
+mod case;
+#[path = "../hard_cases/integers.rs"]
+mod integers;
+#[path = "../hard_cases/links.rs"]
+mod links;
+#[path = "../hard_cases/numbers.rs"]
+mod numbers;
+#[path = "../hard_cases/runner.rs"]
+#[allow(dead_code, reason = "shared with the hard cases of the processor")]
+mod runner;
+#[path = "../hard_cases/splines.rs"]
+mod splines;
+#[path = "../hard_cases/touching.rs"]
+mod touching;
+
+use case::Case;
+use libtest_mimic::{Arguments, Failed, Trial};
+use linkwatch::kernels::{Accuracy, Device, Method, devices};
+use linkwatch::scenes::Scene;
+use linkwatch::{AbortOn, Error, Verdict, Verifier};
+use runner::{Kernel, ON_DEVICE, Views};
+
+fn cases() -> Vec<Case> {
+    let parts = [
+        integers::cases(),
+        links::cases(),
+        numbers::cases(),
+        touching::cases(),
+        splines::cases(),
+    ];
+    parts.into_iter().flatten().collect()
+}
+
+/// Every case, seen in one of its ways by turns; all of its ways where the case is small.
+fn hard_cases(kernel: Kernel) -> Result<(), Failed> {
+    let panics = runner::count_panics();
+    let pools = runner::pools();
+    let complaints: Vec<String> = (cases().iter().enumerate())
+        .filter(|(_, case)| case.curves.segments() <= 20_000)
+        .flat_map(|(k, case)| {
+            let views = match case.curves.segments() {
+                0..=200 => Views::All,
+                _ => Views::Turn(k),
+            };
+            runner::complaints(case, kernel, views, &pools)
+        })
+        .collect();
+    if runner::count_panics() > panics {
+        return Err("a thread panicked".into());
+    }
+    match complaints.len() {
+        0 => Ok(()),
+        n => Err(format!("{n} wrong answers:\n{}", complaints.join("\n")).into()),
+    }
+}
+
+const SCENES: [&str; 7] = [
+    "ribbon:segments=20000,lambda=50",
+    "torus_link:segments=4000,toroidal=30,poloidal=20",
+    "woundball:segments=20001,crossings=100",
+    "chainmail:rows=12,columns=12,crumple=0.5",
+    "knit:rows=6,stitches=20,segments=1200",
+    "square_link:loops=60,segments=6000",
+    "rubber_bands:bands=60",
+];
+
+/// The certificates of scenes are those of their constructions, by every kernel and in both precisions.
+fn scenes() -> Result<(), Failed> {
+    let mut verifier = Verifier::new(AbortOn::Never);
+    verifier.set_device(&Device::Gpu)?;
+    for text in SCENES {
+        let built = text.parse::<Scene>()?.build()?;
+        for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
+            verifier.set_kernel(method, Accuracy::default());
+            let (found, stats) = verifier.certify(&built.curves);
+            if *found != built.certificate {
+                return Err(format!("{text}, {method}: {found:?}").into());
+            }
+            println!(
+                "{text}, {method}: {} potential links; {:?}; {:?}",
+                stats.potential_links,
+                verifier.ladder(),
+                verifier.offload()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Frame after frame on the device gives the reports of the processor.
+fn frames() -> Result<(), Failed> {
+    let built = "chainmail:rows=8,columns=9".parse::<Scene>()?.build()?;
+    let broken = runner::changed(&built.curves, |coordinates| {
+        let points = 3 * built.curves.curve(40).points as usize;
+        let moved = &mut coordinates[40 * points..41 * points];
+        moved.iter_mut().for_each(|x| *x += 100.0);
+    });
+    let reports = |device| -> Result<_, Failed> {
+        let mut verifier = Verifier::new(AbortOn::Any);
+        verifier.set_device(&device)?;
+        let frames = [&built.curves, &broken, &built.curves];
+        let step = |(k, set)| verifier.step(k, 0.0, set).map_err(Failed::from);
+        (0..).zip(frames).map(step).collect::<Result<Vec<_>, _>>()
+    };
+    let [device, processor] = [reports(Device::Gpu)?, reports(Device::Cpu)?];
+    for (a, b) in device.iter().zip(&processor) {
+        if (a.verdict, &a.changes, &a.defects) != (b.verdict, &b.changes, &b.defects) {
+            return Err(format!("{a:?}\n{b:?}").into());
+        }
+    }
+    match device[2].verdict {
+        Verdict::Intact => Ok(()),
+        other => Err(format!("{other}").into()),
+    }
+}
+
+/// A name that no adapter has is an error that lists those there are.
+fn names() -> Result<(), Failed> {
+    let mut verifier = Verifier::new(AbortOn::Never);
+    let Err(Error::Device(words)) = verifier.set_device(&Device::Named("none such".into())) else {
+        return Err("found".into());
+    };
+    let all = devices();
+    match all.iter().all(|d| words.contains(&d.name)) && !all.is_empty() {
+        true => Ok(()),
+        false => Err(words.into()),
+    }
+}
+
+fn main() {
+    let arguments = Arguments::from_args();
+    // Kept, so that the adapter is opened once.
+    let mut keeper = Verifier::new(AbortOn::Never);
+    let opened = keeper.set_device(&Device::Gpu);
+    if let Err(e) = &opened {
+        println!("no adapter: {e}");
+    }
+    let mut trials: Vec<Trial> = ON_DEVICE
+        .into_iter()
+        .map(|kernel| {
+            let name = format!("hard_cases::{}", kernel.name.replace(' ', "_"));
+            Trial::test(name, move || hard_cases(kernel))
+        })
+        .collect();
+    trials.push(Trial::test(
+        "scenes_have_the_numbers_of_their_constructions",
+        scenes,
+    ));
+    trials.push(Trial::test(
+        "frames_get_the_reports_of_the_processor",
+        frames,
+    ));
+    trials.push(Trial::test("an_unknown_name_lists_the_adapters", names));
+    let trials = trials
+        .into_iter()
+        .map(|t| t.with_ignored_flag(opened.is_err()))
+        .collect();
+    libtest_mimic::run(&arguments, trials).exit();
+}
