@@ -219,7 +219,7 @@ fn times_at_several_sizes() {
         ],
     );
     assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
-    assert!(stdout.contains("\n400 segments:\nauto "), "{stdout}");
+    assert!(stdout.contains("\n400 segments:\ncrossings "), "{stdout}");
     // Two betas are none to fit a power to.
     assert!(!stdout.contains("goes as"), "{stdout}");
     let text = std::fs::read_to_string(csv).unwrap();
@@ -234,7 +234,6 @@ fn times_at_several_sizes() {
     // The size of its own is in the table already.
     assert_eq!(of("4000").len(), 16);
     let sums = [
-        "auto",
         "crossings",
         "direct",
         "angle-sum",

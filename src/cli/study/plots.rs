@@ -57,7 +57,7 @@ const LEGEND: u32 = 240;
 const FONT: &str = "sans-serif";
 
 /// Colours that most people can tell apart (Okabe & Ito 2008), without the yellow, which is pale on white.
-const COLORS: [RGBColor; 7] = [
+const COLORS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -65,6 +65,7 @@ const COLORS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(230, 159, 0),
     RGBColor(110, 70, 40),
+    RGBColor(120, 120, 0),
 ];
 const GUIDES: [RGBColor; 2] = [RGBColor(60, 60, 60), RGBColor(150, 150, 150)];
 

@@ -68,10 +68,11 @@ impl Setting {
     }
 
     /// What is worth measuring at several sizes. Interval arithmetic is left out: it is the direct sum, some hundred
-    /// times slower.
+    /// times slower; and what is one of the others by itself.
     pub fn for_sizes() -> Vec<Setting> {
         let kernels = Method::ALL.into_iter();
-        let default = kernels.filter(|&m| m != Method::Interval).map(Setting::of);
+        let left_out = |m: &Method| matches!(m, Method::Auto | Method::Interval);
+        let default = kernels.filter(|m| !left_out(m)).map(Setting::of);
         default.chain([Setting::by_beta(4.0, false)]).collect()
     }
 
