@@ -7,11 +7,12 @@ mod table;
 
 /// One test of each kind for every kernel.
 macro_rules! conformance {
-    ($($name:ident: $kernel:ident),* $(,)?) => {$(
+    ($($name:ident: $kernel:ident $([$when:meta])?),* $(,)?) => {$(
         mod $name {
-            use super::{runner, table::$kernel};
+            use crate::kernels::conformance::{runner, table::$kernel};
 
             #[test]
+            $(#[$when])?
             fn random_polygons_are_within_the_bound() {
                 runner::random_polygons(&$kernel, $kernel.tolerance.pairs, 0);
             }
@@ -23,36 +24,43 @@ macro_rules! conformance {
             }
 
             #[test]
+            $(#[$when])?
             fn the_numbered_properties_hold() {
                 runner::numbered_properties(&$kernel);
             }
 
             #[test]
+            $(#[$when])?
             fn scales_and_offsets_change_nothing() {
                 runner::scales_and_offsets(&$kernel);
             }
 
             #[test]
+            $(#[$when])?
             fn scenes_have_the_numbers_of_their_constructions() {
                 runner::scenes(&$kernel);
             }
 
             #[test]
+            $(#[$when])?
             fn curves_that_touch_have_no_integer() {
                 runner::contact(&$kernel);
             }
 
             #[test]
+            $(#[$when])?
             fn curves_that_nearly_touch_are_right_or_undecided() {
                 runner::near_contact(&$kernel);
             }
 
             #[test]
+            $(#[$when])?
             fn other_curves_than_closed_polylines_are_unknown() {
                 runner::other_curves(&$kernel);
             }
 
             #[test]
+            $(#[$when])?
             fn the_bits_do_not_depend_on_the_number_of_threads() {
                 runner::threads(&$kernel);
             }
@@ -71,4 +79,14 @@ conformance! {
     barnes_hut_estimated: BARNES_HUT_ESTIMATED,
     fmm: FMM,
     fmm_of_low_order: FMM_LOW,
+}
+
+/// The same on an adapter: `cargo test --release --lib gpu:: -- --ignored`.
+#[cfg(feature = "gpu")]
+mod gpu {
+    conformance! {
+        crossings: GPU_CROSSINGS [ignore = "needs an adapter"],
+        direct: GPU_DIRECT [ignore = "needs an adapter"],
+        barnes_hut: GPU_BARNES_HUT [ignore = "needs an adapter"],
+    }
 }

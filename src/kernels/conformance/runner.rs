@@ -357,8 +357,8 @@ pub fn near_contact(kernel: &Kernel) {
             }
         }
     }
-    // The last dozen gaps are about as wide as rounding.
-    assert!(decided * 3 > numbers * 2, "{decided} of {numbers}");
+    let share = decided as f64 / numbers as f64;
+    assert!(share > kernel.tolerance.close, "{decided} of {numbers}");
 }
 
 /// Long curves, which are shared out.

@@ -2,13 +2,15 @@
 
 use crate::curve::CurveSet;
 use crate::kernels::crossings::{self, Workspace, Workspaces};
-use crate::kernels::{Accelerator, Accuracy, Estimate, Linking, Method};
+use crate::kernels::{Accelerator, Accuracy, Device, Estimate, Linking, Method};
 use crate::pairs::{Pair, Trees};
 
 /// A kernel at some accuracy.
 pub struct Kernel {
     pub method: Method,
     pub accuracy: Accuracy,
+    /// Where it runs.
+    pub device: Device,
     pub tolerance: Tolerance,
 }
 
@@ -22,6 +24,8 @@ pub struct Tolerance {
     pub smooth: f64,
     /// The same of pairs on a few points of a lattice: parallel, collinear, with repeated vertices.
     pub lattice: f64,
+    /// The same of pairs that come as near as rounding: gaps from 1/2 to 2^-59.
+    pub close: f64,
     /// Random pairs that a quick test has time for.
     pub pairs: usize,
 }
@@ -30,6 +34,7 @@ const fn by(method: Method, tolerance: Tolerance) -> Kernel {
     Kernel {
         method,
         accuracy: DEFAULT,
+        device: Device::Cpu,
         tolerance,
     }
 }
@@ -38,11 +43,13 @@ const fn barnes_hut(accuracy: Accuracy, [general, smooth, lattice]: [f64; 3]) ->
     Kernel {
         method: Method::BarnesHut,
         accuracy,
+        device: Device::Cpu,
         tolerance: Tolerance {
             bound: f64::INFINITY,
             general,
             smooth,
             lattice,
+            close: 0.66,
             pairs: 1000,
         },
     }
@@ -62,6 +69,7 @@ pub const CROSSINGS: Kernel = by(
         general: 1.0,
         smooth: 1.0,
         lattice: 1.0,
+        close: 0.66,
         pairs: 3000,
     },
 );
@@ -73,6 +81,7 @@ pub const DIRECT: Kernel = by(
         general: 0.999,
         smooth: 1.0,
         lattice: 0.9,
+        close: 0.66,
         pairs: 3000,
     },
 );
@@ -84,6 +93,7 @@ pub const ANGLE_SUM: Kernel = by(
         general: 0.999,
         smooth: 1.0,
         lattice: 0.9,
+        close: 0.66,
         pairs: 3000,
     },
 );
@@ -95,6 +105,7 @@ pub const INTERVAL: Kernel = by(
         general: 0.999,
         smooth: 1.0,
         lattice: 0.5,
+        close: 0.66,
         pairs: 100,
     },
 );
@@ -107,6 +118,7 @@ pub const BARNES_HUT: Kernel = by(
         general: 0.99,
         smooth: 1.0,
         lattice: 0.9,
+        close: 0.66,
         pairs: 2000,
     },
 );
@@ -146,6 +158,7 @@ pub const FMM: Kernel = by(
         general: 0.99,
         smooth: 1.0,
         lattice: 0.9,
+        close: 0.66,
         pairs: 2000,
     },
 );
@@ -157,25 +170,77 @@ pub const FMM_LOW: Kernel = Kernel {
         order: Some(3),
         ..DEFAULT
     },
+    device: Device::Cpu,
     tolerance: Tolerance {
         bound: 0.8,
         general: 0.99,
         smooth: 0.5,
         lattice: 0.9,
+        close: 0.66,
         pairs: 1000,
     },
 };
 
+/// On an adapter, where single precision is what there is.
+#[cfg(feature = "gpu")]
+const fn on_device(method: Method, tolerance: Tolerance) -> Kernel {
+    Kernel {
+        method,
+        accuracy: DEFAULT,
+        device: Device::Gpu,
+        tolerance,
+    }
+}
+
+#[cfg(feature = "gpu")]
+pub const GPU_CROSSINGS: Kernel = on_device(
+    Method::Crossings,
+    Tolerance {
+        bound: 0.0,
+        general: 1.0,
+        smooth: 1.0,
+        lattice: 1.0,
+        close: 0.66,
+        pairs: 300,
+    },
+);
+
+#[cfg(feature = "gpu")]
+pub const GPU_DIRECT: Kernel = on_device(
+    Method::Direct,
+    Tolerance {
+        bound: 0.5,
+        general: 0.5,
+        smooth: 0.2,
+        lattice: 0.2,
+        close: 0.2,
+        pairs: 300,
+    },
+);
+
+#[cfg(feature = "gpu")]
+pub const GPU_BARNES_HUT: Kernel = on_device(
+    Method::BarnesHut,
+    Tolerance {
+        bound: 1.0,
+        general: 0.5,
+        smooth: 0.2,
+        lattice: 0.2,
+        close: 0.2,
+        pairs: 300,
+    },
+);
+
 impl Kernel {
     /// What it says of some pairs of polylines.
     pub fn estimates(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
-        match self
-            .method
-            .summation(set, self.accuracy, &Accelerator::default())
-        {
-            Some(sum) => sum.linking_numbers(pairs),
-            None => pairs.iter().map(|&pair| counted(set, pair)).collect(),
-        }
+        let mut accelerator = Accelerator::open(&self.device).expect("an adapter");
+        let sum = self.method.summation(set, self.accuracy, &accelerator);
+        let found = sum.map(|sum| sum.linking_numbers(pairs));
+        let found = found.unwrap_or_else(|| counted(set, pairs, &mut accelerator));
+        // Else this would have tested the processor.
+        assert_eq!(accelerator.info().is_some(), self.device != Device::Cpu);
+        found
     }
 
     /// What it says of the first two.
@@ -184,8 +249,8 @@ impl Kernel {
     }
 }
 
-/// A counted number, as a sum without an error.
-fn counted(set: &CurveSet, pair: Pair) -> Estimate {
+/// Counted numbers, as sums without an error.
+fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec<Estimate> {
     let mut trees = Trees::default();
     trees.refit(set);
     let workspaces = &Workspaces::default();
@@ -195,11 +260,20 @@ fn counted(set: &CurveSet, pair: Pair) -> Estimate {
         trees,
         workspaces,
     };
-    match crossings::linking_number(scene, pair, None, &mut Workspace::default()) {
+    let numbers = match accelerator.count(scene, pairs) {
+        Some((numbers, _)) => numbers,
+        None => {
+            let number =
+                |&pair| crossings::linking_number(scene, pair, None, &mut Workspace::default());
+            pairs.iter().map(number).collect()
+        }
+    };
+    let estimate = |linking: Linking| match linking {
         Linking::Number(n) => Estimate {
             value: n as f64,
             bound: 0.0,
         },
         Linking::Undefined(..) => Estimate::UNKNOWN,
-    }
+    };
+    numbers.into_iter().map(estimate).collect()
 }
