@@ -18,9 +18,10 @@ macro_rules! conformance {
             }
 
             #[test]
-            #[ignore = "a hundred thousand pairs: minutes"]
+            #[ignore = "a hundred thousand pairs: half a minute and more"]
             fn random_polygons_are_within_the_bound_a_hundred_thousand_times() {
-                runner::random_polygons(&$kernel, 100_000, 1000);
+                // Of these, a hundred thousand do not touch.
+                runner::random_polygons(&$kernel, 140_000, 1000);
             }
 
             #[test]
