@@ -88,16 +88,9 @@ impl Norms {
         let (out_p, out_t) = out.split_at_mut(order + 1);
         let mut power = 1.0;
         for n in 1..=order {
-            let norm = |m: &[f64]| {
-                let square = |k: usize| {
-                    let (re, im) = (m[at(n, k)], m[at(n, k) + 1]);
-                    WEIGHTS[n][k] * (re * re + im * im)
-                };
-                (0..=n).map(square).sum::<f64>().sqrt()
-            };
             let [most_p, most_t] = most(n, length * power, radius);
-            out_p[n - 1] = out_p[n - 1].min((norm(p) + SLACK * most_p) * UP);
-            out_t[n - 1] = out_t[n - 1].min((norm(t) + SLACK * most_t) * UP);
+            out_p[n - 1] = out_p[n - 1].min((norm(p, n) + SLACK * most_p) * UP);
+            out_t[n - 1] = out_t[n - 1].min((norm(t, n) + SLACK * most_t) * UP);
             power *= radius;
         }
     }
@@ -135,8 +128,17 @@ fn outline(tree: &Tree, order: usize, [place, first, leaves]: [usize; 3], out: &
 /// Covers the rounding of a norm.
 const UP: f64 = 1.0 + 1e-10;
 
+/// The norm of degree `n` of one kind of moments.
+pub(super) fn norm(moments: &[f64], n: usize) -> f64 {
+    let square = |k: usize| {
+        let (re, im) = (moments[at(n, k)], moments[at(n, k) + 1]);
+        WEIGHTS[n][k] * (re * re + im * im)
+    };
+    (0..=n).map(square).sum::<f64>().sqrt()
+}
+
 /// The largest norms of degree `n`, by the integral of `|x|^(n - 1)`.
-fn most(n: usize, integral: f64, radius: f64) -> [f64; 2] {
+pub(super) fn most(n: usize, integral: f64, radius: f64) -> [f64; 2] {
     let n = n as f64;
     [
         n * integral,

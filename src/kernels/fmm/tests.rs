@@ -300,3 +300,200 @@ fn pairs_together_are_as_pairs_alone() {
         assert_eq!(other.integer(), found.integer());
     }
 }
+
+/// Pieces of all shapes that are hard on a bound.
+fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
+    let mut unit = || random.next(1 << 30) as f64 / (1u64 << 29) as f64 - 1.0;
+    let n = tree::LEAF * (2 + (unit().abs() * 12.0) as usize);
+    let axis = [unit(), unit(), unit()];
+    let stretch = [unit(), unit(), unit()].map(|x| 2f64.powi((-9.9 * x.abs()) as i32));
+    let mut points: Vec<[f64; 3]> = (0..n)
+        .map(|k| {
+            let t = k as f64 / n as f64;
+            let free = [unit(), unit(), unit()];
+            match kind {
+                // Long segments, of which each goes through all of the piece; flat and thin ones, too.
+                0 => free,
+                1 => [0, 1, 2].map(|x| free[x] * stretch[x]),
+                // On a sphere, so that all means are as large as can be; and at its six tips.
+                2 => {
+                    let r = free.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
+                    free.map(|x| x / r)
+                }
+                3 => {
+                    let most =
+                        (0..3).fold(0, |m, x| if free[x].abs() > free[m].abs() { x } else { m });
+                    [0, 1, 2].map(|x| {
+                        if x == most {
+                            free[x].signum()
+                        } else {
+                            free[x] * 1e-3
+                        }
+                    })
+                }
+                // There and back, nearly on the same way; strands side by side.
+                4 | 5 => {
+                    let way = if kind == 4 {
+                        1.0 - (2.0 * t - 1.0).abs()
+                    } else {
+                        (n as f64 / 8.0 * t).fract()
+                    };
+                    [0, 1, 2].map(|x| way * axis[x] + free[x] * [1e-7, 0.05][kind - 4])
+                }
+                // Two clusters, far apart, with long segments between them.
+                6 => {
+                    let end = if k % 2 == 0 { 1.0 } else { -1.0 };
+                    [0, 1, 2].map(|x| end * axis[x] + 0.01 * free[x])
+                }
+                // A curl.
+                _ => [
+                    (40.0 * t).cos() * stretch[0],
+                    (40.0 * t).sin() * stretch[0],
+                    t,
+                ],
+            }
+        })
+        .collect();
+    points.dedup();
+    points
+}
+
+/// A random node below the root.
+fn some_node(random: &mut Random, tree: &Tree) -> crate::kernels::barnes_hut::Node {
+    let mut node = tree.root();
+    while !node.is_leaf() {
+        node = node.children()[random.next(2) as usize];
+        if random.next(2) == 0 {
+            break;
+        }
+    }
+    node
+}
+
+/// Node pairs at every distance, up to the nearest that are expanded, in every order, against the sum of their segments.
+fn check_nodes(cases: usize, seed: u64) -> [f64; 2] {
+    let mut random = Random::new(seed);
+    let [mut closest, mut rounding] = [f64::INFINITY, 0.0f64];
+    for case in 0..cases {
+        let kinds = [case % 8, case / 8 % 8];
+        let curves = kinds.map(|kind| piece(&mut random, kind));
+        let mut unit = || random.next(1 << 30) as f64 / (1u64 << 29) as f64 - 1.0;
+        let ratio = [1.0, 1.0, 0.3, 1e-3][(unit().abs() * 4.0) as usize % 4];
+        let far = [0.798, 0.79, 0.7, 0.5, 0.1, 1e-3][(unit().abs() * 6.0) as usize % 6];
+        let offset = [0.0, 1.0, 1e3, 1e6][(unit().abs() * 4.0) as usize % 4];
+        let towards = [unit(), unit(), unit()];
+        let scaled = |c: &[[f64; 3]], f: f64, by: [f64; 3]| -> Vec<[f64; 3]> {
+            c.iter()
+                .map(|p| [0, 1, 2].map(|x| p[x] * f + by[x]))
+                .collect()
+        };
+        let here = scaled(&curves[0], 1.0, [offset; 3]);
+        let there = |by| scaled(&curves[1], ratio, by);
+        // First to see how large nodes are, then where they are to be.
+        let nodes = |random: &mut Random, by, at: Option<[_; 2]>| {
+            let set = polylines(&[&here, &there(by)]);
+            let fmm = Fmm::new(&set, by_bound(None));
+            let trees = fmm.pair((0, 1)).expect("two curves");
+            let nodes = at.unwrap_or_else(|| trees.map(|t| some_node(random, t)));
+            let scale = normalizing(set.max_abs());
+            let balls = [0, 1].map(|x| trees[x].balls[nodes[x].place as usize]);
+            (nodes, balls, scale, fmm)
+        };
+        let (at, [a, b], scale, _) = nodes(&mut random, [0.0; 3], None);
+        let size = towards.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
+        // Mostly along an axis of the piece itself: from its centre to its first point.
+        let distance = ((a.radius + b.radius) / far).max(2.0 / 0.899 * a.radius.max(b.radius));
+        let by =
+            [0, 1, 2].map(|x| (a.centre[x] - b.centre[x] + towards[x] / size * distance) / scale);
+        let (at, _, _, fmm) = nodes(&mut random, by, Some(at));
+        let trees = fmm.pair((0, 1)).expect("two curves");
+        let run = |expansions: [Option<&Expansions>; 2], criterion| {
+            Walk::new(trees, expansions, criterion).run(&mut vec![(at[0], at[1])])
+        };
+        let direct = run([None; 2], Criterion::Share(0.0));
+        for order in [2, 3, 5, 8, 13, 20] {
+            let expansions = trees.map(|t| {
+                let mut expansions = Expansions::outline(t, order);
+                expansions.fill(t, 1);
+                expansions
+            });
+            let found = run(
+                expansions.each_ref().map(Some),
+                Criterion::Separation(0.7999),
+            );
+            if found.expanded == 0 || found.summed > 0 {
+                continue;
+            }
+            let [e, d] = [found.estimate(), direct.estimate()];
+            let error = (e.value - d.value).abs();
+            assert!(
+                error <= e.bound + d.bound,
+                "{case}, {kinds:?}, order {order}: {error} {found:?} {direct:?}"
+            );
+            let left = error - d.bound;
+            if left > 1e-3 * found.bounds.tail && left > found.bounds.size * bound::ROUNDING {
+                closest = closest.min(found.bounds.tail / left);
+            }
+            if found.bounds.size > 0.0 {
+                rounding = rounding.max((left - found.bounds.tail).max(0.0) / found.bounds.size);
+            }
+        }
+    }
+    [closest, rounding / f64::EPSILON]
+}
+
+#[test]
+fn bounds_cover_the_error_of_node_pairs_at_the_limit() {
+    let [closest, rounding] = check_nodes(1500, 11);
+    println!("tail by error: {closest}; rounding: {rounding} units");
+}
+
+#[test]
+#[ignore = "minutes"]
+fn bounds_cover_the_error_of_many_node_pairs_at_the_limit() {
+    let [closest, rounding] = check_nodes(100_000, 12);
+    println!("tail by error: {closest}; rounding: {rounding} units");
+}
+
+/// Moments that were shifted through all levels are off by far less than what the bounds allow for, by the norms that these
+/// are made of; also where the nodes below reach far beyond the ball of the one above.
+#[test]
+fn rounding_of_shifted_moments_is_within_the_bounds() {
+    let mut random = Random::new(3);
+    for kind in [0, 1, 2, 3, 5, 6] {
+        let mut curve = Vec::new();
+        while curve.len() < 1 << 15 {
+            curve.extend(piece(&mut random, kind));
+        }
+        let fmm = Fmm::new(&polylines(&[&curve]), by_bound(None));
+        let tree = fmm.trees[0].as_ref().unwrap();
+        let order = harmonics::MOST;
+        let mut shifted = Expansions::outline(tree, order);
+        shifted.fill(tree, 1);
+        let (root, size) = (tree.balls[0], harmonics::count(order));
+        let mut room = harmonics::Room::<1>::new(order);
+        let mut direct = vec![[0.0]; 2 * size];
+        let [starts, ends] = &tree.ends;
+        for k in 0..starts[0].len() {
+            let p = [0, 1, 2].map(|x| [(starts[x][k] - root.centre[x]) / root.size]);
+            let e = [0, 1, 2].map(|x| [(ends[x][k] - starts[x][k]) / root.size]);
+            harmonics::add_segments(order, &p, &e, &mut room, &mut direct);
+        }
+        let (length, radius) = (root.length / root.size, root.radius / root.size);
+        let off: Vec<f64> = shifted
+            .of(0)
+            .iter()
+            .zip(&direct)
+            .map(|(s, d)| s - d[0])
+            .collect();
+        let mut worst = 0f64;
+        for n in 1..=order {
+            let most = norms::most(n, length * radius.powi(n as i32 - 1), radius);
+            for (part, most) in off.chunks(size).zip(most) {
+                worst = worst.max(norms::norm(part, n) / most);
+            }
+        }
+        println!("{kind}: {} units", worst / f64::EPSILON);
+        assert!(worst < bound::ROUNDING, "{kind}: {worst}");
+    }
+}

@@ -52,6 +52,9 @@ const RUN: u32 = 1024;
 /// Counters: one a level, and the last for tiles.
 const COUNTS: u32 = 64;
 
+/// Tiles at which they are no longer counted, more than there can be room for.
+const TOO_MANY: u32 = 1 << 31;
+
 /// The program.
 pub(super) const STAGE: Stage = Stage {
     name: "Barnes-Hut",
@@ -60,6 +63,7 @@ pub(super) const STAGE: Stage = Stage {
             ("THREADS", direct::THREADS),
             ("COUNTS", COUNTS),
             ("RUN", RUN),
+            ("TOO_MANY", TOO_MANY),
             ("WORDS", word!(FarSum)),
             ("VALUE", word!(FarSum.value)),
             ("BOUND", word!(FarSum.bound)),
@@ -265,7 +269,8 @@ fn sums(
         if fits && let Some(found) = pass(engine, frame, forest, asked)? {
             return Ok(found);
         }
-        let largest = [size_of::<NodePair>(), size_of::<super::Tile>()].map(|s| most / s as u64);
+        let largest = [size_of::<NodePair>(), size_of::<super::Tile>()]
+            .map(|s| (most / s as u64).min(u64::from(TOO_MANY) / 2));
         let room = engine.agenda_room.map(u64::from);
         if fits && room[0] * 4 <= largest[0] && room[1] * 4 <= largest[1] {
             engine.agenda_room = engine.agenda_room.map(|room| 4 * room);

@@ -186,6 +186,10 @@ fn main(
         let t_leaf = nodes[t].leaf > 0u;
         let u_leaf = nodes[u].leaf > 0u;
         if t_leaf && u_leaf {
+            // Beyond all room: the count must not come back to 0.
+            if atomicLoad(&counts[COUNTS - 1u]) >= TOO_MANY {
+                continue;
+            }
             let at = atomicAdd(&counts[COUNTS - 1u], 1u);
             if at < arrayLength(&tiles) {
                 tiles[at] = Tile(item.pair, 0u, nodes[t].first, nodes[t].segments, nodes[u].first, nodes[u].segments, vec2<u32>());

@@ -126,6 +126,10 @@ fn main(
         let sure = abs(c_side.x) > c_side.y && abs(d_side.x) > d_side.y && abs(a_side.x) > a_side.y
             && abs(b_side.x) > b_side.y && abs(height.x) > height.y;
         if !sure {
+            // No list has room for so many, and the count must not come back to 0.
+            if atomicLoad(&found) >= TOO_MANY {
+                continue;
+            }
             let at = atomicAdd(&found, 1u);
             if at < parameters.capacity {
                 undecided[at] = Undecided(tile.pair, tile.first_row + s, tile.first_column + t);

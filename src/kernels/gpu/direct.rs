@@ -41,7 +41,7 @@
 //! and `10^-15` added to the lengths of segments ([`TINY_LENGTH`]), what that costs is below a hundredth of the bound; and
 //! with coordinates below 1 nothing overflows.
 //!
-//! Pairs in doubt count as 0, which is off by less than `pi`.
+//! Pairs in doubt count as 0, which is off by less than `pi`. Where there are more than 32 bits hold, nothing is known.
 //!
 //! # The bound of a sum
 //!

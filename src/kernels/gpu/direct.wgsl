@@ -170,11 +170,16 @@ fn main(
         let at = tile.pair * WORDS;
         add96(at + VALUE, values[thread]);
         add96(at + BOUND, bounds[thread]);
-        if counts[thread].x > 0u {
-            atomicAdd(&sums[at + DOUBTS], counts[thread].x);
+        let more = counts[thread].x;
+        var unknown = counts[thread].y > 0u;
+        if more > 0u {
+            // More doubts than 32 bits hold: nothing is known of the pair.
+            let before = atomicAdd(&sums[at + DOUBTS], more);
+            unknown = unknown || before + more < before;
         }
-        if counts[thread].y > 0u {
-            atomicAdd(&sums[at + NEAR], counts[thread].y);
+        if unknown {
+            // No count, which might come back to 0.
+            atomicMax(&sums[at + NEAR], 1u);
         }
     }
 }

@@ -47,7 +47,7 @@ pub(crate) struct AngleSum {
     pub bound: [u32; 3],
     /// Pairs of segments whose angle is in doubt.
     pub doubts: u32,
-    /// Pairs of segments so near that the uncertainty of their vertices may make them cross.
+    /// Not 0 where the uncertainty of vertices may make segments cross, or where doubts are too many to count.
     pub near: u32,
 }
 

@@ -222,9 +222,14 @@ impl Summation for BarnesHutSum<'_> {
     }
 
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        let engine = &mut self.gpu.lock();
-        let found =
-            barnes_hut::linking_numbers(engine, &self.frame, &self.forest, pairs, self.beta);
+        // Not locked while the processor sums: its threads may take up work that wants the adapter.
+        let found = barnes_hut::linking_numbers(
+            &mut self.gpu.lock(),
+            &self.frame,
+            &self.forest,
+            pairs,
+            self.beta,
+        );
         found.unwrap_or_else(|trouble| {
             tracing::warn!("the sums are made on the processor: {trouble}");
             self.otherwise.linking_numbers(pairs)

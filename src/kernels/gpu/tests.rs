@@ -406,6 +406,31 @@ fn sums_are_the_same_in_parts() {
     }
 }
 
+/// Two curves of `2^16` segments, so small beside a third that all pairs are in doubt: `2^32`, which in 32 bits is none.
+#[test]
+#[ignore = "needs an adapter, and minutes in software"]
+fn more_doubts_than_32_bits_hold_are_not_forgotten() {
+    let n = 1 << 16;
+    let angle = |k: usize| k as f64 / n as f64 * std::f64::consts::TAU;
+    let small = |p: [f64; 3]| p.map(|x| x * 2f64.powi(-40));
+    let first = (0..n).map(|k| small([angle(k).cos(), angle(k).sin(), 0.0]));
+    let second = (0..n).map(|k| small([1.0 + angle(k).cos(), 0.0, angle(k).sin()]));
+    let large = vec![[0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]];
+    for single in [true, false] {
+        let set = set_of_all(
+            &[
+                first.clone().collect(),
+                second.clone().collect(),
+                large.clone(),
+            ],
+            single,
+        );
+        let gpu = adapter();
+        let found = sums(&gpu, &set, Kind::Direct)[0];
+        assert_eq!((found.0, found.1.integer()), ((0, 1), None), "{found:?}");
+    }
+}
+
 #[test]
 #[ignore = "needs an adapter"]
 fn an_unknown_name_lists_the_adapters() {
