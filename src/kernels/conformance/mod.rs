@@ -82,7 +82,7 @@ conformance! {
     fmm_of_low_order: FMM_LOW,
 }
 
-/// The same on an adapter: `cargo test --release --lib gpu:: -- --ignored`.
+/// The same on an adapter: `cargo test --release --lib gpu:: -- --ignored --skip hundred_thousand`.
 #[cfg(feature = "gpu")]
 mod gpu {
     conformance! {

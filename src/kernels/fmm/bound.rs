@@ -26,7 +26,7 @@
 //!    `q^N = (r1 + r2)^N / R^N`, all terms with `n + m = N` are at most `4 N q^(N - 2) L1 L2 / R^2`. Summed from `M = 2 p + 2`
 //!    on that is `4 q^(M - 2) (M - (M - 1) q) / (1 - q)^2`.
 //!
-//! The last also bounds the sum of the magnitudes of all terms, with `M = 2`: what rounding is relative to.
+//! The last also bounds the sum of the magnitudes of all terms, with `M = 2`: what the rounding of their sum is relative to.
 
 #![allow(
     clippy::needless_range_loop,
@@ -43,25 +43,24 @@ use std::f64::consts::PI;
 pub(super) struct Bounds {
     /// What the expansion leaves out.
     pub tail: f64,
-    /// The sum of the magnitudes of its terms: what rounding is relative to.
+    /// The sum of the magnitudes of its terms: what the rounding of their sum is relative to.
     pub size: f64,
 }
 
-/// Rounding of the moments and of the interaction of a node pair, by the sum of the magnitudes of its terms.
+/// Rounding of what is of degree `n`, divided by `(n + 2)^2` and by its largest possible size: of the moments of both nodes
+/// and of their interaction.
 ///
 /// Every displacement is a difference of two stored numbers and so is off by `u = 2^-53` of itself. Harmonics of degree `n`
 /// follow by `2 n` steps of a few operations, means over segments by as many; an error in one of them grows no more than the
 /// degree. A shift, on each of at most 32 levels, sums `(n + 1)^2` products, an interaction adds four rotations by `2 n` terms
-/// a row and a sum over `p` degrees. In all, degree `n` is off by less than `2^7 (n + 2)^2 u` of its largest possible
-/// size, and the terms of degree `n` are at most `n q^(n - 2)` of all of them: less than `2^17 u` for every `q` below
-/// [`WIDEST`].
+/// a row and a sum over `p` degrees. In all, degree `n` is off by less than `2^7 (n + 2)^2 u` of its largest possible size.
+/// The rest is for both nodes, their product, and what follows.
 ///
-/// That size is of the ball that a shift starts from. Seen from the centre of the node above, this ball may reach beyond that
-/// node's own: for boxes that are full by a sixth, for points on a sphere by two thirds, and degree `n` of what was
-/// rounded below counts by the `n`th power of that. The radius of a node is below 0.45 of the distance ([`STEEPEST`]), so
-/// the powers are of numbers about 1, and not of 1.6. `2^4` is for them; a test shifts the moments of the worst such
-/// nodes, and finds `2^5 u` where this allows for `2^21 u`.
-pub(super) const ROUNDING: f64 = f64::from_bits((1023 - 32) << 52);
+/// That size is of the ball in which the rounding happened, which is that of a node below. Shifts are exact maps of the errors
+/// made before them, and they compose: seen from the centre of the node itself, the error of a node below is as that
+/// of moments in its ball, which is at most [`Ball::spread`] away. So the bound of all terms of degree `N`,
+/// `4 N q^(N - 2) L1 L2 / R^2`, holds for the errors with the spreads in the place of the radii.
+pub(super) const ROUNDING: f64 = f64::from_bits((1023 - 44) << 52);
 
 /// Covers the rounding of the bounds themselves.
 pub(super) const OUTWARD: f64 = 1.0 + 1e-9;
@@ -160,6 +159,18 @@ impl Bounding {
             tail: (edge(0, a, b) + edge(1, b, a) + corner) * sphere * OUTWARD,
             size: lengths * geometric * (2.0 - q) * sphere,
         })
+    }
+
+    /// A bound of the rounding of the interaction of a node pair at this distance: see [`ROUNDING`].
+    #[inline(always)]
+    pub fn rounding(&self, [a, b]: [&Ball; 2], distance: f64) -> f64 {
+        let inverse = 1.0 / distance;
+        let t = (a.spread + b.spread) * inverse;
+        let weight = |degree: usize| (degree * (degree + 2) * (degree + 2)) as f64;
+        let degrees = (2..=2 * self.order).rev();
+        let series = degrees.fold(0.0, |sum, degree| sum * t + weight(degree));
+        let lengths = a.length * b.length * inverse * inverse;
+        ROUNDING * OUTWARD * lengths * series / PI
     }
 
     /// The terms of degree `p + 1` of the one node and 1 to `p` of the other.

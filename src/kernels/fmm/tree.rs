@@ -26,6 +26,8 @@ pub(super) struct Ball {
     pub centre: Point,
     /// An upper bound of the distance of its points from the centre.
     pub radius: f64,
+    /// The radius of a ball around this centre that holds this ball and those of all nodes below.
+    pub spread: f64,
     /// An upper bound of the length.
     pub length: f64,
     /// The unit of its moments: a power of two, at least the radius.
@@ -35,6 +37,7 @@ pub(super) struct Ball {
 const EMPTY: Ball = Ball {
     centre: [0.0; 3],
     radius: 0.0,
+    spread: 0.0,
     length: 0.0,
     size: 1.0,
 };
@@ -179,6 +182,11 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
     ball.centre = centre;
     // Rounded up, and above squares that underflow.
     ball.radius = (farthest.sqrt() * SLACK).max(SMALLEST / 2.0);
+    ball.spread = below.iter().fold(ball.radius, |spread, b| {
+        let square = |x: usize| (b.centre[x] - centre[x]).powi(2);
+        let distance = (square(0) + square(1) + square(2)).sqrt();
+        spread.max((distance + b.radius) * SLACK + SMALLEST)
+    });
     ball.length = ball.length * SLACK + SHORTEST;
     ball.size = power_above(ball.radius);
     extent

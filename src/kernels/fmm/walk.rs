@@ -1,7 +1,7 @@
 //! The way down two trees.
 
 use super::OUTWARD;
-use super::bound::{Bounding, Bounds, ROUNDING, WIDEST};
+use super::bound::{Bounding, Bounds, WIDEST};
 use super::expansions::Expansions;
 use super::interact::{BATCH, Room, Side, interact};
 use super::tree::{Ball, LEAF, Tree};
@@ -27,6 +27,8 @@ pub(super) struct Sum {
     pub far: f64,
     /// Magnitudes and remainders.
     pub bounds: Bounds,
+    /// A bound of the rounding of the expansions.
+    pub rounding: f64,
     near: f64,
     near_error: f64,
     /// Node pairs expanded, leaf pairs summed, node pairs visited.
@@ -45,6 +47,7 @@ impl Sum {
             tail: 0.0,
             size: 0.0,
         },
+        rounding: 0.0,
         near: 0.0,
         near_error: 0.0,
         expanded: 0,
@@ -64,6 +67,7 @@ impl Sum {
         self.far += other.far;
         self.bounds.tail += other.bounds.tail;
         self.bounds.size += other.bounds.size;
+        self.rounding += other.rounding;
         self.near += other.near;
         self.near_error += other.near_error;
         self.expanded += other.expanded;
@@ -85,7 +89,8 @@ impl Sum {
         // Every sum is of at most as many numbers as there are node pairs, with a unit each.
         let units = (self.expanded + self.summed + 64) as f64 * f64::EPSILON;
         let rounding = self.near_error
-            + self.bounds.size * (ROUNDING + units)
+            + self.rounding
+            + self.bounds.size * units
             + units * (1.0 + self.near.abs());
         let bound = (self.bounds.tail + rounding) * OUTWARD;
         if !bound.is_finite() {
@@ -120,6 +125,7 @@ pub(super) struct Walk<'a> {
 struct Accepted {
     bounds: Bounds,
     r: Point,
+    distance: f64,
 }
 
 impl<'a> Walk<'a> {
@@ -194,7 +200,11 @@ impl<'a> Walk<'a> {
             Criterion::Separation(_) => bounds.tail < f64::INFINITY,
             Criterion::Share(share) => bounds.tail <= share && share > 0.0,
         };
-        fits.then_some(Accepted { bounds, r })
+        fits.then_some(Accepted {
+            bounds,
+            r,
+            distance,
+        })
     }
 
     /// Replaces the larger node by its children.
@@ -309,6 +319,8 @@ impl<'a> Walk<'a> {
             if let (Some(accepted), Some(expansions)) = (self.accepted(t, u), self.expansions) {
                 sum.bounds.tail += accepted.bounds.tail;
                 sum.bounds.size += accepted.bounds.size;
+                let balls = [self.ball(0, t), self.ball(1, u)];
+                sum.rounding += self.bounding.rounding(balls, accepted.distance);
                 sum.expanded += 1;
                 let side = |x: usize, node: Node| Side {
                     moments: expansions[x].of(node.place as usize),

@@ -44,6 +44,9 @@ const PARALLEL: f64 = 4e-6;
 const OUTWARD: f64 = 1.01;
 /// Of the sizes of the terms.
 const ROUNDING: f64 = 1024.0 * direct::UNIT_ERROR;
+/// Squared distance of nodes that are not expanded: the rest of a coordinate is rounded by `2^-49`, which is less than `u` of
+/// `10^-7`.
+const NEAREST_SQUARE: f64 = 1e-14;
 /// Expansions whose terms or remainders are larger are not taken.
 const LARGEST: f64 = 16.0;
 /// Expansions that a thread adds up in 64 bits: far below the 500,000 that these hold.
@@ -79,7 +82,7 @@ pub(super) const STAGE: Stage = Stage {
             ("LARGEST", LARGEST),
             ("SPHERE", 1.0 / (4.0 * PI)),
             ("REACH", direct::REACH),
-            ("TINY_SQUARE", direct::TINY_SQUARE),
+            ("NEAREST_SQUARE", NEAREST_SQUARE),
         ];
         super::program(
             &whole,

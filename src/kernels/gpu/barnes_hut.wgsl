@@ -152,12 +152,12 @@ fn main(
         let u = item.second;
         let apart = pinned3(nodes[t].centre - nodes[u].centre) + pinned3(nodes[t].centre_rest - nodes[u].centre_rest);
         let square = dot(apart, apart);
-        let inverse = inverseSqrt(max(square, TINY_SQUARE));
+        let inverse = inverseSqrt(max(square, NEAREST_SQUARE));
         let a = nodes[t].radius * inverse;
         let b = nodes[u].radius * inverse;
         let q = a + b;
         var accepted = false;
-        if square > TINY_SQUARE && q < WIDEST && 1.0 > criteria[item.pair].beta * q
+        if square > NEAREST_SQUARE && q < WIDEST && 1.0 > criteria[item.pair].beta * q
             && (1.0 - q) > REACH * parameters.radius * inverse {
             // Means over both nodes, in units of the distance.
             let second = a * a * nodes[t].second + b * b * nodes[u].second;
