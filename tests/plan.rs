@@ -111,3 +111,29 @@ fn what_is_neither_a_model_nor_a_scene_is_told_in_one_line() {
     }
     assert_eq!(linkwatch(&["plan"]).0, 2);
 }
+
+/// What was measured of an adapter is what the plan goes by.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_measured_adapter_is_planned_with() {
+    let cache = TempDir::new().unwrap();
+    let folder = cache.path().join("linkwatch");
+    std::fs::create_dir(&folder).unwrap();
+    let measured = serde_json::json!([{
+        "adapter": "Some Card", "driver": "1", "threads": 1,
+        "round_trip_ms": 2.0, "pair_ns": 0.5, "processor_pair_ns": 4.5,
+    }]);
+    std::fs::write(folder.join("devices.json"), measured.to_string()).unwrap();
+    let plan = |threads: &str| {
+        let out = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+            .args(["plan", "ribbon:segments=2000", "--threads", threads])
+            .env("XDG_CACHE_HOME", cache.path())
+            .output()
+            .unwrap();
+        String::from_utf8(out.stdout).unwrap()
+    };
+    let says = "device: the processor, but for direct sums over 500,001 pairs of segments and more: Some Card";
+    assert!(plan("1").contains(says), "{}", plan("1"));
+    // It was measured beside one thread.
+    assert!(!plan("2").contains("device"), "{}", plan("2"));
+}

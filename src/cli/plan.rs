@@ -1,6 +1,7 @@
 //! `linkwatch plan`: what a scene needs, why, and what it will cost.
 
 use super::measure::{self, Measured};
+use super::output::plural_of;
 use super::{Outcome, input, output};
 use linkwatch::{Plan, Result};
 use serde_json::json;
@@ -25,16 +26,43 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         let measured = args.repeat.map(|n| measure::measure(&set, n));
         if as_json {
             let measured = measured.map(|m| m.later.to_json());
-            output::json(&json!({ "model": name, "plan": plan, "measured": measured }))?;
+            let (adapter, from) = device().unzip();
+            output::json(&json!({
+                "model": name,
+                "plan": plan,
+                "device": adapter,
+                "device_from_pairs": from,
+                "measured": measured,
+            }))?;
             continue;
         }
         output::line(name.display())?;
         for line in plan.to_string().lines() {
             output::line(format_args!("  {line}"))?;
         }
+        if let Some((adapter, from)) = device() {
+            output::line(format_args!(
+                "  device: the processor, but for direct sums over {} and more: {adapter}",
+                plural_of(from, "pair of segments", "pairs of segments"),
+            ))?;
+        }
         if let Some(Measured { later, .. }) = measured {
             output::line(format_args!("  measured: {later}"))?;
         }
     }
     Ok(Outcome::Fine)
+}
+
+/// The adapter that `--device auto` takes, and from how many pairs of segments on.
+#[cfg(feature = "gpu")]
+fn device() -> Option<(String, u64)> {
+    let measured = linkwatch::kernels::Calibration::fastest()?;
+    let from = measured.break_even()?;
+    Some((measured.adapter, from))
+}
+
+/// This build knows none.
+#[cfg(not(feature = "gpu"))]
+fn device() -> Option<(String, u64)> {
+    None
 }

@@ -32,6 +32,14 @@ impl Calibration {
         self.round_trip_ms + self.pair_ns * pairs < self.processor_pair_ns * pairs
     }
 
+    /// Pairs of segments from which on a sum is predicted to take less than on the processor; none where it never does.
+    pub fn break_even(&self) -> Option<u64> {
+        let gain = self.processor_pair_ns - self.pair_ns;
+        let pairs = self.round_trip_ms * 1e6 / gain;
+        // Not where it is NaN either.
+        (gain > 0.0).then_some(pairs.ceil() as u64 + 1)
+    }
+
     /// Whether it is of this adapter, as it is now, and of the threads there are.
     pub fn is_of(&self, info: &DeviceInfo) -> bool {
         (&self.adapter, &self.driver) == (&info.name, &info.driver)
@@ -122,9 +130,12 @@ mod tests {
             processor_pair_ns: 1.01,
         };
         assert!(c.wins(1_000_001) && !c.wins(999_999) && !c.wins(0));
+        let from = c.break_even().unwrap();
+        assert!((1_000_000..1_000_010).contains(&from) && c.wins(from));
         assert_eq!(Calibration::from_json(&c.to_json()), Some(c.clone()));
         c.pair_ns = 2.0;
         assert!(!c.wins(u64::MAX));
+        assert_eq!(c.break_even(), None);
         c.pair_ns = f64::NAN;
         assert_eq!(Calibration::from_json(&c.to_json()), None);
     }
