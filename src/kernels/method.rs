@@ -107,10 +107,11 @@ impl Method {
                         let accept = Accept::Estimated { beta, target, most };
                         Box::new(BarnesHut::new(polylines, options(accept)))
                     }
-                    (None, _) => Box::new(FirstByBeta([
-                        BarnesHut::new(polylines, options(Accept::Beta(4.0))),
-                        BarnesHut::new(polylines, options(Options::default().accept)),
-                    ])),
+                    (None, _) => {
+                        let by_beta = BarnesHut::new(polylines, options(Accept::Beta(4.0)));
+                        let by_bound = by_beta.with(options(Options::default().accept));
+                        Box::new(FirstByBeta([by_beta, by_bound]))
+                    }
                 };
                 match accuracy {
                     Accuracy {

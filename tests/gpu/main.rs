@@ -19,29 +19,17 @@ mod splines;
 #[path = "../hard_cases/touching.rs"]
 mod touching;
 
-use case::Case;
 use libtest_mimic::{Arguments, Failed, Trial};
 use linkwatch::kernels::{Accuracy, Device, Method, devices};
 use linkwatch::scenes::Scene;
 use linkwatch::{AbortOn, Error, Verdict, Verifier};
 use runner::{Kernel, ON_DEVICE, Views};
 
-fn cases() -> Vec<Case> {
-    let parts = [
-        integers::cases(),
-        links::cases(),
-        numbers::cases(),
-        touching::cases(),
-        splines::cases(),
-    ];
-    parts.into_iter().flatten().collect()
-}
-
 /// Every case, seen in one of its ways by turns; all of its ways where the case is small.
 fn hard_cases(kernel: Kernel) -> Result<(), Failed> {
     let panics = runner::count_panics();
     let pools = runner::pools();
-    let complaints: Vec<String> = (cases().iter().enumerate())
+    let complaints: Vec<String> = (runner::collection().iter().enumerate())
         .filter(|(_, case)| case.curves.segments() <= 20_000)
         .flat_map(|(k, case)| {
             let views = match case.curves.segments() {

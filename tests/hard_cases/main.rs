@@ -20,18 +20,6 @@ use linkwatch::kernels::oracle;
 use runner::{EARLY_EXIT, EVENTS, FULL, GROWTH, INTERVAL, JUMP, Kernel, STILL, SUMS, Views};
 use std::collections::BTreeSet;
 
-/// The whole collection.
-fn all() -> Vec<Case> {
-    let parts = [
-        integers::cases(),
-        links::cases(),
-        numbers::cases(),
-        touching::cases(),
-        splines::cases(),
-    ];
-    parts.into_iter().flatten().collect()
-}
-
 /// Runs cases, with a number each, through a kernel.
 fn run(kernel: Kernel, cases: impl Iterator<Item = Case>, views: fn(usize) -> Views) {
     let panics = runner::count_panics();
@@ -52,12 +40,16 @@ fn run(kernel: Kernel, cases: impl Iterator<Item = Case>, views: fn(usize) -> Vi
 /// Steps cost threads and references: one view of each case, and no case of very many near segments.
 fn run_quickly(kernel: Kernel) {
     let small = |case: &Case| case.curves.segments() <= 5000;
-    run(kernel, all().into_iter().filter(small), Views::Turn);
+    run(
+        kernel,
+        runner::collection().into_iter().filter(small),
+        Views::Turn,
+    );
 }
 
 #[test]
 fn a_full_run_is_right() {
-    run(FULL, all().into_iter(), |_| Views::All);
+    run(FULL, runner::collection().into_iter(), |_| Views::All);
 }
 
 /// A wrong integer, and a number for curves that touch, would be taken from the sum and show in the certificate.
@@ -70,7 +62,11 @@ fn sums_are_right_or_refuse() {
             3000
         };
         let small = move |case: &Case| case.curves.segments() <= most;
-        run(kernel, all().into_iter().filter(small), Views::Turn);
+        run(
+            kernel,
+            runner::collection().into_iter().filter(small),
+            Views::Turn,
+        );
     }
 }
 
@@ -104,13 +100,13 @@ fn a_search_for_pull_throughs_is_right() {
 #[ignore = "takes minutes"]
 fn every_view_is_right() {
     for kernel in [FULL, EARLY_EXIT, STILL, JUMP, GROWTH, EVENTS] {
-        run(kernel, all().into_iter(), |_| Views::All);
+        run(kernel, runner::collection().into_iter(), |_| Views::All);
     }
 }
 
 #[test]
 fn names_are_unique() {
-    let cases = all();
+    let cases = runner::collection();
     let names: BTreeSet<&str> = cases.iter().map(|c| &c.name[..]).collect();
     assert_eq!(names.len(), cases.len());
     println!("{} cases", cases.len());
@@ -120,7 +116,7 @@ fn names_are_unique() {
 #[test]
 fn the_oracle_agrees_with_the_constructions() {
     let mut checked = 0;
-    for case in all() {
+    for case in runner::collection() {
         if case.curves.segments() > 2000 {
             continue;
         }

@@ -1,6 +1,7 @@
 //! The collection through any kernel.
 
 use crate::case::{Answer, Case};
+use crate::{integers, links, numbers, splines, touching};
 use linkwatch::kernels::{Accuracy, Device, Method};
 use linkwatch::{
     AbortOn, Certificate, Change, CurveSet, Defect, DefectKind, Events, Link, Positions, Precision,
@@ -11,6 +12,18 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
 use std::sync::Once;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The whole collection.
+pub fn collection() -> Vec<Case> {
+    let parts = [
+        integers::cases(),
+        links::cases(),
+        numbers::cases(),
+        touching::cases(),
+        splines::cases(),
+    ];
+    parts.into_iter().flatten().collect()
+}
 
 /// What is asked of a kernel beside never giving a wrong integer.
 #[derive(Clone, Copy, PartialEq)]

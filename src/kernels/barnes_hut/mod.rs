@@ -31,6 +31,7 @@ use bound::{Bounds, OUTWARD, ROUNDING, bounds};
 use evaluate::{BATCH, expand_batch, next_order};
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::sync::Arc;
 use trees::{Tree, dot};
 
 pub(super) use near::Angles;
@@ -94,8 +95,8 @@ impl Default for Options {
 pub(crate) struct BarnesHut<'a> {
     set: &'a CurveSet,
     options: Options,
-    /// Of closed curves; the others have an empty one.
-    trees: Vec<Option<Tree>>,
+    /// Of closed curves; the others have none.
+    trees: Arc<[Option<Tree>]>,
 }
 
 impl<'a> BarnesHut<'a> {
@@ -110,7 +111,16 @@ impl<'a> BarnesHut<'a> {
         BarnesHut {
             set,
             options,
-            trees: trees.collect(),
+            trees: trees.collect::<Vec<_>>().into(),
+        }
+    }
+
+    /// The same trees, summed in another way.
+    pub fn with(&self, options: Options) -> BarnesHut<'a> {
+        BarnesHut {
+            set: self.set,
+            options,
+            trees: Arc::clone(&self.trees),
         }
     }
 

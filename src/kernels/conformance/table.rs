@@ -69,7 +69,7 @@ pub const CROSSINGS: Kernel = by(
         general: 1.0,
         smooth: 1.0,
         lattice: 1.0,
-        close: 0.66,
+        close: 0.999,
         pairs: 3000,
     },
 );
@@ -200,7 +200,7 @@ pub const GPU_CROSSINGS: Kernel = on_device(
         general: 1.0,
         smooth: 1.0,
         lattice: 1.0,
-        close: 0.66,
+        close: 0.999,
         pairs: 300,
     },
 );
