@@ -144,10 +144,14 @@ impl Accelerator {
         self.ahead = None;
     }
 
-    /// Counts the crossings of all pairs; none where that is left to the processor: without an adapter, for splines, and
-    /// once it failed, which is said.
+    /// Counts the crossings of all pairs: the linking numbers that are not 0. None where that is left to the processor:
+    /// without an adapter, for splines, and once it failed, which is said.
     #[cfg(feature = "gpu")]
-    pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<(Vec<Linking>, Stats)> {
+    pub fn count(
+        &mut self,
+        scene: Scene<'_>,
+        pairs: &[Pair],
+    ) -> Option<(Vec<(Pair, Linking)>, Stats)> {
         let gpu = self.counter(scene.set).filter(|_| !pairs.is_empty())?;
         let counted = match self.ahead.clone() {
             Some(frame) => gpu.count(&frame, scene, pairs),
@@ -170,7 +174,7 @@ impl Accelerator {
 
     /// Counts nothing.
     #[cfg(not(feature = "gpu"))]
-    pub fn count(&mut self, _: Scene<'_>, _: &[Pair]) -> Option<(Vec<Linking>, Stats)> {
+    pub fn count(&mut self, _: Scene<'_>, _: &[Pair]) -> Option<(Vec<(Pair, Linking)>, Stats)> {
         None
     }
 

@@ -303,7 +303,7 @@ fn compute_links(
         parts.iter_mut().for_each(Part::clear);
         parts.resize_with(parts.len().max(1), Part::default);
         let part = &mut parts[0];
-        for (&pair, linking) in pairs.iter().zip(found) {
+        for (pair, linking) in found {
             part.add(pair, linking);
         }
         part.stats = stats;

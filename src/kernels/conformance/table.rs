@@ -4,6 +4,7 @@ use crate::curve::CurveSet;
 use crate::kernels::crossings::{self, Workspace, Workspaces};
 use crate::kernels::{Accelerator, Accuracy, Device, Estimate, Linking, Method};
 use crate::pairs::{Pair, Trees};
+use std::collections::HashMap;
 
 /// A kernel at some accuracy.
 pub struct Kernel {
@@ -260,8 +261,12 @@ fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec
         trees,
         workspaces,
     };
-    let numbers = match accelerator.count(scene, pairs) {
-        Some((numbers, _)) => numbers,
+    let numbers: Vec<Linking> = match accelerator.count(scene, pairs) {
+        Some((linked, _)) => {
+            let linked: HashMap<Pair, Linking> = linked.into_iter().collect();
+            let number = |pair| linked.get(pair).copied().unwrap_or(Linking::Number(0));
+            pairs.iter().map(number).collect()
+        }
         None => {
             let number =
                 |&pair| crossings::linking_number(scene, pair, None, &mut Workspace::default());

@@ -12,22 +12,22 @@
 //! Undefined: curves that touch, that are too close to discretize, or that have fewer than three distinct
 //! vertices.
 
-#[cfg(feature = "gpu")]
-mod blocks;
 mod direction;
 mod evaluate;
 mod gather;
+#[cfg(feature = "gpu")]
+mod remainder;
 mod sample;
 #[cfg(test)]
 mod spline_tests;
 #[cfg(test)]
 mod tests;
 
-#[cfg(feature = "gpu")]
-pub(crate) use self::blocks::{BLOCK, Block, Counted, blocks, conclude};
 pub(crate) use self::direction::by_formula;
 use self::evaluate::Tally;
 pub(crate) use self::gather::shares_out;
+#[cfg(feature = "gpu")]
+pub(crate) use self::remainder::conclude;
 pub(crate) use self::sample::sample;
 use super::Linking;
 #[cfg(target_arch = "x86_64")]

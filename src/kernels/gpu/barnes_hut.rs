@@ -25,10 +25,12 @@
 //! First by distance; then, for the pairs that this does not prove, by the bound, finer and finer, like on the processor.
 
 use super::commands::{Binding, Buffer, Command, Stage};
+use super::descent::TOO_MANY;
 use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
+use super::room::in_parts;
 use super::{Engine, direct};
 use crate::kernels::Estimate;
 use crate::kernels::barnes_hut::{PackedNode, pack};
@@ -54,9 +56,6 @@ const RUN: u32 = 1024;
 
 /// Counters: one a level, and the last for tiles.
 const COUNTS: u32 = 64;
-
-/// Tiles at which they are no longer counted, more than there can be room for.
-const TOO_MANY: u32 = 1 << 31;
 
 /// The program.
 pub(super) const STAGE: Stage = Stage {
@@ -101,12 +100,7 @@ const AGENDAS: [Buffer; 2] = [
 const TILES: Buffer = Buffer("tiles", "Barnes-Hut");
 const FAR: Buffer = Buffer("sums", "Barnes-Hut");
 const COUNTERS: Buffer = Buffer("counts", "Barnes-Hut");
-
-/// Workgroups of a level, on an adapter and on the processor in disguise.
-const GROUPS: [u32; 2] = [4096, 64];
-
-/// Node pairs, and tiles, that there is room for at first.
-pub(super) const ROOM: [u32; 2] = [1 << 17, 1 << 16];
+const PARAMETERS: Buffer = Buffer("parameters", "Barnes-Hut");
 
 /// Passes by the bound.
 const PASSES: usize = 4;
@@ -262,31 +256,20 @@ fn sums(
     forest: &Forest,
     asked: &[(Pair, Criterion)],
 ) -> Result<Vec<Found>, Trouble> {
-    if asked.is_empty() {
-        return Ok(Vec::new());
-    }
-    let most = engine.device.most_bytes();
     // Room for the sums, the larger of both kinds.
-    let fits = size_of::<FarSum>() as u64 * asked.len() as u64 <= most;
-    loop {
-        if fits && let Some(found) = pass(engine, frame, forest, asked)? {
-            return Ok(found);
-        }
-        let largest = [size_of::<NodePair>(), size_of::<super::Tile>()]
-            .map(|s| (most / s as u64).min(u64::from(TOO_MANY) / 2));
-        let room = engine.agenda_room.map(u64::from);
-        if fits && room[0] * 4 <= largest[0] && room[1] * 4 <= largest[1] {
-            engine.agenda_room = engine.agenda_room.map(|room| 4 * room);
-            continue;
-        }
-        if asked.len() == 1 {
-            return Ok(vec![NOTHING]);
-        }
-        let (first, second) = asked.split_at(asked.len() / 2);
-        let mut found = sums(engine, frame, forest, first)?;
-        found.extend(sums(engine, frame, forest, second)?);
-        return Ok(found);
-    }
+    let most = engine.device.most_bytes() / size_of::<FarSum>() as u64;
+    let parts = in_parts(
+        engine,
+        asked,
+        most as usize,
+        |engine| &mut engine.sum_room,
+        &|engine, asked| pass(engine, frame, forest, asked),
+    )?;
+    let each = parts.into_iter().flat_map(|(count, found)| {
+        let found = found.unwrap_or_else(|| vec![NOTHING; count]);
+        found.into_iter()
+    });
+    Ok(each.collect())
 }
 
 /// One pass; none where there was too little room.
@@ -296,8 +279,8 @@ fn pass(
     forest: &Forest,
     asked: &[(Pair, Criterion)],
 ) -> Result<Option<Vec<Found>>, Trouble> {
-    let [room, tile_room] = engine.agenda_room;
-    if asked.len() as u64 > u64::from(room) {
+    let room = engine.sum_room;
+    if asked.len() as u64 > u64::from(room.node_pairs) {
         return Ok(None);
     }
     let root = |i: u32| forest.roots[i as usize];
@@ -318,64 +301,45 @@ fn pass(
     let criteria: Vec<Criterion> = asked.iter().map(|a| a.1).collect();
     let mut counts = [0u32; COUNTS as usize];
     counts[0] = asked.len() as u32;
-    let mut parameters = Vec::new();
-    for level in 0..levels {
-        let own = Parameters {
-            radius: frame.radius,
-            zero: 0,
-            capacity: room,
-            items: level,
-        };
-        parameters.extend_from_slice(bytemuck::bytes_of(&own));
-        parameters.resize((level as usize + 1) * super::ALIGNMENT as usize, 0);
-    }
-    let agenda_bytes = u64::from(room) * size_of::<NodePair>() as u64;
-    let tile_bytes = u64::from(tile_room) * size_of::<super::Tile>() as u64;
-    let far_bytes = size_of_val(asked) as u64 / size_of::<(Pair, Criterion)>() as u64
-        * size_of::<FarSum>() as u64;
-    let upload = |buffer, bytes: &[u8]| Command::Upload(buffer, bytes.to_vec());
-    let own_parameters = Buffer("parameters", STAGE.name);
+    let own = |level| Parameters {
+        radius: frame.radius,
+        zero: 0,
+        first: 0,
+        items: level,
+    };
+    let parameters: Vec<Parameters> = (0..levels).map(own).collect();
+    let tile_bytes = u64::from(room.tiles) * size_of::<super::Tile>() as u64;
+    let far_bytes = (asked.len() * size_of::<FarSum>()) as u64;
+    let agendas = AGENDAS.map(|buffer| room.agenda(buffer));
     let mut commands = Vec::new();
     if engine.nodes_of != Some(frame.id) {
-        commands.push(upload(NODES, bytemuck::cast_slice(&forest.nodes)));
+        commands.push(Command::upload(NODES, &forest.nodes));
     }
     commands.extend([
-        upload(own_parameters, &parameters),
-        upload(CRITERIA, bytemuck::cast_slice(&criteria)),
-        Command::Reserve(AGENDAS[0], agenda_bytes),
-        Command::Reserve(AGENDAS[1], agenda_bytes),
-        upload(AGENDAS[0], bytemuck::cast_slice(&start)),
-        upload(COUNTERS, bytemuck::cast_slice(&counts)),
+        Command::parameters(PARAMETERS, &parameters),
+        Command::upload(CRITERIA, &criteria),
+        Command::Reserve(AGENDAS[0], agendas[0].size),
+        Command::Reserve(AGENDAS[1], agendas[1].size),
+        Command::upload(AGENDAS[0], &start),
+        Command::upload(COUNTERS, &counts),
         Command::Reserve(TILES, tile_bytes),
         Command::Clear(FAR, far_bytes),
     ]);
-    let binding = |buffer, size| Binding {
-        buffer,
-        offset: 0,
-        size,
-    };
     for level in 0..levels {
-        let [from, to] = match level % 2 {
-            0 => AGENDAS,
-            _ => [AGENDAS[1], AGENDAS[0]],
-        };
+        let from = level as usize % 2;
         commands.push(Command::Dispatch {
             stage: STAGE,
             bindings: vec![
-                Binding {
-                    buffer: own_parameters,
-                    offset: u64::from(level) * super::ALIGNMENT,
-                    size: size_of::<Parameters>() as u64,
-                },
-                binding(NODES, size_of_val(&forest.nodes[..]) as u64),
-                binding(CRITERIA, size_of_val(&criteria[..]) as u64),
-                binding(FAR, far_bytes),
-                binding(from, agenda_bytes),
-                binding(to, agenda_bytes),
-                binding(TILES, tile_bytes),
-                binding(COUNTERS, u64::from(4 * COUNTS)),
+                Binding::parameters(PARAMETERS, level),
+                Binding::whole(NODES, size_of_val(&forest.nodes[..]) as u64),
+                Binding::whole(CRITERIA, size_of_val(&criteria[..]) as u64),
+                Binding::whole(FAR, far_bytes),
+                agendas[from],
+                agendas[1 - from],
+                Binding::whole(TILES, tile_bytes),
+                Binding::whole(COUNTERS, u64::from(4 * COUNTS)),
             ],
-            groups: GROUPS[usize::from(engine.device.info().software)],
+            groups: engine.strides(),
         });
     }
     commands.push(Command::Download(FAR, far_bytes));
@@ -385,8 +349,8 @@ fn pass(
     engine.nodes_of = Some(frame.id);
     let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&got[1]);
     let tiles = counts[COUNTS as usize - 1];
-    let full = |&count: &u32| count > room;
-    if counts[..COUNTS as usize - 1].iter().any(full) || tiles > tile_room {
+    let full = |&count: &u32| count > room.node_pairs;
+    if counts[..COUNTS as usize - 1].iter().any(full) || tiles > room.tiles {
         return Ok(None);
     }
     // What is left below the last level would be lost.

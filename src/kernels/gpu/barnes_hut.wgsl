@@ -138,7 +138,7 @@ fn main(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let level = parameters.items;
-    let count = min(atomicLoad(&counts[level]), parameters.capacity);
+    let count = min(atomicLoad(&counts[level]), arrayLength(&agenda));
     let threads = grid.x * grid.y * THREADS;
     var running: Running;
     for (var k = (group.y * grid.x + group.x) * THREADS + thread; k < count; k += threads) {
@@ -192,13 +192,13 @@ fn main(
             }
             let at = atomicAdd(&counts[COUNTS - 1u], 1u);
             if at < arrayLength(&tiles) {
-                tiles[at] = Tile(item.pair, 0u, nodes[t].first, nodes[t].segments, nodes[u].first, nodes[u].segments, vec2<u32>());
+                tiles[at] = Tile(item.pair, nodes[t].first, nodes[t].segments, nodes[u].first, nodes[u].segments, array<u32, 3>());
             }
             continue;
         }
         // The larger one gives way to its children.
         let at = atomicAdd(&counts[level + 1u], 2u);
-        if at + 1u < parameters.capacity {
+        if at + 1u < arrayLength(&next) {
             if u_leaf || (!t_leaf && nodes[t].radius > nodes[u].radius) {
                 next[at] = NodePair(item.pair, t + 1u, u);
                 next[at + 1u] = NodePair(item.pair, nodes[t].right, u);

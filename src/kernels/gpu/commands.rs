@@ -3,6 +3,8 @@
 //! No type of the graphics interface appears here, so a list can be made, printed and tested without an adapter.
 
 use super::error::Trouble;
+use super::layout::Parameters;
+use bytemuck::NoUninit;
 
 /// A buffer, by what it holds and for which stage. It grows where a command needs more room, and stays for the frames to come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -26,6 +28,26 @@ pub(crate) struct Binding {
     pub offset: u64,
     /// Bytes.
     pub size: u64,
+}
+
+impl Binding {
+    /// So many bytes from the start.
+    pub const fn whole(buffer: Buffer, size: u64) -> Binding {
+        Binding {
+            buffer,
+            offset: 0,
+            size,
+        }
+    }
+
+    /// Number `k` of what [`Command::parameters`] writes.
+    pub const fn parameters(buffer: Buffer, k: u32) -> Binding {
+        Binding {
+            buffer,
+            offset: k as u64 * ALIGNMENT,
+            size: size_of::<Parameters>() as u64,
+        }
+    }
 }
 
 /// Parts of buffers start at multiples of this: the largest alignment that an adapter may ask for.
@@ -53,6 +75,22 @@ pub(crate) enum Command {
     Submit,
     /// Reads the first bytes of a buffer, once everything before is done.
     Download(Buffer, u64),
+}
+
+impl Command {
+    /// Writes items to the start of a buffer.
+    pub fn upload<T: NoUninit>(buffer: Buffer, items: &[T]) -> Command {
+        Command::Upload(buffer, bytemuck::cast_slice(items).to_vec())
+    }
+
+    /// Writes what dispatches are told, each where a binding may start.
+    pub fn parameters(buffer: Buffer, all: &[Parameters]) -> Command {
+        let mut bytes = vec![0; all.len() * ALIGNMENT as usize];
+        for (own, to) in all.iter().zip(bytes.chunks_mut(ALIGNMENT as usize)) {
+            to[..size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(own));
+        }
+        Command::Upload(buffer, bytes)
+    }
 }
 
 /// Workgroups as a grid, since one dimension has at most `limit`. It may have more than asked for; programs skip the rest.

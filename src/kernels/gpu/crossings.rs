@@ -2,7 +2,9 @@
 //! exactly by the processor ([`crate::kernels::crossings`]), by the same rules and in the same direction. So the sum is
 //! exact.
 //!
-//! Directions are chosen and curves cut into blocks that may cross by the processor's trees; a tile is a block of each.
+//! Which segments to test is found out on the adapter as well: boxes around runs of segments ([`super::boxes`]), the direction of
+//! each pair of curves ([`super::directions`]), and down to tiles, two boxes of 16 segments that may cross
+//! ([`super::descent`]).
 //!
 //! # The bounds
 //!
@@ -17,18 +19,20 @@
 //! * Where coordinates are off by a radius `r`, differences are by `2 r`. Each product of two is off by `2 r (|x| + |y| + 2 r)`;
 //!   each monomial of the volume's is one of the product of the three sums `|x| + |y| + |z|`, which grow by `6 r`.
 //!
-//! Tests are the same as of the processor where the coordinates are exact: intervals are compared by the sign of a
-//! difference. Segments that touch are never decided here: they lie in one plane and their shadows meet in each
+//! Boxes and intervals are compared by the sign of a difference, so none that touch are apart. Segments that touch are never decided here: they lie in one plane and their shadows meet in each
 //! direction, so bounds prove neither that they are apart nor that they cross.
 
-use super::commands::{Buffer, Command, Stage};
+use super::boxes::{self, LEAF, NODES_PROGRAM};
+use super::commands::{Binding, Buffer, Command, Stage};
+use super::descent::{self, COUNTERS, CROSSINGS, OPEN, SEPARATED, TESTS, TILES_AT};
 use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
-use super::layout::{CrossingSum, Tile, Undecided};
-use super::{Counts, Engine, Gpu};
+use super::layout::{Parameters, Undecided};
+use super::room::in_parts;
+use super::{Counts, Engine, Gpu, MOST_WORK};
 use crate::kernels::Linking;
-use crate::kernels::crossings::{BLOCK, Block, Counted, Direction, Scene, blocks, conclude};
+use crate::kernels::crossings::{Direction, Scene, conclude, linking_number};
 use crate::pairs::Pair;
 use crate::verdict::Stats;
 use rayon::prelude::*;
@@ -45,178 +49,258 @@ pub(super) const STAGE: Stage = Stage {
     name: "crossings",
     source: || {
         let real = [("FLAT", FLAT), ("SOLID", SOLID), ("TINY", TINY)];
+        let mut whole = descent::WORDS.to_vec();
+        whole.extend([
+            ("LEAF", LEAF),
+            ("OPEN", OPEN),
+            ("TESTS", TESTS),
+            ("CROSSINGS", CROSSINGS),
+        ]);
         super::program(
-            &[("BLOCK", BLOCK), ("TOO_MANY", TOO_MANY)],
+            &whole,
             &real,
-            &[include_str!("crossings.wgsl")],
+            &[NODES_PROGRAM, include_str!("crossings.wgsl")],
         )
     },
 };
 
-const UNDECIDED: Buffer = Buffer("undecided", "crossings");
-const FOUND: Buffer = Buffer("found", "crossings");
+const PARAMETERS: Buffer = Buffer("parameters", STAGE.name);
+const SIGNS: Buffer = Buffer("signs", STAGE.name);
+const UNDECIDED: Buffer = Buffer("undecided", STAGE.name);
 
 /// Undecided tests that there is room for at first; more where a frame has shown more.
-pub(super) const ROOM: u32 = 1 << 16;
+pub(super) const OPEN_ROOM: u32 = 1 << 16;
 
-/// Undecided tests at which they are no longer counted: no list is so long, and threads that have just looked add fewer
-/// than it takes to come round to 0.
-const TOO_MANY: u32 = 1 << 31;
+/// Undecided tests that are read without being asked for.
+const READ_AHEAD: u32 = 1 << 12;
+
+/// Pairs of curves of one pass, at most: below [`descent::TOO_MANY`] with the node pairs of each, and with the axis in one word.
+const MOST_PAIRS: usize = 1 << 22;
 
 /// Pairs of curves that are a task of the processor.
-const TASK: usize = 256;
+const TASK: usize = 1024;
 
-/// All linking numbers.
+/// What a pass found.
+struct Found {
+    /// The sum of the signs of each pair of curves, as far as it is decided.
+    signs: Vec<[u32; 2]>,
+    /// What is not decided, in order.
+    undecided: Vec<Undecided>,
+    counts: Vec<u32>,
+}
+
+/// All linking numbers that are not 0.
 pub(super) fn linking_numbers(
     gpu: &Gpu,
     frame: &Frame,
     scene: Scene<'_>,
     pairs: &[Pair],
 ) -> Result<Counts, Trouble> {
-    let views = View::of_all(frame, scene, pairs);
-    let tiles: Vec<Tile> = views.iter().flat_map(|v| &v.tiles).copied().collect();
-    // No other work of the pool comes between: it might want the adapter, too.
-    let (sums, mut undecided) = count(&mut gpu.lock(), frame, pairs.len(), &tiles)?;
-    undecided.par_sort_unstable();
-    let curve = |i: u32| frame.first(i);
-    // Lists are in the order of the pairs, so parts of them are parts of it.
-    let parts = views.par_iter().enumerate().map(|(k, view)| {
-        let mut workspace = scene.workspaces.take();
-        workspace.stats = view.stats;
-        let mut found = Vec::with_capacity(view.directions.len());
-        let first = (k * TASK) as u32;
-        let mut rest = &undecided[undecided.partition_point(|u| u.pair < first)..];
-        let mut tests = Vec::new();
-        for (at, &direction) in (first..).zip(&view.directions) {
-            let Some(direction) = direction else {
-                found.push(Linking::Number(0));
-                continue;
-            };
-            let (own, others) = rest.split_at(rest.partition_point(|u| u.pair <= at));
-            rest = others;
-            let pair = pairs[at as usize];
-            let (upper, lower) = direction.upper_first(pair.0, pair.1);
-            tests.clear();
-            tests.extend(
-                own.iter()
-                    .map(|u| (u.upper - curve(upper), u.lower - curve(lower))),
-            );
-            let sum = &sums[at as usize];
-            let counted = Counted {
-                sum: fixed::whole(sum.signs),
-                crossings: sum.crossings.into(),
-                // Undecided ones are counted where they are decided.
-                tests: u64::from(sum.tests).saturating_sub(tests.len() as u64),
-            };
-            found.push(conclude(
-                scene,
-                pair,
-                direction,
-                counted,
-                &tests,
-                &mut workspace,
-            ));
+    let most = |engine: &Engine| {
+        let fits = engine.device.most_bytes() / size_of::<[u32; 2]>() as u64;
+        MOST_PAIRS.min(fits as usize)
+    };
+    let passes = {
+        // No other work of the pool comes between: it might want the adapter, too.
+        let engine = &mut gpu.lock();
+        let most = most(engine);
+        let pass = |engine: &mut Engine, pairs: &[Pair]| pass(engine, frame, pairs);
+        in_parts(engine, pairs, most, |engine| &mut engine.count_room, &pass)?
+    };
+    let (mut linked, mut stats, mut left) = (Vec::new(), Stats::default(), 0);
+    let mut rest = pairs;
+    for (count, found) in passes {
+        let (own, others) = rest.split_at(count);
+        rest = others;
+        match found {
+            Some(found) => {
+                left += found.undecided.len() as u64;
+                stats.add(&found.stats(count));
+                found.conclude(frame, scene, own, (&mut linked, &mut stats));
+            }
+            // Too much for the adapter.
+            None => {
+                let mut workspace = scene.workspaces.take();
+                for &pair in own {
+                    let linking = linking_number(scene, pair, None, &mut workspace);
+                    linked.push((pair, linking));
+                }
+                stats.add(&workspace.take_stats());
+                scene.workspaces.put(workspace);
+            }
         }
-        let stats = workspace.take_stats();
-        scene.workspaces.put(workspace);
-        (found, stats)
-    });
-    let parts: Vec<(Vec<Linking>, Stats)> = parts.collect();
-    let mut stats = Stats::default();
-    for (_, part) in &parts {
-        stats.add(part);
     }
-    let found = parts.into_iter().flat_map(|(found, _)| found).collect();
-    Ok((found, stats, undecided.len() as u64))
+    linked.retain(|(_, linking)| *linking != Linking::Number(0));
+    Ok((linked, stats, left))
 }
 
-/// The work list of some pairs.
-#[cfg(test)]
-pub(super) fn tiles(frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<Tile> {
-    let views = View::of_all(frame, scene, pairs);
-    views.iter().flat_map(|v| &v.tiles).copied().collect()
-}
+impl Found {
+    /// The work that the adapter did for so many pairs of curves. Undecided tests are counted where they are decided.
+    fn stats(&self, pairs: usize) -> Stats {
+        let long = |at: u32| {
+            let at = at as usize;
+            u64::from(self.counts[at + 1]) << 32 | u64::from(self.counts[at])
+        };
+        Stats {
+            potential_links: pairs as u64,
+            separated: self.counts[SEPARATED as usize].into(),
+            tests: long(TESTS).saturating_sub(self.undecided.len() as u64),
+            crossings: long(CROSSINGS),
+            ..Stats::default()
+        }
+    }
 
-/// Some pairs as they are seen, and what there is to test.
-struct View {
-    directions: Vec<Option<Direction>>,
-    tiles: Vec<Tile>,
-    stats: Stats,
-}
-
-impl View {
-    fn of_all(frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<View> {
-        let view = |(task, pairs): (usize, &[Pair])| {
+    /// Decides what is left, and adds what is linked.
+    fn conclude(
+        &self,
+        frame: &Frame,
+        scene: Scene<'_>,
+        pairs: &[Pair],
+        (linked, stats): (&mut Vec<(Pair, Linking)>, &mut Stats),
+    ) {
+        let number = |u: &Undecided| (u.pair & ((1 << descent::AXIS) - 1)) as usize;
+        let task = |(task, signs): (usize, &[[u32; 2]])| {
+            let first = task * TASK;
+            let mut rest = &self.undecided[self.undecided.partition_point(|u| number(u) < first)..];
             let mut workspace = scene.workspaces.take();
-            let (mut directions, mut tiles, mut found) = (Vec::new(), Vec::new(), Vec::new());
-            for (k, &pair) in pairs.iter().enumerate() {
-                let direction = blocks(scene, pair, &mut workspace, &mut found);
-                directions.push(direction);
-                let Some(direction) = direction else { continue };
-                let (upper, lower) = direction.upper_first(pair.0, pair.1);
-                let tile = |Block([rows, columns]): Block| Tile {
-                    pair: (task * TASK + k) as u32,
-                    axis: direction.axis as u32,
-                    first_row: frame.first(upper) + rows,
-                    rows: BLOCK.min(frame.segments(upper) - rows),
-                    first_column: frame.first(lower) + columns,
-                    columns: BLOCK.min(frame.segments(lower) - columns),
-                    padding: [0; 2],
+            let (mut linked, mut tests) = (Vec::new(), Vec::new());
+            for (at, &signs) in (first..).zip(signs) {
+                let (own, others) = rest.split_at(rest.partition_point(|u| number(u) == at));
+                rest = others;
+                let (pair, sum) = (pairs[at], fixed::whole(signs));
+                let Some(one) = own.first() else {
+                    if sum != 0 {
+                        linked.push((pair, Linking::Number(sum)));
+                    }
+                    continue;
                 };
-                tiles.extend(found.drain(..).map(tile));
+                let (i, j) = pair;
+                let direction = Direction {
+                    axis: (one.pair >> descent::AXIS) as usize,
+                    second_over: frame.curves[j as usize].contains(&one.upper),
+                };
+                let (upper, lower) = direction.upper_first(i, j);
+                let [upper, lower] = [upper, lower].map(|curve| frame.first(curve));
+                tests.clear();
+                tests.extend(own.iter().map(|u| (u.upper - upper, u.lower - lower)));
+                let linking = conclude(scene, pair, direction, sum, &tests, &mut workspace);
+                linked.push((pair, linking));
             }
             let stats = workspace.take_stats();
             scene.workspaces.put(workspace);
-            View {
-                directions,
-                tiles,
-                stats,
-            }
+            (linked, stats)
         };
-        pairs.par_chunks(TASK).enumerate().map(view).collect()
+        let tasks = self.signs.par_chunks(TASK).enumerate().map(task);
+        for (own, work) in tasks.collect::<Vec<_>>() {
+            linked.extend(own);
+            stats.add(&work);
+        }
     }
 }
 
-/// What the adapter decides, and, in any order, what it does not.
-fn count(
-    engine: &mut Engine,
-    frame: &Frame,
-    pairs: usize,
-    tiles: &[Tile],
-) -> Result<(Vec<CrossingSum>, Vec<Undecided>), Trouble> {
-    let size = (pairs * size_of::<CrossingSum>()) as u64;
-    loop {
-        let room = engine.room;
-        let list = u64::from(room) * size_of::<Undecided>() as u64;
-        let mut commands = vec![
-            Command::Clear(super::SUMS, size.max(4)),
-            Command::Clear(FOUND, 4),
-            Command::Reserve(UNDECIDED, list),
-        ];
-        let bindings = [(super::SUMS, size), (UNDECIDED, list), (FOUND, 4)];
-        engine.dispatch_tiles(&mut commands, STAGE, frame, tiles, 1, &bindings)?;
-        commands.push(Command::Download(super::SUMS, size.max(4)));
-        commands.push(Command::Download(FOUND, 4));
-        let mut got = engine.run(frame, &commands)?;
-        let found: u32 = bytemuck::pod_read_unaligned(&got[1]);
-        if found > room {
-            // Once more, with room for all of them. Where there is none, later frames still have what there was.
-            let wanted = found.saturating_add(found / 4);
-            let most = engine.device.most_bytes() / size_of::<Undecided>() as u64;
-            let most = most.min(u64::from(TOO_MANY) - 1) as u32;
-            if found > most {
-                return Err(Trouble::limit("undecided tests", found.into(), most.into()));
-            }
-            engine.room = wanted.min(most);
-            continue;
-        }
-        let sums = bytemuck::pod_collect_to_vec(&got.swap_remove(0)[..size as usize]);
-        let mut undecided = Vec::new();
-        if found > 0 {
-            let bytes = u64::from(found) * size_of::<Undecided>() as u64;
-            let list = engine.run(frame, &[Command::Download(UNDECIDED, bytes)])?;
-            undecided = bytemuck::pod_collect_to_vec(&list[0]);
-        }
-        return Ok((sums, undecided));
+/// Counts on the adapter; none where there was too little room.
+fn pass(engine: &mut Engine, frame: &Frame, pairs: &[Pair]) -> Result<Option<Found>, Trouble> {
+    let [mut commands, fits] = boxes::fit(engine, frame);
+    let room = engine.count_room;
+    let radius = frame.radius;
+    let (uploads, choice) = super::directions::choose(engine, radius, pairs, room);
+    commands.extend(uploads);
+    let (upload, steps) = descent::descend(engine, radius, room);
+    commands.push(upload);
+    // Parts of the tiles, so that none takes too long. More than the first are rare.
+    let tests = MOST_WORK[usize::from(engine.device.info().software)];
+    let part = (tests / u64::from(LEAF * LEAF)) as u32;
+    let parts: Vec<Parameters> = (0..room.tiles)
+        .step_by(part as usize)
+        .map(|first| Parameters {
+            radius,
+            zero: 0,
+            first,
+            items: part.min(room.tiles - first),
+        })
+        .collect();
+    commands.push(Command::parameters(PARAMETERS, &parts));
+    let signs = Binding::whole(SIGNS, size_of_val(pairs) as u64);
+    let list = u64::from(engine.open_room) * size_of::<Undecided>() as u64;
+    for binding in [
+        room.agenda(descent::AGENDAS[0]),
+        room.agenda(descent::AGENDAS[1]),
+        room.tiles(descent::TILES),
+        Binding::whole(UNDECIDED, list),
+    ] {
+        commands.push(Command::Reserve(binding.buffer, binding.size));
     }
+    commands.push(Command::Clear(SIGNS, signs.size));
+    commands.push(Command::Clear(COUNTERS.buffer, COUNTERS.size));
+    commands.extend(fits);
+    commands.push(choice);
+    commands.extend(steps);
+    let count = |engine: &Engine, part: u32| Command::Dispatch {
+        stage: STAGE,
+        bindings: vec![
+            Binding::parameters(PARAMETERS, part),
+            Binding::whole(super::VERTICES, size_of_val(&frame.vertices[..]) as u64),
+            engine.hierarchy.nodes(),
+            room.tiles(descent::TILES),
+            signs,
+            Binding::whole(UNDECIDED, list),
+            COUNTERS,
+        ],
+        groups: engine.strides(),
+    };
+    let ahead = engine.open_room.min(READ_AHEAD);
+    let entry = size_of::<Undecided>() as u64;
+    let results = [
+        Command::Download(COUNTERS.buffer, COUNTERS.size),
+        Command::Download(SIGNS, signs.size),
+        Command::Download(UNDECIDED, u64::from(ahead) * entry),
+    ];
+    commands.push(count(engine, 0));
+    commands.extend_from_slice(&results);
+    let mut got = engine.run(frame, &commands)?;
+    engine.boxes_of = Some(frame.id);
+    let counters = |got: &[Vec<u8>]| bytemuck::pod_collect_to_vec::<u8, u32>(&got[0]);
+    let mut counts = counters(&got);
+    let levels = engine.hierarchy.levels() as usize;
+    let tiles = counts[TILES_AT as usize];
+    if counts[..levels].iter().any(|&c| c > room.node_pairs) || tiles > room.tiles {
+        return Ok(None);
+    }
+    // What is left below the last level would be lost.
+    if counts[levels - 1] > 0 {
+        let what = "levels of boxes";
+        return Err(Trouble::limit(what, levels as u64 + 1, levels as u64));
+    }
+    if tiles > part {
+        let mut commands = Vec::new();
+        for k in 1..tiles.div_ceil(part) {
+            commands.extend([count(engine, k), Command::Submit]);
+        }
+        commands.extend_from_slice(&results);
+        got = engine.run(frame, &commands)?;
+        counts = counters(&got);
+    }
+    let open = counts[OPEN as usize];
+    if open > engine.open_room {
+        // Once more, with room for all of them. Where there is none, later frames still have what there was.
+        let most = engine.device.most_bytes() / entry;
+        let most = most.min(u64::from(descent::TOO_MANY) - 1) as u32;
+        if open > most {
+            return Err(Trouble::limit("undecided tests", open.into(), most.into()));
+        }
+        engine.open_room = open.saturating_add(open / 4).min(most);
+        return pass(engine, frame, pairs);
+    }
+    let mut undecided: Vec<Undecided> = bytemuck::pod_collect_to_vec(&got[2]);
+    if open > ahead {
+        let all = Command::Download(UNDECIDED, u64::from(open) * entry);
+        undecided = bytemuck::pod_collect_to_vec(&engine.run(frame, &[all])?[0]);
+    }
+    undecided.truncate(open as usize);
+    undecided.par_sort_unstable_by_key(|u| (u.pair & ((1 << descent::AXIS) - 1), u.upper, u.lower));
+    Ok(Some(Found {
+        signs: bytemuck::pod_collect_to_vec(&got[1]),
+        undecided,
+        counts,
+    }))
 }

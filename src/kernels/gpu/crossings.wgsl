@@ -1,10 +1,10 @@
 // Crossings of tiles, as far as single precision decides: src/kernels/gpu/crossings.rs has the proof of the bounds. Constants
 // in capitals come from there. Rows are segments of the curve that counts when on top.
 
-struct CrossingSum {
-    signs: array<atomic<u32>, 2>,
-    crossings: atomic<u32>,
-    tests: atomic<u32>,
+struct NodePair {
+    pair: u32,
+    first: u32,
+    second: u32,
 }
 
 struct Undecided {
@@ -14,16 +14,19 @@ struct Undecided {
 }
 
 @group(0) @binding(1) var<storage, read> vertices: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> tiles: array<Tile>;
-@group(0) @binding(3) var<storage, read_write> sums: array<CrossingSum>;
-@group(0) @binding(4) var<storage, read_write> undecided: array<Undecided>;
-@group(0) @binding(5) var<storage, read_write> found: atomic<u32>;
+@group(0) @binding(2) var<storage, read> nodes: array<BoxNode>;
+@group(0) @binding(3) var<storage, read> tiles: array<NodePair>;
+// The signs of each pair of curves: low half, high half.
+@group(0) @binding(4) var<storage, read_write> sums: array<array<atomic<u32>, 2>>;
+@group(0) @binding(5) var<storage, read_write> undecided: array<Undecided>;
+@group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>, COUNTS>;
 
-var<workgroup> rows: array<vec3<f32>, BLOCK + 1u>;
-var<workgroup> columns: array<vec3<f32>, BLOCK + 1u>;
+var<workgroup> rows: array<vec3<f32>, LEAF + 1u>;
+var<workgroup> columns: array<vec3<f32>, LEAF + 1u>;
 var<workgroup> signs: atomic<i32>;
-var<workgroup> crossings: atomic<u32>;
-var<workgroup> tests: atomic<u32>;
+// Tests and crossings of the workgroup.
+var<workgroup> work: array<atomic<u32>, 2>;
+var<workgroup> total: u32;
 
 // The coordinates in the frame of the projection, whose axis is the last.
 fn seen(p: vec3<f32>, axis: u32) -> vec3<f32> {
@@ -62,102 +65,138 @@ fn volume(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(volume, SOLID * permanent + 1.01 * moved + TINY);
 }
 
-// Whether two intervals are apart, however the vertices are off.
-fn beyond(high: f32, low: f32) -> bool {
-    return pinned(low - high) > 2.01 * parameters.radius;
-}
-
 // Both surely on one side.
 fn one_side(p: vec2<f32>, q: vec2<f32>) -> bool {
     return (p.x > p.y && q.x > q.y) || (-p.x > p.y && -q.x > q.y);
 }
 
-@compute @workgroup_size(BLOCK)
+// What a test says.
+const APART = 0u;
+const CROSSES = 1u;
+const UNDECIDED = 2u;
+
+struct Test {
+    outcome: u32,
+    sign: i32,
+}
+
+// Whether the first of two segments, whose shadows' boxes meet, crosses above the second.
+fn crossing(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, d: vec3<f32>) -> Test {
+    let c_side = side(a.xy, b.xy, c.xy);
+    let d_side = side(a.xy, b.xy, d.xy);
+    let a_side = side(c.xy, d.xy, a.xy);
+    let b_side = side(c.xy, d.xy, b.xy);
+    if one_side(c_side, d_side) || one_side(a_side, b_side) {
+        return Test(APART, 0);
+    }
+    let height = volume(a, b, c, d);
+    let sure = abs(c_side.x) > c_side.y && abs(d_side.x) > d_side.y && abs(a_side.x) > a_side.y
+        && abs(b_side.x) > b_side.y && abs(height.x) > height.y;
+    if !sure {
+        return Test(UNDECIDED, 0);
+    }
+    let left = d_side.x > 0.0;
+    if (height.x < 0.0) == left {
+        return Test(CROSSES, select(-1, 1, left));
+    }
+    return Test(APART, 0);
+}
+
+// Adds to a count of 64 bits.
+fn count64(at: u32, more: u32) {
+    let before = atomicAdd(&counts[at], more);
+    if before + more < before {
+        atomicAdd(&counts[at + 1u], 1u);
+    }
+}
+
+@compute @workgroup_size(THREADS)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) grid: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let number = group.y * grid.x + group.x;
-    var tile = Tile(0u, 0u, 0u, 0u, 0u, 0u, vec2<u32>());
-    if number < parameters.items {
-        tile = tiles[number];
-    }
     if thread == 0u {
+        let listed = min(atomicLoad(&counts[TILES]), arrayLength(&tiles));
+        total = min(listed, parameters.first + parameters.items);
         atomicStore(&signs, 0);
-        atomicStore(&crossings, 0u);
-        atomicStore(&tests, 0u);
+        atomicStore(&work[0], 0u);
+        atomicStore(&work[1], 0u);
     }
-    for (var k = thread; k <= tile.rows; k += BLOCK) {
-        rows[k] = seen(vertices[tile.first_row + k].xyz, tile.axis);
-    }
-    for (var k = thread; k <= tile.columns; k += BLOCK) {
-        columns[k] = seen(vertices[tile.first_column + k].xyz, tile.axis);
-    }
-    workgroupBarrier();
-    var sum = 0;
-    var crossed = 0u;
+    let end = workgroupUniformLoad(&total);
     var tested = 0u;
-    for (var k = thread; k < tile.rows * tile.columns; k += BLOCK) {
-        let s = k / tile.columns;
-        let t = k % tile.columns;
-        let a = rows[s];
-        let b = rows[s + 1u];
-        let c = columns[t];
-        let d = columns[t + 1u];
-        let a_low = min(a, b);
-        let a_high = max(a, b);
-        let c_low = min(c, d);
-        let c_high = max(c, d);
-        // Shadows apart, or the upper one wholly below.
-        if beyond(a_high.x, c_low.x) || beyond(c_high.x, a_low.x) || beyond(a_high.y, c_low.y)
-            || beyond(c_high.y, a_low.y) || beyond(a_high.z, c_low.z) {
-            continue;
+    var crossed = 0u;
+    for (var number = parameters.first + group.y * grid.x + group.x; number < end; number += grid.x * grid.y) {
+        let tile = tiles[number];
+        let pair = tile.pair & ((1u << AXIS) - 1u);
+        let axis = tile.pair >> AXIS;
+        let upper = nodes[tile.first].first;
+        let lower = nodes[tile.second].first;
+        let upper_count = nodes[tile.first].below;
+        let lower_count = nodes[tile.second].below;
+        workgroupBarrier();
+        for (var k = thread; k <= LEAF; k += THREADS) {
+            if k <= upper_count {
+                rows[k] = seen(vertices[upper + k].xyz, axis);
+            }
+            if k <= lower_count {
+                columns[k] = seen(vertices[lower + k].xyz, axis);
+            }
         }
-        tested += 1u;
-        let c_side = side(a.xy, b.xy, c.xy);
-        let d_side = side(a.xy, b.xy, d.xy);
-        let a_side = side(c.xy, d.xy, a.xy);
-        let b_side = side(c.xy, d.xy, b.xy);
-        if one_side(c_side, d_side) || one_side(a_side, b_side) {
-            continue;
-        }
-        let height = volume(a, b, c, d);
-        let sure = abs(c_side.x) > c_side.y && abs(d_side.x) > d_side.y && abs(a_side.x) > a_side.y
-            && abs(b_side.x) > b_side.y && abs(height.x) > height.y;
-        if !sure {
-            // No list has room for so many, and the count must not come back to 0.
-            if atomicLoad(&found) >= TOO_MANY {
+        workgroupBarrier();
+        var sum = 0;
+        for (var k = thread; k < LEAF * LEAF; k += THREADS) {
+            let s = k / LEAF;
+            let t = k % LEAF;
+            if s >= upper_count || t >= lower_count {
                 continue;
             }
-            let at = atomicAdd(&found, 1u);
-            if at < parameters.capacity {
-                undecided[at] = Undecided(tile.pair, tile.first_row + s, tile.first_column + t);
+            let a = rows[s];
+            let b = rows[s + 1u];
+            let c = columns[t];
+            let d = columns[t + 1u];
+            let a_high = max(a, b);
+            let c_low = min(c, d);
+            // Shadows apart, or the upper one wholly below.
+            if any(beyond3(a_high, c_low)) || any(beyond3(max(c, d), min(a, b)).xy) {
+                continue;
             }
-            continue;
+            tested += 1u;
+            let test = crossing(a, b, c, d);
+            if test.outcome == CROSSES {
+                sum += test.sign;
+                crossed += 1u;
+            }
+            // No list has room for so many, and the count must not come back to 0.
+            if test.outcome == UNDECIDED && atomicLoad(&counts[OPEN]) < TOO_MANY {
+                let at = atomicAdd(&counts[OPEN], 1u);
+                if at < arrayLength(&undecided) {
+                    undecided[at] = Undecided(tile.pair, upper + s, lower + t);
+                }
+            }
         }
-        let left = d_side.x > 0.0;
-        if (height.x < 0.0) == left {
-            sum += select(-1, 1, left);
-            crossed += 1u;
+        if sum != 0 {
+            atomicAdd(&signs, sum);
+        }
+        workgroupBarrier();
+        if thread == 0u {
+            let more = widened(atomicExchange(&signs, 0));
+            if more.x != 0u {
+                let before = atomicAdd(&sums[pair][0], more.x);
+                let high = more.y + select(0u, 1u, before + more.x < before);
+                if high != 0u {
+                    atomicAdd(&sums[pair][1], high);
+                }
+            }
         }
     }
     if tested > 0u {
-        atomicAdd(&signs, sum);
-        atomicAdd(&crossings, crossed);
-        atomicAdd(&tests, tested);
+        atomicAdd(&work[0], tested);
+        atomicAdd(&work[1], crossed);
     }
     workgroupBarrier();
     if thread == 0u {
-        let tested_all = atomicLoad(&tests);
-        if tested_all > 0u {
-            let total = widened(atomicLoad(&signs));
-            if total.x != 0u {
-                let before = atomicAdd(&sums[tile.pair].signs[0], total.x);
-                atomicAdd(&sums[tile.pair].signs[1], total.y + select(0u, 1u, before + total.x < before));
-            }
-            atomicAdd(&sums[tile.pair].crossings, atomicLoad(&crossings));
-            atomicAdd(&sums[tile.pair].tests, tested_all);
-        }
+        count64(TESTS, atomicLoad(&work[0]));
+        count64(CROSSINGS, atomicLoad(&work[1]));
     }
 }

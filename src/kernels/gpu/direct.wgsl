@@ -55,7 +55,7 @@ fn main(
     let lane = thread % ROWS;
     let number = (group.y * grid.x + group.x) * SLOTS + slot;
     let here = number < parameters.items;
-    var tile = Tile(0u, 0u, 0u, 0u, 0u, 0u, vec2<u32>());
+    var tile: Tile;
     if here {
         tile = tiles[number];
     }

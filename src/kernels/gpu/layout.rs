@@ -10,9 +10,9 @@ pub(crate) struct Parameters {
     pub radius: f32,
     /// 0, which a compiler does not know.
     pub zero: u32,
-    /// Entries that the list of undecided tests has room for.
-    pub capacity: u32,
-    /// Items in the list.
+    /// The first item.
+    pub first: u32,
+    /// How many, or another number that a stage is told.
     pub items: u32,
 }
 
@@ -22,8 +22,6 @@ pub(crate) struct Parameters {
 pub(crate) struct Tile {
     /// Which pair of curves it is a part of.
     pub pair: u32,
-    /// Axis of projection, where crossings are counted.
-    pub axis: u32,
     /// First vertex of the rows, and how many segments they are.
     pub first_row: u32,
     /// Rows.
@@ -33,7 +31,7 @@ pub(crate) struct Tile {
     /// Columns.
     pub columns: u32,
     /// None: parts of the list start at multiples of 32 bytes.
-    pub padding: [u32; 2],
+    pub padding: [u32; 3],
 }
 
 /// The sum of the angles of a pair: fixed-point numbers of three words each, in units of [`super::fixed::UNIT`]. Programs see
@@ -51,23 +49,35 @@ pub(crate) struct AngleSum {
     pub near: u32,
 }
 
-/// The crossings of a pair that single precision decides.
+/// A box around a run of segments.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct BoxNode {
+    /// Least coordinates.
+    pub low: [f32; 3],
+    /// The first of what is below: vertices at the bottom, else nodes.
+    pub first: u32,
+    /// Largest coordinates.
+    pub high: [f32; 3],
+    /// How many there are below; and the level, times [`super::boxes::LEVEL`].
+    pub below: u32,
+}
+
+/// The topmost boxes of a curve.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub(crate) struct CrossingSum {
-    /// The sum of the signs: low half, high half.
-    pub signs: [u32; 2],
-    /// Crossings.
-    pub crossings: u32,
-    /// Pairs of segments tested.
-    pub tests: u32,
+pub(crate) struct Roots {
+    /// The first.
+    pub first: u32,
+    /// How many.
+    pub count: u32,
 }
 
 /// A test that single precision does not decide.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 pub(crate) struct Undecided {
-    /// The pair of curves.
+    /// The pair of curves; the axis is in its highest bits ([`super::descent::AXIS`]).
     pub pair: u32,
     /// First vertex of the segment on top.
     pub upper: u32,
@@ -107,15 +117,15 @@ pub(crate) struct Node {
     pub padding: [u32; 2],
 }
 
-/// A pair of nodes to look into.
+/// A pair of nodes to look into, of the trees of Barnes-Hut or of boxes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct NodePair {
-    /// The pair of curves.
+    /// The pair of curves; of boxes with the axis in its highest bits ([`super::descent::AXIS`]).
     pub pair: u32,
-    /// A node of the first.
+    /// A node of the first; of boxes of the one on top.
     pub first: u32,
-    /// A node of the second.
+    /// A node of the other one.
     pub second: u32,
 }
 

@@ -15,16 +15,20 @@
 //! little memory, too large a frame, is [`Trouble`]: the caller says so and computes on the processor.
 
 mod barnes_hut;
+mod boxes;
 mod calibration;
 mod commands;
 mod crossings;
+mod descent;
 mod device;
 mod direct;
+mod directions;
 mod error;
 mod fixed;
 mod frame;
 mod layout;
 mod measure;
+mod room;
 mod self_test;
 #[cfg(test)]
 mod tests;
@@ -34,10 +38,12 @@ pub use calibration::Calibration;
 pub(crate) use error::Trouble;
 pub use measure::{DeviceTimes, calibrate, measure};
 
+use self::boxes::Hierarchy;
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use self::device::Device;
 pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
+use self::room::Room;
 use super::crossings::Scene;
 use super::device::{Device as Choice, DeviceInfo};
 use super::{Estimate, Linking, Summation};
@@ -67,8 +73,8 @@ pub(super) fn devices() -> Vec<DeviceInfo> {
     all
 }
 
-/// Linking numbers, the counts of the work, and how many tests were left to the processor.
-type Counts = (Vec<Linking>, Stats, u64);
+/// Linking numbers that are not 0, the counts of the work, and how many tests were left to the processor.
+type Counts = (Vec<(Pair, Linking)>, Stats, u64);
 
 /// Adapters that are open: one serves all who ask for it.
 static OPEN: Mutex<Vec<(Choice, Weak<Gpu>)>> = Mutex::new(Vec::new());
@@ -90,8 +96,11 @@ impl Gpu {
             device: Device::open(name)?,
             vertices_of: None,
             nodes_of: None,
-            room: crossings::ROOM,
-            agenda_room: barnes_hut::ROOM,
+            boxes_of: None,
+            hierarchy: Hierarchy::default(),
+            open_room: crossings::OPEN_ROOM,
+            count_room: Room::START,
+            sum_room: Room::START,
         };
         self_test::run(&mut engine)?;
         Ok(Gpu {
@@ -125,10 +134,13 @@ impl Gpu {
         self.lock().device.info().clone()
     }
 
-    /// Makes the vertices of a set ready and sends them up, without waiting for that.
+    /// Makes the vertices of a set ready, sends them up and has their boxes made, without waiting for that.
     pub fn send(&self, set: &CurveSet) -> Result<Frame, Trouble> {
         let frame = Frame::new(set);
-        self.lock().run(&frame, &[])?;
+        let mut engine = self.lock();
+        let commands = boxes::fit(&mut engine, &frame).concat();
+        engine.run(&frame, &commands)?;
+        engine.boxes_of = Some(frame.id);
         Ok(frame)
     }
 
@@ -245,25 +257,44 @@ pub(super) struct Engine {
     vertices_of: Option<u64>,
     /// The frame whose trees are on it.
     nodes_of: Option<u64>,
+    /// The frame whose boxes are on it.
+    boxes_of: Option<u64>,
+    /// What boxes there are.
+    hierarchy: Hierarchy,
     /// Undecided tests that there is room for.
-    room: u32,
-    /// Node pairs and tiles of Barnes-Hut that there is room for.
-    agenda_room: [u32; 2],
+    open_room: u32,
+    /// Room for the node pairs of crossings.
+    count_room: Room,
+    /// Room for those of Barnes-Hut.
+    sum_room: Room,
 }
 
 impl Engine {
     /// Runs commands that read the vertices of a frame, which go up with the first of them.
     fn run(&mut self, frame: &Frame, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
         if self.vertices_of == Some(frame.id) {
-            return self.device.run(commands);
+            let done = self.device.run(commands);
+            return done.inspect_err(|_| self.forget());
         }
-        self.vertices_of = None;
-        let vertices = bytemuck::cast_slice(&frame.vertices).to_vec();
-        let mut all = vec![Command::Upload(VERTICES, vertices)];
+        let mut all = vec![Command::upload(VERTICES, &frame.vertices)];
         all.extend_from_slice(commands);
-        let done = self.device.run(&all)?;
+        let done = self.device.run(&all).inspect_err(|_| self.forget())?;
         self.vertices_of = Some(frame.id);
         Ok(done)
+    }
+
+    /// Nobody knows what is on the adapter after a failure.
+    fn forget(&mut self) {
+        (self.vertices_of, self.nodes_of, self.boxes_of) = (None, None, None);
+        self.hierarchy = Hierarchy::default();
+    }
+
+    /// Workgroups of a program that strides through a list whose length only the adapter knows.
+    fn strides(&self) -> u32 {
+        match self.device.info().software {
+            true => 64,
+            false => 4096,
+        }
     }
 
     /// Lists what it takes to run a program on tiles, `per_group` of them in a workgroup; `results` are bound after the
@@ -285,7 +316,7 @@ impl Engine {
         for tiles in tiles.chunks(longest.max(STEP)) {
             let parts = tiles::parts(tiles, STEP, longest, most_work);
             let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
-            commands.push(Command::Upload(list, bytemuck::cast_slice(tiles).to_vec()));
+            commands.push(Command::upload(list, tiles));
             self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
         }
         Ok(())
@@ -320,36 +351,31 @@ impl Engine {
         results: &[(Buffer, u64)],
     ) {
         let parameters = Buffer("parameters", stage.name);
-        let mut all = vec![0; counts.len() * ALIGNMENT as usize];
-        for (&count, to) in counts.iter().zip(all.chunks_mut(ALIGNMENT as usize)) {
-            let own = Parameters {
-                radius: frame.radius,
-                zero: 0,
-                capacity: self.room,
-                items: count,
-            };
-            to[..size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(&own));
-        }
-        commands.push(Command::Upload(parameters, all));
+        let own = |&items: &u32| Parameters {
+            radius: frame.radius,
+            zero: 0,
+            first: 0,
+            items,
+        };
+        let all: Vec<Parameters> = counts.iter().map(own).collect();
+        commands.push(Command::parameters(parameters, &all));
         let mut at = 0;
         for (k, &count) in (0..).zip(counts) {
             let bytes = u64::from(count) * size_of::<Tile>() as u64;
-            let binding = |buffer, offset, size| Binding {
-                buffer,
-                offset,
-                size,
-            };
             let vertices = size_of_val(&frame.vertices[..]) as u64;
             let mut bindings = vec![
-                binding(parameters, k * ALIGNMENT, size_of::<Parameters>() as u64),
-                binding(VERTICES, 0, vertices),
-                binding(list, at, bytes),
+                Binding::parameters(parameters, k),
+                Binding::whole(VERTICES, vertices),
+                Binding {
+                    buffer: list,
+                    offset: at,
+                    size: bytes,
+                },
             ];
-            bindings.extend(
-                results
-                    .iter()
-                    .map(|&(buffer, size)| binding(buffer, 0, size)),
-            );
+            let results = results
+                .iter()
+                .map(|&(buffer, size)| Binding::whole(buffer, size));
+            bindings.extend(results);
             commands.push(Command::Dispatch {
                 stage,
                 bindings,
@@ -364,7 +390,14 @@ impl Engine {
 /// Every program.
 #[cfg(test)]
 fn stages() -> Vec<Stage> {
-    let mut all = vec![self_test::STAGE, crossings::STAGE, barnes_hut::STAGE];
+    let mut all = vec![
+        self_test::STAGE,
+        boxes::STAGE,
+        directions::STAGE,
+        descent::STAGE,
+        crossings::STAGE,
+        barnes_hut::STAGE,
+    ];
     all.extend(direct::SHAPES.map(|(_, stage)| stage));
     all
 }

@@ -48,7 +48,7 @@ pub(super) fn run(engine: &mut Engine) -> Result<(), Trouble> {
     let parameters = Parameters {
         radius: 0.0,
         zero: 0,
-        capacity: 0,
+        first: 0,
         items: n as u32,
     };
     let binding = |buffer, size| Binding {

@@ -3,18 +3,17 @@
 struct Parameters {
     radius: f32,
     zero: u32,
-    capacity: u32,
+    first: u32,
     items: u32,
 }
 
 struct Tile {
     pair: u32,
-    axis: u32,
     first_row: u32,
     rows: u32,
     first_column: u32,
     columns: u32,
-    padding: vec2<u32>,
+    padding: array<u32, 3>,
 }
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;

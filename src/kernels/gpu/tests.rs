@@ -13,7 +13,7 @@ use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
 use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
-use layout::{Criterion, CrossingSum, Node, NodePair, Undecided};
+use layout::{BoxNode, Criterion, Node, NodePair, Roots, Undecided};
 use std::mem::offset_of;
 use wgpu::naga;
 
@@ -73,9 +73,10 @@ macro_rules! same_layout {
 
 #[test]
 fn structs_lie_in_memory_as_programs_expect() {
-    same_layout!(Parameters: radius, zero, capacity, items);
-    same_layout!(Tile: pair, axis, first_row, rows, first_column, columns, padding);
-    same_layout!(CrossingSum: signs, crossings, tests);
+    same_layout!(Parameters: radius, zero, first, items);
+    same_layout!(Tile: pair, first_row, rows, first_column, columns, padding);
+    same_layout!(BoxNode: low, first, high, below);
+    same_layout!(Roots: first, count);
     same_layout!(Undecided: pair, upper, lower);
     same_layout!(
         Node: centre, radius, centre_rest, length, second, fourth, first, segments, tangents, right, leaf, moments, padding
@@ -218,7 +219,7 @@ fn curves_that_nearly_touch_are_right_or_undecided() {
     assert!(decided.iter().all(|&n| n > 6 * 3 * 2 * 10), "{decided:?}");
 }
 
-/// Crossings on the adapter and on the processor: the same numbers, places and counts.
+/// Crossings on the adapter and on the processor: the same numbers and places.
 fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
     let n = set.len() as u32;
     let mut trees = Trees::default();
@@ -236,19 +237,18 @@ fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
     };
     let frame = gpu.send(set).unwrap();
     let (found, stats, undecided) = gpu.count(&frame, scene, &pairs).unwrap();
+    let mut found = found.into_iter().peekable();
     let mut workspace = workspaces.take();
-    for (&pair, &found) in pairs.iter().zip(&found) {
+    for &pair in &pairs {
+        let own = found.next_if(|(p, _)| *p == pair);
+        let own = own.map_or(Linking::Number(0), |(_, linking)| linking);
         let want = linking_number(scene, pair, None, &mut workspace);
-        assert_eq!(found, want, "{pair:?}");
+        assert_eq!(own, want, "{pair:?}");
     }
-    let mut want = workspace.take_stats();
-    if Frame::new(set).radius > 0.0 {
-        // What counts as a test there depends on how far vertices may be off, and here on the padding of boxes.
-        want.tests = stats.tests;
-    }
-    // A test that one of them decides roughly the other may decide exactly, where it makes batches of others.
-    want.exact = stats.exact;
-    assert_eq!(stats, want);
+    assert_eq!(found.next(), None);
+    let want = workspace.take_stats();
+    assert_eq!(stats.potential_links, want.potential_links);
+    assert!(stats.separated <= stats.potential_links && stats.crossings <= stats.tests);
     (stats.tests, undecided)
 }
 
@@ -380,10 +380,10 @@ fn a_watch_goes_on_without_its_adapter() {
 #[ignore = "needs an adapter"]
 fn a_list_that_is_too_short_is_made_longer() {
     let gpu = adapter();
-    gpu.lock().room = 1;
+    gpu.lock().open_room = 1;
     let scaled: Vec<_> = polygons(KINDS[3]).iter().map(|p| floats(p, 1.0)).collect();
     let (_, undecided) = counts_agree(&gpu, &set_of_all(&scaled, true));
-    assert!(undecided > 1 && gpu.lock().room as u64 >= undecided);
+    assert!(undecided > 1 && u64::from(gpu.lock().open_room) >= undecided);
 }
 
 /// Little room: lists grow as far as they can, and then work is done in parts. The same bits.
@@ -400,7 +400,10 @@ fn sums_are_the_same_in_parts() {
             let want = sums(&gpu, &set, kind);
             let small = adapter();
             small.lock().device.restrict(most);
-            small.lock().agenda_room = [64, 16];
+            small.lock().sum_room = Room {
+                node_pairs: 64,
+                tiles: 16,
+            };
             assert_eq!(sums(&small, &set, kind), want, "{text}, {kind:?}");
         }
     }
@@ -454,40 +457,4 @@ fn the_ribbon_of_two_hundred_thousand_segments_is_summed() {
     println!("{found:?}, {:?}", start.elapsed());
     assert!((found.value - 10.0).abs() < 1e-4);
     assert_eq!(found.integer(), Some(10));
-}
-
-#[test]
-#[ignore = "a measurement: what the processor does for a count on an adapter"]
-fn measure_the_lists_of_a_count() {
-    for text in [
-        "ribbon:segments=200000,lambda=10",
-        "chainmail",
-        "square_link",
-    ] {
-        let set = text.parse::<Model>().unwrap().build().unwrap().curves;
-        let mut trees = Trees::default();
-        trees.refit(&set);
-        let mut search = crate::pairs::LinkSearch::default();
-        let pairs = &*search.find(trees.roots());
-        let workspaces = Workspaces::default();
-        let scene = Scene {
-            set: &set,
-            trees: &trees,
-            workspaces: &workspaces,
-        };
-        for _ in 0..3 {
-            let start = std::time::Instant::now();
-            let frame = Frame::new(&set);
-            let framed = start.elapsed();
-            let tiles = crossings::tiles(&frame, scene, pairs);
-            let listed = start.elapsed() - framed;
-            let tests: u64 = (tiles.iter())
-                .map(|t| u64::from(t.rows) * u64::from(t.columns))
-                .sum();
-            println!(
-                "{text}: frame {framed:?}, {} tiles of {tests} pairs {listed:?}",
-                tiles.len()
-            );
-        }
-    }
 }

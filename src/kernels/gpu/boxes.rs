@@ -1,0 +1,200 @@
+//! Boxes around runs of segments: of [`LEAF`] at the bottom, of up to [`FAN`] boxes from there on, until a curve has no
+//! more than [`ROOTS`] of them.
+//!
+//! What a box is around follows from the numbers of segments alone, so it goes up once and stays while these do; each frame
+//! the adapter computes the boxes themselves, a level at a time. They are exact: coordinates are compared, never computed.
+
+use super::Engine;
+use super::commands::{Binding, Buffer, Command, Stage};
+use super::frame::Frame;
+use super::layout::{BoxNode, Parameters, Roots};
+use std::ops::Range;
+
+/// Segments of a box at the bottom.
+pub(super) const LEAF: u32 = 16;
+
+/// Boxes below another one.
+pub(super) const FAN: u32 = 4;
+
+/// Boxes of a curve at the top.
+pub(super) const ROOTS: u32 = 16;
+
+/// Threads of a workgroup.
+const THREADS: u32 = 64;
+
+/// In the last word of a node: its level times this, and what is below it.
+pub(super) const LEVEL: u32 = 256;
+
+/// The program.
+pub(super) const STAGE: Stage = Stage {
+    name: "boxes",
+    source: || {
+        let whole = [("THREADS", THREADS), ("LEVEL", LEVEL)];
+        super::program(&whole, &[], &[NODES_PROGRAM, include_str!("boxes.wgsl")])
+    },
+};
+
+/// What programs make of a node.
+pub(super) const NODES_PROGRAM: &str = include_str!("nodes.wgsl");
+
+const NODES: Buffer = Buffer("nodes", STAGE.name);
+const ROOTS_OF: Buffer = Buffer("roots", STAGE.name);
+const PARAMETERS: Buffer = Buffer("parameters", STAGE.name);
+
+/// What boxes there are. Those of a level follow one another, curve by curve.
+#[derive(Debug, Default)]
+pub(super) struct Hierarchy {
+    /// Vertices of each curve.
+    curves: Vec<Range<u32>>,
+    /// Nodes of each level, from the bottom.
+    levels: Vec<Range<u32>>,
+}
+
+impl Hierarchy {
+    /// The boxes of a frame, without their sizes: nodes, and the roots of each curve.
+    fn new(frame: &Frame) -> (Hierarchy, Vec<BoxNode>, Vec<Roots>) {
+        let mut hierarchy = Hierarchy {
+            curves: frame.curves.clone(),
+            levels: Vec::new(),
+        };
+        let mut nodes: Vec<BoxNode> = Vec::new();
+        // Of each curve the nodes of the level below.
+        let mut below: Vec<Range<u32>> = Vec::new();
+        for range in &frame.curves {
+            let first = nodes.len() as u32;
+            let segments = (range.len() as u32).saturating_sub(1);
+            for from in (0..segments).step_by(LEAF as usize) {
+                nodes.push(BoxNode {
+                    first: range.start + from,
+                    below: LEAF.min(segments - from),
+                    ..BoxNode::default()
+                });
+            }
+            below.push(first..nodes.len() as u32);
+        }
+        hierarchy.levels.push(0..nodes.len() as u32);
+        while below.iter().any(|own| own.len() as u32 > ROOTS) {
+            let level = hierarchy.levels.len() as u32;
+            let start = nodes.len() as u32;
+            for own in below.iter_mut().filter(|own| own.len() as u32 > ROOTS) {
+                let first = nodes.len() as u32;
+                for from in own.clone().step_by(FAN as usize) {
+                    nodes.push(BoxNode {
+                        first: from,
+                        below: FAN.min(own.end - from) + LEVEL * level,
+                        ..BoxNode::default()
+                    });
+                }
+                *own = first..nodes.len() as u32;
+            }
+            hierarchy.levels.push(start..nodes.len() as u32);
+        }
+        let roots = below.iter().map(|own| Roots {
+            first: own.start,
+            count: own.len() as u32,
+        });
+        let roots = roots.collect();
+        (hierarchy, nodes, roots)
+    }
+
+    /// Levels of the boxes of the longest curve.
+    pub fn levels(&self) -> u32 {
+        self.levels.len() as u32
+    }
+
+    /// What a program reads of the boxes.
+    pub fn nodes(&self) -> Binding {
+        let count = self.levels.last().map_or(0, |l| l.end);
+        Binding::whole(NODES, u64::from(count) * size_of::<BoxNode>() as u64)
+    }
+
+    /// What a program reads of the roots of curves.
+    pub fn roots(&self) -> Binding {
+        let bytes = self.curves.len() * size_of::<Roots>();
+        Binding::whole(ROOTS_OF, bytes as u64)
+    }
+}
+
+/// What it takes until the boxes of a frame are on the adapter: uploads, and what runs after them.
+pub(super) fn fit(engine: &mut Engine, frame: &Frame) -> [Vec<Command>; 2] {
+    let mut uploads = Vec::new();
+    if engine.hierarchy.curves != frame.curves {
+        let (hierarchy, nodes, roots) = Hierarchy::new(frame);
+        uploads.push(Command::upload(NODES, &nodes));
+        uploads.push(Command::upload(ROOTS_OF, &roots));
+        engine.hierarchy = hierarchy;
+        engine.boxes_of = None;
+    }
+    if engine.boxes_of == Some(frame.id) {
+        return [uploads, Vec::new()];
+    }
+    let hierarchy = &engine.hierarchy;
+    if hierarchy.nodes().size == 0 {
+        return [uploads, Vec::new()];
+    }
+    let parameters: Vec<Parameters> = (hierarchy.levels.iter())
+        .map(|nodes| Parameters {
+            radius: frame.radius,
+            zero: 0,
+            first: nodes.start,
+            items: nodes.len() as u32,
+        })
+        .collect();
+    uploads.push(Command::parameters(PARAMETERS, &parameters));
+    let fit = |(level, nodes): (u32, &Range<u32>)| Command::Dispatch {
+        stage: STAGE,
+        bindings: vec![
+            Binding::parameters(PARAMETERS, level),
+            Binding::whole(super::VERTICES, size_of_val(&frame.vertices[..]) as u64),
+            hierarchy.nodes(),
+        ],
+        groups: (nodes.len() as u32).div_ceil(THREADS),
+    };
+    let steps = (0..).zip(&hierarchy.levels).map(fit).collect();
+    [uploads, steps]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(segments: &[u32]) -> Frame {
+        let mut frame = Frame::default();
+        let mut at = 0;
+        for &n in segments {
+            let vertices = if n == 0 { 0 } else { n + 1 };
+            frame.curves.push(at..at + vertices);
+            at += vertices;
+        }
+        frame
+    }
+
+    #[test]
+    fn every_segment_is_in_one_box_of_each_level_of_its_curve() {
+        let segments = [3, 0, 16, 17, 256, 257, 1024, 1025, 40_000];
+        let frame = frame(&segments);
+        let (hierarchy, nodes, roots) = Hierarchy::new(&frame);
+        assert_eq!(hierarchy.levels(), 5);
+        assert_eq!(hierarchy.nodes().size, 32 * nodes.len() as u64);
+        // Segments below a node, checked to be in order.
+        fn walk(nodes: &[BoxNode], levels: &[Range<u32>], n: u32, seen: &mut Vec<u32>) {
+            let node = nodes[n as usize];
+            let (level, count) = (node.below / LEVEL, node.below % LEVEL);
+            assert!(levels[level as usize].contains(&n) && count > 0);
+            for k in node.first..node.first + count {
+                match level {
+                    0 => seen.push(k),
+                    _ => walk(nodes, levels, k, seen),
+                }
+            }
+        }
+        for ((range, n), roots) in frame.curves.iter().zip(segments).zip(&roots) {
+            assert!(roots.count <= ROOTS && (roots.count == 0) == (n == 0));
+            let mut seen = Vec::new();
+            for root in roots.first..roots.first + roots.count {
+                walk(&nodes, &hierarchy.levels, root, &mut seen);
+            }
+            assert_eq!(seen, (range.start..range.start + n).collect::<Vec<_>>());
+        }
+    }
+}
