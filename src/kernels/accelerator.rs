@@ -2,11 +2,10 @@
 
 use super::crossings::Scene;
 use super::device::{Device, DeviceInfo};
-use super::{Linking, Summation};
+use super::{Counted, Summation};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::pairs::Pair;
-use crate::verdict::Stats;
 
 #[cfg(feature = "gpu")]
 use super::gpu::{self, Calibration, Frame, Gpu, Trouble};
@@ -144,14 +143,10 @@ impl Accelerator {
         self.ahead = None;
     }
 
-    /// Counts the crossings of all pairs: the linking numbers that are not 0. None where that is left to the processor:
-    /// without an adapter, for splines, and once it failed, which is said.
+    /// Counts the crossings of all pairs, in parts that follow one another in the order of the pairs. None where that is left to
+    /// the processor: without an adapter, for splines, and once it failed, which is said.
     #[cfg(feature = "gpu")]
-    pub fn count(
-        &mut self,
-        scene: Scene<'_>,
-        pairs: &[Pair],
-    ) -> Option<(Vec<(Pair, Linking)>, Stats)> {
+    pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<Vec<Counted>> {
         let gpu = self.counter(scene.set).filter(|_| !pairs.is_empty())?;
         let counted = match self.ahead.clone() {
             Some(frame) => gpu.count(&frame, scene, pairs),
@@ -160,10 +155,10 @@ impl Accelerator {
                 .and_then(|frame| gpu.count(&frame, scene, pairs)),
         };
         match counted {
-            Ok((found, stats, undecided)) => {
-                self.offload.tests += stats.tests;
+            Ok((parts, undecided)) => {
+                self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
                 self.offload.undecided += undecided;
-                Some((found, stats))
+                Some(parts)
             }
             Err(trouble) => {
                 self.give_up(&trouble);
@@ -174,7 +169,7 @@ impl Accelerator {
 
     /// Counts nothing.
     #[cfg(not(feature = "gpu"))]
-    pub fn count(&mut self, _: Scene<'_>, _: &[Pair]) -> Option<(Vec<(Pair, Linking)>, Stats)> {
+    pub fn count(&mut self, _: Scene<'_>, _: &[Pair]) -> Option<Vec<Counted>> {
         None
     }
 

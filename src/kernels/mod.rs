@@ -19,6 +19,7 @@ mod accelerator;
 pub(crate) mod barnes_hut;
 #[cfg(test)]
 mod conformance;
+mod counted;
 pub(crate) mod crossings;
 pub(crate) mod device;
 pub(crate) mod direct;
@@ -32,6 +33,7 @@ pub mod oracle;
 
 pub(crate) use accelerator::Accelerator;
 pub use accelerator::Offload;
+pub(crate) use counted::Counted;
 pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;

@@ -7,7 +7,7 @@ use crate::curve::{Box3, CurveSet};
 use crate::error::Result;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::kernels::interval::noise::linking_number as noisy_linking_number;
-use crate::kernels::{Accelerator, Accuracy, Linking, Method};
+use crate::kernels::{Accelerator, Accuracy, Counted, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
 use crate::plan::worth_summing;
 use crate::verdict::{Defect, DefectKind, Place, Stats};
@@ -25,7 +25,7 @@ const FIRST_BLOCK: usize = 64;
 pub(super) struct FullRun {
     trees: Trees,
     search: LinkSearch,
-    parts: Vec<Part>,
+    parts: Vec<Counted>,
     /// Boxes of the frame before, where the motion since then is asked for.
     before: Vec<Box3>,
     workspaces: Workspaces,
@@ -137,18 +137,12 @@ impl FullRun {
                 (pair, linking)
             })
             .collect();
-        for ((i, j), linking) in found {
-            match linking {
-                Linking::Number(0) => {}
-                Linking::Number(lambda) => self.certificate.links.push(Link { i, j, lambda }),
-                Linking::Undefined(kind, place) => self.certificate.undefined.push(Defect {
-                    i,
-                    j: Some(j),
-                    kind,
-                    place,
-                }),
-            }
+        let mut all = Counted::default();
+        for (pair, linking) in found {
+            all.add(pair, linking);
         }
+        self.certificate.links.extend(all.links);
+        self.certificate.undefined.extend(all.undefined);
         self.certificate
             .undefined
             .sort_unstable_by_key(|d| (d.i, d.j));
@@ -297,23 +291,17 @@ fn compute_links(
     scene: Scene<'_>,
     pairs: &[Pair],
     accelerator: &mut Accelerator,
-    (parts, progress): (&mut Vec<Part>, &Progress),
+    (parts, progress): (&mut Vec<Counted>, &Progress),
 ) {
-    if let Some((found, stats)) = accelerator.count(scene, pairs) {
-        parts.iter_mut().for_each(Part::clear);
-        parts.resize_with(parts.len().max(1), Part::default);
-        let part = &mut parts[0];
-        for (pair, linking) in found {
-            part.add(pair, linking);
-        }
-        part.stats = stats;
+    if let Some(found) = accelerator.count(scene, pairs) {
+        *parts = found;
         let done = pairs.len() as u64;
         progress.done.fetch_add(done, Ordering::Relaxed);
         return;
     }
     let size = links_per_task(pairs.len(), rayon::current_num_threads());
     let count = pairs.len().div_ceil(size);
-    parts.resize_with(count.max(parts.len()), Part::default);
+    parts.resize_with(count.max(parts.len()), Counted::default);
     parts.par_iter_mut().enumerate().for_each(|(k, part)| {
         part.clear();
         if k >= count {
@@ -333,7 +321,7 @@ fn compute_links(
 }
 
 /// Adds what the tasks computed to a certificate, and their work.
-fn gather(parts: &[Part], certificate: &mut Certificate, stats: &mut Stats) {
+fn gather(parts: &[Counted], certificate: &mut Certificate, stats: &mut Stats) {
     for part in parts {
         certificate.links.extend_from_slice(&part.links);
         certificate.undefined.extend_from_slice(&part.undefined);
@@ -371,35 +359,6 @@ pub(crate) fn potential_links<'a>(
         pairs.retain(|&(i, j)| whole(i) && whole(j));
     }
     pairs
-}
-
-/// What one task computed.
-#[derive(Debug, Default)]
-struct Part {
-    links: Vec<Link>,
-    undefined: Vec<Defect>,
-    stats: Stats,
-}
-
-impl Part {
-    fn clear(&mut self) {
-        self.links.clear();
-        self.undefined.clear();
-        self.stats = Stats::default();
-    }
-
-    fn add(&mut self, (i, j): Pair, linking: Linking) {
-        match linking {
-            Linking::Number(0) => {}
-            Linking::Number(lambda) => self.links.push(Link { i, j, lambda }),
-            Linking::Undefined(kind, place) => self.undefined.push(Defect {
-                i,
-                j: Some(j),
-                kind,
-                place,
-            }),
-        }
-    }
 }
 
 /// Closed curves that bound nothing, in order.

@@ -2,7 +2,7 @@
 
 use crate::curve::CurveSet;
 use crate::kernels::crossings::{self, Workspace, Workspaces};
-use crate::kernels::{Accelerator, Accuracy, Device, Estimate, Linking, Method};
+use crate::kernels::{Accelerator, Accuracy, Counted, Device, Estimate, Method};
 use crate::pairs::{Pair, Trees};
 use std::collections::HashMap;
 
@@ -261,24 +261,25 @@ fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec
         trees,
         workspaces,
     };
-    let numbers: Vec<Linking> = match accelerator.count(scene, pairs) {
-        Some((linked, _)) => {
-            let linked: HashMap<Pair, Linking> = linked.into_iter().collect();
-            let number = |pair| linked.get(pair).copied().unwrap_or(Linking::Number(0));
-            pairs.iter().map(number).collect()
+    let on_processor = || {
+        let mut all = Counted::default();
+        for &pair in pairs {
+            let workspace = &mut Workspace::default();
+            all.add(
+                pair,
+                crossings::linking_number(scene, pair, None, workspace),
+            );
         }
-        None => {
-            let number =
-                |&pair| crossings::linking_number(scene, pair, None, &mut Workspace::default());
-            pairs.iter().map(number).collect()
-        }
+        vec![all]
     };
-    let estimate = |linking: Linking| match linking {
-        Linking::Number(n) => Estimate {
-            value: n as f64,
-            bound: 0.0,
-        },
-        Linking::Undefined(..) => Estimate::UNKNOWN,
-    };
-    numbers.into_iter().map(estimate).collect()
+    let found = accelerator.count(scene, pairs).unwrap_or_else(on_processor);
+    let found = Counted::joined(found);
+    let known = |value| Estimate { value, bound: 0.0 };
+    let mut numbers: HashMap<Pair, Estimate> = HashMap::new();
+    numbers.extend((found.links.iter()).map(|l| ((l.i, l.j), known(l.lambda as f64))));
+    for defect in &found.undefined {
+        numbers.insert((defect.i, defect.j.expect("a pair")), Estimate::UNKNOWN);
+    }
+    let number = |pair| numbers.get(pair).copied().unwrap_or(known(0.0));
+    pairs.iter().map(number).collect()
 }

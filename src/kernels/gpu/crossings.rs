@@ -30,9 +30,9 @@ use super::fixed;
 use super::frame::Frame;
 use super::layout::{Parameters, Undecided};
 use super::room::in_parts;
-use super::{Counts, Engine, Gpu, MOST_WORK};
-use crate::kernels::Linking;
+use super::{Counts, Engine, Gpu};
 use crate::kernels::crossings::{Direction, Scene, conclude, linking_number};
+use crate::kernels::{Counted, Linking};
 use crate::pairs::Pair;
 use crate::verdict::Stats;
 use rayon::prelude::*;
@@ -89,7 +89,7 @@ struct Found {
     counts: Vec<u32>,
 }
 
-/// All linking numbers that are not 0.
+/// All linking numbers.
 pub(super) fn linking_numbers(
     gpu: &Gpu,
     frame: &Frame,
@@ -107,7 +107,7 @@ pub(super) fn linking_numbers(
         let pass = |engine: &mut Engine, pairs: &[Pair]| pass(engine, frame, pairs);
         in_parts(engine, pairs, most, |engine| &mut engine.count_room, &pass)?
     };
-    let (mut linked, mut stats, mut left) = (Vec::new(), Stats::default(), 0);
+    let (mut parts, mut left) = (Vec::new(), 0);
     let mut rest = pairs;
     for (count, found) in passes {
         let (own, others) = rest.split_at(count);
@@ -115,63 +115,62 @@ pub(super) fn linking_numbers(
         match found {
             Some(found) => {
                 left += found.undecided.len() as u64;
-                stats.add(&found.stats(count));
-                found.conclude(frame, scene, own, (&mut linked, &mut stats));
+                parts.push(found.work(count));
+                parts.extend(found.conclude(frame, scene, own));
             }
             // Too much for the adapter.
-            None => {
-                let mut workspace = scene.workspaces.take();
-                for &pair in own {
-                    let linking = linking_number(scene, pair, None, &mut workspace);
-                    linked.push((pair, linking));
-                }
-                stats.add(&workspace.take_stats());
-                scene.workspaces.put(workspace);
-            }
+            None => parts.push(on_processor(scene, own)),
         }
     }
-    linked.retain(|(_, linking)| *linking != Linking::Number(0));
-    Ok((linked, stats, left))
+    Ok((parts, left))
+}
+
+/// The linking numbers of pairs that are too much for the adapter.
+fn on_processor(scene: Scene<'_>, pairs: &[Pair]) -> Counted {
+    let mut workspace = scene.workspaces.take();
+    let mut part = Counted::default();
+    for &pair in pairs {
+        part.add(pair, linking_number(scene, pair, None, &mut workspace));
+    }
+    part.stats = workspace.take_stats();
+    scene.workspaces.put(workspace);
+    part
 }
 
 impl Found {
     /// The work that the adapter did for so many pairs of curves. Undecided tests are counted where they are decided.
-    fn stats(&self, pairs: usize) -> Stats {
+    fn work(&self, pairs: usize) -> Counted {
         let long = |at: u32| {
             let at = at as usize;
             u64::from(self.counts[at + 1]) << 32 | u64::from(self.counts[at])
         };
-        Stats {
+        let stats = Stats {
             potential_links: pairs as u64,
             separated: self.counts[SEPARATED as usize].into(),
             tests: long(TESTS).saturating_sub(self.undecided.len() as u64),
             crossings: long(CROSSINGS),
             ..Stats::default()
+        };
+        Counted {
+            stats,
+            ..Counted::default()
         }
     }
 
-    /// Decides what is left, and adds what is linked.
-    fn conclude(
-        &self,
-        frame: &Frame,
-        scene: Scene<'_>,
-        pairs: &[Pair],
-        (linked, stats): (&mut Vec<(Pair, Linking)>, &mut Stats),
-    ) {
+    /// Decides what is left.
+    fn conclude(&self, frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<Counted> {
         let number = |u: &Undecided| (u.pair & ((1 << descent::AXIS) - 1)) as usize;
         let task = |(task, signs): (usize, &[[u32; 2]])| {
             let first = task * TASK;
             let mut rest = &self.undecided[self.undecided.partition_point(|u| number(u) < first)..];
             let mut workspace = scene.workspaces.take();
-            let (mut linked, mut tests) = (Vec::new(), Vec::new());
+            let (mut part, mut tests) = (Counted::default(), Vec::new());
             for (at, &signs) in (first..).zip(signs) {
                 let (own, others) = rest.split_at(rest.partition_point(|u| number(u) == at));
                 rest = others;
                 let (pair, sum) = (pairs[at], fixed::whole(signs));
                 let Some(one) = own.first() else {
-                    if sum != 0 {
-                        linked.push((pair, Linking::Number(sum)));
-                    }
+                    part.add(pair, Linking::Number(sum));
                     continue;
                 };
                 let (i, j) = pair;
@@ -184,17 +183,14 @@ impl Found {
                 tests.clear();
                 tests.extend(own.iter().map(|u| (u.upper - upper, u.lower - lower)));
                 let linking = conclude(scene, pair, direction, sum, &tests, &mut workspace);
-                linked.push((pair, linking));
+                part.add(pair, linking);
             }
-            let stats = workspace.take_stats();
+            part.stats = workspace.take_stats();
             scene.workspaces.put(workspace);
-            (linked, stats)
+            part
         };
         let tasks = self.signs.par_chunks(TASK).enumerate().map(task);
-        for (own, work) in tasks.collect::<Vec<_>>() {
-            linked.extend(own);
-            stats.add(&work);
-        }
+        tasks.collect()
     }
 }
 
@@ -208,8 +204,7 @@ fn pass(engine: &mut Engine, frame: &Frame, pairs: &[Pair]) -> Result<Option<Fou
     let (upload, steps) = descent::descend(engine, radius, room);
     commands.push(upload);
     // Parts of the tiles, so that none takes too long. More than the first are rare.
-    let tests = MOST_WORK[usize::from(engine.device.info().software)];
-    let part = (tests / u64::from(LEAF * LEAF)) as u32;
+    let part = (engine.most_work / u64::from(LEAF * LEAF)).max(1) as u32;
     let parts: Vec<Parameters> = (0..room.tiles)
         .step_by(part as usize)
         .map(|first| Parameters {

@@ -9,9 +9,10 @@ use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::kernels::direct::{Direct, Formula};
-use crate::kernels::{Accelerator, Accuracy, Estimate, Linking, Method, Summation};
+use crate::kernels::{Accelerator, Accuracy, Counted, Estimate, Method, Summation};
 use crate::pairs::{LinkSearch, Pair, Trees};
 use crate::scenes::Scene as Model;
+use crate::verifier::links_per_task;
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -109,14 +110,18 @@ impl Subject<'_> {
     }
 
     /// The exact numbers, by the processor.
-    fn count(&self) -> Vec<Linking> {
-        let each = self.pairs.par_iter().map(|&pair| {
+    fn count(&self) -> Counted {
+        let part = |pairs: &[Pair]| {
             let mut workspace = self.scene.workspaces.take();
-            let linking = linking_number(self.scene, pair, None, &mut workspace);
+            let mut part = Counted::default();
+            for &pair in pairs {
+                part.add(pair, linking_number(self.scene, pair, None, &mut workspace));
+            }
             self.scene.workspaces.put(workspace);
-            linking
-        });
-        each.collect()
+            part
+        };
+        let size = links_per_task(self.pairs.len(), rayon::current_num_threads());
+        Counted::joined(self.pairs.par_chunks(size).map(part).collect())
     }
 
     fn crossings(&self) -> Result<DeviceTimes, Trouble> {
@@ -125,12 +130,12 @@ impl Subject<'_> {
         // Programs are compiled, and buffers made.
         resident()?;
         let (resident_ms, _) = self.timed(resident)?;
-        let (whole_ms, (found, _, undecided)) = self.timed(|| {
+        let (whole_ms, (found, undecided)) = self.timed(|| {
             let frame = self.gpu.send(self.scene.set)?;
             self.gpu.count(&frame, self.scene, self.pairs)
         })?;
         let (processor_ms, exact) = self.timed(|| Ok(self.count()))?;
-        let linked = |(_, linking): &(Pair, Linking)| *linking != Linking::Number(0);
+        let found = Counted::joined(found);
         Ok(DeviceTimes {
             kernel: Method::Crossings,
             links: self.pairs.len(),
@@ -140,9 +145,7 @@ impl Subject<'_> {
             processor_ms: Some(processor_ms),
             largest_error: 0.0,
             undecided,
-            equal: found
-                .into_iter()
-                .eq(self.pairs.iter().copied().zip(exact).filter(linked)),
+            equal: (found.links, found.undefined) == (exact.links, exact.undefined),
         })
     }
 
@@ -195,11 +198,18 @@ impl Subject<'_> {
             false => None,
         };
         let (mut largest_error, mut equal) = (0f64, true);
-        for (estimate, exact) in found.iter().zip(self.count()) {
-            let Linking::Number(lambda) = exact else {
+        let exact = self.count();
+        for (&(i, j), estimate) in self.pairs.iter().zip(&found) {
+            let undefined = &exact.undefined;
+            if undefined
+                .binary_search_by_key(&(i, Some(j)), |d| (d.i, d.j))
+                .is_ok()
+            {
                 equal &= estimate.integer().is_none();
                 continue;
-            };
+            }
+            let place = exact.links.binary_search_by_key(&(i, j), |l| (l.i, l.j));
+            let lambda = place.map_or(0, |k| exact.links[k].lambda);
             equal &= estimate.integer().is_none_or(|n| n == lambda);
             if estimate.bound < f64::INFINITY {
                 largest_error = largest_error.max((estimate.value - lambda as f64).abs());

@@ -46,10 +46,9 @@ use self::layout::{Parameters, Tile};
 use self::room::Room;
 use super::crossings::Scene;
 use super::device::{Device as Choice, DeviceInfo};
-use super::{Estimate, Linking, Summation};
+use super::{Counted, Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
-use crate::verdict::Stats;
 use std::fmt::Write;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
@@ -73,8 +72,8 @@ pub(super) fn devices() -> Vec<DeviceInfo> {
     all
 }
 
-/// Linking numbers that are not 0, the counts of the work, and how many tests were left to the processor.
-type Counts = (Vec<(Pair, Linking)>, Stats, u64);
+/// Linking numbers, in parts, and how many tests were left to the processor.
+type Counts = (Vec<Counted>, u64);
 
 /// Adapters that are open: one serves all who ask for it.
 static OPEN: Mutex<Vec<(Choice, Weak<Gpu>)>> = Mutex::new(Vec::new());
@@ -92,12 +91,15 @@ impl Gpu {
             Choice::Named(name) => Some(&name[..]),
             _ => None,
         };
+        let device = Device::open(name)?;
+        let software = device.info().software;
         let mut engine = Engine {
-            device: Device::open(name)?,
+            device,
             vertices_of: None,
             nodes_of: None,
             boxes_of: None,
             hierarchy: Hierarchy::default(),
+            most_work: MOST_WORK[usize::from(software)],
             open_room: crossings::OPEN_ROOM,
             count_room: Room::START,
             sum_room: Room::START,
@@ -261,6 +263,8 @@ pub(super) struct Engine {
     boxes_of: Option<u64>,
     /// What boxes there are.
     hierarchy: Hierarchy,
+    /// Pairs of segments in one submission, at most.
+    most_work: u64,
     /// Undecided tests that there is room for.
     open_room: u32,
     /// Room for the node pairs of crossings.
@@ -312,9 +316,8 @@ impl Engine {
         let most = self.device.most_bytes();
         // Parts of the list with their parameters have to fit, and are counted in 32 bits.
         let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
-        let most_work = MOST_WORK[usize::from(self.device.info().software)];
         for tiles in tiles.chunks(longest.max(STEP)) {
-            let parts = tiles::parts(tiles, STEP, longest, most_work);
+            let parts = tiles::parts(tiles, STEP, longest, self.most_work);
             let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
             commands.push(Command::upload(list, tiles));
             self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
@@ -332,7 +335,7 @@ impl Engine {
         per_group: u32,
         results: &[(Buffer, u64)],
     ) {
-        let most = MOST_WORK[usize::from(self.device.info().software)] / work.max(1);
+        let most = self.most_work / work.max(1);
         let part = (most as u32).next_multiple_of(STEP as u32).max(STEP as u32);
         let counts: Vec<u32> = (0..count.div_ceil(part))
             .map(|k| part.min(count - k * part))

@@ -18,8 +18,8 @@ pub(super) struct Room {
 impl Room {
     /// At first; more where a frame has shown more.
     pub const START: Room = Room {
-        node_pairs: 1 << 17,
-        tiles: 1 << 16,
+        node_pairs: 1 << 20,
+        tiles: 1 << 20,
     };
 
     /// What a program sees of a list of node pairs.
@@ -49,15 +49,17 @@ impl Room {
     }
 }
 
-/// Runs a pass on some items, `most` at once: with more room where it had too little, which it says by giving nothing; in
-/// halves where there is no more. Parts come in order, each with its length; nothing came of an item for which there is too
+/// Work on some items; none where there was too little room.
+type Pass<'a, T, R> = dyn Fn(&mut Engine, &[T]) -> Result<Option<R>, Trouble> + 'a;
+
+/// Runs a pass on some items, `most` at once: with more room where it had too little; in halves where there is no more. Parts come in order, each with its length; nothing came of an item for which there is too
 /// little room by itself.
 pub(super) fn in_parts<T, R>(
     engine: &mut Engine,
     asked: &[T],
     most: usize,
     room: fn(&mut Engine) -> &mut Room,
-    pass: &dyn Fn(&mut Engine, &[T]) -> Result<Option<R>, Trouble>,
+    pass: &Pass<'_, T, R>,
 ) -> Result<Vec<(usize, Option<R>)>, Trouble> {
     if asked.is_empty() {
         return Ok(Vec::new());

@@ -236,18 +236,17 @@ fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
         workspaces: &workspaces,
     };
     let frame = gpu.send(set).unwrap();
-    let (found, stats, undecided) = gpu.count(&frame, scene, &pairs).unwrap();
-    let mut found = found.into_iter().peekable();
+    let (found, undecided) = gpu.count(&frame, scene, &pairs).unwrap();
+    let found = Counted::joined(found);
+    let mut want = Counted::default();
     let mut workspace = workspaces.take();
     for &pair in &pairs {
-        let own = found.next_if(|(p, _)| *p == pair);
-        let own = own.map_or(Linking::Number(0), |(_, linking)| linking);
-        let want = linking_number(scene, pair, None, &mut workspace);
-        assert_eq!(own, want, "{pair:?}");
+        want.add(pair, linking_number(scene, pair, None, &mut workspace));
     }
-    assert_eq!(found.next(), None);
-    let want = workspace.take_stats();
-    assert_eq!(stats.potential_links, want.potential_links);
+    assert_eq!(found.links, want.links);
+    assert_eq!(found.undefined, want.undefined);
+    let stats = found.stats;
+    assert_eq!(stats.potential_links, pairs.len() as u64);
     assert!(stats.separated <= stats.potential_links && stats.crossings <= stats.tests);
     (stats.tests, undecided)
 }
@@ -406,6 +405,35 @@ fn sums_are_the_same_in_parts() {
             };
             assert_eq!(sums(&small, &set, kind), want, "{text}, {kind:?}");
         }
+    }
+}
+
+/// Little room for node pairs, and short submissions; and too little even for one pair of curves, which the processor counts.
+#[test]
+#[ignore = "needs an adapter"]
+fn counts_are_the_same_in_parts() {
+    for (text, most) in [
+        ("square_link:loops=12,segments=1200", 1 << 15),
+        ("woundball:segments=3000,crossings=100", 1 << 17),
+        ("woundball:segments=30000,crossings=10000", 1 << 19),
+    ] {
+        let set = text.parse::<Model>().unwrap().build().unwrap().curves;
+        let gpu = adapter();
+        {
+            let mut engine = gpu.lock();
+            engine.device.restrict(most);
+            engine.count_room = Room {
+                node_pairs: 16,
+                tiles: 16,
+            };
+            engine.most_work = 64 << 8;
+            engine.open_room = 16;
+        }
+        let (tests, undecided) = counts_agree(&gpu, &set);
+        println!(
+            "{text}: {undecided} of {tests}, {:?}",
+            gpu.lock().count_room
+        );
     }
 }
 
