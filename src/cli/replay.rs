@@ -2,12 +2,12 @@
 
 use super::Outcome;
 use super::output::plural;
-use super::session::{Judge, Judged, Session, Sinks, Tally};
+use super::session::{Ingested, Judge, Judged, Session, Sinks, Tally};
 use linkwatch::{
     AbortOn, Ending, Error, Events, RecordedItem, RecordedVerdict, RecordingReader, Report, Result,
     Verdict,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -68,6 +68,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             && judge.baseline.is_none()
             && judge.look_for.events(AbortOn::Never) <= looked_for,
         tally: Tally::default(),
+        waiting: VecDeque::new(),
         last: None,
         unlike: 0,
     };
@@ -78,9 +79,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     for item in before {
         replay.take(item)?;
     }
-    while let Some(item) = reader.next_item().map_err(in_recording)? {
-        replay.take(item)?;
-    }
+    let ended = loop {
+        match reader.next_item().map_err(in_recording) {
+            Ok(Some(item)) => replay.take(item)?,
+            Ok(None) => break Ok(()),
+            Err(e) => break Err(e),
+        }
+    };
+    replay.finish_waiting()?;
+    ended?;
     let Replay {
         mut session,
         tally,
@@ -101,9 +108,21 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     session.finish(tally)
 }
 
+/// A frame, or what was said of it live.
+enum Waiting {
+    Frame {
+        seq: u64,
+        time: f64,
+        frame: Ingested,
+    },
+    Verdict(Box<RecordedVerdict>),
+}
+
 /// A replay in progress.
 struct Replay {
     session: Session,
+    /// A frame waits for the next one, which is announced before it is judged; and so do the verdicts between.
+    waiting: VecDeque<Waiting>,
     /// Whether verdicts must equal the recorded ones.
     compare: bool,
     tally: Tally,
@@ -117,14 +136,30 @@ impl Replay {
     fn take(&mut self, item: RecordedItem) -> Result<()> {
         match item {
             RecordedItem::Baseline(_) => {}
-            RecordedItem::Frame(frame) => {
-                let ingest = |set: &mut _| frame.ingest(set);
-                let judged = self.session.judge(frame.seq, frame.time, ingest)?;
-                self.count(judged.report.verdict);
-                self.last = Some(Arc::clone(&judged.report));
-                self.session.publish(judged, self.tally)?;
+            RecordedItem::Frame(recorded) => {
+                let frame = self.session.ingest(|set| recorded.ingest(set));
+                self.session.announce(&frame);
+                self.finish_waiting()?;
+                let (seq, time) = (recorded.seq, recorded.time);
+                self.waiting.push_back(Waiting::Frame { seq, time, frame });
             }
-            RecordedItem::Verdict(recorded) => self.compare(*recorded)?,
+            RecordedItem::Verdict(recorded) => self.waiting.push_back(Waiting::Verdict(recorded)),
+        }
+        Ok(())
+    }
+
+    /// Judges what waits, and compares.
+    fn finish_waiting(&mut self) -> Result<()> {
+        while let Some(next) = self.waiting.pop_front() {
+            match next {
+                Waiting::Frame { seq, time, frame } => {
+                    let judged = self.session.judge(seq, time, frame)?;
+                    self.count(judged.report.verdict);
+                    self.last = Some(Arc::clone(&judged.report));
+                    self.session.publish(judged, self.tally)?;
+                }
+                Waiting::Verdict(recorded) => self.compare(*recorded)?,
+            }
         }
         Ok(())
     }

@@ -143,6 +143,12 @@ impl Sinks {
     }
 }
 
+/// A frame as curves, or why it is none.
+pub struct Ingested {
+    curves: Result<Arc<CurveSet>>,
+    took: Duration,
+}
+
 /// What was found out about a frame, before it goes to the sinks.
 pub struct Judged {
     pub report: Arc<Report>,
@@ -237,33 +243,43 @@ impl Session {
         &self.live
     }
 
-    /// Verifies one frame; `ingest` moves it into curves. A frame that breaks its contract is rejected.
-    pub fn judge(
-        &mut self,
-        seq: u64,
-        time: f64,
-        ingest: impl FnOnce(&mut Option<CurveSet>) -> Result<()>,
-    ) -> Result<Judged> {
+    /// Moves a frame into curves. One that breaks its contract is rejected when it is judged.
+    pub fn ingest(&mut self, ingest: impl FnOnce(&mut Option<CurveSet>) -> Result<()>) -> Ingested {
         let start = Instant::now();
         let mut set = self.free_curves();
         let ingested = ingest(&mut set);
         let set = set.map(Arc::new);
-        let outcome = ingested.and_then(|()| match &set {
-            Some(set) => self.verifier.step_shared(seq, time, set),
-            None => Err(Error::Usage("the frame holds no curves".into())),
+        // What was rejected is half of this frame and half of the one before: good for its layout only.
+        self.pool.extend(set.clone());
+        let no_curves = || Error::Usage("the frame holds no curves".into());
+        Ingested {
+            curves: ingested.and_then(|()| set.ok_or_else(no_curves)),
+            took: start.elapsed(),
+        }
+    }
+
+    /// Says which frame will be judged after the next one.
+    pub fn announce(&mut self, frame: &Ingested) {
+        if let Ok(set) = &frame.curves {
+            self.verifier.announce(set);
+        }
+    }
+
+    /// Verifies one frame.
+    pub fn judge(&mut self, seq: u64, time: f64, frame: Ingested) -> Result<Judged> {
+        let start = Instant::now();
+        let Ingested { curves, took } = frame;
+        let outcome = curves.and_then(|set| {
+            let report = self.verifier.step_shared(seq, time, &set)?;
+            Ok((report, Some(set)))
         });
         let (report, curves) = match outcome {
-            Ok(report) => (report, set),
+            Ok(verified) => verified,
             // Not this frame's fault: no frame of this simulator would fit.
             Err(e @ Error::CertificateMismatch { .. }) => return Err(e),
-            Err(e) => {
-                // Half of this frame, half of the one before: good for its layout only.
-                self.pool.extend(set);
-                (self.verifier.reject(seq, time, &e), None)
-            }
+            Err(e) => (self.verifier.reject(seq, time, &e), None),
         };
-        let check = start.elapsed();
-        self.pool.extend(curves.clone());
+        let check = took + start.elapsed();
         let work = match report.verdict {
             Verdict::Rejected => Work::default(),
             _ => self.verifier.work(),

@@ -85,8 +85,11 @@ fn watch(
                 return Ok(sidecar.counters());
             }
             Event::Frame(frame) => {
-                let judged = session.judge(frame.seq(), frame.time(), |set| frame.ingest(set))?;
+                let (seq, time) = (frame.seq(), frame.time());
+                let ingested = session.ingest(|set| frame.ingest(set));
+                // The simulator may have its memory back.
                 drop(frame);
+                let judged = session.judge(seq, time, ingested)?;
                 let sent = sidecar.send_verdict(&judged.report, judged.check);
                 session.publish(judged, tally(sidecar.counters()))?;
                 sent?;

@@ -9,7 +9,6 @@ use crate::pairs::Pair;
 
 #[cfg(feature = "gpu")]
 use super::gpu::{self, Calibration, Frame, Gpu, Trouble};
-#[cfg(feature = "gpu")]
 use std::sync::Arc;
 
 /// Tests for crossings that a graphics processor was given in the last frame.
@@ -32,6 +31,12 @@ pub(crate) struct Accelerator {
     /// The vertices of the frame in work, where they were sent ahead.
     #[cfg(feature = "gpu")]
     ahead: Option<Arc<Frame>>,
+    /// The frame after the one in work, where it is known.
+    #[cfg(feature = "gpu")]
+    announced: Option<Arc<CurveSet>>,
+    /// That frame, once its vertices were sent.
+    #[cfg(feature = "gpu")]
+    sent: Option<(Arc<CurveSet>, Arc<Frame>)>,
     /// Of the last frame.
     offload: Offload,
 }
@@ -102,14 +107,38 @@ impl Accelerator {
         }
     }
 
+    /// Says which frame comes next: its vertices go up while the crossings of the one before it are counted.
+    #[cfg(feature = "gpu")]
+    pub fn announce(&mut self, next: &Arc<CurveSet>) {
+        self.announced = Some(Arc::clone(next));
+    }
+
+    /// Announces nothing.
+    #[cfg(not(feature = "gpu"))]
+    pub fn announce(&mut self, _: &Arc<CurveSet>) {}
+
+    /// Lets go of a frame that was verified, whether it was sent or not.
+    pub fn end_frame(&mut self, _set: &CurveSet) {
+        #[cfg(feature = "gpu")]
+        {
+            self.announced = None;
+            self.sent.take_if(|(of, _)| std::ptr::eq(&**of, _set));
+        }
+    }
+
     /// Sends up the vertices of a frame whose crossings will be asked for, while the processor has other things to do.
     #[cfg(feature = "gpu")]
     pub fn send_ahead(&mut self, set: &CurveSet) {
-        if let Some(gpu) = self.counter(set) {
-            match gpu.send(set) {
-                Ok(frame) => self.ahead = Some(Arc::new(frame)),
-                Err(trouble) => self.give_up(&trouble),
-            }
+        let Some(gpu) = self.counter(set) else {
+            return;
+        };
+        let frame = match self.sent.take() {
+            Some((of, frame)) if std::ptr::eq(&*of, set) => frame,
+            _ => Arc::new(Frame::new(set)),
+        };
+        match gpu.send(&frame) {
+            Ok(()) => self.ahead = Some(frame),
+            Err(trouble) => self.give_up(&trouble),
         }
     }
 
@@ -140,7 +169,7 @@ impl Accelerator {
     fn give_up(&mut self, trouble: &Trouble) {
         tracing::warn!("from here on all is computed on the processor: {trouble}");
         self.gpu = None;
-        self.ahead = None;
+        (self.ahead, self.sent) = (None, None);
     }
 
     /// Counts the crossings of all pairs, in parts that follow one another in the order of the pairs. None where that is left to
@@ -148,14 +177,12 @@ impl Accelerator {
     #[cfg(feature = "gpu")]
     pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<Vec<Counted>> {
         let gpu = self.counter(scene.set).filter(|_| !pairs.is_empty())?;
-        let counted = match self.ahead.clone() {
-            Some(frame) => gpu.count(&frame, scene, pairs),
-            None => gpu
-                .send(scene.set)
-                .and_then(|frame| gpu.count(&frame, scene, pairs)),
-        };
-        match counted {
-            Ok((parts, undecided)) => {
+        let ahead = self.ahead.clone();
+        let frame = ahead.unwrap_or_else(|| Arc::new(Frame::new(scene.set)));
+        let next = self.announced.take();
+        match gpu.count(&frame, scene, pairs, next.as_deref()) {
+            Ok(((parts, undecided), sent)) => {
+                self.sent = next.zip(sent.map(Arc::new));
                 self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
                 self.offload.undecided += undecided;
                 Some(parts)

@@ -242,6 +242,12 @@ impl Verifier {
         Ok(report)
     }
 
+    /// Says which frame comes after the one that is verified next. Where that one is counted on a graphics processor, the
+    /// vertices of this one go up in the meantime. It is a hint: the results are the same without, and whichever frame comes.
+    pub fn announce(&mut self, next: &Arc<CurveSet>) {
+        self.full.accelerator.announce(next);
+    }
+
     /// The report on a frame, and how its linking numbers compare with the baseline.
     fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, Comparison)> {
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
@@ -286,6 +292,7 @@ impl Verifier {
             stats,
         };
         report.abort = self.abort_on.aborts(&report);
+        self.full.accelerator.end_frame(set);
         self.full.timings.total = start.elapsed();
         Ok((report, comparison))
     }

@@ -263,7 +263,7 @@ fn sums(
         asked,
         most as usize,
         |engine| &mut engine.sum_room,
-        &|engine, asked| pass(engine, frame, forest, asked),
+        &mut |engine, asked| pass(engine, frame, forest, asked),
     )?;
     let each = parts.into_iter().flat_map(|(count, found)| {
         let found = found.unwrap_or_else(|| vec![NOTHING; count]);

@@ -145,7 +145,7 @@ pub(super) fn fit(engine: &mut Engine, frame: &Frame) -> [Vec<Command>; 2] {
         stage: STAGE,
         bindings: vec![
             Binding::parameters(PARAMETERS, level),
-            Binding::whole(super::VERTICES, size_of_val(&frame.vertices[..]) as u64),
+            engine.vertices(frame),
             hierarchy.nodes(),
         ],
         groups: (nodes.len() as u32).div_ceil(THREADS),

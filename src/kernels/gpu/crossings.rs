@@ -89,12 +89,16 @@ struct Found {
     counts: Vec<u32>,
 }
 
+/// What there is to do while the adapter counts.
+pub(super) type Meanwhile<'a> = dyn FnMut(&mut Engine) -> Result<(), Trouble> + 'a;
+
 /// All linking numbers.
 pub(super) fn linking_numbers(
     gpu: &Gpu,
     frame: &Frame,
     scene: Scene<'_>,
     pairs: &[Pair],
+    meanwhile: &mut Meanwhile<'_>,
 ) -> Result<Counts, Trouble> {
     let most = |engine: &Engine| {
         let fits = engine.device.most_bytes() / size_of::<[u32; 2]>() as u64;
@@ -104,8 +108,14 @@ pub(super) fn linking_numbers(
         // No other work of the pool comes between: it might want the adapter, too.
         let engine = &mut gpu.lock();
         let most = most(engine);
-        let pass = |engine: &mut Engine, pairs: &[Pair]| pass(engine, frame, pairs);
-        in_parts(engine, pairs, most, |engine| &mut engine.count_room, &pass)?
+        let mut pass = |engine: &mut Engine, pairs: &[Pair]| pass(engine, frame, pairs, meanwhile);
+        in_parts(
+            engine,
+            pairs,
+            most,
+            |engine| &mut engine.count_room,
+            &mut pass,
+        )?
     };
     let (mut parts, mut left) = (Vec::new(), 0);
     let mut rest = pairs;
@@ -195,7 +205,12 @@ impl Found {
 }
 
 /// Counts on the adapter; none where there was too little room.
-fn pass(engine: &mut Engine, frame: &Frame, pairs: &[Pair]) -> Result<Option<Found>, Trouble> {
+fn pass(
+    engine: &mut Engine,
+    frame: &Frame,
+    pairs: &[Pair],
+    meanwhile: &mut Meanwhile<'_>,
+) -> Result<Option<Found>, Trouble> {
     let [mut commands, fits] = boxes::fit(engine, frame);
     let room = engine.count_room;
     let radius = frame.radius;
@@ -234,7 +249,7 @@ fn pass(engine: &mut Engine, frame: &Frame, pairs: &[Pair]) -> Result<Option<Fou
         stage: STAGE,
         bindings: vec![
             Binding::parameters(PARAMETERS, part),
-            Binding::whole(super::VERTICES, size_of_val(&frame.vertices[..]) as u64),
+            engine.vertices(frame),
             engine.hierarchy.nodes(),
             room.tiles(descent::TILES),
             signs,
@@ -252,7 +267,9 @@ fn pass(engine: &mut Engine, frame: &Frame, pairs: &[Pair]) -> Result<Option<Fou
     ];
     commands.push(count(engine, 0));
     commands.extend_from_slice(&results);
-    let mut got = engine.run(frame, &commands)?;
+    let pending = engine.start(frame, &commands)?;
+    meanwhile(engine)?;
+    let mut got = engine.finish(pending)?;
     engine.boxes_of = Some(frame.id);
     let counters = |got: &[Vec<u8>]| bytemuck::pod_collect_to_vec::<u8, u32>(&got[0]);
     let mut counts = counters(&got);
@@ -284,7 +301,7 @@ fn pass(engine: &mut Engine, frame: &Frame, pairs: &[Pair]) -> Result<Option<Fou
             return Err(Trouble::limit("undecided tests", open.into(), most.into()));
         }
         engine.open_room = open.saturating_add(open / 4).min(most);
-        return pass(engine, frame, pairs);
+        return pass(engine, frame, pairs, meanwhile);
     }
     let mut undecided: Vec<Undecided> = bytemuck::pod_collect_to_vec(&got[2]);
     if open > ahead {

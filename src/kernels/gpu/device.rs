@@ -30,6 +30,13 @@ pub(crate) struct Device {
     most: u64,
 }
 
+/// Work that was handed over, and where its downloads will be.
+#[derive(Debug)]
+pub(crate) struct Pending {
+    submitted: Vec<wgpu::SubmissionIndex>,
+    staged: Vec<wgpu::Buffer>,
+}
+
 fn instance() -> wgpu::Instance {
     wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12,
@@ -149,13 +156,35 @@ impl Device {
     /// Runs the commands; returns what the downloads read, in their order. Without a download it does not wait for the work
     /// to be done, and errors of that show in the next run.
     pub fn run(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
+        let pending = self.start(commands)?;
+        self.finish(pending)
+    }
+
+    /// Hands over the commands, and does not wait for anything.
+    pub fn start(&mut self, commands: &[Command]) -> Result<Pending, Trouble> {
+        self.checked(|device| device.submit_all(commands))
+    }
+
+    /// Waits for the work to be done; returns what the downloads read, in their order.
+    pub fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
+        match pending.staged.is_empty() {
+            true => Ok(Vec::new()),
+            false => self.checked(|device| device.read(pending)),
+        }
+    }
+
+    /// Does something, and returns what went wrong on the way.
+    fn checked<T>(
+        &mut self,
+        what: impl FnOnce(&mut Device) -> Result<T, Trouble>,
+    ) -> Result<T, Trouble> {
         let filters = [
             wgpu::ErrorFilter::Internal,
             wgpu::ErrorFilter::OutOfMemory,
             wgpu::ErrorFilter::Validation,
         ];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));
-        let done = self.run_unchecked(commands);
+        let done = what(self);
         let mut errors = Vec::new();
         // The last one pushed is the first to go.
         for scope in scopes.into_iter().rev() {
@@ -177,7 +206,7 @@ impl Device {
         done
     }
 
-    fn run_unchecked(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
+    fn submit_all(&mut self, commands: &[Command]) -> Result<Pending, Trouble> {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         let mut recorded = false;
         let mut submitted = Vec::new();
@@ -227,9 +256,10 @@ impl Device {
             }
         }
         submitted.push(self.submit(&mut encoder));
-        if staged.is_empty() {
-            return Ok(Vec::new());
-        }
+        Ok(Pending { submitted, staged })
+    }
+
+    fn read(&self, Pending { submitted, staged }: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
         let (send, receive) = mpsc::channel();
         for buffer in &staged {
             let send = send.clone();

@@ -3,7 +3,7 @@
 use super::barnes_hut::{self, Forest};
 use super::calibration::Calibration;
 use super::frame::Frame;
-use super::{Choice, Gpu, Trouble, crossings, direct};
+use super::{Choice, Gpu, Trouble, direct};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
@@ -126,13 +126,14 @@ impl Subject<'_> {
 
     fn crossings(&self) -> Result<DeviceTimes, Trouble> {
         let frame = Frame::new(self.scene.set);
-        let resident = || crossings::linking_numbers(self.gpu, &frame, self.scene, self.pairs);
+        let resident = || self.gpu.count(&frame, self.scene, self.pairs, None);
         // Programs are compiled, and buffers made.
         resident()?;
         let (resident_ms, _) = self.timed(resident)?;
-        let (whole_ms, (found, undecided)) = self.timed(|| {
-            let frame = self.gpu.send(self.scene.set)?;
-            self.gpu.count(&frame, self.scene, self.pairs)
+        let (whole_ms, ((found, undecided), _)) = self.timed(|| {
+            let frame = Frame::new(self.scene.set);
+            self.gpu.send(&frame)?;
+            self.gpu.count(&frame, self.scene, self.pairs, None)
         })?;
         let (processor_ms, exact) = self.timed(|| Ok(self.count()))?;
         let found = Counted::joined(found);

@@ -40,7 +40,7 @@ pub use measure::{DeviceTimes, calibrate, measure};
 
 use self::boxes::Hierarchy;
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
-use self::device::Device;
+use self::device::{Device, Pending};
 pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
 use self::room::Room;
@@ -53,7 +53,11 @@ use std::fmt::Write;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 const PARAMETERS: Buffer = Buffer("parameters", "all");
-const VERTICES: Buffer = Buffer("vertices", "all");
+/// Of the frame in work, and of the one after it.
+const VERTICES: [Buffer; 2] = [
+    Buffer("vertices", "one"),
+    Buffer("vertices", "the other one"),
+];
 const SUMS: Buffer = Buffer("sums", "all");
 
 /// Parts of lists of tiles start at multiples of this.
@@ -95,7 +99,8 @@ impl Gpu {
         let software = device.info().software;
         let mut engine = Engine {
             device,
-            vertices_of: None,
+            vertices_of: [None; 2],
+            latest: 0,
             nodes_of: None,
             boxes_of: None,
             hierarchy: Hierarchy::default(),
@@ -136,24 +141,35 @@ impl Gpu {
         self.lock().device.info().clone()
     }
 
-    /// Makes the vertices of a set ready, sends them up and has their boxes made, without waiting for that.
-    pub fn send(&self, set: &CurveSet) -> Result<Frame, Trouble> {
-        let frame = Frame::new(set);
+    /// Sends up the vertices of a frame, where they are not there, and has their boxes made, without waiting for that.
+    pub fn send(&self, frame: &Frame) -> Result<(), Trouble> {
         let mut engine = self.lock();
-        let commands = boxes::fit(&mut engine, &frame).concat();
-        engine.run(&frame, &commands)?;
+        let commands = boxes::fit(&mut engine, frame).concat();
+        engine.run(frame, &commands)?;
         engine.boxes_of = Some(frame.id);
-        Ok(frame)
+        Ok(())
     }
 
-    /// Linking numbers of polylines by counting crossings; `frame` has their vertices.
+    /// Linking numbers of polylines by counting crossings; `frame` has their vertices. Those of the `next` frame, where it is known,
+    /// are made ready and go up while the adapter counts.
     pub fn count(
         &self,
         frame: &Frame,
         scene: Scene<'_>,
         pairs: &[Pair],
-    ) -> Result<Counts, Trouble> {
-        crossings::linking_numbers(self, frame, scene, pairs)
+        next: Option<&CurveSet>,
+    ) -> Result<(Counts, Option<Frame>), Trouble> {
+        let mut sent = None;
+        let mut meanwhile = |engine: &mut Engine| {
+            if let (Some(next), None) = (next, &sent) {
+                let frame = Frame::new(next);
+                engine.start(&frame, &[])?;
+                sent = Some(frame);
+            }
+            Ok(())
+        };
+        let counts = crossings::linking_numbers(self, frame, scene, pairs, &mut meanwhile)?;
+        Ok((counts, sent))
     }
 }
 
@@ -255,8 +271,10 @@ impl Summation for BarnesHutSum<'_> {
 #[derive(Debug)]
 pub(super) struct Engine {
     device: Device,
-    /// The frame whose vertices are on it.
-    vertices_of: Option<u64>,
+    /// The frames whose vertices are on it.
+    vertices_of: [Option<u64>; 2],
+    /// Which of them came last.
+    latest: usize,
     /// The frame whose trees are on it.
     nodes_of: Option<u64>,
     /// The frame whose boxes are on it.
@@ -276,20 +294,47 @@ pub(super) struct Engine {
 impl Engine {
     /// Runs commands that read the vertices of a frame, which go up with the first of them.
     fn run(&mut self, frame: &Frame, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
-        if self.vertices_of == Some(frame.id) {
-            let done = self.device.run(commands);
-            return done.inspect_err(|_| self.forget());
+        let pending = self.start(frame, commands)?;
+        self.finish(pending)
+    }
+
+    /// The same without waiting for the work to be done.
+    fn start(&mut self, frame: &Frame, commands: &[Command]) -> Result<Pending, Trouble> {
+        let slot = self.slot(frame);
+        let known = self.vertices_of[slot] == Some(frame.id);
+        let mut all = Vec::new();
+        if !known {
+            all.push(Command::upload(VERTICES[slot], &frame.vertices));
         }
-        let mut all = vec![Command::upload(VERTICES, &frame.vertices)];
         all.extend_from_slice(commands);
-        let done = self.device.run(&all).inspect_err(|_| self.forget())?;
-        self.vertices_of = Some(frame.id);
-        Ok(done)
+        let pending = self.device.start(&all).inspect_err(|_| self.forget())?;
+        self.vertices_of[slot] = Some(frame.id);
+        self.latest = slot;
+        Ok(pending)
+    }
+
+    /// Waits for what was started.
+    fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
+        let done = self.device.finish(pending);
+        done.inspect_err(|_| self.forget())
+    }
+
+    /// Where the vertices of a frame are, or will be: not where those of the latest are.
+    fn slot(&self, frame: &Frame) -> usize {
+        let known = |id: &Option<u64>| *id == Some(frame.id);
+        let found = self.vertices_of.iter().position(known);
+        found.unwrap_or(1 - self.latest)
+    }
+
+    /// What a program reads of the vertices of a frame.
+    fn vertices(&self, frame: &Frame) -> Binding {
+        let bytes = size_of_val(&frame.vertices[..]);
+        Binding::whole(VERTICES[self.slot(frame)], bytes as u64)
     }
 
     /// Nobody knows what is on the adapter after a failure.
     fn forget(&mut self) {
-        (self.vertices_of, self.nodes_of, self.boxes_of) = (None, None, None);
+        (self.vertices_of, self.nodes_of, self.boxes_of) = ([None; 2], None, None);
         self.hierarchy = Hierarchy::default();
     }
 
@@ -365,10 +410,9 @@ impl Engine {
         let mut at = 0;
         for (k, &count) in (0..).zip(counts) {
             let bytes = u64::from(count) * size_of::<Tile>() as u64;
-            let vertices = size_of_val(&frame.vertices[..]) as u64;
             let mut bindings = vec![
                 Binding::parameters(parameters, k),
-                Binding::whole(VERTICES, vertices),
+                self.vertices(frame),
                 Binding {
                     buffer: list,
                     offset: at,

@@ -50,7 +50,7 @@ impl Room {
 }
 
 /// Work on some items; none where there was too little room.
-type Pass<'a, T, R> = dyn Fn(&mut Engine, &[T]) -> Result<Option<R>, Trouble> + 'a;
+type Pass<'a, T, R> = dyn FnMut(&mut Engine, &[T]) -> Result<Option<R>, Trouble> + 'a;
 
 /// Runs a pass on some items, `most` at once: with more room where it had too little; in halves where there is no more. Parts come in order, each with its length; nothing came of an item for which there is too
 /// little room by itself.
@@ -59,7 +59,7 @@ pub(super) fn in_parts<T, R>(
     asked: &[T],
     most: usize,
     room: fn(&mut Engine) -> &mut Room,
-    pass: &Pass<'_, T, R>,
+    pass: &mut Pass<'_, T, R>,
 ) -> Result<Vec<(usize, Option<R>)>, Trouble> {
     if asked.is_empty() {
         return Ok(Vec::new());
