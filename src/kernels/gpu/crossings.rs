@@ -24,13 +24,15 @@
 
 use super::boxes::{self, LEAF, NODES_PROGRAM};
 use super::commands::{Binding, Buffer, Command, Stage};
-use super::descent::{self, COUNTERS, CROSSINGS, OPEN, SEPARATED, TESTS, TILES_AT};
+use super::descent::{
+    self, AXIS, COUNTERS, CROSSINGS, OPEN, SEPARATED, TESTS, TILES, TILES_AT, TOO_MANY,
+};
 use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{Parameters, Undecided};
-use super::room::in_parts;
-use super::{Counts, Engine, Gpu};
+use super::room::{Room, in_parts};
+use super::{Counts, Engine, Gpu, directions};
 use crate::kernels::crossings::{Direction, Scene, conclude, linking_number};
 use crate::kernels::{Counted, Linking};
 use crate::pairs::Pair;
@@ -71,6 +73,9 @@ const UNDECIDED: Buffer = Buffer("undecided", STAGE.name);
 /// Undecided tests that there is room for at first; more where a frame has shown more.
 pub(super) const OPEN_ROOM: u32 = 1 << 16;
 
+/// Bytes of one of them.
+const ENTRY: u64 = size_of::<Undecided>() as u64;
+
 /// Undecided tests that are read without being asked for.
 const READ_AHEAD: u32 = 1 << 12;
 
@@ -84,7 +89,7 @@ const TASK: usize = 1024;
 struct Found {
     /// The sum of the signs of each pair of curves, as far as it is decided.
     signs: Vec<[u32; 2]>,
-    /// What is not decided, in order.
+    /// What is not decided.
     undecided: Vec<Undecided>,
     counts: Vec<u32>,
 }
@@ -100,14 +105,11 @@ pub(super) fn linking_numbers(
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
 ) -> Result<Counts, Trouble> {
-    let most = |engine: &Engine| {
-        let fits = engine.device.most_bytes() / size_of::<[u32; 2]>() as u64;
-        MOST_PAIRS.min(fits as usize)
-    };
     let passes = {
-        // No other work of the pool comes between: it might want the adapter, too.
+        // Nothing in here is shared out: a thread that waits for others may take up work that wants the adapter, too.
         let engine = &mut gpu.lock();
-        let most = most(engine);
+        let fits = engine.device.most_bytes() / size_of::<[u32; 2]>() as u64;
+        let most = MOST_PAIRS.min(fits as usize);
         let mut pass = |engine: &mut Engine, pairs: &[Pair]| pass(engine, frame, pairs, meanwhile);
         in_parts(
             engine,
@@ -123,7 +125,10 @@ pub(super) fn linking_numbers(
         let (own, others) = rest.split_at(count);
         rest = others;
         match found {
-            Some(found) => {
+            Some(mut found) => {
+                found
+                    .undecided
+                    .par_sort_unstable_by_key(|u| (number(u), u.upper, u.lower));
                 left += found.undecided.len() as u64;
                 parts.push(found.work(count));
                 parts.extend(found.conclude(frame, scene, own));
@@ -147,6 +152,11 @@ fn on_processor(scene: Scene<'_>, pairs: &[Pair]) -> Counted {
     part
 }
 
+/// Which pair of curves a test is of.
+fn number(u: &Undecided) -> usize {
+    (u.pair & ((1 << AXIS) - 1)) as usize
+}
+
 impl Found {
     /// The work that the adapter did for so many pairs of curves. Undecided tests are counted where they are decided.
     fn work(&self, pairs: usize) -> Counted {
@@ -167,9 +177,8 @@ impl Found {
         }
     }
 
-    /// Decides what is left.
+    /// Decides what is left, which is in order.
     fn conclude(&self, frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<Counted> {
-        let number = |u: &Undecided| (u.pair & ((1 << descent::AXIS) - 1)) as usize;
         let task = |(task, signs): (usize, &[[u32; 2]])| {
             let first = task * TASK;
             let mut rest = &self.undecided[self.undecided.partition_point(|u| number(u) < first)..];
@@ -185,7 +194,7 @@ impl Found {
                 };
                 let (i, j) = pair;
                 let direction = Direction {
-                    axis: (one.pair >> descent::AXIS) as usize,
+                    axis: (one.pair >> AXIS) as usize,
                     second_over: frame.curves[j as usize].contains(&one.upper),
                 };
                 let (upper, lower) = direction.upper_first(i, j);
@@ -204,6 +213,84 @@ impl Found {
     }
 }
 
+/// Where a pass has its lists.
+struct Lists {
+    room: Room,
+    signs: Binding,
+    undecided: Binding,
+    /// Tiles of one submission, so that none takes too long.
+    part: u32,
+}
+
+impl Lists {
+    fn new(engine: &Engine, pairs: &[Pair]) -> Lists {
+        let list = u64::from(engine.open_room) * ENTRY;
+        Lists {
+            room: engine.count_room,
+            signs: Binding::whole(SIGNS, size_of_val(pairs) as u64),
+            undecided: Binding::whole(UNDECIDED, list),
+            part: (engine.most_work / u64::from(LEAF * LEAF)).max(1) as u32,
+        }
+    }
+
+    /// All that it takes, up to the first part of the tiles. More of them are rare.
+    fn commands(&self, engine: &mut Engine, frame: &Frame, pairs: &[Pair]) -> Vec<Command> {
+        let (room, radius) = (self.room, frame.radius);
+        let [mut commands, fits] = boxes::fit(engine, frame);
+        let (uploads, choice) = directions::choose(engine, radius, pairs, room);
+        commands.extend(uploads);
+        let (upload, steps) = descent::descend(engine, radius, room);
+        commands.push(upload);
+        let own = |first| Parameters {
+            radius,
+            zero: 0,
+            first,
+            items: self.part.min(room.tiles - first),
+        };
+        let parts = (0..room.tiles).step_by(self.part as usize).map(own);
+        commands.push(Command::parameters(PARAMETERS, &parts.collect::<Vec<_>>()));
+        let [now, next] = descent::AGENDAS;
+        for list in [room.agenda(now), room.agenda(next), room.tiles(TILES)] {
+            commands.push(Command::Reserve(list.buffer, list.size));
+        }
+        commands.push(Command::Reserve(UNDECIDED, self.undecided.size));
+        commands.push(Command::Clear(SIGNS, self.signs.size));
+        commands.push(Command::Clear(COUNTERS.buffer, COUNTERS.size));
+        commands.extend(fits);
+        commands.push(choice);
+        commands.extend(steps);
+        commands.push(self.count(engine, frame, 0));
+        commands.extend(self.results());
+        commands
+    }
+
+    /// Counts the crossings of a part of the tiles.
+    fn count(&self, engine: &Engine, frame: &Frame, part: u32) -> Command {
+        Command::Dispatch {
+            stage: STAGE,
+            bindings: vec![
+                Binding::parameters(PARAMETERS, part),
+                engine.vertices(frame),
+                engine.hierarchy.nodes(),
+                self.room.tiles(TILES),
+                self.signs,
+                self.undecided,
+                COUNTERS,
+            ],
+            groups: engine.strides(),
+        }
+    }
+
+    fn results(&self) -> [Command; 3] {
+        let ahead = self.undecided.size.min(u64::from(READ_AHEAD) * ENTRY);
+        [
+            Command::Download(COUNTERS.buffer, COUNTERS.size),
+            Command::Download(SIGNS, self.signs.size),
+            Command::Download(UNDECIDED, ahead),
+        ]
+    }
+}
+
 /// Counts on the adapter; none where there was too little room.
 fn pass(
     engine: &mut Engine,
@@ -211,62 +298,8 @@ fn pass(
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
 ) -> Result<Option<Found>, Trouble> {
-    let [mut commands, fits] = boxes::fit(engine, frame);
-    let room = engine.count_room;
-    let radius = frame.radius;
-    let (uploads, choice) = super::directions::choose(engine, radius, pairs, room);
-    commands.extend(uploads);
-    let (upload, steps) = descent::descend(engine, radius, room);
-    commands.push(upload);
-    // Parts of the tiles, so that none takes too long. More than the first are rare.
-    let part = (engine.most_work / u64::from(LEAF * LEAF)).max(1) as u32;
-    let parts: Vec<Parameters> = (0..room.tiles)
-        .step_by(part as usize)
-        .map(|first| Parameters {
-            radius,
-            zero: 0,
-            first,
-            items: part.min(room.tiles - first),
-        })
-        .collect();
-    commands.push(Command::parameters(PARAMETERS, &parts));
-    let signs = Binding::whole(SIGNS, size_of_val(pairs) as u64);
-    let list = u64::from(engine.open_room) * size_of::<Undecided>() as u64;
-    for binding in [
-        room.agenda(descent::AGENDAS[0]),
-        room.agenda(descent::AGENDAS[1]),
-        room.tiles(descent::TILES),
-        Binding::whole(UNDECIDED, list),
-    ] {
-        commands.push(Command::Reserve(binding.buffer, binding.size));
-    }
-    commands.push(Command::Clear(SIGNS, signs.size));
-    commands.push(Command::Clear(COUNTERS.buffer, COUNTERS.size));
-    commands.extend(fits);
-    commands.push(choice);
-    commands.extend(steps);
-    let count = |engine: &Engine, part: u32| Command::Dispatch {
-        stage: STAGE,
-        bindings: vec![
-            Binding::parameters(PARAMETERS, part),
-            engine.vertices(frame),
-            engine.hierarchy.nodes(),
-            room.tiles(descent::TILES),
-            signs,
-            Binding::whole(UNDECIDED, list),
-            COUNTERS,
-        ],
-        groups: engine.strides(),
-    };
-    let ahead = engine.open_room.min(READ_AHEAD);
-    let entry = size_of::<Undecided>() as u64;
-    let results = [
-        Command::Download(COUNTERS.buffer, COUNTERS.size),
-        Command::Download(SIGNS, signs.size),
-        Command::Download(UNDECIDED, u64::from(ahead) * entry),
-    ];
-    commands.push(count(engine, 0));
-    commands.extend_from_slice(&results);
+    let lists = Lists::new(engine, pairs);
+    let commands = lists.commands(engine, frame, pairs);
     let pending = engine.start(frame, &commands)?;
     meanwhile(engine)?;
     let mut got = engine.finish(pending)?;
@@ -274,7 +307,7 @@ fn pass(
     let counters = |got: &[Vec<u8>]| bytemuck::pod_collect_to_vec::<u8, u32>(&got[0]);
     let mut counts = counters(&got);
     let levels = engine.hierarchy.levels() as usize;
-    let tiles = counts[TILES_AT as usize];
+    let (room, tiles) = (lists.room, counts[TILES_AT as usize]);
     if counts[..levels].iter().any(|&c| c > room.node_pairs) || tiles > room.tiles {
         return Ok(None);
     }
@@ -283,20 +316,20 @@ fn pass(
         let what = "levels of boxes";
         return Err(Trouble::limit(what, levels as u64 + 1, levels as u64));
     }
-    if tiles > part {
+    if tiles > lists.part {
         let mut commands = Vec::new();
-        for k in 1..tiles.div_ceil(part) {
-            commands.extend([count(engine, k), Command::Submit]);
+        for part in 1..tiles.div_ceil(lists.part) {
+            commands.extend([lists.count(engine, frame, part), Command::Submit]);
         }
-        commands.extend_from_slice(&results);
+        commands.extend(lists.results());
         got = engine.run(frame, &commands)?;
         counts = counters(&got);
     }
     let open = counts[OPEN as usize];
     if open > engine.open_room {
         // Once more, with room for all of them. Where there is none, later frames still have what there was.
-        let most = engine.device.most_bytes() / entry;
-        let most = most.min(u64::from(descent::TOO_MANY) - 1) as u32;
+        let most = engine.device.most_bytes() / ENTRY;
+        let most = most.min(u64::from(TOO_MANY) - 1) as u32;
         if open > most {
             return Err(Trouble::limit("undecided tests", open.into(), most.into()));
         }
@@ -304,12 +337,11 @@ fn pass(
         return pass(engine, frame, pairs, meanwhile);
     }
     let mut undecided: Vec<Undecided> = bytemuck::pod_collect_to_vec(&got[2]);
-    if open > ahead {
-        let all = Command::Download(UNDECIDED, u64::from(open) * entry);
+    if open as usize > undecided.len() {
+        let all = Command::Download(UNDECIDED, u64::from(open) * ENTRY);
         undecided = bytemuck::pod_collect_to_vec(&engine.run(frame, &[all])?[0]);
     }
     undecided.truncate(open as usize);
-    undecided.par_sort_unstable_by_key(|u| (u.pair & ((1 << descent::AXIS) - 1), u.upper, u.lower));
     Ok(Some(Found {
         signs: bytemuck::pod_collect_to_vec(&got[1]),
         undecided,

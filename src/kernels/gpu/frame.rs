@@ -29,6 +29,16 @@ pub(crate) struct Frame {
 impl Frame {
     /// Copies them.
     pub fn new(set: &CurveSet) -> Frame {
+        Frame::copied(set, 64)
+    }
+
+    /// Copies them on this thread alone: for those who hold what others wait for.
+    pub fn alone(set: &CurveSet) -> Frame {
+        Frame::copied(set, usize::MAX)
+    }
+
+    /// Copies them, so many curves at least without sharing them out.
+    fn copied(set: &CurveSet, at_least: usize) -> Frame {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         let mut frame = Frame {
             id: NEXT.fetch_add(1, Ordering::Relaxed),
@@ -50,10 +60,10 @@ impl Frame {
             bodies.push(body);
         }
         let scale = Scale::new(set.max_abs());
-        let mut worst = frame.write(set, &bodies, [0.0; 3], scale);
+        let mut worst = frame.write(set, &bodies, [0.0; 3], scale, at_least);
         if worst > 0.0 {
             let (centre, half) = middle(set, &bodies);
-            worst = frame.write(set, &bodies, centre, Scale::new(half));
+            worst = frame.write(set, &bodies, centre, Scale::new(half), at_least);
             // Differences from the middle, at most 1 now, were rounded too.
             worst += f64::EPSILON;
         }
@@ -71,6 +81,7 @@ impl Frame {
         bodies: &[Range<usize>],
         centre: [f64; 3],
         scale: Scale,
+        at_least: usize,
     ) -> f64 {
         let total = self.curves.last().map_or(0, |c| c.end) as usize;
         self.vertices.resize(total, [0.0; 4]);
@@ -114,7 +125,7 @@ impl Frame {
             }
             worst
         };
-        let each = parts.into_par_iter().with_min_len(64).map(write);
+        let each = parts.into_par_iter().with_min_len(at_least).map(write);
         each.reduce(|| 0.0, f64::max)
     }
 

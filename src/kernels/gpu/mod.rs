@@ -8,8 +8,11 @@
 //! pairs at once as future work. Here all pairs are one work list of tiles, and single precision comes with a proof: crossings
 //! that it cannot decide go to the processor, sums have a bound of their error.
 //!
-//! The vertices go up once a frame, ahead of the processor's own work on it; programs and buffers stay for the next. Lists
-//! are cut so that no buffer is larger than the adapter allows and no submission so long that it is taken for hung.
+//! The way of a frame: its vertices ([`frame`]) go up once, during the frame before where that is known, else ahead of the
+//! processor's own work on it. Crossings: [`boxes`], [`directions`], [`descent`], [`crossings`]; sums: [`direct`], and
+//! [`barnes_hut`] with what it leaves to the former. Programs and buffers stay for the next frame. Lists are cut so that no buffer is
+//! larger than the adapter allows and no submission so long that it is taken for hung; those that only the adapter knows the
+//! length of have [`room`] that grows.
 //!
 //! An adapter is trusted with single operations only, and after a test ([`self_test`]). Whatever else fails, a lost adapter, too
 //! little memory, too large a frame, is [`Trouble`]: the caller says so and computes on the processor.
@@ -162,7 +165,7 @@ impl Gpu {
         let mut sent = None;
         let mut meanwhile = |engine: &mut Engine| {
             if let (Some(next), None) = (next, &sent) {
-                let frame = Frame::new(next);
+                let frame = Frame::alone(next);
                 engine.start(&frame, &[])?;
                 sent = Some(frame);
             }
