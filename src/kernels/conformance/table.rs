@@ -11,6 +11,8 @@ pub struct Kernel {
     pub accuracy: Accuracy,
     /// Where it runs.
     pub device: Device,
+    /// Whether in double precision alone, on an adapter that would begin in single precision.
+    pub double: bool,
     pub tolerance: Tolerance,
 }
 
@@ -35,6 +37,7 @@ const fn by(method: Method, tolerance: Tolerance) -> Kernel {
         method,
         accuracy: DEFAULT,
         device: Device::Cpu,
+        double: false,
         tolerance,
     }
 }
@@ -44,6 +47,7 @@ const fn barnes_hut(accuracy: Accuracy, [general, smooth, lattice]: [f64; 3]) ->
         method: Method::BarnesHut,
         accuracy,
         device: Device::Cpu,
+        double: false,
         tolerance: Tolerance {
             bound: f64::INFINITY,
             general,
@@ -171,6 +175,7 @@ pub const FMM_LOW: Kernel = Kernel {
         ..DEFAULT
     },
     device: Device::Cpu,
+    double: false,
     tolerance: Tolerance {
         bound: 0.8,
         general: 0.99,
@@ -181,13 +186,14 @@ pub const FMM_LOW: Kernel = Kernel {
     },
 };
 
-/// On an adapter, where single precision is what there is.
+/// On an adapter; what is asked there single precision has to reach.
 #[cfg(feature = "gpu")]
 const fn on_device(method: Method, tolerance: Tolerance) -> Kernel {
     Kernel {
         method,
         accuracy: DEFAULT,
         device: Device::Gpu,
+        double: false,
         tolerance,
     }
 }
@@ -218,6 +224,23 @@ pub const GPU_DIRECT: Kernel = on_device(
     },
 );
 
+/// As much as on the processor.
+#[cfg(feature = "gpu")]
+pub const GPU_DIRECT_DOUBLE: Kernel = Kernel {
+    method: Method::Direct,
+    accuracy: DEFAULT,
+    device: Device::Gpu,
+    double: true,
+    tolerance: Tolerance {
+        bound: 1e-6,
+        general: 0.999,
+        smooth: 1.0,
+        lattice: 0.9,
+        close: 0.66,
+        pairs: 300,
+    },
+};
+
 #[cfg(feature = "gpu")]
 pub const GPU_BARNES_HUT: Kernel = on_device(
     Method::BarnesHut,
@@ -234,6 +257,10 @@ pub const GPU_BARNES_HUT: Kernel = on_device(
 impl Kernel {
     /// What it says of some pairs of polylines.
     pub fn estimates(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
+        #[cfg(feature = "gpu")]
+        if self.double {
+            return crate::kernels::gpu::direct_in_double(set, pairs);
+        }
         let mut accelerator = Accelerator::open(&self.device).expect("an adapter");
         let sum = self.method.summation(set, self.accuracy, &accelerator);
         let found = sum.map(|sum| sum.linking_numbers(pairs));

@@ -6,7 +6,8 @@
 //!
 //! Source: Qu & James 2021, section 3.4.5, who launch their kernels pair by pair in single precision and name all
 //! pairs at once as future work. Here all pairs are one work list of tiles, and single precision comes with a proof: crossings
-//! that it cannot decide go to the processor, sums have a bound of their error.
+//! that it cannot decide go to the processor, sums have a bound of their error. What the bound of a direct sum leaves open is
+//! summed once more in double precision, where the adapter has it.
 //!
 //! The vertices go up once a frame, ahead of the processor's own work on it; programs and buffers stay for the next. Lists
 //! are cut so that no buffer is larger than the adapter allows and no submission so long that it is taken for hung.
@@ -25,22 +26,32 @@ mod fixed;
 mod frame;
 mod layout;
 mod measure;
+mod precision;
 mod self_test;
+mod standby;
+mod summations;
 #[cfg(test)]
 mod tests;
 mod tiles;
 
+#[cfg(test)]
+pub(super) use tests::direct_in_double;
+
 pub use calibration::Calibration;
 pub(crate) use error::Trouble;
 pub use measure::{DeviceTimes, calibrate, measure};
+pub use precision::Precision;
+pub(super) use standby::WithStandby;
+pub(super) use summations::{BarnesHutSum, DirectSum};
 
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use self::device::Device;
 pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
+use self::precision::Real;
+use super::Linking;
 use super::crossings::Scene;
 use super::device::{Device as Choice, DeviceInfo};
-use super::{Estimate, Linking, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use crate::verdict::Stats;
@@ -48,7 +59,6 @@ use std::fmt::Write;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 const PARAMETERS: Buffer = Buffer("parameters", "all");
-const VERTICES: Buffer = Buffer("vertices", "all");
 const SUMS: Buffer = Buffer("sums", "all");
 
 /// Parts of lists of tiles start at multiples of this.
@@ -61,8 +71,10 @@ const MOST_WORK: [u64; 2] = [1 << 31, 1 << 28];
 pub(super) fn devices() -> Vec<DeviceInfo> {
     let mut all = device::list();
     for info in &mut all {
-        let opened = Gpu::open(&Choice::Named(info.name.clone()));
-        info.trouble = opened.err().map(|e| e.to_string());
+        match Gpu::open(&Choice::Named(info.name.clone())) {
+            Ok(gpu) => info.double_precision = gpu.computes_in_double(),
+            Err(trouble) => info.trouble = Some(trouble.to_string()),
+        }
     }
     all
 }
@@ -86,14 +98,15 @@ impl Gpu {
             Choice::Named(name) => Some(&name[..]),
             _ => None,
         };
-        let mut engine = Engine {
-            device: Device::open(name)?,
-            vertices_of: None,
-            nodes_of: None,
-            room: crossings::ROOM,
-            agenda_room: barnes_hut::ROOM,
-        };
-        self_test::run(&mut engine)?;
+        let mut engine = Engine::new(Device::open(name, true)?);
+        self_test::run::<f32>(&mut engine)?;
+        if engine.device.info().double_precision
+            && let Err(trouble) = self_test::run::<f64>(&mut engine)
+        {
+            tracing::warn!("no double precision on the adapter: {trouble}");
+            // A program that it could not run may have taken it away.
+            engine = Engine::new(Device::open(name, false)?);
+        }
         Ok(Gpu {
             engine: Mutex::new(engine),
         })
@@ -125,6 +138,11 @@ impl Gpu {
         self.lock().device.info().clone()
     }
 
+    /// Whether it computes in double precision.
+    pub fn computes_in_double(&self) -> bool {
+        self.lock().device.info().double_precision
+    }
+
     /// Makes the vertices of a set ready and sends them up, without waiting for that.
     pub fn send(&self, set: &CurveSet) -> Result<Frame, Trouble> {
         let frame = Frame::new(set);
@@ -143,106 +161,12 @@ impl Gpu {
     }
 }
 
-/// The Gauss sum on an adapter, or on the processor once the adapter failed.
-pub(super) struct DirectSum<'a> {
-    gpu: &'a Gpu,
-    frame: Frame,
-    /// Where it says so, the processor is faster.
-    calibration: Option<Calibration>,
-    otherwise: Box<dyn Summation + 'a>,
-}
-
-impl<'a> DirectSum<'a> {
-    /// Prepares the vertices of a set of polylines.
-    pub fn new(
-        gpu: &'a Gpu,
-        set: &CurveSet,
-        calibration: Option<Calibration>,
-        otherwise: Box<dyn Summation + 'a>,
-    ) -> DirectSum<'a> {
-        DirectSum {
-            gpu,
-            frame: Frame::new(set),
-            calibration,
-            otherwise,
-        }
-    }
-}
-
-impl Summation for DirectSum<'_> {
-    fn linking_number(&self, pair: Pair) -> Estimate {
-        self.linking_numbers(&[pair])[0]
-    }
-
-    fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        let segments = |i: u32| u64::from(self.frame.segments(i));
-        let work = || pairs.iter().map(|&(i, j)| segments(i) * segments(j)).sum();
-        if self.calibration.as_ref().is_some_and(|c| !c.wins(work())) {
-            return self.otherwise.linking_numbers(pairs);
-        }
-        let found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs);
-        found.unwrap_or_else(|trouble| {
-            tracing::warn!("the sums are made on the processor: {trouble}");
-            self.otherwise.linking_numbers(pairs)
-        })
-    }
-}
-
-/// Barnes-Hut on an adapter, or on the processor once the adapter failed.
-pub(super) struct BarnesHutSum<'a> {
-    gpu: &'a Gpu,
-    frame: Frame,
-    forest: barnes_hut::Forest,
-    beta: Option<f64>,
-    otherwise: Box<dyn Summation + 'a>,
-}
-
-impl<'a> BarnesHutSum<'a> {
-    /// Builds the trees of a set of polylines; `beta` leaves it at one pass by distance.
-    pub fn new(
-        gpu: &'a Gpu,
-        set: &CurveSet,
-        beta: Option<f64>,
-        otherwise: Box<dyn Summation + 'a>,
-    ) -> BarnesHutSum<'a> {
-        let frame = Frame::new(set);
-        BarnesHutSum {
-            gpu,
-            forest: barnes_hut::Forest::new(&frame),
-            frame,
-            beta,
-            otherwise,
-        }
-    }
-}
-
-impl Summation for BarnesHutSum<'_> {
-    fn linking_number(&self, pair: Pair) -> Estimate {
-        self.linking_numbers(&[pair])[0]
-    }
-
-    fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        // Not locked while the processor sums: its threads may take up work that wants the adapter.
-        let found = barnes_hut::linking_numbers(
-            &mut self.gpu.lock(),
-            &self.frame,
-            &self.forest,
-            pairs,
-            self.beta,
-        );
-        found.unwrap_or_else(|trouble| {
-            tracing::warn!("the sums are made on the processor: {trouble}");
-            self.otherwise.linking_numbers(pairs)
-        })
-    }
-}
-
 /// An adapter with what is on it.
 #[derive(Debug)]
 pub(super) struct Engine {
     device: Device,
-    /// The frame whose vertices are on it.
-    vertices_of: Option<u64>,
+    /// The frames whose vertices are on it, one a precision.
+    vertices_of: [Option<u64>; 2],
     /// The frame whose trees are on it.
     nodes_of: Option<u64>,
     /// Undecided tests that there is room for.
@@ -252,27 +176,48 @@ pub(super) struct Engine {
 }
 
 impl Engine {
+    /// Nothing is on it yet.
+    fn new(device: Device) -> Engine {
+        Engine {
+            device,
+            vertices_of: [None; 2],
+            nodes_of: None,
+            room: crossings::ROOM,
+            agenda_room: barnes_hut::ROOM,
+        }
+    }
+
     /// Runs commands that read the vertices of a frame, which go up with the first of them.
-    fn run(&mut self, frame: &Frame, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
-        if self.vertices_of == Some(frame.id) {
+    fn run<R: Real>(
+        &mut self,
+        frame: &Frame<R>,
+        commands: &[Command],
+    ) -> Result<Vec<Vec<u8>>, Trouble> {
+        let own = R::PRECISION as usize;
+        if self.vertices_of[own] == Some(frame.id) {
             return self.device.run(commands);
         }
-        self.vertices_of = None;
+        self.vertices_of[own] = None;
         let vertices = bytemuck::cast_slice(&frame.vertices).to_vec();
-        let mut all = vec![Command::Upload(VERTICES, vertices)];
+        let mut all = vec![Command::Upload(R::VERTICES, vertices)];
         all.extend_from_slice(commands);
         let done = self.device.run(&all)?;
-        self.vertices_of = Some(frame.id);
+        self.vertices_of[own] = Some(frame.id);
         Ok(done)
+    }
+
+    /// Pairs of segments in one submission, at most.
+    fn most_work<R: Real>(&self) -> u64 {
+        MOST_WORK[usize::from(self.device.info().software)] / R::SLOWER
     }
 
     /// Lists what it takes to run a program on tiles, `per_group` of them in a workgroup; `results` are bound after the
     /// parameters, the vertices and the tiles.
-    fn dispatch_tiles(
+    fn dispatch_tiles<R: Real>(
         &self,
         commands: &mut Vec<Command>,
         stage: Stage,
-        frame: &Frame,
+        frame: &Frame<R>,
         tiles: &[Tile],
         per_group: u32,
         results: &[(Buffer, u64)],
@@ -281,9 +226,8 @@ impl Engine {
         let most = self.device.most_bytes();
         // Parts of the list with their parameters have to fit, and are counted in 32 bits.
         let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
-        let most_work = MOST_WORK[usize::from(self.device.info().software)];
         for tiles in tiles.chunks(longest.max(STEP)) {
-            let parts = tiles::parts(tiles, STEP, longest, most_work);
+            let parts = tiles::parts(tiles, STEP, longest, self.most_work::<R>());
             let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
             commands.push(Command::Upload(list, bytemuck::cast_slice(tiles).to_vec()));
             self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
@@ -301,7 +245,7 @@ impl Engine {
         per_group: u32,
         results: &[(Buffer, u64)],
     ) {
-        let most = MOST_WORK[usize::from(self.device.info().software)] / work.max(1);
+        let most = self.most_work::<f32>() / work.max(1);
         let part = (most as u32).next_multiple_of(STEP as u32).max(STEP as u32);
         let counts: Vec<u32> = (0..count.div_ceil(part))
             .map(|k| part.min(count - k * part))
@@ -310,11 +254,11 @@ impl Engine {
     }
 
     /// Lists a dispatch for each part of a list of tiles; all but the last have a multiple of [`STEP`].
-    fn dispatch_parts(
+    fn dispatch_parts<R: Real>(
         &self,
         commands: &mut Vec<Command>,
         stage: Stage,
-        frame: &Frame,
+        frame: &Frame<R>,
         (list, counts): (Buffer, &[u32]),
         per_group: u32,
         results: &[(Buffer, u64)],
@@ -342,7 +286,7 @@ impl Engine {
             let vertices = size_of_val(&frame.vertices[..]) as u64;
             let mut bindings = vec![
                 binding(parameters, k * ALIGNMENT, size_of::<Parameters>() as u64),
-                binding(VERTICES, 0, vertices),
+                binding(R::VERTICES, 0, vertices),
                 binding(list, at, bytes),
             ];
             bindings.extend(
@@ -364,23 +308,38 @@ impl Engine {
 /// Every program.
 #[cfg(test)]
 fn stages() -> Vec<Stage> {
-    let mut all = vec![self_test::STAGE, crossings::STAGE, barnes_hut::STAGE];
-    all.extend(direct::SHAPES.map(|(_, stage)| stage));
+    let mut all = vec![crossings::STAGE, barnes_hut::STAGE];
+    all.extend(stages_in::<f32>());
     all
 }
 
-/// A program, with its constants and what all share in front: a constant has one place, and that is in Rust.
+/// The programs that there are in either precision.
+#[cfg(test)]
+fn stages_in<R: Real>() -> Vec<Stage> {
+    let mut all = vec![self_test::stage::<R>()];
+    all.extend(direct::stages::<R>());
+    all
+}
+
+/// A program in single precision; see [`program_in`].
 fn program(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
+    program_in::<f32>(whole, real, parts)
+}
+
+/// A program, with its constants and what all share in front: a constant has one place, and that is in Rust.
+fn program_in<R: Real>(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
     let mut out = String::new();
     // Writing to a string does not fail.
     for (name, value) in whole {
         let _ = writeln!(out, "const {name}: u32 = {value}u;");
     }
     for (name, value) in real {
-        let _ = writeln!(out, "const {name}: f32 = {:e}f;", *value as f32);
+        let _ = writeln!(out, "const {name}: real = {value:e};");
     }
-    out.push_str(include_str!("shared.wgsl"));
-    for part in parts {
+    for part in [R::PROGRAM, include_str!("shared.wgsl")]
+        .iter()
+        .chain(parts)
+    {
         out.push('\n');
         out.push_str(part);
     }
