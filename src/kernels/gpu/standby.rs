@@ -62,6 +62,7 @@ pub(super) struct Lazy<'a, T> {
 }
 
 impl<'a, T> Lazy<'a, T> {
+    /// Makes nothing yet.
     pub fn new(make: impl Fn() -> T + Send + Sync + 'a) -> Lazy<'a, T> {
         Lazy {
             made: OnceLock::new(),
@@ -69,6 +70,7 @@ impl<'a, T> Lazy<'a, T> {
         }
     }
 
+    /// What was made, or is made now.
     pub fn get(&self) -> &T {
         match self.made.get() {
             Some(made) => made,

@@ -89,6 +89,7 @@ impl<'a> BarnesHutSum<'a> {
 
 impl AdapterSum for BarnesHutSum<'_> {
     fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+        // Locked for this alone, not where the processor sums: its threads may take up work that wants the adapter.
         let engine = &mut self.gpu.lock();
         barnes_hut::linking_numbers(engine, &self.frame, &self.forest, pairs, self.beta)
     }
