@@ -2,8 +2,13 @@
 
 use crate::curve::CurveSet;
 use crate::kernels::crossings::{self, Workspace, Workspaces};
+#[cfg(feature = "gpu")]
+use crate::kernels::gpu;
 use crate::kernels::{Accelerator, Accuracy, Device, Estimate, Linking, Method};
 use crate::pairs::{Pair, Trees};
+
+/// Sums of some pairs of a set.
+pub type Sums = fn(&CurveSet, &[Pair]) -> Vec<Estimate>;
 
 /// A kernel at some accuracy.
 pub struct Kernel {
@@ -11,8 +16,8 @@ pub struct Kernel {
     pub accuracy: Accuracy,
     /// Where it runs.
     pub device: Device,
-    /// Whether in double precision alone, on an adapter that would begin in single precision.
-    pub double: bool,
+    /// A part of it alone, in the place of all.
+    pub part: Option<Sums>,
     pub tolerance: Tolerance,
 }
 
@@ -37,7 +42,7 @@ const fn by(method: Method, tolerance: Tolerance) -> Kernel {
         method,
         accuracy: DEFAULT,
         device: Device::Cpu,
-        double: false,
+        part: None,
         tolerance,
     }
 }
@@ -47,7 +52,7 @@ const fn barnes_hut(accuracy: Accuracy, [general, smooth, lattice]: [f64; 3]) ->
         method: Method::BarnesHut,
         accuracy,
         device: Device::Cpu,
-        double: false,
+        part: None,
         tolerance: Tolerance {
             bound: f64::INFINITY,
             general,
@@ -175,7 +180,7 @@ pub const FMM_LOW: Kernel = Kernel {
         ..DEFAULT
     },
     device: Device::Cpu,
-    double: false,
+    part: None,
     tolerance: Tolerance {
         bound: 0.8,
         general: 0.99,
@@ -193,7 +198,7 @@ const fn on_device(method: Method, tolerance: Tolerance) -> Kernel {
         method,
         accuracy: DEFAULT,
         device: Device::Gpu,
-        double: false,
+        part: None,
         tolerance,
     }
 }
@@ -224,13 +229,13 @@ pub const GPU_DIRECT: Kernel = on_device(
     },
 );
 
-/// As much as on the processor.
+/// Double precision alone, without single precision before it: as much as on the processor.
 #[cfg(feature = "gpu")]
 pub const GPU_DIRECT_DOUBLE: Kernel = Kernel {
     method: Method::Direct,
     accuracy: DEFAULT,
     device: Device::Gpu,
-    double: true,
+    part: Some(gpu::direct_in_double),
     tolerance: Tolerance {
         bound: 1e-6,
         general: 0.999,
@@ -257,9 +262,8 @@ pub const GPU_BARNES_HUT: Kernel = on_device(
 impl Kernel {
     /// What it says of some pairs of polylines.
     pub fn estimates(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
-        #[cfg(feature = "gpu")]
-        if self.double {
-            return crate::kernels::gpu::direct_in_double(set, pairs);
+        if let Some(part) = self.part {
+            return part(set, pairs);
         }
         let mut accelerator = Accelerator::open(&self.device).expect("an adapter");
         let sum = self.method.summation(set, self.accuracy, &accelerator);

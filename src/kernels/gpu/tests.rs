@@ -471,7 +471,7 @@ fn sums_are_the_same_in_parts() {
 fn more_doubts_than_32_bits_hold_are_not_forgotten() {
     let n = 1 << 16;
     let angle = |k: usize| k as f64 / n as f64 * std::f64::consts::TAU;
-    let small = |p: [f64; 3]| p.map(|x| x * 2f64.powi(-40));
+    let small = |p: [f64; 3]| p.map(|x| x * 2f64.powi(-70));
     let first = (0..n).map(|k| small([angle(k).cos(), angle(k).sin(), 0.0]));
     let second = (0..n).map(|k| small([1.0 + angle(k).cos(), 0.0, angle(k).sin()]));
     let large = vec![[0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]];
