@@ -124,21 +124,23 @@ fn measure(args: &Args, input: &std::path::Path, json: bool) -> Result<Outcome> 
         output::json(&serde_json::json!({ "model": input, "kernels": all }))?;
     } else {
         output::line(format_args!(
-            "{}: kernel, whole frame, vertices on the device, processor (ms); largest error, undecided",
+            "{}: kernel, precision, whole frame, vertices on the device, processor (ms); largest error, undecided",
             input.display()
         ))?;
     }
     let mut outcome = Outcome::Fine;
     for t in &all {
         if !t.equal {
-            tracing::error!("{}: not the exact numbers", t.kernel);
+            let precision = t.precision.word();
+            tracing::error!("{}, {precision}: not the exact numbers", t.kernel);
             outcome = Outcome::Changed;
         }
         if !json {
             let processor = t.processor_ms.map_or("-".into(), |ms| format!("{ms:.2}"));
             output::line(format_args!(
-                "  {:12} {:>10.2} {:>10.2} {processor:>10} {:>9.1e} {:>9}  {}",
+                "  {:12} {:6} {:>10.2} {:>10.2} {processor:>10} {:>9.1e} {:>9}  {}",
                 t.kernel,
+                t.precision.word(),
                 t.whole_ms,
                 t.resident_ms,
                 t.largest_error,

@@ -200,21 +200,20 @@ impl Accelerator {
         None
     }
 
-    /// A kernel that sums on the adapter, and goes on by `otherwise` where that fails.
+    /// A kernel that sums on the adapter; that of the processor, which is made when it is needed, without one and where
+    /// it fails.
     #[cfg(feature = "gpu")]
     pub fn direct_sum<'a>(
         &'a self,
-        set: &CurveSet,
-        otherwise: Box<dyn Summation + 'a>,
+        set: &'a CurveSet,
+        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
         match &self.gpu {
-            Some(gpu) => Box::new(gpu::DirectSum::new(
-                gpu,
-                set,
-                self.calibration.clone(),
-                otherwise,
-            )),
-            None => otherwise,
+            Some(gpu) => {
+                let sum = gpu::DirectSum::new(gpu, set, self.calibration.clone());
+                Box::new(gpu::WithStandby::new(sum, processor))
+            }
+            None => processor(),
         }
     }
 
@@ -224,14 +223,15 @@ impl Accelerator {
         &'a self,
         set: &CurveSet,
         beta: Option<f64>,
-        otherwise: Box<dyn Summation + 'a>,
+        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
         match &self.gpu {
             // Which of the two is faster depends on the scene; it is not measured.
             Some(gpu) if self.calibration.is_none() => {
-                Box::new(gpu::BarnesHutSum::new(gpu, set, beta, otherwise))
+                let sum = gpu::BarnesHutSum::new(gpu, set, beta);
+                Box::new(gpu::WithStandby::new(sum, processor))
             }
-            _ => otherwise,
+            _ => processor(),
         }
     }
 
@@ -241,9 +241,9 @@ impl Accelerator {
         &'a self,
         _: &CurveSet,
         _: Option<f64>,
-        otherwise: Box<dyn Summation + 'a>,
+        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
-        otherwise
+        processor()
     }
 
     /// The kernel of the processor.
@@ -251,8 +251,8 @@ impl Accelerator {
     pub fn direct_sum<'a>(
         &'a self,
         _: &CurveSet,
-        otherwise: Box<dyn Summation + 'a>,
+        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
-        otherwise
+        processor()
     }
 }

@@ -36,7 +36,7 @@ impl Estimate {
 ///
 /// Splines are made polylines first ([`crate::homotopic_polylines`]), with the same linking numbers. Sums are made in an
 /// order that does not depend on the number of threads.
-pub(crate) trait Summation: Sync {
+pub(crate) trait Summation: Send + Sync {
     /// The linking number of two different closed curves.
     fn linking_number(&self, pair: Pair) -> Estimate;
 

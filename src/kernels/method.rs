@@ -81,8 +81,9 @@ impl Method {
         accelerator: &'a Accelerator,
     ) -> Option<Box<dyn Summation + 'a>> {
         let direct = |formula| {
-            let otherwise = Box::new(Direct::new(polylines, formula));
-            accelerator.direct_sum(polylines, otherwise)
+            let processor =
+                move || -> Box<dyn Summation + 'a> { Box::new(Direct::new(polylines, formula)) };
+            accelerator.direct_sum(polylines, processor)
         };
         Some(match self {
             Method::Auto | Method::Crossings => return None,
@@ -93,24 +94,26 @@ impl Method {
                     true => Order::Dipole,
                     false => Order::Quadrupole,
                 };
-                let options = |accept| Options {
+                let options = move |accept| Options {
                     order,
                     accept,
                     ..Options::default()
                 };
-                let on_processor: Box<dyn Summation + 'a> = match (accuracy.beta, accuracy.target) {
-                    (Some(beta), None) => {
-                        Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
-                    }
-                    (Some(beta), Some(target)) => {
-                        let most = beta.max(16.0);
-                        let accept = Accept::Estimated { beta, target, most };
-                        Box::new(BarnesHut::new(polylines, options(accept)))
-                    }
-                    (None, _) => {
-                        let by_beta = BarnesHut::new(polylines, options(Accept::Beta(4.0)));
-                        let by_bound = by_beta.with(options(Options::default().accept));
-                        Box::new(FirstByBeta([by_beta, by_bound]))
+                let processor = move || -> Box<dyn Summation + 'a> {
+                    match (accuracy.beta, accuracy.target) {
+                        (Some(beta), None) => {
+                            Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
+                        }
+                        (Some(beta), Some(target)) => {
+                            let most = beta.max(16.0);
+                            let accept = Accept::Estimated { beta, target, most };
+                            Box::new(BarnesHut::new(polylines, options(accept)))
+                        }
+                        (None, _) => {
+                            let by_beta = BarnesHut::new(polylines, options(Accept::Beta(4.0)));
+                            let by_bound = by_beta.with(options(Options::default().accept));
+                            Box::new(FirstByBeta([by_beta, by_bound]))
+                        }
                     }
                 };
                 match accuracy {
@@ -119,8 +122,8 @@ impl Method {
                         target: None,
                         dipole: false,
                         ..
-                    } => accelerator.barnes_hut(polylines, beta, on_processor),
-                    _ => on_processor,
+                    } => accelerator.barnes_hut(polylines, beta, processor),
+                    _ => processor(),
                 }
             }
             Method::Fmm => {

@@ -38,7 +38,7 @@ pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;
 #[cfg(feature = "gpu")]
-pub use gpu::{Calibration, DeviceTimes, calibrate, measure as measure_device};
+pub use gpu::{Calibration, DeviceTimes, Precision, calibrate, measure as measure_device};
 pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};

@@ -88,6 +88,7 @@ mod gpu {
     conformance! {
         crossings: GPU_CROSSINGS [ignore = "needs an adapter"],
         direct: GPU_DIRECT [ignore = "needs an adapter"],
+        direct_in_double_precision: GPU_DIRECT_DOUBLE [ignore = "needs an adapter"],
         barnes_hut: GPU_BARNES_HUT [ignore = "needs an adapter"],
     }
 }

@@ -2,9 +2,14 @@
 
 use crate::curve::CurveSet;
 use crate::kernels::crossings::{self, Workspace, Workspaces};
+#[cfg(feature = "gpu")]
+use crate::kernels::gpu;
 use crate::kernels::{Accelerator, Accuracy, Counted, Device, Estimate, Method};
 use crate::pairs::{Pair, Trees};
 use std::collections::HashMap;
+
+/// Sums of some pairs of a set.
+pub type Sums = fn(&CurveSet, &[Pair]) -> Vec<Estimate>;
 
 /// A kernel at some accuracy.
 pub struct Kernel {
@@ -12,6 +17,8 @@ pub struct Kernel {
     pub accuracy: Accuracy,
     /// Where it runs.
     pub device: Device,
+    /// A part of it alone, in the place of all.
+    pub part: Option<Sums>,
     pub tolerance: Tolerance,
 }
 
@@ -36,6 +43,7 @@ const fn by(method: Method, tolerance: Tolerance) -> Kernel {
         method,
         accuracy: DEFAULT,
         device: Device::Cpu,
+        part: None,
         tolerance,
     }
 }
@@ -45,6 +53,7 @@ const fn barnes_hut(accuracy: Accuracy, [general, smooth, lattice]: [f64; 3]) ->
         method: Method::BarnesHut,
         accuracy,
         device: Device::Cpu,
+        part: None,
         tolerance: Tolerance {
             bound: f64::INFINITY,
             general,
@@ -172,6 +181,7 @@ pub const FMM_LOW: Kernel = Kernel {
         ..DEFAULT
     },
     device: Device::Cpu,
+    part: None,
     tolerance: Tolerance {
         bound: 0.8,
         general: 0.99,
@@ -182,13 +192,14 @@ pub const FMM_LOW: Kernel = Kernel {
     },
 };
 
-/// On an adapter, where single precision is what there is.
+/// On an adapter; what is asked there single precision has to reach.
 #[cfg(feature = "gpu")]
 const fn on_device(method: Method, tolerance: Tolerance) -> Kernel {
     Kernel {
         method,
         accuracy: DEFAULT,
         device: Device::Gpu,
+        part: None,
         tolerance,
     }
 }
@@ -219,6 +230,23 @@ pub const GPU_DIRECT: Kernel = on_device(
     },
 );
 
+/// Double precision alone, without single precision before it: as much as on the processor.
+#[cfg(feature = "gpu")]
+pub const GPU_DIRECT_DOUBLE: Kernel = Kernel {
+    method: Method::Direct,
+    accuracy: DEFAULT,
+    device: Device::Gpu,
+    part: Some(gpu::direct_in_double),
+    tolerance: Tolerance {
+        bound: 1e-6,
+        general: 0.999,
+        smooth: 1.0,
+        lattice: 0.9,
+        close: 0.66,
+        pairs: 300,
+    },
+};
+
 #[cfg(feature = "gpu")]
 pub const GPU_BARNES_HUT: Kernel = on_device(
     Method::BarnesHut,
@@ -235,6 +263,9 @@ pub const GPU_BARNES_HUT: Kernel = on_device(
 impl Kernel {
     /// What it says of some pairs of polylines.
     pub fn estimates(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
+        if let Some(part) = self.part {
+            return part(set, pairs);
+        }
         let mut accelerator = Accelerator::open(&self.device).expect("an adapter");
         let sum = self.method.summation(set, self.accuracy, &accelerator);
         let found = sum.map(|sum| sum.linking_numbers(pairs));

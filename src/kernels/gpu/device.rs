@@ -36,6 +36,8 @@ pub(crate) struct Pending {
     submitted: Vec<wgpu::SubmissionIndex>,
     staged: Vec<wgpu::Buffer>,
 }
+/// What double precision takes: pins work on the bits.
+const DOUBLE: wgpu::Features = wgpu::Features::SHADER_F64.union(wgpu::Features::SHADER_INT64);
 
 fn instance() -> wgpu::Instance {
     wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -58,7 +60,7 @@ fn info(adapter: &wgpu::Adapter) -> DeviceInfo {
         kind: format!("{:?}", about.device_type),
         driver: format!("{} {}", about.driver, about.driver_info),
         software: about.device_type == wgpu::DeviceType::Cpu,
-        double_precision: adapter.features().contains(wgpu::Features::SHADER_F64),
+        double_precision: adapter.features().contains(DOUBLE),
         max_buffer_bytes: limits.max_buffer_size,
         max_binding_bytes: limits.max_storage_buffer_binding_size,
         trouble: None,
@@ -72,7 +74,8 @@ pub(super) fn list() -> Vec<DeviceInfo> {
 
 impl Device {
     /// Opens an adapter: the one whose name has these words in it, or the first of the fastest kind.
-    pub fn open(name: Option<&str>) -> Result<Device, Trouble> {
+    /// It computes in double precision where it can and `double` says so.
+    pub fn open(name: Option<&str>, double: bool) -> Result<Device, Trouble> {
         let mut found = adapters();
         found.sort_by_key(|a| rank(a.get_info().device_type));
         let fits = |a: &&wgpu::Adapter| {
@@ -95,9 +98,15 @@ impl Device {
             max_compute_workgroups_per_dimension: has.max_compute_workgroups_per_dimension,
             ..wgpu::Limits::downlevel_defaults()
         };
+        let mut info = info(adapter);
+        info.double_precision &= double;
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("linkwatch"),
             required_limits: limits.clone(),
+            required_features: match info.double_precision {
+                true => DOUBLE,
+                false => wgpu::Features::empty(),
+            },
             ..Default::default()
         });
         let (device, queue) = block_on(request).map_err(failed)?;
@@ -111,7 +120,7 @@ impl Device {
             first.get_or_insert_with(|| e.to_string());
         }));
         Ok(Device {
-            info: info(adapter),
+            info,
             device,
             queue,
             most: limits

@@ -1,4 +1,4 @@
-//! The Gauss sum of all pairs of curves at once, in single precision, with its bound.
+//! The Gauss sum of all pairs of curves at once, in single or in double precision, with its bound.
 //!
 //! The terms are those of [`crate::kernels::direct`], divided by the distances, so that no product of lengths underflows:
 //! with `a = l0 - k0`, `b = l0 - k1`, `c = l1 - k1`, `d = l1 - k0`, their unit vectors `a^ ..`, `e = k1 - k0`, `f = l1 - l0`,
@@ -14,10 +14,11 @@
 //!
 //! # The bound of a pair
 //!
-//! `u = 2^-23` is more than the relative error of an addition, a subtraction or a multiplication, whichever way the
-//! adapter rounds; `4 u` is more than that of a division or an inverse square root. [`super::self_test`] looks whether
-//! that is so. Vertices are exact, their differences are pinned, so that no compiler takes them apart; all the rest are sums of
-//! products, and the bounds hold for each grouping and contraction of those. To first order in `u`:
+//! `u`, which is `2^-23` in single precision and `2^-52` in double, is more than the relative error of an addition, a
+//! subtraction or a multiplication, whichever way the adapter rounds; `4 u` is more than that of a division or an inverse
+//! square root (in double precision: see below). [`super::self_test`] looks whether that is so. Vertices are exact, their
+//! differences are pinned, so that no compiler takes them apart; all the rest are sums of products, and the bounds hold for
+//! each grouping and contraction of those. To first order in `u`:
 //!
 //! * A difference is off by `u` a coordinate, the square of its length by `5 u` of itself, the inverse of the length by `6.5 u`,
 //!   a coordinate of the unit vector by `8.5 u` of itself, the dot product of two by `20 u`, and `D1`, `D2` by `delta_D = 69 u`,
@@ -31,21 +32,42 @@
 //! * The product is off by `4 u (|D1 D2| + |P1 P2|)` in its real part and by `4 u (|P1 D2| + |P2 D1|)` in the
 //!   imaginary one, which turn it by `12 u (|P1| + |P2|) / m` at most. It does not cross the negative axis, because the factor
 //!   `D2 / |b| + D1 / |d|`, which is not negative, counts as 0 where it is computed as negative.
-//! * The arctangent is off by `16 u |theta|`: its series of seven terms by `(1/3)^14 / 15 < u / 8`, the rest is rounding. As
-//!   `|theta| <= pi (|P1| + |P2|) / m`, that is below `50 u (|P1| + |P2|) / m`.
+//! * The arctangent is off by `16 u |theta|`: its series of seven terms by `(1/3)^14 / 15 < u / 8`, in double precision of
+//!   sixteen by `(1/3)^32 / 33 < u / 8`; the rest is rounding. As `|theta| <= pi (|P1| + |P2|) / m`, that is below
+//!   `50 u (|P1| + |P2|) / m`.
 //!
 //! Together, with `g = 1/|b| + 1/|d|`: `u g / m (16.1 |e| |f| / |c| + (90.8 + 83 / m) |q|)`. [`SPAN`], [`TURN`] and [`TILT`] are
 //! above that, and all of it is taken 1.01 times ([`ROUNDED_UP`]) for the errors of the bound itself and of higher order.
 //!
-//! Numbers below `2^-126` may count as 0. With all four distances above `10^-8` ([`TINY_SQUARE`]; nearer pairs are in doubt)
-//! and `10^-15` added to the lengths of segments ([`TINY_LENGTH`]), what that costs is below a hundredth of the bound; and
-//! with coordinates below 1 nothing overflows.
+//! In single precision, numbers below `2^-126` may count as 0. With all four distances above `10^-8` ([`tiny_square`]; nearer
+//! pairs are in doubt) and `10^-15` added to the lengths of segments ([`tiny_length`]), what that costs is below a hundredth of
+//! the bound; and with coordinates below 1 nothing overflows. In double precision it is numbers below `2^-1022`, distances
+//! above `10^-18`, and `10^-18` added to the lengths: the bound of a pair is above `u SPAN 10^-36 / 16 > 10^-52`, and what
+//! is lost is `2^-1020` times two inverses of distances and one of `m`, which is above `CORNERS u / DOUBT`: below `10^-255`.
+//!
+//! # Inverses in double precision
+//!
+//! Vulkan asks of doubles no more than of singles. Sums and products of doubles are rounded properly by all hardware that has
+//! them; of the rest nothing is used but conversions. An inverse (square root) begins in single precision and is refined:
+//!
+//! * Where `y` is off by `2^-20` of itself from `1 / sqrt(x)`, `r = 1 - x y^2` is below `2^-18.9`, and
+//!   `1 / sqrt(x) = y (1 - r)^(-1/2)` is `y (1 + r / 2 + 3 r^2 / 8)` but for `r^3 / 3 < u / 16` of itself. As computed, `r` is off by
+//!   `2 u`, whichever way the product is grouped, which counts half; then one addition rounds by `u`, and all else is
+//!   `2^-17 u`. Together that is below `3 u`.
+//! * Where `z` is off by `2^-20` from `1 / y`, `r = 1 - y z` is below `2^-20`, and `x / y = x z / (1 - r)` is `x z (1 + r + r^2)` but
+//!   for `2 r^3 < u / 16`. As computed, `r` is off by `u`, and an addition and a product round by `u`: below `4 u`.
+//!
+//! In single precision `2^-20` is `8 * 2^-23`: 4 for the operation and 1 for the conversion are less. Its range has room for
+//! squares of distances from `10^-36` to 12; for `m`, which is above `10^-13`; and for the denominator of the arctangent, above
+//! `m^2 / 2` and below 100, since `|P1|` and `|P2|` are 1 at most and `|D1|` and `|D2|` 4. Roots of squares of lengths go
+//! into the bound alone and are taken in single precision: what is off by a millionth of itself is within the hundredth of
+//! [`ROUNDED_UP`], and what counts as 0 there, below `2^-126`, is that of a length below `10^-18`.
 //!
 //! Pairs in doubt count as 0, which is off by less than `pi`. Where there are more than 32 bits hold, nothing is known.
 //!
 //! # The bound of a sum
 //!
-//! Up to [`COLUMNS`] angles are added in single precision, off by `u` of each partial sum, which is added to the
+//! Up to [`COLUMNS`] angles are added in the precision of the program, off by `u` of each partial sum, which is added to the
 //! bound; then in units of `2^-44`, exactly, with a unit for the conversion. Ten thousand million pairs lose less
 //! than `10^-5` by that. An angle that is certain is off by less than 1, and one is below `pi`, so a workgroup's 1024 by 64 pairs
 //! stay below the 500,000 that 64 bits hold; the sum of a pair of curves has 96.
@@ -64,6 +86,7 @@ use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{AngleSum, Tile, word};
+use super::precision::{Precision, Real};
 use super::tiles::{Shape, cut};
 use crate::kernels::Estimate;
 use crate::kernels::barnes_hut::LEAF_SEGMENTS;
@@ -76,13 +99,13 @@ pub(super) const SUMS_PROGRAM: &str = include_str!("sums.wgsl");
 /// Threads of a workgroup.
 pub(super) const THREADS: u32 = 64;
 
-/// Columns that are summed in single precision.
+/// Columns that are summed before the sum goes into fixed point.
 pub(super) const COLUMNS: u32 = 64;
 
-/// More than the relative error of an operation.
-pub(super) const UNIT_ERROR: f64 = 1.0 / (1u32 << 23) as f64;
+/// More than the relative error of an operation in single precision.
+pub(super) const UNIT_ERROR: f64 = f32::UNIT_ERROR;
 
-/// Twice the error of `D1`, in units of [`UNIT_ERROR`], like those that follow.
+/// Twice the error of `D1`, in units of [`Real::UNIT_ERROR`], like those that follow.
 const CORNERS: f64 = 144.0;
 /// Of `P1`, for each `s1`.
 const LEVER: f64 = 14.0;
@@ -99,48 +122,66 @@ const DOUBT: f64 = 0.1;
 /// The distance at which segments may meet if vertices are off by 1 along each axis: more than `2 sqrt(3)`.
 pub(super) const REACH: f64 = 3.6;
 /// More than the error of `q`, for each `|e| |f| / |c|`.
-const SKEW: f64 = 40.0 * UNIT_ERROR;
-/// Added to the length of a segment.
-const TINY_LENGTH: f64 = 1e-15;
-/// Squares of distances below this are in doubt.
-pub(super) const TINY_SQUARE: f64 = 1e-16;
+const SKEW: f64 = 40.0;
 /// What a bound is taken times.
-const ROUNDED_UP: f64 = 1.01 * UNIT_ERROR;
+const ROUNDED_UP: f64 = 1.01;
+
+/// Added to the length of a segment.
+const fn tiny_length(precision: Precision) -> f64 {
+    match precision {
+        Precision::Single => 1e-15,
+        Precision::Double => 1e-18,
+    }
+}
+
+/// Squares of distances below this are in doubt.
+const fn tiny_square(precision: Precision) -> f64 {
+    match precision {
+        Precision::Single => 1e-16,
+        Precision::Double => 1e-36,
+    }
+}
 
 // Leaves of trees are tiles of the smaller shape.
-const _: () = assert!(LEAF_SEGMENTS <= SHAPES[0].0.rows && LEAF_SEGMENTS <= SHAPES[0].0.columns);
+const _: () = assert!(LEAF_SEGMENTS <= SHAPES[0].rows && LEAF_SEGMENTS <= SHAPES[0].columns);
 
 /// How work is cut: rows of a tile, and steps of [`COLUMNS`] columns.
-pub(super) const SHAPES: [(Shape, Stage); 2] = [
-    (
-        Shape {
-            rows: 16,
-            columns: COLUMNS,
-        },
-        Stage {
-            name: "direct, small",
-            source: || source(16, 1),
-        },
-    ),
-    (
-        Shape {
-            rows: 64,
-            columns: 16 * COLUMNS,
-        },
-        Stage {
-            name: "direct",
-            source: || source(64, 16),
-        },
-    ),
+pub(super) const SHAPES: [Shape; 2] = [
+    Shape {
+        rows: 16,
+        columns: COLUMNS,
+    },
+    Shape {
+        rows: 64,
+        columns: 16 * COLUMNS,
+    },
 ];
 
-/// The program for tiles of so many rows and steps.
-fn source(rows: u32, steps: u32) -> String {
+/// A program for each of [`SHAPES`].
+pub(super) fn stages<R: Real>() -> [Stage; 2] {
+    let [small, large] = match R::PRECISION {
+        Precision::Single => ["direct, small", "direct"],
+        Precision::Double => ["direct, small, double", "direct, double"],
+    };
+    [
+        Stage {
+            name: small,
+            source: || source::<R>(SHAPES[0]),
+        },
+        Stage {
+            name: large,
+            source: || source::<R>(SHAPES[1]),
+        },
+    ]
+}
+
+/// The program for tiles of a shape.
+fn source<R: Real>(shape: Shape) -> String {
     let whole = [
         ("THREADS", THREADS),
-        ("ROWS", rows),
+        ("ROWS", shape.rows),
         ("COLUMNS", COLUMNS),
-        ("STEPS", steps),
+        ("STEPS", shape.columns / COLUMNS),
         ("WORDS", word!(AngleSum)),
         ("VALUE", word!(AngleSum.value)),
         ("BOUND", word!(AngleSum.bound)),
@@ -148,7 +189,7 @@ fn source(rows: u32, steps: u32) -> String {
         ("NEAR", word!(AngleSum.near)),
     ];
     let real = [
-        ("UNIT_ERROR", UNIT_ERROR),
+        ("UNIT_ERROR", R::UNIT_ERROR),
         ("CORNERS", CORNERS),
         ("LEVER", LEVER),
         ("HEIGHT", HEIGHT),
@@ -157,21 +198,21 @@ fn source(rows: u32, steps: u32) -> String {
         ("TILT", TILT),
         ("DOUBT", DOUBT),
         ("REACH", REACH),
-        ("SKEW", SKEW),
-        ("TINY_LENGTH", TINY_LENGTH),
-        ("TINY_SQUARE", TINY_SQUARE),
-        ("ROUNDED_UP", ROUNDED_UP),
+        ("SKEW", SKEW * R::UNIT_ERROR),
+        ("TINY_LENGTH", tiny_length(R::PRECISION)),
+        ("TINY_SQUARE", tiny_square(R::PRECISION)),
+        ("ROUNDED_UP", ROUNDED_UP * R::UNIT_ERROR),
         ("ATAN_HALF", 0.5f64.atan()),
         ("HALF_PI", PI / 2.0),
         ("PI", PI),
     ];
-    super::program(&whole, &real, &[SUMS_PROGRAM, include_str!("direct.wgsl")])
+    super::program_in::<R>(&whole, &real, &[SUMS_PROGRAM, include_str!("direct.wgsl")])
 }
 
 /// The linking numbers of all pairs, in one list of commands unless they are millions.
-pub(super) fn linking_numbers(
+pub(super) fn linking_numbers<R: Real>(
     engine: &mut Engine,
-    frame: &Frame,
+    frame: &Frame<R>,
     pairs: &[Pair],
 ) -> Result<Vec<Estimate>, Trouble> {
     // As many as there is room for the sums of.
@@ -185,12 +226,12 @@ pub(super) fn linking_numbers(
     }
     let segments = |&(i, j): &Pair| [frame.segments(i), frame.segments(j)];
     // Most pairs are small together or large together; what wastes fewer threads is taken.
-    let shape_of = |[m, n]: [u32; 2]| usize::from(m.max(n) > 2 * SHAPES[0].0.rows);
+    let shape_of = |[m, n]: [u32; 2]| usize::from(m.max(n) > 2 * SHAPES[0].rows);
     let mut tiles = SHAPES.map(|_| Vec::new());
     for (k, pair) in (0..).zip(pairs) {
         let (i, j) = *pair;
         let [m, n] = segments(pair);
-        if i == j || m == 0 || n == 0 {
+        if !frame.has_numbers(*pair) {
             continue;
         }
         // The same sum whichever curve is named first.
@@ -207,22 +248,21 @@ pub(super) fn linking_numbers(
             columns: frame.segments(columns),
             ..Tile::default()
         };
-        cut(whole, SHAPES[shape].0, &mut tiles[shape]);
+        cut(whole, SHAPES[shape], &mut tiles[shape]);
     }
     let size = (pairs.len() * size_of::<AngleSum>()) as u64;
     let mut commands = vec![Command::Clear(super::SUMS, size.max(4))];
-    for ((shape, stage), tiles) in SHAPES.iter().zip(&tiles) {
+    for ((shape, stage), tiles) in SHAPES.iter().zip(stages::<R>()).zip(&tiles) {
         let per_group = THREADS / shape.rows;
         let sums = [(super::SUMS, size)];
-        engine.dispatch_tiles(&mut commands, *stage, frame, tiles, per_group, &sums)?;
+        engine.dispatch_tiles(&mut commands, stage, frame, tiles, per_group, &sums)?;
     }
     commands.push(Command::Download(super::SUMS, size.max(4)));
     let found = engine.run(frame, &commands)?;
     let sums: Vec<AngleSum> = bytemuck::pod_collect_to_vec(&found[0][..size as usize]);
-    let estimate = |(pair, sum): (&Pair, &AngleSum)| match segments(pair) {
-        [0, _] | [_, 0] => Estimate::UNKNOWN,
-        _ if pair.0 == pair.1 => Estimate::UNKNOWN,
-        _ => estimate(sum),
+    let estimate = |(pair, sum): (&Pair, &AngleSum)| match frame.has_numbers(*pair) {
+        true => estimate(sum),
+        false => Estimate::UNKNOWN,
     };
     Ok(pairs.iter().zip(&sums).map(estimate).collect())
 }
@@ -238,7 +278,7 @@ pub(super) fn sum_tiles(
     if count == 0 {
         return Ok(vec![AngleSum::default(); pairs]);
     }
-    let (shape, stage) = SHAPES[0];
+    let (shape, [stage, _]) = (SHAPES[0], stages::<f32>());
     let size = (pairs * size_of::<AngleSum>()) as u64;
     let work = u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
     let mut commands = vec![Command::Clear(super::SUMS, size)];

@@ -1,7 +1,7 @@
-// The Gauss sum of tiles: src/kernels/gpu/direct.rs has the formulas and the proof of the bounds. Constants in capitals that
-// are not defined here come from there.
+// The Gauss sum of tiles, in either precision: src/kernels/gpu/direct.rs has the formulas and the proof of the bounds.
+// Constants in capitals that are not defined here come from there.
 
-@group(0) @binding(1) var<storage, read> vertices: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> vertices: array<vec4<real>>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 
 // Threads of a workgroup, and of those the ones that work on a tile together, a row each.
@@ -9,13 +9,13 @@ const SLOTS = THREADS / ROWS;
 // Columns that are in reach at once; a vertex more than segments.
 const STRIDE = COLUMNS + 1u;
 
-var<workgroup> columns: array<vec3<f32>, SLOTS * STRIDE>;
+var<workgroup> columns: array<vec3<real>, SLOTS * STRIDE>;
 var<workgroup> values: array<vec2<u32>, THREADS>;
 var<workgroup> bounds: array<vec2<u32>, THREADS>;
 var<workgroup> counts: array<vec2<u32>, THREADS>;
 
 // atan(y / x), the argument of a complex number of the upper half plane, x of any sign: off by 16 u of itself.
-fn argument(x: f32, y: f32) -> f32 {
+fn argument(x: real, y: real) -> real {
     let size = abs(x);
     let small = min(size, y);
     let large = max(size, y);
@@ -23,22 +23,14 @@ fn argument(x: f32, y: f32) -> f32 {
     let over = 3.0 * small > large;
     let top = select(small, pinned(2.0 * small) - large, over);
     let bottom = select(large, 2.0 * large + small, over);
-    let t = top / bottom;
-    let s = t * t;
-    var series = 1.0 / 13.0;
-    series = series * s - 1.0 / 11.0;
-    series = series * s + 1.0 / 9.0;
-    series = series * s - 1.0 / 7.0;
-    series = series * s + 1.0 / 5.0;
-    series = series * s - 1.0 / 3.0;
-    series = series * s + 1.0;
-    let eighth = select(0.0, ATAN_HALF, over) + t * series;
+    let t = quotient(top, bottom);
+    let eighth = select(0.0, ATAN_HALF, over) + t * arctangent_series(t * t);
     let quarter = select(eighth, HALF_PI - eighth, y > size);
     return select(quarter, PI - quarter, x < 0.0);
 }
 
 // Gaps along the axes between the boxes of two segments: the largest.
-fn gap(a0: vec3<f32>, a1: vec3<f32>, b0: vec3<f32>, b1: vec3<f32>) -> f32 {
+fn gap(a0: vec3<real>, a1: vec3<real>, b0: vec3<real>, b1: vec3<real>) -> real {
     let above = pinned3(min(a0, a1)) - pinned3(max(b0, b1));
     let below = pinned3(min(b0, b1)) - pinned3(max(a0, a1));
     let each = max(above, below);
@@ -60,14 +52,14 @@ fn main(
         tile = tiles[number];
     }
     let works = lane < tile.rows;
-    var k0 = vec3<f32>();
-    var k1 = vec3<f32>();
+    var k0 = vec3<real>();
+    var k1 = vec3<real>();
     if works {
         k0 = vertices[tile.first_row + lane].xyz;
         k1 = vertices[tile.first_row + lane + 1u].xyz;
     }
     let e = pinned3(k1 - k0);
-    let e_length = sqrt(dot(e, e)) + TINY_LENGTH;
+    let e_length = rough_root(dot(e, e)) + TINY_LENGTH;
     var value = vec2<u32>();
     var bound = vec2<u32>();
     var doubts = 0u;
@@ -83,16 +75,16 @@ fn main(
         }
         workgroupBarrier();
         if works && count > 0u {
-            var sum = 0.0;
-            var error = 0.0;
+            var sum: real = 0.0;
+            var error: real = 0.0;
             var l0 = columns[slot * STRIDE];
             // Differences, the squares of their lengths and one over these, and the unit vectors.
             let first_a = pinned3(l0 - k0);
             let first_b = pinned3(l0 - k1);
             var aa = dot(first_a, first_a);
             var bb = dot(first_b, first_b);
-            var ia = inverseSqrt(max(aa, TINY_SQUARE));
-            var ib = inverseSqrt(max(bb, TINY_SQUARE));
+            var ia = inverse_root(max(aa, TINY_SQUARE));
+            var ib = inverse_root(max(bb, TINY_SQUARE));
             var a = first_a * ia;
             var b = first_b * ib;
             var ab = dot(a, b);
@@ -103,8 +95,8 @@ fn main(
                 let f = pinned3(l1 - l0);
                 let cc = dot(long_c, long_c);
                 let dd = dot(long_d, long_d);
-                let ic = inverseSqrt(max(cc, TINY_SQUARE));
-                let id = inverseSqrt(max(dd, TINY_SQUARE));
+                let ic = inverse_root(max(cc, TINY_SQUARE));
+                let id = inverse_root(max(dd, TINY_SQUARE));
                 let c = long_c * ic;
                 let d = long_d * id;
                 let cd = dot(c, d);
@@ -120,12 +112,12 @@ fn main(
 
                 let inverse = ib + id;
                 let m = min(max(d1, size * ib), max(d2, size * id));
-                let edges = e_length * (sqrt(dot(f, f)) + TINY_LENGTH);
+                let edges = e_length * (rough_root(dot(f, f)) + TINY_LENGTH);
                 let lever = inverse * (LEVER * edges * ic + HEIGHT * size) + CORNERS;
                 let clear = min(min(aa, bb), min(cc, dd)) > TINY_SQUARE;
                 let certain = clear && lever * UNIT_ERROR <= DOUBT * m;
                 if certain {
-                    let over = 1.0 / m;
+                    let over = quotient(1.0, m);
                     let size_of_angle = argument(x, y);
                     sum += select(size_of_angle, -size_of_angle, q < 0.0);
                     error += inverse * over * (SPAN * edges * ic + (TURN + TILT * over) * size) + abs(sum);
@@ -133,7 +125,7 @@ fn main(
                     doubts += 1u;
                 }
                 if parameters.radius > 0.0 {
-                    let reach = REACH * parameters.radius;
+                    let reach = REACH * real(parameters.radius);
                     let aside = size > edges * ic * (reach * ia + SKEW);
                     let apart = gap(k0, k1, l0, l1) > reach;
                     if !(clear && (aside || apart)) {

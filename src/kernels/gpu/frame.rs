@@ -1,44 +1,43 @@
-//! The vertices of a frame as they go up: in single precision, with what that may have cost.
+//! The vertices of a frame as they go up: in the precision of the adapter, with what that may have cost.
 
+use super::precision::Real;
 use crate::curve::{Axes, CurveSet};
 use crate::kernels::direct::Scale;
+use crate::pairs::Pair;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A number that is smaller may count as 0 on an adapter.
-const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
-
 /// The vertices of all closed polylines of a set, each with its first vertex again at its end, times a power of two that
 /// brings them between -1 and 1.
 ///
-/// Input in single precision stays what it is, but for numbers below `2^-126` of the largest. Input in double precision
-/// that does not fit is moved to the middle first, and rounded; no coordinate is further off than `radius`.
+/// Input of the same precision, or of less, stays what it is, but for numbers below [`Real::SMALLEST`] of the largest. Doubles
+/// that do not fit into singles are moved to the middle first, and rounded; no coordinate is further off than `radius`.
 #[derive(Debug, Default)]
-pub(crate) struct Frame {
+pub(crate) struct Frame<R = f32> {
     /// No two frames have the same.
     pub id: u64,
     /// `x y z 0` a vertex.
-    pub vertices: Vec<[f32; 4]>,
+    pub vertices: Vec<[R; 4]>,
     /// Those of each curve; empty where it has no linking numbers: an open curve, or a spline.
     pub curves: Vec<Range<u32>>,
     /// How far a coordinate may be from the true one.
     pub radius: f32,
 }
 
-impl Frame {
+impl<R: Real> Frame<R> {
     /// Copies them.
-    pub fn new(set: &CurveSet) -> Frame {
+    pub fn new(set: &CurveSet) -> Frame<R> {
         Frame::copied(set, 64)
     }
 
     /// Copies them on this thread alone: for those who hold what others wait for.
-    pub fn alone(set: &CurveSet) -> Frame {
+    pub fn alone(set: &CurveSet) -> Frame<R> {
         Frame::copied(set, usize::MAX)
     }
 
     /// Copies them, so many curves at least without sharing them out.
-    fn copied(set: &CurveSet, at_least: usize) -> Frame {
+    fn copied(set: &CurveSet, at_least: usize) -> Frame<R> {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         let mut frame = Frame {
             id: NEXT.fetch_add(1, Ordering::Relaxed),
@@ -61,11 +60,11 @@ impl Frame {
         }
         let scale = Scale::new(set.max_abs());
         let mut worst = frame.write(set, &bodies, [0.0; 3], scale, at_least);
-        if worst > 0.0 {
+        // To move them costs this much, differences from the middle being rounded too: they are 1 at most.
+        const MOVED: f64 = f64::EPSILON;
+        if worst > MOVED {
             let (centre, half) = middle(set, &bodies);
-            worst = frame.write(set, &bodies, centre, Scale::new(half), at_least);
-            // Differences from the middle, at most 1 now, were rounded too.
-            worst += f64::EPSILON;
+            worst = MOVED + frame.write(set, &bodies, centre, Scale::new(half), at_least);
         }
         frame.radius = match worst {
             0.0 => 0.0,
@@ -84,7 +83,7 @@ impl Frame {
         at_least: usize,
     ) -> f64 {
         let total = self.curves.last().map_or(0, |c| c.end) as usize;
-        self.vertices.resize(total, [0.0; 4]);
+        self.vertices.resize(total, [R::default(); 4]);
         let mut rest = &mut self.vertices[..];
         let mut parts = Vec::with_capacity(bodies.len());
         for (range, body) in self.curves.iter().zip(bodies) {
@@ -92,18 +91,18 @@ impl Frame {
             rest = others;
             parts.push((own, body));
         }
-        let write = |(own, body): (&mut [[f32; 4]], &Range<usize>)| {
+        let write = |(own, body): (&mut [[R; 4]], &Range<usize>)| {
             let mut worst = 0f64;
             for x in 0..3 {
-                let mut put = |to: &mut [f32; 4], p: f64| {
+                let mut put = |to: &mut [R; 4], p: f64| {
                     let from_centre = p - centre[x];
                     let exact = scale.apply(from_centre);
-                    let single = exact as f32;
-                    let tiny = f64::from(single.abs()) < SMALLEST;
-                    to[x] = if tiny { 0.0 } else { single };
+                    let nearest: f64 = R::nearest(exact).into();
+                    let tiny = nearest.abs() < R::SMALLEST;
+                    to[x] = R::nearest(if tiny { 0.0 } else { nearest });
                     let off = match tiny && from_centre != 0.0 {
-                        true => SMALLEST,
-                        false => (exact - f64::from(to[x])).abs(),
+                        true => R::SMALLEST,
+                        false => (exact - nearest).abs(),
                     };
                     worst = worst.max(off);
                 };
@@ -135,6 +134,11 @@ impl Frame {
         (range.len() as u32).saturating_sub(1)
     }
 
+    /// Whether it is of two curves that have segments: whether anything can be known of it.
+    pub fn has_numbers(&self, (i, j): Pair) -> bool {
+        i != j && self.segments(i) > 0 && self.segments(j) > 0
+    }
+
     /// First vertex of curve `i`.
     pub fn first(&self, i: u32) -> u32 {
         self.curves[i as usize].start
@@ -163,14 +167,14 @@ mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
 
-    fn frame(xyz: &[f64]) -> Frame {
+    fn frame<R: Real>(xyz: &[f64]) -> Frame<R> {
         let counts = [-(xyz.len() as i32 / 3)];
         Frame::new(&CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(xyz)).unwrap())
     }
 
     #[test]
     fn what_fits_is_exact_and_closed() {
-        let f = frame(&[0.0, 1.0, -3.0, 2.0, 0.5, 7.0, 1.0, 1.0, 1.0]);
+        let f: Frame = frame(&[0.0, 1.0, -3.0, 2.0, 0.5, 7.0, 1.0, 1.0, 1.0]);
         assert_eq!(f.radius, 0.0);
         assert_eq!((f.curves.len(), f.curves[0].clone()), (1, 0..4));
         assert_eq!(f.vertices[0], f.vertices[3]);
@@ -191,21 +195,43 @@ mod tests {
             1e-9,
             0.3,
         ];
-        let f = frame(&thirds);
+        let f: Frame = frame(&thirds);
         assert!(f.radius > 0.0 && f.radius < 1e-7, "{}", f.radius);
         let width = f.vertices[1][0] - f.vertices[0][0];
         let height = f.vertices[1][1] - f.vertices[0][1];
         assert!((f64::from(width / height) - (5.0 / 3.0) / 0.6).abs() < 1e-6);
         // Too small to count, beside something large.
-        let f = frame(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1e-300, 1.0]);
-        assert!(f.radius > 0.0);
+        let f: Frame = frame(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1e-300, 1.0]);
+        assert!(f.radius > 0.0 && f.radius < 1e-30);
+    }
+
+    #[test]
+    fn doubles_are_exact_but_for_numbers_that_are_too_small_to_count() {
+        let thirds = [
+            1e6 + 1.0 / 3.0,
+            0.1,
+            0.2,
+            1e6 + 2.0,
+            0.7,
+            -1.1,
+            1e6,
+            1e-300,
+            0.3,
+        ];
+        let f: Frame<f64> = frame(&thirds);
+        assert_eq!((f.radius, f.vertices.len()), (0.0, 4));
+        for (v, p) in f.vertices.iter().zip(thirds.chunks(3)) {
+            assert_eq!([v[0], v[1], v[2]].map(|x| x * 2f64.powi(20)), p);
+        }
+        let f: Frame<f64> = frame(&[1e6, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1e-305, 1.0]);
+        assert!(f.radius > 0.0 && f.radius < 1e-30);
     }
 
     #[test]
     fn extreme_exponents_fit_or_say_so() {
-        let f = frame(&[1e300, 0.0, 0.0, 0.0, 1e300, 0.0, 0.0, -1e300, 1.7e308]);
+        let f: Frame = frame(&[1e300, 0.0, 0.0, 0.0, 1e300, 0.0, 0.0, -1e300, 1.7e308]);
         assert!(f.radius.is_finite() && f.vertices.iter().flatten().all(|x| x.abs() <= 1.0));
-        let f = frame(&[1e-310, 0.0, 0.0, 0.0, 1e-310, 0.0, 0.0, 0.0, 1e-310]);
+        let f: Frame = frame(&[1e-310, 0.0, 0.0, 0.0, 1e-310, 0.0, 0.0, 0.0, 1e-310]);
         assert!(f.vertices.iter().flatten().all(|x| x.abs() <= 1.0));
     }
 }

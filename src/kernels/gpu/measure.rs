@@ -3,6 +3,7 @@
 use super::barnes_hut::{self, Forest};
 use super::calibration::Calibration;
 use super::frame::Frame;
+use super::precision::{Precision, Real};
 use super::{Choice, Gpu, Trouble, direct};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
@@ -21,6 +22,8 @@ use std::time::Instant;
 pub struct DeviceTimes {
     /// The kernel.
     pub kernel: Method,
+    /// What the adapter computes it in.
+    pub precision: Precision,
     /// Pairs of curves.
     pub links: usize,
     /// Pairs of segments of all of them.
@@ -73,7 +76,11 @@ pub fn measure(
         repeat: repeat.max(1),
         limit_s,
     };
-    let each = [subject.crossings(), subject.direct(), subject.barnes_hut()];
+    let mut each = vec![subject.crossings(), subject.direct::<f32>()];
+    if gpu.computes_in_double() {
+        each.push(subject.direct::<f64>());
+    }
+    each.push(subject.barnes_hut());
     let failed = |e: Trouble| Error::Device(e.to_string());
     each.into_iter()
         .map(|times| times.map_err(failed))
@@ -139,6 +146,7 @@ impl Subject<'_> {
         let found = Counted::joined(found);
         Ok(DeviceTimes {
             kernel: Method::Crossings,
+            precision: Precision::Single,
             links: self.pairs.len(),
             segment_pairs: self.segment_pairs(),
             whole_ms,
@@ -150,16 +158,16 @@ impl Subject<'_> {
         })
     }
 
-    fn direct(&self) -> Result<DeviceTimes, Trouble> {
+    fn direct<R: Real>(&self) -> Result<DeviceTimes, Trouble> {
         let engine = || self.gpu.lock();
         let (set, pairs) = (self.scene.set, self.pairs);
-        let frame = Frame::new(set);
+        let frame = Frame::<R>::new(set);
         let resident = || direct::linking_numbers(&mut engine(), &frame, pairs);
         resident()?;
         let (resident_ms, _) = self.timed(resident)?;
-        let whole = || direct::linking_numbers(&mut engine(), &Frame::new(set), pairs);
+        let whole = || direct::linking_numbers(&mut engine(), &Frame::<R>::new(set), pairs);
         let whole = self.timed(whole)?;
-        self.sums(Method::Direct, resident_ms, whole)
+        self.sums((Method::Direct, R::PRECISION), resident_ms, whole)
     }
 
     fn barnes_hut(&self) -> Result<DeviceTimes, Trouble> {
@@ -175,12 +183,12 @@ impl Subject<'_> {
             let frame = Frame::new(set);
             run(&frame, &Forest::new(&frame))
         })?;
-        self.sums(Method::BarnesHut, resident_ms, whole)
+        self.sums((Method::BarnesHut, Precision::Single), resident_ms, whole)
     }
 
     fn sums(
         &self,
-        kernel: Method,
+        (kernel, precision): (Method, Precision),
         resident_ms: f64,
         (whole_ms, found): (f64, Vec<Estimate>),
     ) -> Result<DeviceTimes, Trouble> {
@@ -219,6 +227,7 @@ impl Subject<'_> {
         let undecided = found.iter().filter(|e| e.integer().is_none()).count();
         Ok(DeviceTimes {
             kernel,
+            precision,
             links: self.pairs.len(),
             segment_pairs: self.segment_pairs(),
             whole_ms,
@@ -244,7 +253,7 @@ pub fn calibrate(device: &Choice) -> Result<Calibration> {
         for run in 0..6 {
             let start = Instant::now();
             if on_adapter {
-                let frame = Frame::new(&set);
+                let frame = Frame::<f32>::new(&set);
                 direct::linking_numbers(&mut gpu.lock(), &frame, &[(0, 1)]).map_err(failed)?;
             } else {
                 Direct::new(&set, Formula::Arctangent).linking_number((0, 1));

@@ -6,7 +6,8 @@
 //!
 //! Source: Qu & James 2021, section 3.4.5, who launch their kernels pair by pair in single precision and name all
 //! pairs at once as future work. Here all pairs are one work list of tiles, and single precision comes with a proof: crossings
-//! that it cannot decide go to the processor, sums have a bound of their error.
+//! that it cannot decide go to the processor, sums have a bound of their error. What the bound of a direct sum leaves open is
+//! summed once more in double precision, where the adapter has it.
 //!
 //! The way of a frame: its vertices ([`frame`]) go up once, during the frame before where that is known, else ahead of the
 //! processor's own work on it. Crossings: [`boxes`], [`directions`], [`descent`], [`crossings`]; sums: [`direct`], and
@@ -31,25 +32,35 @@ mod fixed;
 mod frame;
 mod layout;
 mod measure;
+mod precision;
 mod room;
 mod self_test;
+mod standby;
+mod summations;
 #[cfg(test)]
 mod tests;
 mod tiles;
 
+#[cfg(test)]
+pub(super) use tests::direct_in_double;
+
 pub use calibration::Calibration;
 pub(crate) use error::Trouble;
 pub use measure::{DeviceTimes, calibrate, measure};
+pub use precision::Precision;
+pub(super) use standby::WithStandby;
+pub(super) use summations::{BarnesHutSum, DirectSum};
 
 use self::boxes::Hierarchy;
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use self::device::{Device, Pending};
 pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
+use self::precision::Real;
 use self::room::Room;
+use super::Counted;
 use super::crossings::Scene;
 use super::device::{Device as Choice, DeviceInfo};
-use super::{Counted, Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use std::fmt::Write;
@@ -73,8 +84,10 @@ const MOST_WORK: [u64; 2] = [1 << 31, 1 << 28];
 pub(super) fn devices() -> Vec<DeviceInfo> {
     let mut all = device::list();
     for info in &mut all {
-        let opened = Gpu::open(&Choice::Named(info.name.clone()));
-        info.trouble = opened.err().map(|e| e.to_string());
+        match Gpu::open(&Choice::Named(info.name.clone())) {
+            Ok(gpu) => info.double_precision = gpu.computes_in_double(),
+            Err(trouble) => info.trouble = Some(trouble.to_string()),
+        }
     }
     all
 }
@@ -98,21 +111,15 @@ impl Gpu {
             Choice::Named(name) => Some(&name[..]),
             _ => None,
         };
-        let device = Device::open(name)?;
-        let software = device.info().software;
-        let mut engine = Engine {
-            device,
-            vertices_of: [None; 2],
-            latest: 0,
-            nodes_of: None,
-            boxes_of: None,
-            hierarchy: Hierarchy::default(),
-            most_work: MOST_WORK[usize::from(software)],
-            open_room: crossings::OPEN_ROOM,
-            count_room: Room::START,
-            sum_room: Room::START,
-        };
-        self_test::run(&mut engine)?;
+        let mut engine = Engine::new(Device::open(name, true)?);
+        self_test::run::<f32>(&mut engine)?;
+        if engine.device.info().double_precision
+            && let Err(trouble) = self_test::run::<f64>(&mut engine)
+        {
+            tracing::warn!("no double precision on the adapter: {trouble}");
+            // A program that it could not run may have taken it away.
+            engine = Engine::new(Device::open(name, false)?);
+        }
         Ok(Gpu {
             engine: Mutex::new(engine),
         })
@@ -142,6 +149,11 @@ impl Gpu {
     /// Which adapter it is.
     pub fn info(&self) -> DeviceInfo {
         self.lock().device.info().clone()
+    }
+
+    /// Whether it computes in double precision.
+    pub fn computes_in_double(&self) -> bool {
+        self.lock().device.info().double_precision
     }
 
     /// Sends up the vertices of a frame, where they are not there, and has their boxes made, without waiting for that.
@@ -176,100 +188,6 @@ impl Gpu {
     }
 }
 
-/// The Gauss sum on an adapter, or on the processor once the adapter failed.
-pub(super) struct DirectSum<'a> {
-    gpu: &'a Gpu,
-    frame: Frame,
-    /// Where it says so, the processor is faster.
-    calibration: Option<Calibration>,
-    otherwise: Box<dyn Summation + 'a>,
-}
-
-impl<'a> DirectSum<'a> {
-    /// Prepares the vertices of a set of polylines.
-    pub fn new(
-        gpu: &'a Gpu,
-        set: &CurveSet,
-        calibration: Option<Calibration>,
-        otherwise: Box<dyn Summation + 'a>,
-    ) -> DirectSum<'a> {
-        DirectSum {
-            gpu,
-            frame: Frame::new(set),
-            calibration,
-            otherwise,
-        }
-    }
-}
-
-impl Summation for DirectSum<'_> {
-    fn linking_number(&self, pair: Pair) -> Estimate {
-        self.linking_numbers(&[pair])[0]
-    }
-
-    fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        let segments = |i: u32| u64::from(self.frame.segments(i));
-        let work = || pairs.iter().map(|&(i, j)| segments(i) * segments(j)).sum();
-        if self.calibration.as_ref().is_some_and(|c| !c.wins(work())) {
-            return self.otherwise.linking_numbers(pairs);
-        }
-        let found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs);
-        found.unwrap_or_else(|trouble| {
-            tracing::warn!("the sums are made on the processor: {trouble}");
-            self.otherwise.linking_numbers(pairs)
-        })
-    }
-}
-
-/// Barnes-Hut on an adapter, or on the processor once the adapter failed.
-pub(super) struct BarnesHutSum<'a> {
-    gpu: &'a Gpu,
-    frame: Frame,
-    forest: barnes_hut::Forest,
-    beta: Option<f64>,
-    otherwise: Box<dyn Summation + 'a>,
-}
-
-impl<'a> BarnesHutSum<'a> {
-    /// Builds the trees of a set of polylines; `beta` leaves it at one pass by distance.
-    pub fn new(
-        gpu: &'a Gpu,
-        set: &CurveSet,
-        beta: Option<f64>,
-        otherwise: Box<dyn Summation + 'a>,
-    ) -> BarnesHutSum<'a> {
-        let frame = Frame::new(set);
-        BarnesHutSum {
-            gpu,
-            forest: barnes_hut::Forest::new(&frame),
-            frame,
-            beta,
-            otherwise,
-        }
-    }
-}
-
-impl Summation for BarnesHutSum<'_> {
-    fn linking_number(&self, pair: Pair) -> Estimate {
-        self.linking_numbers(&[pair])[0]
-    }
-
-    fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        // Not locked while the processor sums: its threads may take up work that wants the adapter.
-        let found = barnes_hut::linking_numbers(
-            &mut self.gpu.lock(),
-            &self.frame,
-            &self.forest,
-            pairs,
-            self.beta,
-        );
-        found.unwrap_or_else(|trouble| {
-            tracing::warn!("the sums are made on the processor: {trouble}");
-            self.otherwise.linking_numbers(pairs)
-        })
-    }
-}
-
 /// An adapter with what is on it.
 #[derive(Debug)]
 pub(super) struct Engine {
@@ -295,14 +213,39 @@ pub(super) struct Engine {
 }
 
 impl Engine {
+    /// Nothing is on it yet.
+    fn new(device: Device) -> Engine {
+        let software = device.info().software;
+        Engine {
+            device,
+            vertices_of: [None; 2],
+            latest: 0,
+            nodes_of: None,
+            boxes_of: None,
+            hierarchy: Hierarchy::default(),
+            most_work: MOST_WORK[usize::from(software)],
+            open_room: crossings::OPEN_ROOM,
+            count_room: Room::START,
+            sum_room: Room::START,
+        }
+    }
+
     /// Runs commands that read the vertices of a frame, which go up with the first of them.
-    fn run(&mut self, frame: &Frame, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
+    fn run<R: Real>(
+        &mut self,
+        frame: &Frame<R>,
+        commands: &[Command],
+    ) -> Result<Vec<Vec<u8>>, Trouble> {
         let pending = self.start(frame, commands)?;
         self.finish(pending)
     }
 
     /// The same without waiting for the work to be done.
-    fn start(&mut self, frame: &Frame, commands: &[Command]) -> Result<Pending, Trouble> {
+    fn start<R: Real>(
+        &mut self,
+        frame: &Frame<R>,
+        commands: &[Command],
+    ) -> Result<Pending, Trouble> {
         let slot = self.slot(frame);
         let known = self.vertices_of[slot] == Some(frame.id);
         let mut all = Vec::new();
@@ -323,14 +266,14 @@ impl Engine {
     }
 
     /// Where the vertices of a frame are, or will be: not where those of the latest are.
-    fn slot(&self, frame: &Frame) -> usize {
+    fn slot<R: Real>(&self, frame: &Frame<R>) -> usize {
         let known = |id: &Option<u64>| *id == Some(frame.id);
         let found = self.vertices_of.iter().position(known);
         found.unwrap_or(1 - self.latest)
     }
 
     /// What a program reads of the vertices of a frame.
-    fn vertices(&self, frame: &Frame) -> Binding {
+    fn vertices<R: Real>(&self, frame: &Frame<R>) -> Binding {
         let bytes = size_of_val(&frame.vertices[..]);
         Binding::whole(VERTICES[self.slot(frame)], bytes as u64)
     }
@@ -351,11 +294,11 @@ impl Engine {
 
     /// Lists what it takes to run a program on tiles, `per_group` of them in a workgroup; `results` are bound after the
     /// parameters, the vertices and the tiles.
-    fn dispatch_tiles(
+    fn dispatch_tiles<R: Real>(
         &self,
         commands: &mut Vec<Command>,
         stage: Stage,
-        frame: &Frame,
+        frame: &Frame<R>,
         tiles: &[Tile],
         per_group: u32,
         results: &[(Buffer, u64)],
@@ -365,7 +308,8 @@ impl Engine {
         // Parts of the list with their parameters have to fit, and are counted in 32 bits.
         let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
         for tiles in tiles.chunks(longest.max(STEP)) {
-            let parts = tiles::parts(tiles, STEP, longest, self.most_work);
+            let most = self.most_work / R::SLOWER;
+            let parts = tiles::parts(tiles, STEP, longest, most);
             let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
             commands.push(Command::upload(list, tiles));
             self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
@@ -392,11 +336,11 @@ impl Engine {
     }
 
     /// Lists a dispatch for each part of a list of tiles; all but the last have a multiple of [`STEP`].
-    fn dispatch_parts(
+    fn dispatch_parts<R: Real>(
         &self,
         commands: &mut Vec<Command>,
         stage: Stage,
-        frame: &Frame,
+        frame: &Frame<R>,
         (list, counts): (Buffer, &[u32]),
         per_group: u32,
         results: &[(Buffer, u64)],
@@ -441,29 +385,43 @@ impl Engine {
 #[cfg(test)]
 fn stages() -> Vec<Stage> {
     let mut all = vec![
-        self_test::STAGE,
         boxes::STAGE,
         directions::STAGE,
         descent::STAGE,
         crossings::STAGE,
         barnes_hut::STAGE,
     ];
-    all.extend(direct::SHAPES.map(|(_, stage)| stage));
+    all.extend(stages_in::<f32>());
     all
 }
 
-/// A program, with its constants and what all share in front: a constant has one place, and that is in Rust.
+/// The programs that there are in either precision.
+#[cfg(test)]
+fn stages_in<R: Real>() -> Vec<Stage> {
+    let mut all = vec![self_test::stage::<R>()];
+    all.extend(direct::stages::<R>());
+    all
+}
+
+/// A program in single precision; see [`program_in`].
 fn program(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
+    program_in::<f32>(whole, real, parts)
+}
+
+/// A program, with its constants and what all share in front: a constant has one place, and that is in Rust.
+fn program_in<R: Real>(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
     let mut out = String::new();
     // Writing to a string does not fail.
     for (name, value) in whole {
         let _ = writeln!(out, "const {name}: u32 = {value}u;");
     }
     for (name, value) in real {
-        let _ = writeln!(out, "const {name}: f32 = {:e}f;", *value as f32);
+        let _ = writeln!(out, "const {name}: real = {value:e};");
     }
-    out.push_str(include_str!("shared.wgsl"));
-    for part in parts {
+    for part in [R::PROGRAM, include_str!("shared.wgsl")]
+        .iter()
+        .chain(parts)
+    {
         out.push('\n');
         out.push_str(part);
     }

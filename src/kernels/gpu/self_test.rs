@@ -5,45 +5,51 @@
 
 use super::Engine;
 use super::commands::{Binding, Buffer, Command, Stage};
-use super::direct::UNIT_ERROR;
 use super::error::Trouble;
 use super::fixed;
 use super::layout::Parameters;
+use super::precision::{Precision, Real};
 
 /// The program.
-pub(super) const STAGE: Stage = Stage {
-    name: "self test",
-    source: || super::program(&[], &[], &[include_str!("self_test.wgsl")]),
-};
+pub(super) fn stage<R: Real>() -> Stage {
+    Stage {
+        name: match R::PRECISION {
+            Precision::Single => "self test",
+            Precision::Double => "self test, double",
+        },
+        source: || super::program_in::<R>(&[], &[], &[include_str!("self_test.wgsl")]),
+    }
+}
 
 const OPERANDS: Buffer = Buffer("operands", "self test");
 const RESULTS: Buffer = Buffer("results", "self test");
 const HALVES: Buffer = Buffer("halves", "self test");
 
 /// Numbers to try: all kinds of mantissas, within the range of what kernels meet.
-fn operands() -> Vec<[f32; 2]> {
+fn operands<R: Real>() -> Vec<[R; 2]> {
     let mut state = 0x2545_f491_4f6c_dd1du64;
     let mut next = |spread: i32| {
         state ^= state << 13;
         state ^= state >> 7;
         state ^= state << 17;
-        let mantissa = 1.0 + (state >> 41) as f32 * f32::EPSILON;
+        let mantissa = 1.0 + (state >> 12) as f64 * f64::EPSILON;
         let exponent = (state >> 8 & 0xff) as i32 % spread;
         let sign = if state & 1 == 0 { 1.0 } else { -1.0 };
-        sign * mantissa * 2f32.powi(-exponent)
+        R::nearest(sign * mantissa * 2f64.powi(-exponent))
     };
-    let mut out: Vec<[f32; 2]> = (0..4096).map(|k| [next(20), next(1 + k % 40)]).collect();
+    let mut out: Vec<[R; 2]> = (0..4096).map(|k| [next(20), next(1 + k % 40)]).collect();
     // Neighbours: their differences are exact on every machine, or it is none to be used.
-    let x = 1.0f32 / 3.0;
+    let x = R::nearest(1.0 / 3.0);
     for k in 0..64 {
-        out.push([x, f32::from_bits(x.to_bits() + k)]);
+        let places = f64::from(k) * R::UNIT_ERROR / 4.0;
+        out.push([x, R::nearest(x.into() + places)]);
     }
     out
 }
 
 /// Runs the program and compares.
-pub(super) fn run(engine: &mut Engine) -> Result<(), Trouble> {
-    let operands = operands();
+pub(super) fn run<R: Real>(engine: &mut Engine) -> Result<(), Trouble> {
+    let operands = operands::<R>();
     let n = operands.len() as u64;
     let parameters = Parameters {
         radius: 0.0,
@@ -56,14 +62,15 @@ pub(super) fn run(engine: &mut Engine) -> Result<(), Trouble> {
         offset: 0,
         size,
     };
-    let sizes = [8 * n, 32 * n, 16 * n];
+    let real = size_of::<R>() as u64;
+    let sizes = [2 * real * n, 8 * real * n, 16 * n];
     let commands = [
         Command::Upload(super::PARAMETERS, bytemuck::bytes_of(&parameters).to_vec()),
         Command::Upload(OPERANDS, bytemuck::cast_slice(&operands).to_vec()),
         Command::Reserve(RESULTS, sizes[1]),
         Command::Reserve(HALVES, sizes[2]),
         Command::Dispatch {
-            stage: STAGE,
+            stage: stage::<R>(),
             bindings: vec![
                 binding(super::PARAMETERS, size_of::<Parameters>() as u64),
                 binding(OPERANDS, sizes[0]),
@@ -76,7 +83,7 @@ pub(super) fn run(engine: &mut Engine) -> Result<(), Trouble> {
         Command::Download(HALVES, sizes[2]),
     ];
     let found = engine.device.run(&commands)?;
-    let results: &[[f32; 8]] = bytemuck::cast_slice(&found[0]);
+    let results: &[[R; 8]] = bytemuck::cast_slice(&found[0]);
     let halves: &[[[u32; 2]; 2]] = bytemuck::cast_slice(&found[1]);
     for ((&[x, y], got), sums) in operands.iter().zip(results).zip(halves) {
         compare(x, y, got, sums).map_err(Trouble::Arithmetic)?;
@@ -85,23 +92,27 @@ pub(super) fn run(engine: &mut Engine) -> Result<(), Trouble> {
 }
 
 /// What is wrong with the results for one pair of operands, in words.
-fn compare(x: f32, y: f32, got: &[f32; 8], sums: &[[u32; 2]; 2]) -> Result<(), String> {
-    let (p, q) = (f64::from(x), f64::from(y));
-    let difference = f64::from(got[1]);
-    // The true result, and how far off it may be in units of the bounds.
+fn compare<R: Real>(x: R, y: R, got: &[R; 8], sums: &[[u32; 2]; 2]) -> Result<(), String> {
+    let (x, y): (f64, f64) = (x.into(), y.into());
+    let difference: f64 = got[1].into();
+    let unit = R::UNIT_ERROR;
+    // The result, and how far off it may be, relative to it.
     let expected = [
-        ("+", p + q, 1.0),
-        ("-", p - q, 1.0),
-        ("*", p * q, 1.0),
-        ("/", p / q, 4.0),
-        ("inverseSqrt", 1.0 / p.abs().sqrt(), 4.0),
-        ("sqrt", p.abs().sqrt(), 8.0),
-        ("x - (x - y)", p - difference, 1.0),
-        ("(x - y) * (x + y)", difference * (p + q), 3.0),
+        ("+", x + y, unit),
+        ("-", x - y, unit),
+        ("*", x * y, unit),
+        ("/", x / y, 4.0 * unit),
+        ("inverse root", 1.0 / x.abs().sqrt(), 4.0 * unit),
+        ("rough root", x.abs().sqrt(), 8.0 * f32::UNIT_ERROR),
+        ("x - (x - y)", x - difference, unit),
+        ("(x - y) * (x + y)", difference * (x + y), 3.0 * unit),
     ];
-    for ((what, want, units), &got) in expected.into_iter().zip(got) {
-        let off = (f64::from(got) - want).abs();
-        let allowed = units * UNIT_ERROR * want.abs() + f64::from(f32::MIN_POSITIVE);
+    for ((what, want, error), &got) in expected.into_iter().zip(got) {
+        let got: f64 = got.into();
+        let off = (got - want).abs();
+        // Ours is off by less than this itself: sums and products of doubles have to be the same.
+        let ours = f64::EPSILON;
+        let allowed = (error - ours) * want.abs() + R::SMALLEST;
         if off.is_nan() || off > allowed {
             return Err(format!(
                 "{what} of {x:e} and {y:e} is {want:e}, not {got:e}"
@@ -109,7 +120,7 @@ fn compare(x: f32, y: f32, got: &[f32; 8], sums: &[[u32; 2]; 2]) -> Result<(), S
         }
     }
     let unit = |x: f64| (x / fixed::UNIT).trunc() as i64;
-    let wanted = [unit(p), unit(p) + unit(q)];
+    let wanted = [unit(x), unit(x) + unit(y)];
     for (&got, want) in sums.iter().zip(wanted) {
         if (fixed::whole(got) - want).abs() > 1 {
             return Err(format!(
@@ -126,46 +137,58 @@ mod tests {
     use super::*;
 
     /// What an adapter without faults answers.
-    fn faultless(x: f32, y: f32) -> ([f32; 8], [[u32; 2]; 2]) {
-        let d = x - y;
-        let s = x.abs();
+    fn faultless<R: Real>(x: R, y: R) -> ([R; 8], [[u32; 2]; 2]) {
+        let (x, y): (f64, f64) = (x.into(), y.into());
+        let rounded = |x: f64| -> f64 { R::nearest(x).into() };
+        let (d, s) = (rounded(x - y), x.abs());
         let halves = |v: i64| [v as u32, (v >> 32) as u32];
-        let unit = |x: f32| (f64::from(x) / fixed::UNIT).trunc() as i64;
+        let unit = |x: f64| (x / fixed::UNIT).trunc() as i64;
+        let results = [
+            x + y,
+            d,
+            x * y,
+            x / y,
+            1.0 / s.sqrt(),
+            s.sqrt(),
+            x - d,
+            d * rounded(x + y),
+        ];
         (
-            [
-                x + y,
-                d,
-                x * y,
-                x / y,
-                1.0 / s.sqrt(),
-                s.sqrt(),
-                x - d,
-                d * (x + y),
-            ],
+            results.map(R::nearest),
             [halves(unit(x)), halves(unit(x) + unit(y))],
         )
     }
 
-    #[test]
-    fn faults_are_found_and_only_those() {
-        for [x, y] in operands() {
+    fn faults_are_found_and_only_those<R: Real>() {
+        for [x, y] in operands::<R>() {
             let (got, sums) = faultless(x, y);
             assert_eq!(compare(x, y, &got, &sums), Ok(()));
         }
-        let (x, y) = (1.0f32 / 3.0, 1e-3f32);
+        let (x, y) = (R::nearest(1.0 / 3.0), R::nearest(1e-3));
         let (got, sums) = faultless(x, y);
         for k in 0..8 {
             let mut wrong = got;
-            wrong[k] *= 1.000_01;
+            let error = if k == 5 { 1e-5 } else { 64.0 * R::UNIT_ERROR };
+            wrong[k] = R::nearest(wrong[k].into() * (1.0 + error));
             assert!(compare(x, y, &wrong, &sums).is_err(), "{k}");
         }
         // A compiler that simplifies x - (x - y) to y.
         let mut simplified = got;
         simplified[6] = y;
-        assert!(f64::from(x) - f64::from(got[1]) != f64::from(y));
+        assert!(x.into() - got[1].into() != y.into());
         assert!(compare(x, y, &simplified, &sums).is_err());
         let mut carried = sums;
         carried[1][1] += 1;
         assert!(compare(x, y, &got, &carried).is_err());
+    }
+
+    #[test]
+    fn faults_of_single_precision_are_found() {
+        faults_are_found_and_only_those::<f32>();
+    }
+
+    #[test]
+    fn faults_of_double_precision_are_found() {
+        faults_are_found_and_only_those::<f64>();
     }
 }

@@ -1,7 +1,7 @@
-// What the adapter makes of single operations: src/kernels/gpu/self_test.rs compares.
+// What the adapter makes of single operations, in either precision: src/kernels/gpu/self_test.rs compares.
 
-@group(0) @binding(1) var<storage, read> operands: array<vec2<f32>>;
-@group(0) @binding(2) var<storage, read_write> results: array<f32>;
+@group(0) @binding(1) var<storage, read> operands: array<vec2<real>>;
+@group(0) @binding(2) var<storage, read_write> results: array<real>;
 @group(0) @binding(3) var<storage, read_write> halves: array<vec2<u32>>;
 
 @compute @workgroup_size(64)
@@ -21,9 +21,9 @@ fn main(
     results[8u * k] = x + y;
     results[8u * k + 1u] = difference;
     results[8u * k + 2u] = x * y;
-    results[8u * k + 3u] = x / y;
-    results[8u * k + 4u] = inverseSqrt(size);
-    results[8u * k + 5u] = sqrt(size);
+    results[8u * k + 3u] = quotient(x, y);
+    results[8u * k + 4u] = inverse_root(size);
+    results[8u * k + 5u] = rough_root(size);
     // Not y, unless a compiler takes the difference apart.
     results[8u * k + 6u] = x - difference;
     results[8u * k + 7u] = difference * (x + y);

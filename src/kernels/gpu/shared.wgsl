@@ -1,4 +1,4 @@
-// What all programs share. Structs: layout.rs.
+// What all programs share, in both precisions. Structs: layout.rs.
 
 struct Parameters {
     radius: f32,
@@ -19,12 +19,12 @@ struct Tile {
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 
 // The same number. A compiler cannot know that, so it can neither cancel nor regroup across it.
-fn pinned(x: f32) -> f32 {
-    return bitcast<f32>(bitcast<u32>(x) ^ parameters.zero);
+fn pinned(x: real) -> real {
+    return bitcast<real>(bitcast<bits>(x) ^ bits(parameters.zero));
 }
 
-fn pinned3(v: vec3<f32>) -> vec3<f32> {
-    return bitcast<vec3<f32>>(bitcast<vec3<u32>>(v) ^ vec3<u32>(parameters.zero));
+fn pinned3(v: vec3<real>) -> vec3<real> {
+    return bitcast<vec3<real>>(bitcast<vec3<bits>>(v) ^ vec3<bits>(bits(parameters.zero)));
 }
 
 // Integers of 64 bits: low half, high half. Their sums are exact, whatever the order.
@@ -38,10 +38,10 @@ fn widened(x: i32) -> vec2<u32> {
 }
 
 // A number of at most 2^10 in units of 2^-44, towards 0: off by less than one unit. Whole parts and rests are exact.
-fn fixed64(x: f32) -> vec2<u32> {
+fn fixed64(x: real) -> vec2<u32> {
     let scaled = x * 1048576.0;
     let whole = trunc(scaled);
     let rest = i32((scaled - whole) * 16777216.0);
-    let bits = i32(whole);
-    return add64(vec2<u32>(u32(bits) << 24u, u32(bits >> 8u)), widened(rest));
+    let millionths = i32(whole);
+    return add64(vec2<u32>(u32(millionths) << 24u, u32(millionths >> 8u)), widened(rest));
 }

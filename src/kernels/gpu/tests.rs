@@ -3,12 +3,13 @@
 //! Those with one are ignored, so that they never count as passed where there is none:
 //! `cargo test --release gpu:: -- --ignored`.
 
+use self::standby::AdapterSum;
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
 use crate::kernels::direct::{Direct, Formula};
-use crate::kernels::{Offload, oracle};
+use crate::kernels::{Estimate, Offload, Summation, oracle};
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
 use crate::verdict::AbortOn;
@@ -24,12 +25,15 @@ fn parsed(stage: &Stage) -> naga::Module {
 }
 
 #[test]
-fn all_programs_are_valid_and_need_nothing_special() {
-    for stage in stages() {
+fn all_programs_are_valid_and_need_nothing_special_but_double_precision() {
+    use naga::valid::Capabilities;
+    let double = Capabilities::FLOAT64 | Capabilities::SHADER_INT64;
+    let single = stages().into_iter().map(|s| (s, Capabilities::empty()));
+    let all = single.chain(stages_in::<f64>().into_iter().map(|s| (s, double)));
+    for (stage, needed) in all {
         let module = parsed(&stage);
         let flags = naga::valid::ValidationFlags::all();
-        let none = naga::valid::Capabilities::empty();
-        let valid = naga::valid::Validator::new(flags, none).validate(&module);
+        let valid = naga::valid::Validator::new(flags, needed).validate(&module);
         assert!(valid.is_ok(), "{}: {valid:?}", stage.name);
         let main = &module.entry_points[0];
         assert_eq!((module.entry_points.len(), &main.name[..]), (1, "main"));
@@ -40,7 +44,7 @@ fn all_programs_are_valid_and_need_nothing_special() {
 /// Compares a struct of programs with the one of ours.
 fn same_layout(name: &str, size: usize, offsets: &[(&str, usize)]) {
     let mut seen = 0;
-    for stage in stages() {
+    for stage in stages().into_iter().chain(stages_in::<f64>()) {
         let module = parsed(&stage);
         for (_, ty) in module.types.iter() {
             let naga::TypeInner::Struct { members, span } = &ty.inner else {
@@ -85,6 +89,14 @@ fn structs_lie_in_memory_as_programs_expect() {
     same_layout!(Criterion: beta, share);
 }
 
+/// The direct sum in double precision alone, by the adapter that others have open.
+pub(crate) fn direct_in_double(set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
+    let gpu = Gpu::shared(&Choice::Gpu).unwrap();
+    let frame = Frame::<f64>::new(set);
+    let found = direct::linking_numbers(&mut gpu.lock(), &frame, pairs);
+    found.unwrap()
+}
+
 fn adapter() -> Gpu {
     Gpu::open(&Choice::Gpu).unwrap_or_else(|trouble| panic!("{trouble}"))
 }
@@ -93,12 +105,15 @@ fn adapter() -> Gpu {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Direct,
+    /// The same in double precision.
+    DirectDouble,
     /// By the bound, or with a beta.
     BarnesHut(Option<f64>),
 }
 
-const ALL_KINDS: [Kind; 3] = [
+const ALL_KINDS: [Kind; 4] = [
     Kind::Direct,
+    Kind::DirectDouble,
     Kind::BarnesHut(None),
     Kind::BarnesHut(Some(1.5)),
 ];
@@ -111,6 +126,7 @@ fn sums(gpu: &Gpu, set: &CurveSet, kind: Kind) -> Vec<(Pair, Estimate)> {
     let engine = &mut gpu.lock();
     let found = match kind {
         Kind::Direct => direct::linking_numbers(engine, &frame, &pairs),
+        Kind::DirectDouble => direct::linking_numbers(engine, &Frame::<f64>::new(set), &pairs),
         Kind::BarnesHut(beta) => {
             let forest = barnes_hut::Forest::new(&frame);
             barnes_hut::linking_numbers(engine, &frame, &forest, &pairs, beta)
@@ -181,7 +197,7 @@ fn sums_are_within_their_bounds_of_the_oracle() {
 fn curves_that_nearly_touch_are_right_or_undecided() {
     let gpu = adapter();
     let corners = [[-2., -2., 0.], [2., -2., 0.], [2., 2., 0.], [-2., 2., 0.]];
-    let mut decided = [0; 3];
+    let mut decided = [0; ALL_KINDS.len()];
     for size in [1.0, 1e-6, 3e6] {
         let mut polygons = vec![corners.map(|p| p.map(|x| x * size)).to_vec()];
         for place in [[2.0, 0.3], [2.0, 2.0], [0.3, 2.0]] {
@@ -321,11 +337,54 @@ fn sums_have_the_same_bits_on_every_run_and_whichever_curve_comes_first() {
         );
         assert_eq!(first, sums(&gpu, &set, kind));
     }
-    let frame = Frame::new(&set);
-    let both = direct::linking_numbers(&mut gpu.lock(), &frame, &[(0, 1), (1, 0), (0, 0), (0, 2)]);
-    let both = both.unwrap();
-    assert_eq!(both[0], both[1]);
-    assert_eq!(both[2..], [Estimate::UNKNOWN; 2]);
+    let pairs = [(0, 1), (1, 0), (0, 0), (0, 2)];
+    let single = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &pairs);
+    let double = direct::linking_numbers(&mut gpu.lock(), &Frame::<f64>::new(&set), &pairs);
+    for both in [single.unwrap(), double.unwrap()] {
+        assert_eq!(both[0], both[1]);
+        assert_eq!(both[2..], [Estimate::UNKNOWN; 2]);
+    }
+}
+
+/// So many strands so close to one another that the bound of single precision is above 1/2.
+const CROWDED: &str = "woundball:segments=20001,crossings=300";
+
+#[test]
+#[ignore = "needs an adapter"]
+fn double_precision_decides_what_single_precision_leaves_open() {
+    let gpu = adapter();
+    assert!(gpu.computes_in_double());
+    let built = CROWDED.parse::<Model>().unwrap().build().unwrap();
+    let set = built.curves;
+    let want = built.certificate.links.first().map_or(0, |l| l.lambda);
+    let [single, double] = [Kind::Direct, Kind::DirectDouble].map(|k| sums(&gpu, &set, k)[0].1);
+    println!("{single:?}, {double:?}");
+    assert_eq!((single.integer(), double.integer()), (None, Some(want)));
+    assert!(double.bound < 1e-4 && (double.value - want as f64).abs() < 1e-9);
+    let sum = DirectSum::new(&gpu, &set, None);
+    assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [double]);
+    // What single precision decides is not summed again, and doubles are not sent up for it.
+    let before = gpu.lock().vertices_of;
+    assert!(before[1].is_some());
+    let model: Model = "ribbon:segments=200,lambda=1".parse().unwrap();
+    let set = model.build().unwrap().curves;
+    let single = sums(&gpu, &set, Kind::Direct)[0].1;
+    let sum = DirectSum::new(&gpu, &set, None);
+    assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [single]);
+    let after = gpu.lock().vertices_of;
+    assert!(after[0] != before[0] && after[1] == before[1]);
+}
+
+#[test]
+#[ignore = "needs an adapter"]
+fn a_sum_without_room_for_double_precision_is_that_of_single_precision() {
+    let set = CROWDED.parse::<Model>().unwrap().build().unwrap().curves;
+    let gpu = adapter();
+    let want = sums(&gpu, &set, Kind::Direct)[0].1;
+    let room = size_of_val(&Frame::<f32>::new(&set).vertices[..]) as u64;
+    gpu.lock().device.restrict(room);
+    let sum = DirectSum::new(&gpu, &set, None);
+    assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [want]);
 }
 
 #[test]
@@ -336,21 +395,21 @@ fn a_failing_adapter_is_an_error_and_the_processor_goes_on() {
         &[[0., 0., -1.], [0., 0., 1.], [9., 7., 0.5]],
         true,
     );
-    let processor = || Direct::new(&set, Formula::Arctangent);
+    let processor = || -> Box<dyn Summation> { Box::new(Direct::new(&set, Formula::Arctangent)) };
     let want = processor().linking_number((0, 1)).integer();
     // No room.
     let gpu = adapter();
     gpu.lock().device.restrict(64);
-    let found = direct::linking_numbers(&mut gpu.lock(), &Frame::new(&set), &[(0, 1)]);
+    let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Trouble::Limit { .. })), "{found:?}");
-    let sum = DirectSum::new(&gpu, &set, None, Box::new(processor()));
+    let sum = WithStandby::new(DirectSum::new(&gpu, &set, None), processor);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
     // Lost.
     let gpu = adapter();
     gpu.lock().device.destroy();
-    let found = direct::linking_numbers(&mut gpu.lock(), &Frame::new(&set), &[(0, 1)]);
+    let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Trouble::Failed(_))), "{found:?}");
-    let sum = DirectSum::new(&gpu, &set, None, Box::new(processor()));
+    let sum = WithStandby::new(DirectSum::new(&gpu, &set, None), processor);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
 }
 
@@ -448,11 +507,11 @@ fn a_list_that_is_too_short_is_made_longer() {
 fn sums_are_the_same_in_parts() {
     let gpu = adapter();
     for (text, most) in [
-        ("chainmail:rows=4,columns=6", 1 << 15),
+        ("chainmail:rows=4,columns=6", 1 << 16),
         ("torus_link:segments=900,toroidal=2,poloidal=3", 1 << 18),
     ] {
         let set = text.parse::<Model>().unwrap().build().unwrap().curves;
-        for kind in [Kind::Direct, Kind::BarnesHut(None)] {
+        for kind in [Kind::Direct, Kind::DirectDouble, Kind::BarnesHut(None)] {
             let want = sums(&gpu, &set, kind);
             let small = adapter();
             small.lock().device.restrict(most);
@@ -500,7 +559,7 @@ fn counts_are_the_same_in_parts() {
 fn more_doubts_than_32_bits_hold_are_not_forgotten() {
     let n = 1 << 16;
     let angle = |k: usize| k as f64 / n as f64 * std::f64::consts::TAU;
-    let small = |p: [f64; 3]| p.map(|x| x * 2f64.powi(-40));
+    let small = |p: [f64; 3]| p.map(|x| x * 2f64.powi(-70));
     let first = (0..n).map(|k| small([angle(k).cos(), angle(k).sin(), 0.0]));
     let second = (0..n).map(|k| small([1.0 + angle(k).cos(), 0.0, angle(k).sin()]));
     let large = vec![[0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]];
@@ -514,8 +573,10 @@ fn more_doubts_than_32_bits_hold_are_not_forgotten() {
             single,
         );
         let gpu = adapter();
-        let found = sums(&gpu, &set, Kind::Direct)[0];
-        assert_eq!((found.0, found.1.integer()), ((0, 1), None), "{found:?}");
+        for kind in [Kind::Direct, Kind::DirectDouble] {
+            let found = sums(&gpu, &set, kind)[0];
+            assert_eq!((found.0, found.1.integer()), ((0, 1), None), "{found:?}");
+        }
     }
 }
 
