@@ -72,17 +72,18 @@ impl Method {
         }
     }
 
-    /// The kernel that sums, ready for a set of polylines; none where crossings are counted or it is not known yet
+    /// The kernel that sums, ready for some pairs of a set of polylines; none where crossings are counted or it is not known yet
     /// what is. Both direct sums are one on an adapter.
     pub(crate) fn summation<'a>(
         self,
         polylines: &'a CurveSet,
         accuracy: Accuracy,
         accelerator: &'a Accelerator,
+        pairs: &[Pair],
     ) -> Option<Box<dyn Summation + 'a>> {
         let direct = |formula| {
             let otherwise = Box::new(Direct::new(polylines, formula));
-            accelerator.direct_sum(polylines, otherwise)
+            accelerator.direct_sum(polylines, pairs, otherwise)
         };
         Some(match self {
             Method::Auto | Method::Crossings => return None,
@@ -93,34 +94,32 @@ impl Method {
                     true => Order::Dipole,
                     false => Order::Quadrupole,
                 };
-                let options = |accept| Options {
+                let options = move |accept| Options {
                     order,
                     accept,
                     ..Options::default()
                 };
-                let on_processor: Box<dyn Summation + 'a> = match (accuracy.beta, accuracy.target) {
-                    (Some(beta), None) => {
-                        Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
-                    }
-                    (Some(beta), Some(target)) => {
-                        let most = beta.max(16.0);
-                        let accept = Accept::Estimated { beta, target, most };
-                        Box::new(BarnesHut::new(polylines, options(accept)))
-                    }
-                    (None, _) => {
-                        let by_beta = BarnesHut::new(polylines, options(Accept::Beta(4.0)));
-                        let by_bound = by_beta.with(options(Options::default().accept));
-                        Box::new(FirstByBeta([by_beta, by_bound]))
+                let Accuracy { beta, target, .. } = accuracy;
+                let on_processor = move || -> Box<dyn Summation + 'a> {
+                    match (beta, target) {
+                        (Some(beta), None) => {
+                            Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
+                        }
+                        (Some(beta), Some(target)) => {
+                            let most = beta.max(16.0);
+                            let accept = Accept::Estimated { beta, target, most };
+                            Box::new(BarnesHut::new(polylines, options(accept)))
+                        }
+                        (None, _) => {
+                            let by_beta = BarnesHut::new(polylines, options(Accept::Beta(4.0)));
+                            let by_bound = by_beta.with(options(Options::default().accept));
+                            Box::new(FirstByBeta([by_beta, by_bound]))
+                        }
                     }
                 };
-                match accuracy {
-                    Accuracy {
-                        beta,
-                        target: None,
-                        dipole: false,
-                        ..
-                    } => accelerator.barnes_hut(polylines, beta, on_processor),
-                    _ => on_processor,
+                match (target, accuracy.dipole) {
+                    (None, false) => accelerator.barnes_hut(polylines, pairs, beta, on_processor),
+                    _ => on_processor(),
                 }
             }
             Method::Fmm => {

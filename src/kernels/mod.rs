@@ -17,6 +17,7 @@
 
 mod accelerator;
 pub(crate) mod barnes_hut;
+mod calibration;
 #[cfg(test)]
 mod conformance;
 pub(crate) mod crossings;
@@ -30,13 +31,17 @@ pub(crate) mod interval;
 mod method;
 pub mod oracle;
 
-pub(crate) use accelerator::Accelerator;
 pub use accelerator::Offload;
+pub(crate) use accelerator::{Accelerator, Offer};
+pub(crate) use calibration::{CountingWork, segment_pairs};
+#[cfg(feature = "gpu")]
+pub(crate) use calibration::segments;
+pub use calibration::{Calibration, CountingCost, SumCost};
 pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;
 #[cfg(feature = "gpu")]
-pub use gpu::{Calibration, DeviceTimes, calibrate, measure as measure_device};
+pub use gpu::{DeviceTimes, measure as measure_device};
 pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};

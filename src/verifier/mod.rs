@@ -18,7 +18,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Finding, Monitor, PullThrough, Route, Work};
-use crate::kernels::{Accelerator, Accuracy, Device, DeviceInfo, Method, Offload};
+use crate::kernels::{Accelerator, Accuracy, Device, DeviceInfo, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, Report, Stats, Verdict};
 use rayon::prelude::*;
@@ -131,9 +131,7 @@ impl Verifier {
     /// Pairs of segments in the potential links that were found last: what sums without trees go through. The set is the
     /// one they were found in, or its polylines.
     pub fn segment_pairs(&self, set: &CurveSet) -> u64 {
-        let segments = |i: u32| u64::from(set.curve(i as usize).segments);
-        let pairs = self.full.pairs().iter();
-        pairs.map(|&(i, j)| segments(i) * segments(j)).sum()
+        segment_pairs(set, self.full.pairs())
     }
 
     /// Which pull-throughs [`Verifier::step`] looks for, from one frame to the next ([`Report::events`]).

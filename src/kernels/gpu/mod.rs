@@ -15,7 +15,6 @@
 //! little memory, too large a frame, is [`Trouble`]: the caller says so and computes on the processor.
 
 mod barnes_hut;
-mod calibration;
 mod commands;
 mod crossings;
 mod device;
@@ -30,9 +29,8 @@ mod self_test;
 mod tests;
 mod tiles;
 
-pub use calibration::Calibration;
 pub(crate) use error::Trouble;
-pub use measure::{DeviceTimes, calibrate, measure};
+pub use measure::{DeviceTimes, measure};
 
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use self::device::Device;
@@ -141,14 +139,24 @@ impl Gpu {
     ) -> Result<Counts, Trouble> {
         crossings::linking_numbers(self, frame, scene, pairs)
     }
+
+    /// Direct sums over polylines, vertices included.
+    pub fn sum_directly(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+        direct::linking_numbers(&mut self.lock(), &Frame::new(set), pairs)
+    }
+
+    /// Barnes-Hut by the bound, vertices and trees included.
+    pub fn sum_by_trees(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+        let frame = Frame::new(set);
+        let forest = barnes_hut::Forest::new(&frame);
+        barnes_hut::linking_numbers(&mut self.lock(), &frame, &forest, pairs, None)
+    }
 }
 
 /// The Gauss sum on an adapter, or on the processor once the adapter failed.
 pub(super) struct DirectSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
-    /// Where it says so, the processor is faster.
-    calibration: Option<Calibration>,
     otherwise: Box<dyn Summation + 'a>,
 }
 
@@ -157,13 +165,11 @@ impl<'a> DirectSum<'a> {
     pub fn new(
         gpu: &'a Gpu,
         set: &CurveSet,
-        calibration: Option<Calibration>,
         otherwise: Box<dyn Summation + 'a>,
     ) -> DirectSum<'a> {
         DirectSum {
             gpu,
             frame: Frame::new(set),
-            calibration,
             otherwise,
         }
     }
@@ -175,11 +181,6 @@ impl Summation for DirectSum<'_> {
     }
 
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        let segments = |i: u32| u64::from(self.frame.segments(i));
-        let work = || pairs.iter().map(|&(i, j)| segments(i) * segments(j)).sum();
-        if self.calibration.as_ref().is_some_and(|c| !c.wins(work())) {
-            return self.otherwise.linking_numbers(pairs);
-        }
         let found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs);
         found.unwrap_or_else(|trouble| {
             tracing::warn!("the sums are made on the processor: {trouble}");
@@ -194,8 +195,11 @@ pub(super) struct BarnesHutSum<'a> {
     frame: Frame,
     forest: barnes_hut::Forest,
     beta: Option<f64>,
-    otherwise: Box<dyn Summation + 'a>,
+    otherwise: MakeSummation<'a>,
 }
+
+/// Makes the kernel of the processor, whose trees take time.
+pub(super) type MakeSummation<'a> = Box<dyn Fn() -> Box<dyn Summation + 'a> + Sync + 'a>;
 
 impl<'a> BarnesHutSum<'a> {
     /// Builds the trees of a set of polylines; `beta` leaves it at one pass by distance.
@@ -203,7 +207,7 @@ impl<'a> BarnesHutSum<'a> {
         gpu: &'a Gpu,
         set: &CurveSet,
         beta: Option<f64>,
-        otherwise: Box<dyn Summation + 'a>,
+        otherwise: MakeSummation<'a>,
     ) -> BarnesHutSum<'a> {
         let frame = Frame::new(set);
         BarnesHutSum {
@@ -232,7 +236,7 @@ impl Summation for BarnesHutSum<'_> {
         );
         found.unwrap_or_else(|trouble| {
             tracing::warn!("the sums are made on the processor: {trouble}");
-            self.otherwise.linking_numbers(pairs)
+            (self.otherwise)().linking_numbers(pairs)
         })
     }
 }

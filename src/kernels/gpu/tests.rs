@@ -343,14 +343,14 @@ fn a_failing_adapter_is_an_error_and_the_processor_goes_on() {
     gpu.lock().device.restrict(64);
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Trouble::Limit { .. })), "{found:?}");
-    let sum = DirectSum::new(&gpu, &set, None, Box::new(processor()));
+    let sum = DirectSum::new(&gpu, &set, Box::new(processor()));
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
     // Lost.
     let gpu = adapter();
     gpu.lock().device.destroy();
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Trouble::Failed(_))), "{found:?}");
-    let sum = DirectSum::new(&gpu, &set, None, Box::new(processor()));
+    let sum = DirectSum::new(&gpu, &set, Box::new(processor()));
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
 }
 
