@@ -109,7 +109,9 @@ impl Accelerator {
             match Gpu::shared(&Device::Named(name.clone())) {
                 Ok(gpu) if calibration.is_of(&gpu.info()) => Some(gpu),
                 Ok(_) => {
-                    tracing::info!("{name} is not as it was measured (linkwatch devices --calibrate)");
+                    tracing::info!(
+                        "{name} is not as it was measured (linkwatch devices --calibrate)"
+                    );
                     None
                 }
                 Err(trouble) => {

@@ -33,10 +33,10 @@ pub mod oracle;
 
 pub use accelerator::Offload;
 pub(crate) use accelerator::{Accelerator, Offer};
-pub(crate) use calibration::{CountingWork, segment_pairs};
 #[cfg(feature = "gpu")]
 pub(crate) use calibration::segments;
 pub use calibration::{Calibration, CountingCost, SumCost};
+pub(crate) use calibration::{CountingWork, segment_pairs};
 pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;

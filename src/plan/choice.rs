@@ -28,12 +28,7 @@ pub(crate) enum Way {
 
 impl Way {
     /// The way of some potential links, by counting or ([`Method::Auto`]) by what takes least.
-    pub fn of(
-        scene: Scene<'_>,
-        links: &[Pair],
-        method: Method,
-        offer: Option<Offer<'_>>,
-    ) -> Way {
+    pub fn of(scene: Scene<'_>, links: &[Pair], method: Method, offer: Option<Offer<'_>>) -> Way {
         let asked_for = offer.is_some_and(|o| o.asked_for && counts(scene));
         let long = match method {
             Method::Auto if !asked_for => worth_summing(scene, links),
@@ -47,11 +42,7 @@ impl Way {
 }
 
 /// Whether an adapter counts the crossings of some potential links.
-pub(crate) fn goes_to_adapter(
-    scene: Scene<'_>,
-    links: &[Pair],
-    offer: Option<Offer<'_>>,
-) -> bool {
+pub(crate) fn goes_to_adapter(scene: Scene<'_>, links: &[Pair], offer: Option<Offer<'_>>) -> bool {
     adapter_wins(scene, links, &[], offer)
 }
 
@@ -186,7 +177,7 @@ const SHORTER: f64 = 2.5;
 /// The potential links of polylines that the fast multipole method is predicted to decide sooner than counting.
 ///
 /// Cost: nothing for links of short curves; some tenths of a millisecond for each of the others ([`sample`]).
-fn worth_summing(scene: Scene<'_>, links: &[Pair]) -> Vec<LongLink> {
+pub(super) fn worth_summing(scene: Scene<'_>, links: &[Pair]) -> Vec<LongLink> {
     let segments = |i: u32| scene.set.curve(i as usize).segments;
     let mut all = 0..scene.set.len() as u32;
     if !scene.set.basis().is_polyline() || all.all(|i| segments(i) < LONG / 2) {

@@ -42,19 +42,23 @@
 //! Not in the model: other caches than the last, and processors without AVX2, where all takes longer. Where more than
 //! 64 potential links differ much, a rare one of much work may be missed by the sample.
 
+#[cfg(feature = "gpu")]
+mod calibrate;
 mod choice;
 mod costs;
 mod message;
 #[cfg(test)]
 mod tests;
 
+#[cfg(feature = "gpu")]
+pub use calibrate::calibrate;
 pub(crate) use choice::{LongLink, Way, goes_to_adapter};
 
-use self::choice::Forecast;
+use self::choice::{Forecast, worth_summing};
 use crate::curve::CurveSet;
 use crate::error::Result;
-use crate::kernels::{Accelerator, Calibration, Device, KernelWork, Method, Offer, SumCost};
 use crate::kernels::crossings::{Scene, Workspaces, by_formula, sample, shares_out};
+use crate::kernels::{Accelerator, Calibration, Device, KernelWork, Method, Offer, SumCost};
 use crate::pairs::{CurveTree, LinkSearch, Pair, Trees};
 use crate::verifier::{degenerate_curves, links_per_task, potential_links};
 use rayon::prelude::*;
@@ -294,15 +298,17 @@ impl Plan {
             workspaces: &workspaces,
         };
         let sample = Sample::of(scene, links);
-        let (long, on_adapter) = match Way::of(scene, links, Method::Auto, offer) {
-            Way::Fmm(long) => (long, false),
-            Way::Count { on_adapter } => (Vec::new(), on_adapter),
-        };
+        let mut long = worth_summing(scene, links);
+        let way = Way::of(scene, links, Method::Auto, offer);
+        let on_adapter = matches!(way, Way::Count { on_adapter: true });
         let device = offer.map(|offer| {
             let forecast = (offer.calibration).filter(|_| set.basis().is_polyline());
             let forecast = forecast.map(|c| Forecast::of(scene, links, &long, &sample, c));
             DevicePlan::of(offer, on_adapter, forecast)
         });
+        if on_adapter {
+            long.clear();
+        }
         let formula = |&&(i, j): &&Pair| {
             by_formula([i, j].map(|i| -> CurveTree<'_> { trees.of(set, i as usize) }))
         };
@@ -456,6 +462,8 @@ impl Sample {
             .map(|&(k, factor)| {
                 let mut workspace = scene.workspaces.take();
                 let work = sample(scene, links[k], &mut workspace);
+                // What is looked at is not done.
+                workspace.take_stats();
                 scene.workspaces.put(workspace);
                 (work, factor)
             })

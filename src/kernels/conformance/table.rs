@@ -235,7 +235,9 @@ impl Kernel {
     /// What it says of some pairs of polylines.
     pub fn estimates(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
         let mut accelerator = Accelerator::open(&self.device).expect("an adapter");
-        let sum = self.method.summation(set, self.accuracy, &accelerator, pairs);
+        let sum = self
+            .method
+            .summation(set, self.accuracy, &accelerator, pairs);
         let found = sum.map(|sum| sum.linking_numbers(pairs));
         let found = found.unwrap_or_else(|| counted(set, pairs, &mut accelerator));
         // Else this would have tested the processor.

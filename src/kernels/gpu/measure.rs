@@ -7,7 +7,7 @@ use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
-use crate::kernels::{Accelerator, Accuracy, Estimate, Linking, Method, Summation};
+use crate::kernels::{Accelerator, Accuracy, Estimate, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -35,13 +35,21 @@ pub struct DeviceTimes {
     pub equal: bool,
 }
 
-/// Measures the kernels on a scene. Splines are made polylines first, which is not measured. Sums on the processor
+impl DeviceTimes {
+    /// Whether a whole frame takes less than on the processor, where that was measured; else it took too long.
+    pub fn is_faster(&self) -> bool {
+        self.processor_ms.is_none_or(|ms| self.whole_ms < ms)
+    }
+}
+
+/// Measures kernels on a scene: those of [`Method::Crossings`], [`Method::Direct`] and [`Method::BarnesHut`] that are asked for. Splines are made polylines first, which is not measured. Sums on the processor
 /// that would take longer than `limit_s` are left out.
 ///
 /// Errors: [`Error::Device`]; those of the discretization.
 pub fn measure(
     device: &Choice,
     set: &CurveSet,
+    kernels: &[Method],
     repeat: u32,
     limit_s: f64,
 ) -> Result<Vec<DeviceTimes>> {
@@ -69,11 +77,14 @@ pub fn measure(
         repeat: repeat.max(1),
         limit_s,
     };
-    let each = [subject.crossings(), subject.direct(), subject.barnes_hut()];
+    let each = kernels.iter().filter_map(|kernel| match kernel {
+        Method::Crossings => Some(subject.crossings()),
+        Method::Direct => Some(subject.direct()),
+        Method::BarnesHut => Some(subject.barnes_hut()),
+        _ => None,
+    });
     let failed = |e: Trouble| Error::Device(e.to_string());
-    each.into_iter()
-        .map(|times| times.map_err(failed))
-        .collect()
+    each.map(|times| times.map_err(failed)).collect()
 }
 
 struct Subject<'a> {

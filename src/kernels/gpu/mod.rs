@@ -162,11 +162,7 @@ pub(super) struct DirectSum<'a> {
 
 impl<'a> DirectSum<'a> {
     /// Prepares the vertices of a set of polylines.
-    pub fn new(
-        gpu: &'a Gpu,
-        set: &CurveSet,
-        otherwise: Box<dyn Summation + 'a>,
-    ) -> DirectSum<'a> {
+    pub fn new(gpu: &'a Gpu, set: &CurveSet, otherwise: Box<dyn Summation + 'a>) -> DirectSum<'a> {
         DirectSum {
             gpu,
             frame: Frame::new(set),

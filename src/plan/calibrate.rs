@@ -1,0 +1,315 @@
+//! Measures what kernels take on an adapter and on the processor, and fits the costs that choices go by ([`Calibration`]).
+
+use super::{Sample, choice};
+use crate::curve::CurveSet;
+use crate::discretize::homotopic_polylines;
+use crate::error::{Error, Result};
+use crate::kernels::crossings::{Scene, Workspaces};
+use crate::kernels::gpu::{Gpu, Trouble};
+use crate::kernels::{
+    Accelerator, Accuracy, Calibration, CountingCost, CountingWork, Device, Estimate, Method,
+    SumCost, segment_pairs, segments,
+};
+use crate::pairs::{LinkSearch, Pair, Trees};
+use crate::scenes::Scene as Model;
+use crate::verdict::AbortOn;
+use crate::verifier::{Verifier, degenerate_curves, potential_links};
+use nalgebra::{DMatrix, DVector};
+use std::time::Instant;
+
+/// Runs that a median is of.
+const RUNS: usize = 5;
+
+/// What sums are measured on: the smallest, and what shows how fast it goes, on an adapter and on the processor in disguise.
+const SMALLEST: &str = "ribbon:segments=200,lambda=1";
+const DIRECT: [&str; 2] = [
+    "ribbon:segments=100000,lambda=10",
+    "ribbon:segments=6000,lambda=10",
+];
+/// The same on the processor.
+const DIRECT_HERE: &str = "ribbon:segments=6000,lambda=10";
+const BARNES_HUT: [&str; 2] = [
+    "knit:rows=40,stitches=100,segments=48000",
+    "knit:rows=10,stitches=40,segments=4000",
+];
+
+/// What counting is measured on: little at all, many small links, many segments, many crossings of long curves and of short
+/// ones. On an adapter, and on the processor in disguise.
+const COUNTING: [[&str; 7]; 2] = [
+    [
+        "chainmail:rows=4,columns=4",
+        "chainmail:rows=40,columns=40",
+        "chainmail:rows=160,columns=160",
+        "ribbon:segments=2000000,lambda=10",
+        "woundball:segments=400000,crossings=300",
+        "torus_link:segments=200000,toroidal=200,poloidal=200",
+        "square_link:loops=300,segments=100000",
+    ],
+    [
+        "chainmail:rows=4,columns=4",
+        "chainmail:rows=20,columns=20",
+        "chainmail:rows=50,columns=50",
+        "ribbon:segments=100000,lambda=10",
+        "woundball:segments=20001,crossings=100",
+        "torus_link:segments=10000,toroidal=50,poloidal=50",
+        "square_link:loops=60,segments=6000",
+    ],
+];
+
+/// Measures what kernels take on an adapter, whole frames, and on the processor, on the threads of the rayon pool that it is
+/// called in. That takes some seconds.
+///
+/// Errors: [`Error::Device`].
+pub fn calibrate(device: &Device) -> Result<Calibration> {
+    let gpu = Gpu::shared(device).map_err(failed)?;
+    let info = gpu.info();
+    let software = usize::from(info.software);
+    let subject = |text: &str| Subject::new(text);
+    let direct = |s: &Subject| s.adapter_ms(|| gpu.sum_directly(&s.set, &s.links));
+    let smallest = subject(SMALLEST)?;
+    let (large, here) = (subject(DIRECT[software])?, subject(DIRECT_HERE)?);
+    let direct = sum_cost(
+        [direct(&smallest)?, direct(&large)?],
+        segment_pairs(&large.set, &large.links),
+        here.sum_ms(Method::Direct)?,
+        segment_pairs(&here.set, &here.links),
+    );
+    let by_trees = |s: &Subject| s.adapter_ms(|| gpu.sum_by_trees(&s.set, &s.links));
+    let large = subject(BARNES_HUT[software])?;
+    let work = segments(&large.set, &large.links);
+    let barnes_hut = sum_cost(
+        [by_trees(&smallest)?, by_trees(&large)?],
+        work,
+        large.sum_ms(Method::BarnesHut)?,
+        work,
+    );
+    let mut rows = Vec::new();
+    let mut factors = 0.0;
+    for text in COUNTING[software] {
+        let subject = subject(text)?;
+        let (work, adapter_ms) = subject.count(&gpu)?;
+        rows.push((
+            [
+                1.0,
+                work.segments as f64,
+                work.links as f64,
+                work.tests as f64,
+            ],
+            adapter_ms,
+        ));
+        factors += (subject.processor_ms()? / subject.predicted_ms()).ln();
+    }
+    let [round_trip_ms, segment_ms, link_ms, test_ms] = fit(&rows);
+    Ok(Calibration {
+        adapter: info.name,
+        driver: info.driver,
+        threads: rayon::current_num_threads(),
+        direct,
+        barnes_hut,
+        crossings: CountingCost {
+            round_trip_ms: round_trip_ms.max(SHORTEST_MS),
+            segment_ns: segment_ms * 1e6,
+            link_ns: link_ms * 1e6,
+            test_ns: test_ms * 1e6,
+            processor_factor: (factors / rows.len() as f64).exp(),
+        },
+    })
+}
+
+/// No round trip is shorter, whatever a fit says.
+const SHORTEST_MS: f64 = 1e-3;
+
+fn failed(trouble: Trouble) -> Error {
+    Error::Device(trouble.to_string())
+}
+
+fn sum_cost(
+    [smallest_ms, large_ms]: [f64; 2],
+    work: u64,
+    processor_ms: f64,
+    processor_work: u64,
+) -> SumCost {
+    SumCost {
+        round_trip_ms: smallest_ms,
+        adapter_ns: (large_ms - smallest_ms).max(SHORTEST_MS) * 1e6 / work as f64,
+        processor_ns: processor_ms * 1e6 / processor_work as f64,
+    }
+}
+
+/// A generated scene of polylines, ready to be measured.
+struct Subject {
+    set: CurveSet,
+    trees: Trees,
+    links: Vec<Pair>,
+    workspaces: Workspaces,
+}
+
+impl Subject {
+    fn new(text: &str) -> Result<Subject> {
+        let mut set = text.parse::<Model>()?.build()?.curves;
+        if !set.basis().is_polyline() {
+            set = homotopic_polylines(&set)?.curves;
+        }
+        let mut trees = Trees::default();
+        trees.refit(&set);
+        let degenerate: Vec<_> = degenerate_curves(&set).collect();
+        let links = potential_links(&trees, &mut LinkSearch::default(), &degenerate).clone();
+        Ok(Subject {
+            set,
+            trees,
+            links,
+            workspaces: Workspaces::default(),
+        })
+    }
+
+    fn scene(&self) -> Scene<'_> {
+        Scene {
+            set: &self.set,
+            trees: &self.trees,
+            workspaces: &self.workspaces,
+        }
+    }
+
+    /// A kernel on an adapter, by the clock.
+    fn adapter_ms(&self, run: impl Fn() -> Result<Vec<Estimate>, Trouble>) -> Result<f64> {
+        median_ms(|start| {
+            run().map_err(failed)?;
+            Ok(start.elapsed().as_secs_f64() * 1e3)
+        })
+    }
+
+    /// A sum on the processor.
+    fn sum_ms(&self, method: Method) -> Result<f64> {
+        let none = Accelerator::default();
+        median_ms(|start| {
+            let sum = method.summation(&self.set, Accuracy::default(), &none, &self.links);
+            sum.map(|sum| sum.linking_numbers(&self.links));
+            Ok(start.elapsed().as_secs_f64() * 1e3)
+        })
+    }
+
+    /// Counting on an adapter, from vertices in memory: what there is to do, and how long it takes.
+    fn count(&self, gpu: &Gpu) -> Result<(CountingWork, f64)> {
+        let mut work = CountingWork {
+            segments: self.set.segments() as u64,
+            links: self.links.len() as u64,
+            tests: 0,
+        };
+        let ms = median_ms(|start| {
+            let frame = gpu.send(&self.set).map_err(failed)?;
+            let counted = gpu.count(&frame, self.scene(), &self.links);
+            work.tests = counted.map_err(failed)?.1.tests;
+            Ok(start.elapsed().as_secs_f64() * 1e3)
+        })?;
+        Ok((work, ms))
+    }
+
+    /// Counting on the processor.
+    fn processor_ms(&self) -> Result<f64> {
+        let mut verifier = Verifier::new(AbortOn::Never);
+        verifier.set_kernel(Method::Crossings, Accuracy::default());
+        median_ms(|_| {
+            verifier.certify(&self.set);
+            Ok(verifier.timings().links.as_secs_f64() * 1e3)
+        })
+    }
+
+    /// What its plan says of that.
+    fn predicted_ms(&self) -> f64 {
+        let sample = Sample::of(self.scene(), &self.links);
+        choice::on_processor(self.scene(), &self.links, &[], &sample)
+    }
+}
+
+/// The median of some runs, after one in which programs are compiled and buffers made.
+fn median_ms(mut run: impl FnMut(Instant) -> Result<f64>) -> Result<f64> {
+    run(Instant::now())?;
+    let mut times = (0..RUNS)
+        .map(|_| run(Instant::now()))
+        .collect::<Result<Vec<f64>>>()?;
+    times.sort_by(f64::total_cmp);
+    Ok(times[RUNS / 2])
+}
+
+/// Coefficients, none of them negative, that make the products with each row come closest to its value, as measured by squared
+/// relative errors.
+///
+/// With so few unknowns, every choice of those that are not 0 is tried.
+fn fit(rows: &[([f64; 4], f64)]) -> [f64; 4] {
+    // Columns of very different sizes are made equal.
+    let relative = |row: &([f64; 4], f64), column: usize| row.0[column] / row.1;
+    let largest = [0, 1, 2, 3].map(|c| rows.iter().fold(1e-300, |m: f64, r| m.max(relative(r, c))));
+    let ones = DVector::from_element(rows.len(), 1.0);
+    let mut best = (f64::INFINITY, [0.0; 4]);
+    for chosen in 1..16u32 {
+        let columns: Vec<usize> = (0..4).filter(|c| chosen >> c & 1 == 1).collect();
+        let matrix = DMatrix::from_fn(rows.len(), columns.len(), |row, k| {
+            relative(&rows[row], columns[k]) / largest[columns[k]]
+        });
+        let normal = (matrix.transpose() * &matrix).cholesky();
+        let Some(found) = normal.map(|n| n.solve(&(matrix.transpose() * &ones))) else {
+            continue;
+        };
+        let error = (&matrix * &found - &ones).norm_squared();
+        if error < best.0 && found.iter().all(|&x| x >= 0.0) {
+            best = (error, [0.0; 4]);
+            for (&column, x) in columns.iter().zip(&found) {
+                best.1[column] = x / largest[column];
+            }
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: [[f64; 4]; 6] = [
+        [1.0, 300.0, 20.0, 30.0],
+        [1.0, 40_000.0, 18_000.0, 20_000.0],
+        [1.0, 2e6, 1.0, 100.0],
+        [1.0, 4e5, 1.0, 7e6],
+        [1.0, 1e5, 4e4, 9e4],
+        [1.0, 1e6, 1.0, 3e6],
+    ];
+
+    fn times(cost: [f64; 4]) -> Vec<([f64; 4], f64)> {
+        let time = |row: [f64; 4]| row.iter().zip(cost).map(|(x, c)| x * c).sum();
+        ROWS.iter().map(|&row| (row, time(row))).collect()
+    }
+
+    #[test]
+    fn a_fit_finds_the_costs_that_made_the_times() {
+        for cost in [
+            [0.4, 3e-6, 2e-5, 1e-6],
+            [0.1, 0.0, 2e-4, 1e-5],
+            [0.0, 1e-6, 0.0, 1e-7],
+        ] {
+            let found = fit(&times(cost));
+            for (found, want) in found.iter().zip(cost) {
+                assert!(
+                    (found - want).abs() <= 1e-6 * want + 1e-12,
+                    "{found} {want}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_fit_to_noisy_times_has_no_negative_costs_and_stays_close() {
+        let mut rows = times([0.4, 3e-6, 2e-5, 1e-6]);
+        for (k, (_, time)) in rows.iter_mut().enumerate() {
+            *time *= [1.2, 0.85, 1.15, 0.9, 0.8, 1.1][k];
+        }
+        let found = fit(&rows);
+        assert!(found.iter().all(|&x| x >= 0.0), "{found:?}");
+        for (row, time) in rows {
+            let predicted: f64 = row.iter().zip(found).map(|(x, c)| x * c).sum();
+            assert!(
+                (0.6..1.6).contains(&(predicted / time)),
+                "{predicted} {time}"
+            );
+        }
+    }
+}
