@@ -15,10 +15,13 @@ use crate::scenes::Scene as Model;
 use crate::verdict::AbortOn;
 use crate::verifier::{Verifier, degenerate_curves, potential_links};
 use nalgebra::{DMatrix, DVector};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Runs that a median is of.
 const RUNS: usize = 5;
+
+/// Time after which no further one begins.
+const ENOUGH: Duration = Duration::from_millis(500);
 
 /// What sums are measured on: the smallest, and what shows how fast it goes, on an adapter and on the processor in disguise.
 const SMALLEST: &str = "ribbon:segments=200,lambda=1";
@@ -221,14 +224,15 @@ impl Subject {
     }
 }
 
-/// The median of some runs, after one in which programs are compiled and buffers made.
+/// The median of some runs, after one in which programs are compiled and buffers made; of fewer where they take long.
 fn median_ms(mut run: impl FnMut(Instant) -> Result<f64>) -> Result<f64> {
     run(Instant::now())?;
-    let mut times = (0..RUNS)
-        .map(|_| run(Instant::now()))
-        .collect::<Result<Vec<f64>>>()?;
+    let (begun, mut times) = (Instant::now(), Vec::new());
+    while times.len() < RUNS && (times.is_empty() || begun.elapsed() < ENOUGH) {
+        times.push(run(Instant::now())?);
+    }
     times.sort_by(f64::total_cmp);
-    Ok(times[RUNS / 2])
+    Ok(times[times.len() / 2])
 }
 
 /// Coefficients, none of them negative, that make the products with each row come closest to its value, as measured by squared

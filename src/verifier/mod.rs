@@ -148,7 +148,8 @@ impl Verifier {
     /// Where kernels run. The results are the same; what differs is the time.
     ///
     /// On a graphics processor, crossings of polylines are counted, in full runs, and sums are made directly and by
-    /// Barnes-Hut. Where it fails, a warning says so, and the processor goes on.
+    /// Barnes-Hut: always where it was asked for; with [`Device::Auto`], where that is predicted to take less than on the processor,
+    /// by what [`calibrate`](crate::plan) measured. Where it fails, a warning says so, and the processor goes on.
     ///
     /// Errors: [`Error::Device`] where there is none of that name, or none that can be used.
     pub fn set_device(&mut self, device: &Device) -> Result<()> {
@@ -156,7 +157,13 @@ impl Verifier {
         Ok(())
     }
 
-    /// The graphics processor in use.
+    /// Lets kernels run on an adapter of any calibration.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(crate) fn set_accelerator(&mut self, accelerator: Accelerator) {
+        self.full.accelerator = accelerator;
+    }
+
+    /// The graphics processor in use; one that is ours to choose, once it was chosen.
     pub fn device(&self) -> Option<DeviceInfo> {
         self.full.accelerator.info()
     }
@@ -255,6 +262,8 @@ impl Verifier {
         self.steps.check_layout(set)?;
         let start = Instant::now();
         self.work = Work::default();
+        // Not every frame is computed in full, and starts there.
+        self.full.accelerator.start_frame();
         let (mut comparison, stats) = self.compare(set)?;
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();

@@ -8,7 +8,7 @@ use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
 use crate::kernels::direct::{Direct, Formula};
-use crate::kernels::{Offload, oracle};
+use crate::kernels::{Accelerator, Accuracy, Calibration, Method, Offload, oracle};
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
 use crate::verdict::AbortOn;
@@ -374,6 +374,71 @@ fn a_watch_goes_on_without_its_adapter() {
     verifier.set_device(&Choice::Gpu).unwrap();
     assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
     assert!(verifier.offload().tests > 0);
+}
+
+/// A calibration of this adapter, which was not measured: see [`Calibration::made_up`].
+fn made_up(round_trip_ms: f64, speed: f64) -> Calibration {
+    let DeviceInfo { name, driver, .. } = adapter().info();
+    Calibration {
+        adapter: name,
+        driver,
+        ..Calibration::made_up(round_trip_ms, speed)
+    }
+}
+
+#[test]
+#[ignore = "needs an adapter"]
+fn an_adapter_that_is_ours_to_choose_is_taken_where_its_calibration_says_that_it_wins() {
+    let (wins, loses) = (made_up(1e-3, 1e6), made_up(1e3, 1e-3));
+    let other = Calibration {
+        driver: "another".into(),
+        ..wins.clone()
+    };
+    for (calibration, want) in [(wins, true), (loses, false), (other, false)] {
+        let mut verifier = Verifier::new(AbortOn::Never);
+        verifier.set_accelerator(Accelerator::choosing_by(Some(calibration)));
+        for text in [
+            "chainmail:rows=12,columns=12",
+            "torus_link:segments=8000,toroidal=40,poloidal=40",
+        ] {
+            let built = text.parse::<Model>().unwrap().build().unwrap();
+            for method in [Method::Auto, Method::Crossings] {
+                verifier.set_kernel(method, Accuracy::default());
+                assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+                assert_eq!(verifier.offload().tests > 0, want, "{text}");
+                assert_eq!(verifier.device().is_some(), want);
+            }
+            for method in [Method::Direct, Method::BarnesHut] {
+                verifier.set_kernel(method, Accuracy::default());
+                assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+            }
+        }
+    }
+}
+
+/// Too few pairs at first, then enough for an adapter; and a frame that is not computed in full gives it nothing.
+#[test]
+#[ignore = "needs an adapter"]
+fn a_chosen_adapter_counts_the_large_blocks_of_an_early_exit_and_of_no_quiet_frame() {
+    let built = "chainmail:rows=24,columns=24".parse::<Model>().unwrap();
+    let built = built.build().unwrap();
+    let baseline = || built.certificate.clone();
+    let chosen = || Accelerator::choosing_by(Some(made_up(0.05, 1e6)));
+    let mut early = Verifier::with_baseline(AbortOn::Never, baseline());
+    early.set_accelerator(chosen());
+    early.set_early_exit(true);
+    let report = early.step(0, 0.0, &built.curves).unwrap();
+    assert_eq!(report.verdict, crate::Verdict::Intact);
+    assert!(early.offload().tests > 0);
+    let mut watch = Verifier::with_baseline(AbortOn::Never, baseline());
+    watch.set_accelerator(chosen());
+    watch.set_incremental(true);
+    for (seq, full) in [(0, true), (1, false)] {
+        let report = watch.step(seq, 0.0, &built.curves).unwrap();
+        assert_eq!(report.verdict, crate::Verdict::Intact);
+        assert_eq!(watch.offload().tests > 0, full, "{:?}", watch.work());
+        watch.settle();
+    }
 }
 
 #[test]
