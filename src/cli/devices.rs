@@ -146,7 +146,7 @@ mod measured {
                     "segments=4000000,toroidal=500,poloidal=500",
                 ],
                 [
-                    "segments=2000,toroidal=20,poloidal=20",
+                    "segments=2000,toroidal=10,poloidal=10",
                     "segments=10000,toroidal=50,poloidal=50",
                     "segments=40000,toroidal=100,poloidal=100",
                 ],
@@ -221,11 +221,18 @@ mod measured {
         };
         if !json {
             let threads = output::plural(rayon::current_num_threads() as u64, "thread");
-            output::line(format_args!(
-                "{}, median milliseconds. whole frame: vertices and lists made and sent, the kernel, results read back; \
-                 resident: the same with the vertices there already; processor: the same kernel on {threads}",
-                device.name
-            ))?;
+            for line in [
+                format!(
+                    "{}: median milliseconds, boxes and potential links apart",
+                    device.name
+                ),
+                "  whole frame: vertices and lists made and sent, the kernel, results read back"
+                    .into(),
+                "  resident:    the same with the vertices there already".into(),
+                format!("  processor:   the same kernel on {threads} of the processor"),
+            ] {
+                output::line(line)?;
+            }
             output::line(format_args!(
                 "  {:12} {:>12} {:>10} {:>10} {:>14} {:>10}",
                 "kernel", "whole frame", "resident", "processor", "largest error", "undecided"
@@ -267,13 +274,15 @@ mod measured {
                 )?;
                 continue;
             }
-            let from = match from {
-                Some(n) => format!("is faster from {} on", output::plural(n, "segment")),
-                None => "is never faster among these".into(),
-            };
-            output::line(format_args!(
-                "{kernel}: the device, whole frame, {from} of {scene}"
-            ))?;
+            output::line(match from {
+                Some(n) => format!(
+                    "{kernel}: the device is faster from {scene} of {} on",
+                    output::plural(n, "segment")
+                ),
+                None => {
+                    format!("{kernel}: the device is never faster among these sizes of {scene}")
+                }
+            })?;
         }
         Ok(outcome)
     }

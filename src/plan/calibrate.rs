@@ -38,9 +38,10 @@ const BARNES_HUT: [&str; 2] = [
 
 /// What counting is measured on: little at all, many small links, many segments, many crossings of long curves and of short
 /// ones. On an adapter, and on the processor in disguise.
-const COUNTING: [[&str; 7]; 2] = [
+const COUNTING: [[&str; 8]; 2] = [
     [
-        "chainmail:rows=4,columns=4",
+        "ribbon:segments=60,lambda=1",
+        "chainmail:rows=8,columns=8",
         "chainmail:rows=40,columns=40",
         "chainmail:rows=160,columns=160",
         "ribbon:segments=2000000,lambda=10",
@@ -49,6 +50,7 @@ const COUNTING: [[&str; 7]; 2] = [
         "square_link:loops=300,segments=100000",
     ],
     [
+        "ribbon:segments=60,lambda=1",
         "chainmail:rows=4,columns=4",
         "chainmail:rows=20,columns=20",
         "chainmail:rows=50,columns=50",

@@ -15,6 +15,10 @@
 //! clock. The counts of the first stages are those of the scene; those of the linking numbers are extrapolated from
 //! a sample (see [`Plan::of`]).
 //!
+//! With a device ([`Plan::on`]), a plan also says whether crossings are counted on an adapter. What an adapter takes follows from
+//! the same counts and from what was measured on it (`calibrate`); the processor beside it is taken as it was measured then, times
+//! one factor.
+//!
 //! The table was measured on one machine; another one is faster or slower throughout. A prediction is for frames
 //! after the first, whose buffers are in place.
 //!
