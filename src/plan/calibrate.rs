@@ -36,11 +36,12 @@ const BARNES_HUT: [&str; 2] = [
     "knit:rows=10,stitches=40,segments=4000",
 ];
 
-/// What counting is measured on: little at all, many small links, many segments, many crossings of long curves and of short
-/// ones. On an adapter, and on the processor in disguise.
-const COUNTING: [[&str; 8]; 2] = [
+/// What counting takes where there is hardly anything to count is measured on this,
+const COUNTED_FIRST: &str = "ribbon:segments=60,lambda=1";
+/// and the rest on many small links, many segments, many crossings of long curves and of short ones. On an adapter, and on the
+/// processor in disguise.
+const COUNTED: [[&str; 7]; 2] = [
     [
-        "ribbon:segments=60,lambda=1",
         "chainmail:rows=8,columns=8",
         "chainmail:rows=40,columns=40",
         "chainmail:rows=160,columns=160",
@@ -50,13 +51,12 @@ const COUNTING: [[&str; 8]; 2] = [
         "square_link:loops=300,segments=100000",
     ],
     [
-        "ribbon:segments=60,lambda=1",
         "chainmail:rows=4,columns=4",
         "chainmail:rows=20,columns=20",
         "chainmail:rows=50,columns=50",
         "ribbon:segments=100000,lambda=10",
         "woundball:segments=20001,crossings=100",
-        "torus_link:segments=10000,toroidal=50,poloidal=50",
+        "torus_link:segments=4000,toroidal=30,poloidal=20",
         "square_link:loops=60,segments=6000",
     ],
 ];
@@ -88,23 +88,15 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
         large.sum_ms(Method::BarnesHut)?,
         work,
     );
+    let (_, round_trip_ms) = subject(COUNTED_FIRST)?.count(&gpu)?;
     let mut rows = Vec::new();
     let mut factors = 0.0;
-    for text in COUNTING[software] {
+    for text in COUNTED[software] {
         let subject = subject(text)?;
-        let (work, adapter_ms) = subject.count(&gpu)?;
-        rows.push((
-            [
-                1.0,
-                work.segments as f64,
-                work.links as f64,
-                work.tests as f64,
-            ],
-            adapter_ms,
-        ));
+        rows.push(subject.count(&gpu)?);
         factors += (subject.processor_ms()? / subject.predicted_ms()).ln();
     }
-    let [round_trip_ms, segment_ms, link_ms, test_ms] = fit(&rows);
+    let [segment_ms, link_ms, test_ms] = fit(&rows, round_trip_ms);
     Ok(Calibration {
         adapter: info.name,
         driver: info.driver,
@@ -112,7 +104,7 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
         direct,
         barnes_hut,
         crossings: CountingCost {
-            round_trip_ms: round_trip_ms.max(SHORTEST_MS),
+            round_trip_ms,
             segment_ns: segment_ms * 1e6,
             link_ns: link_ms * 1e6,
             test_ns: test_ms * 1e6,
@@ -121,7 +113,7 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
     })
 }
 
-/// No round trip is shorter, whatever a fit says.
+/// What is left of a measured time is no less than this.
 const SHORTEST_MS: f64 = 1e-3;
 
 fn failed(trouble: Trouble) -> Error {
@@ -237,28 +229,32 @@ fn median_ms(mut run: impl FnMut(Instant) -> Result<f64>) -> Result<f64> {
     Ok(times[times.len() / 2])
 }
 
-/// Coefficients, none of them negative, that make the products with each row come closest to its value, as measured by squared
-/// relative errors.
+/// Costs of a segment, a potential link and a test, none of them negative, that with the round trip come closest to what was
+/// measured, by squared relative errors. In milliseconds.
 ///
 /// With so few unknowns, every choice of those that are not 0 is tried.
-fn fit(rows: &[([f64; 4], f64)]) -> [f64; 4] {
+fn fit(measured: &[(CountingWork, f64)], round_trip_ms: f64) -> [f64; 3] {
+    let count = |row: usize, column: usize| {
+        let (work, ms) = measured[row];
+        [work.segments, work.links, work.tests][column] as f64 / ms
+    };
+    let rows = measured.len();
     // Columns of very different sizes are made equal.
-    let relative = |row: &([f64; 4], f64), column: usize| row.0[column] / row.1;
-    let largest = [0, 1, 2, 3].map(|c| rows.iter().fold(1e-300, |m: f64, r| m.max(relative(r, c))));
-    let ones = DVector::from_element(rows.len(), 1.0);
-    let mut best = (f64::INFINITY, [0.0; 4]);
-    for chosen in 1..16u32 {
-        let columns: Vec<usize> = (0..4).filter(|c| chosen >> c & 1 == 1).collect();
-        let matrix = DMatrix::from_fn(rows.len(), columns.len(), |row, k| {
-            relative(&rows[row], columns[k]) / largest[columns[k]]
+    let largest = [0, 1, 2].map(|c| (0..rows).fold(1e-300, |m: f64, r| m.max(count(r, c))));
+    let wanted = DVector::from_fn(rows, |r, _| 1.0 - round_trip_ms / measured[r].1);
+    let mut best = (f64::INFINITY, [0.0; 3]);
+    for chosen in 1..8u32 {
+        let columns: Vec<usize> = (0..3).filter(|c| chosen >> c & 1 == 1).collect();
+        let matrix = DMatrix::from_fn(rows, columns.len(), |r, k| {
+            count(r, columns[k]) / largest[columns[k]]
         });
         let normal = (matrix.transpose() * &matrix).cholesky();
-        let Some(found) = normal.map(|n| n.solve(&(matrix.transpose() * &ones))) else {
+        let Some(found) = normal.map(|n| n.solve(&(matrix.transpose() * &wanted))) else {
             continue;
         };
-        let error = (&matrix * &found - &ones).norm_squared();
+        let error = (&matrix * &found - &wanted).norm_squared();
         if error < best.0 && found.iter().all(|&x| x >= 0.0) {
-            best = (error, [0.0; 4]);
+            best = (error, [0.0; 3]);
             for (&column, x) in columns.iter().zip(&found) {
                 best.1[column] = x / largest[column];
             }
@@ -271,51 +267,59 @@ fn fit(rows: &[([f64; 4], f64)]) -> [f64; 4] {
 mod tests {
     use super::*;
 
-    const ROWS: [[f64; 4]; 6] = [
-        [1.0, 300.0, 20.0, 30.0],
-        [1.0, 40_000.0, 18_000.0, 20_000.0],
-        [1.0, 2e6, 1.0, 100.0],
-        [1.0, 4e5, 1.0, 7e6],
-        [1.0, 1e5, 4e4, 9e4],
-        [1.0, 1e6, 1.0, 3e6],
+    const COUNTS: [[u64; 3]; 6] = [
+        [300, 20, 30],
+        [40_000, 18_000, 20_000],
+        [2_000_000, 1, 100],
+        [400_000, 1, 7_000_000],
+        [100_000, 40_000, 90_000],
+        [1_000_000, 1, 3_000_000],
     ];
 
-    fn times(cost: [f64; 4]) -> Vec<([f64; 4], f64)> {
-        let time = |row: [f64; 4]| row.iter().zip(cost).map(|(x, c)| x * c).sum();
-        ROWS.iter().map(|&row| (row, time(row))).collect()
+    /// Milliseconds of a round trip, and a million times those of a segment, a link and a test.
+    fn times([round_trip, segment, link, test]: [f64; 4]) -> Vec<(CountingWork, f64)> {
+        let cost = CountingCost {
+            round_trip_ms: round_trip,
+            segment_ns: segment,
+            link_ns: link,
+            test_ns: test,
+            processor_factor: 1.0,
+        };
+        let row = |[segments, links, tests]: [u64; 3]| {
+            let work = CountingWork {
+                segments,
+                links,
+                tests,
+            };
+            (work, cost.adapter_ms(work))
+        };
+        COUNTS.into_iter().map(row).collect()
     }
 
     #[test]
     fn a_fit_finds_the_costs_that_made_the_times() {
         for cost in [
-            [0.4, 3e-6, 2e-5, 1e-6],
-            [0.1, 0.0, 2e-4, 1e-5],
-            [0.0, 1e-6, 0.0, 1e-7],
+            [0.4, 3.0, 20.0, 1.0],
+            [0.1, 0.0, 200.0, 10.0],
+            [0.01, 1.0, 0.0, 0.1],
         ] {
-            let found = fit(&times(cost));
-            for (found, want) in found.iter().zip(cost) {
-                assert!(
-                    (found - want).abs() <= 1e-6 * want + 1e-12,
-                    "{found} {want}"
-                );
+            let found = fit(&times(cost), cost[0]);
+            for (found, want) in found.iter().zip(&cost[1..]) {
+                assert!((found * 1e6 - want).abs() <= 1e-6, "{found} {want}");
             }
         }
     }
 
     #[test]
     fn a_fit_to_noisy_times_has_no_negative_costs_and_stays_close() {
-        let mut rows = times([0.4, 3e-6, 2e-5, 1e-6]);
-        for (k, (_, time)) in rows.iter_mut().enumerate() {
-            *time *= [1.2, 0.85, 1.15, 0.9, 0.8, 1.1][k];
+        let mut rows = times([0.4, 3.0, 20.0, 1.0]);
+        for ((_, ms), noise) in rows.iter_mut().zip([1.2, 0.85, 1.15, 0.9, 0.8, 1.1]) {
+            *ms *= noise;
         }
-        let found = fit(&rows);
-        assert!(found.iter().all(|&x| x >= 0.0), "{found:?}");
-        for (row, time) in rows {
-            let predicted: f64 = row.iter().zip(found).map(|(x, c)| x * c).sum();
-            assert!(
-                (0.6..1.6).contains(&(predicted / time)),
-                "{predicted} {time}"
-            );
+        let [segment, link, test] = fit(&rows, 0.5).map(|ms| ms * 1e6);
+        assert!([segment, link, test].iter().all(|&x| x >= 0.0));
+        for ((_, ms), (_, predicted)) in rows.iter().zip(times([0.5, segment, link, test])) {
+            assert!((0.6..1.6).contains(&(predicted / ms)), "{predicted} {ms}");
         }
     }
 }
