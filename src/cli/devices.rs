@@ -205,9 +205,9 @@ mod measured {
         sum("Barnes-Hut", "segment of a pair of curves", c.barnes_hut)?;
         let k = c.crossings;
         output::line(format_args!(
-            "  counting crossings: {:.3} ms and {:.2} ns a segment, {:.1} ns a potential link, {:.2} ns a test; \
-             the processor {:.2} times its plan",
-            k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.processor_factor,
+            "  counting crossings: {:.3} ms and {:.2} ns a segment, {:.1} ns a potential link, {:.2} ns a test, \
+             give or take a factor of {:.1}; the processor {:.2} times its plan",
+            k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.misfit, k.processor_factor,
         ))
     }
 

@@ -50,6 +50,8 @@ pub struct CountingCost {
     pub link_ns: f64,
     /// A test: a pair of segments whose boxes overlap.
     pub test_ns: f64,
+    /// By what factor times differ from these, typically: 1 where the counts tell everything.
+    pub misfit: f64,
     /// What counting takes on all threads of the processor, by what its plan predicts.
     pub processor_factor: f64,
 }
@@ -105,6 +107,8 @@ impl CountingCost {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         positive(self.round_trip_ms)
             && positive(self.processor_factor)
+            && self.misfit >= 1.0
+            && self.misfit.is_finite()
             && costs.iter().all(|&x| x >= 0.0 && x.is_finite())
     }
 }
@@ -208,6 +212,7 @@ impl Calibration {
                 segment_ns: 10.0 / speed,
                 link_ns: 200.0 / speed,
                 test_ns: 50.0 / speed,
+                misfit: 1.0,
                 processor_factor: 1.0,
             },
         }
@@ -247,6 +252,7 @@ mod tests {
             assert_eq!(with(&|c| c.barnes_hut.round_trip_ms = x), None);
             assert_eq!(with(&|c| c.crossings.test_ns = x), None);
             assert_eq!(with(&|c| c.crossings.processor_factor = x), None);
+            assert_eq!(with(&|c| c.crossings.misfit = x), None);
         }
         // A fit may find that a segment costs nothing.
         assert!(with(&|c| c.crossings.segment_ns = 0.0).is_some());

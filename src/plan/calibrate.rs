@@ -96,20 +96,13 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
         rows.push(subject.count(&gpu)?);
         factors += (subject.processor_ms()? / subject.predicted_ms()).ln();
     }
-    let [segment_ms, link_ms, test_ms] = fit(&rows, round_trip_ms);
     Ok(Calibration {
         adapter: info.name,
         driver: info.driver,
         threads: rayon::current_num_threads(),
         direct,
         barnes_hut,
-        crossings: CountingCost {
-            round_trip_ms,
-            segment_ns: segment_ms * 1e6,
-            link_ns: link_ms * 1e6,
-            test_ns: test_ms * 1e6,
-            processor_factor: (factors / rows.len() as f64).exp(),
-        },
+        crossings: fit(&rows, round_trip_ms, (factors / rows.len() as f64).exp()),
     })
 }
 
@@ -229,38 +222,79 @@ fn median_ms(mut run: impl FnMut(Instant) -> Result<f64>) -> Result<f64> {
     Ok(times[times.len() / 2])
 }
 
-/// Costs of a segment, a potential link and a test, none of them negative, that with the round trip come closest to what was
-/// measured, by squared relative errors. In milliseconds.
-///
-/// With so few unknowns, every choice of those that are not 0 is tried.
-fn fit(measured: &[(CountingWork, f64)], round_trip_ms: f64) -> [f64; 3] {
-    let count = |row: usize, column: usize| {
-        let (work, ms) = measured[row];
-        [work.segments, work.links, work.tests][column] as f64 / ms
+/// Costs that come closest to what counting was measured to take, by the squared logarithms of the ratios, so that as much is
+/// predicted too low as too high. None of them is negative: with so few unknowns, every choice of those that are not 0 is tried.
+fn fit(
+    measured: &[(CountingWork, f64)],
+    round_trip_ms: f64,
+    processor_factor: f64,
+) -> CountingCost {
+    let start = CountingCost {
+        round_trip_ms,
+        segment_ns: 0.0,
+        link_ns: 0.0,
+        test_ns: 0.0,
+        misfit: f64::INFINITY,
+        processor_factor,
     };
-    let rows = measured.len();
-    // Columns of very different sizes are made equal.
-    let largest = [0, 1, 2].map(|c| (0..rows).fold(1e-300, |m: f64, r| m.max(count(r, c))));
-    let wanted = DVector::from_fn(rows, |r, _| 1.0 - round_trip_ms / measured[r].1);
-    let mut best = (f64::INFINITY, [0.0; 3]);
+    let mut best = start;
     for chosen in 1..8u32 {
         let columns: Vec<usize> = (0..3).filter(|c| chosen >> c & 1 == 1).collect();
-        let matrix = DMatrix::from_fn(rows, columns.len(), |r, k| {
-            count(r, columns[k]) / largest[columns[k]]
-        });
-        let normal = (matrix.transpose() * &matrix).cholesky();
-        let Some(found) = normal.map(|n| n.solve(&(matrix.transpose() * &wanted))) else {
-            continue;
-        };
-        let error = (&matrix * &found - &wanted).norm_squared();
-        if error < best.0 && found.iter().all(|&x| x >= 0.0) {
-            best = (error, [0.0; 3]);
-            for (&column, x) in columns.iter().zip(&found) {
-                best.1[column] = x / largest[column];
-            }
+        let fitted = fit_some(measured, &columns, start);
+        if let Some(found) = fitted.filter(|f| f.misfit < best.misfit) {
+            best = found;
         }
     }
-    best.1
+    best
+}
+
+/// The same with some of the costs; none where one of them is negative, or cannot be told from another.
+fn fit_some(
+    measured: &[(CountingWork, f64)],
+    columns: &[usize],
+    start: CountingCost,
+) -> Option<CountingCost> {
+    /// Least squares, each time with weights by the fit before.
+    const ROUNDS: usize = 30;
+    let count = |work: &CountingWork, column: usize| {
+        // In millions, since costs are in nanoseconds and times in milliseconds.
+        [work.segments, work.links, work.tests][column] as f64 * 1e-6
+    };
+    let mut cost = start;
+    let mut predicted: Vec<f64> = measured.iter().map(|m| m.1).collect();
+    for _ in 0..ROUNDS {
+        // (p - t) / sqrt(p t) is the logarithm of p / t where that is small, and the same for its inverse.
+        let weight = |r: usize| 1.0 / (predicted[r] * measured[r].1).sqrt();
+        let weighted = |r: usize, c: usize| count(&measured[r].0, c) * weight(r);
+        let rows = measured.len();
+        // Columns of very different sizes are made equal.
+        let largest = |c| (0..rows).fold(1e-300, |m: f64, r| m.max(weighted(r, c)));
+        let sizes: Vec<f64> = columns.iter().map(|&c| largest(c)).collect();
+        let matrix = DMatrix::from_fn(rows, columns.len(), |r, k| {
+            weighted(r, columns[k]) / sizes[k]
+        });
+        let wanted = DVector::from_fn(rows, |r, _| {
+            (measured[r].1 - start.round_trip_ms) * weight(r)
+        });
+        let normal = (matrix.transpose() * &matrix).cholesky()?;
+        let found = normal.solve(&(matrix.transpose() * &wanted));
+        for ((&column, size), x) in columns.iter().zip(&sizes).zip(&found) {
+            if x.is_nan() || *x < 0.0 {
+                return None;
+            }
+            let to = [&mut cost.segment_ns, &mut cost.link_ns, &mut cost.test_ns];
+            if let Some(to) = to.into_iter().nth(column) {
+                *to = x / size;
+            }
+        }
+        predicted = measured.iter().map(|m| cost.adapter_ms(m.0)).collect();
+    }
+    let squares = predicted
+        .iter()
+        .zip(measured)
+        .map(|(p, m)| (p / m.1).ln().powi(2));
+    cost.misfit = (squares.sum::<f64>() / measured.len() as f64).sqrt().exp();
+    Some(cost)
 }
 
 #[cfg(test)]
@@ -283,6 +317,7 @@ mod tests {
             segment_ns: segment,
             link_ns: link,
             test_ns: test,
+            misfit: 1.0,
             processor_factor: 1.0,
         };
         let row = |[segments, links, tests]: [u64; 3]| {
@@ -303,10 +338,16 @@ mod tests {
             [0.1, 0.0, 200.0, 10.0],
             [0.01, 1.0, 0.0, 0.1],
         ] {
-            let found = fit(&times(cost), cost[0]);
-            for (found, want) in found.iter().zip(&cost[1..]) {
-                assert!((found * 1e6 - want).abs() <= 1e-6, "{found} {want}");
+            let found = fit(&times(cost), cost[0], 1.5);
+            let costs = [found.segment_ns, found.link_ns, found.test_ns];
+            for (found, want) in costs.iter().zip(&cost[1..]) {
+                assert!((found - want).abs() <= 1e-6, "{found} {want}");
             }
+            assert!((found.misfit - 1.0).abs() < 1e-6);
+            assert_eq!(
+                (found.round_trip_ms, found.processor_factor),
+                (cost[0], 1.5)
+            );
         }
     }
 
@@ -316,10 +357,32 @@ mod tests {
         for ((_, ms), noise) in rows.iter_mut().zip([1.2, 0.85, 1.15, 0.9, 0.8, 1.1]) {
             *ms *= noise;
         }
-        let [segment, link, test] = fit(&rows, 0.5).map(|ms| ms * 1e6);
-        assert!([segment, link, test].iter().all(|&x| x >= 0.0));
-        for ((_, ms), (_, predicted)) in rows.iter().zip(times([0.5, segment, link, test])) {
-            assert!((0.6..1.6).contains(&(predicted / ms)), "{predicted} {ms}");
+        let found = fit(&rows, 0.5, 1.0);
+        assert!(
+            [found.segment_ns, found.link_ns, found.test_ns]
+                .iter()
+                .all(|&x| x >= 0.0)
+        );
+        assert!((1.0..1.3).contains(&found.misfit), "{found:?}");
+        for (work, ms) in rows {
+            let ratio = found.adapter_ms(work) / ms;
+            assert!((0.6..1.6).contains(&ratio), "{ratio}");
         }
+    }
+
+    /// Counts do not tell the whole: what is predicted too high and too low is so by as much.
+    #[test]
+    fn a_bad_fit_is_no_bias_and_says_so() {
+        let mut rows = times([0.1, 0.0, 0.0, 10.0]);
+        for ((_, ms), off) in rows.iter_mut().zip([1.0, 9.0, 1.0, 9.0, 1.0, 9.0]) {
+            *ms *= off;
+        }
+        let found = fit(&rows, 0.1, 1.0);
+        assert!((2.0..4.0).contains(&found.misfit), "{found:?}");
+        let ratios = rows
+            .iter()
+            .map(|(work, ms)| (found.adapter_ms(*work) / ms).ln());
+        let bias = (ratios.sum::<f64>() / rows.len() as f64).exp();
+        assert!((0.7..1.4).contains(&bias), "{bias}");
     }
 }

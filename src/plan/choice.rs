@@ -102,6 +102,8 @@ fn counting_work(scene: Scene<'_>, links: &[Pair], tests: u64) -> CountingWork {
 pub(super) struct Forecast {
     /// Counting all of them on the adapter.
     pub adapter_ms: f64,
+    /// By what factor that is off, typically.
+    pub misfit: f64,
     /// The best way of the processor.
     pub processor_ms: f64,
 }
@@ -118,12 +120,14 @@ impl Forecast {
         let cost = calibration.crossings;
         Forecast {
             adapter_ms: cost.adapter_ms(counting_work(scene, links, sample.work.tests)),
+            misfit: cost.misfit,
             processor_ms: cost.processor_factor * on_processor(scene, links, long, sample),
         }
     }
 
+    /// By more than the prediction is off.
     fn adapter_wins(self) -> bool {
-        self.adapter_ms < self.processor_ms
+        self.misfit * self.adapter_ms < self.processor_ms
     }
 }
 

@@ -166,9 +166,10 @@ impl fmt::Display for DevicePlan {
             (true, _) => write!(f, "{adapter} counts")?,
             (false, Some((there, here))) => write!(
                 f,
-                "the processor counts, in {} ({adapter}: {})",
+                "the processor counts, in {} ({adapter}: {}, give or take a factor of {:.1})",
                 millis(here),
-                millis(there)
+                millis(there),
+                self.adapter_misfit.unwrap_or(1.0),
             )?,
             (false, None) => write!(f, "the processor counts")?,
         }

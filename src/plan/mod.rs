@@ -219,6 +219,8 @@ pub struct DevicePlan {
     /// What counting is predicted to take there, in milliseconds, with the choice of directions; none where it was never
     /// measured, and for splines.
     pub adapter_ms: Option<f64>,
+    /// By what factor that is off, typically: crossings are counted on an adapter that is ours to choose where it wins by more.
+    pub adapter_misfit: Option<f64>,
     /// What linking numbers are predicted to take on this processor, likewise.
     pub processor_ms: Option<f64>,
     /// Pairs of segments from which on direct sums go there; none where they never do.
@@ -237,6 +239,7 @@ impl DevicePlan {
             adapter: offer.adapter.into(),
             chosen,
             adapter_ms: forecast.map(|f| f.adapter_ms),
+            adapter_misfit: forecast.map(|f| f.misfit),
             processor_ms: forecast.map(|f| f.processor_ms),
             direct_from: from(|c| c.direct),
             barnes_hut_from: from(|c| c.barnes_hut),
