@@ -263,8 +263,16 @@ fn fit_some(
     let mut cost = start;
     let mut predicted: Vec<f64> = measured.iter().map(|m| m.1).collect();
     for _ in 0..ROUNDS {
-        // (p - t) / sqrt(p t) is the logarithm of p / t where that is small, and the same for its inverse.
-        let weight = |r: usize| 1.0 / (predicted[r] * measured[r].1).sqrt();
+        // So that w^2 (p - t) is the derivative of ln(p / t)^2 / 2, by which the best p is found.
+        let weight = |r: usize| {
+            let (p, t) = (predicted[r], measured[r].1);
+            let ratio = p / t;
+            let slope = match (ratio - 1.0).abs() < 1e-6 {
+                true => 1.0,
+                false => ratio.ln() / (ratio - 1.0),
+            };
+            (slope / (p * t)).sqrt()
+        };
         let weighted = |r: usize, c: usize| count(&measured[r].0, c) * weight(r);
         let rows = measured.len();
         // Columns of very different sizes are made equal.
