@@ -123,7 +123,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut outcome = Outcome::Fine;
     for path in &args.models {
         if let Some(n) = args.repeat {
-            outcome = outcome.max(measure::run(path, n, json)?);
+            outcome = outcome.max(measure::run(path, n, &args.kernel.device, json)?);
             continue;
         }
         let c = certify(path, args)?;

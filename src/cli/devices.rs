@@ -6,18 +6,17 @@ use linkwatch::kernels::{Device, DeviceInfo, devices};
 use std::path::PathBuf;
 
 /// List the graphics processors that kernels can run on; measure them
+///
+/// `linkwatch devices --calibrate --measure` measures all there is to measure of one: what kernels cost there and here, kept for
+/// `--device auto`, and the sizes of scenes from which on each of them is faster there.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Measure every kernel on these models or scenes, whole frames and frames that are on the device already, beside
-    /// the processor
-    #[arg(
-        long,
-        value_name = "MODEL|SCENE",
-        num_args = 0..,
-        default_missing_values = DEFAULT_SCENES,
-    )]
+    /// the processor; on scenes of growing size where none is named, and say from where on the device is faster
+    #[arg(long, value_name = "MODEL|SCENE", num_args = 0..)]
     measure: Option<Vec<PathBuf>>,
-    /// Measure what a direct sum takes there and here, and keep it: `--device auto` goes by that
+    /// Measure what counting crossings, direct sums and Barnes-Hut cost there and here, and keep it: `--device auto` goes
+    /// by that
     #[arg(long)]
     calibrate: bool,
     /// The one to measure: gpu, or the name of an adapter
@@ -31,24 +30,16 @@ pub struct Args {
     limit: f64,
 }
 
-/// What a device is measured on where nothing is named.
-const DEFAULT_SCENES: [&str; 3] = [
-    "ribbon:segments=200000,lambda=10",
-    "chainmail",
-    "square_link",
-];
-
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if args.calibrate {
         calibrate(&args.device, json)?;
     }
-    let mut outcome = Outcome::Fine;
-    for input in args.measure.iter().flatten() {
-        outcome = outcome.max(measure(args, input, json)?);
+    if let Some(inputs) = &args.measure {
+        return measure(args, inputs, json);
     }
-    if args.calibrate || args.measure.is_some() {
-        return Ok(outcome);
+    if args.calibrate {
+        return Ok(Outcome::Fine);
     }
     let all = devices();
     if json {
@@ -91,65 +82,273 @@ fn lines(d: &DeviceInfo) -> Vec<String> {
 }
 
 #[cfg(feature = "gpu")]
-fn calibrate(device: &Device, json: bool) -> Result<()> {
-    let c = linkwatch::kernels::calibrate(device)?;
-    let file = c.keep()?;
-    if json {
-        return output::json(&serde_json::json!({
-            "adapter": c.adapter,
-            "driver": c.driver,
-            "threads": c.threads,
-            "round_trip_ms": c.round_trip_ms,
-            "pair_ns": c.pair_ns,
-            "processor_pair_ns": c.processor_pair_ns,
-            "file": file,
-        }));
-    }
-    output::line(format_args!(
-        "{}: {:.3} ms and {:.4} ns a pair of segments; the processor, {}: {:.4} ns; kept in {}",
-        c.adapter,
-        c.round_trip_ms,
-        c.pair_ns,
-        output::plural(c.threads as u64, "thread"),
-        c.processor_pair_ns,
-        file.display(),
-    ))
-}
+use measured::{calibrate, measure};
 
+/// What needs an adapter.
 #[cfg(feature = "gpu")]
-fn measure(args: &Args, input: &std::path::Path, json: bool) -> Result<Outcome> {
-    let set = super::input::read(input)?;
-    let all = linkwatch::kernels::measure_device(&args.device, &set, args.repeat, args.limit)?;
-    if json {
-        output::json(&serde_json::json!({ "model": input, "kernels": all }))?;
-    } else {
-        output::line(format_args!(
-            "{}: kernel, precision, whole frame, vertices on the device, processor (ms); largest error, undecided",
-            input.display()
-        ))?;
+mod measured {
+    use super::{Args, Outcome, output};
+    use crate::cli::input;
+    use linkwatch::kernels::{Device, DeviceTimes, Method, Precision, SumCost, measure_device};
+    use linkwatch::{AbortOn, Result, Verifier};
+    use serde_json::json;
+    use std::path::{Path, PathBuf};
+
+    /// A scene in growing sizes, for a kernel.
+    struct Sizes {
+        kernel: Method,
+        /// What grows.
+        scene: &'static str,
+        /// On an adapter, and smaller ones on the processor in disguise.
+        sizes: [[&'static str; 3]; 2],
     }
-    let mut outcome = Outcome::Fine;
-    for t in &all {
-        if !t.equal {
-            let precision = t.precision.word();
-            tracing::error!("{}, {precision}: not the exact numbers", t.kernel);
-            outcome = Outcome::Changed;
+
+    const SIZES: [Sizes; 5] = [
+        Sizes {
+            kernel: Method::Crossings,
+            scene: "chainmail",
+            sizes: [
+                [
+                    "rows=14,columns=21",
+                    "rows=56,columns=84",
+                    "rows=224,columns=336",
+                ],
+                [
+                    "rows=7,columns=10",
+                    "rows=20,columns=30",
+                    "rows=56,columns=84",
+                ],
+            ],
+        },
+        Sizes {
+            kernel: Method::Crossings,
+            scene: "square_link",
+            sizes: [
+                [
+                    "loops=60,segments=6000",
+                    "loops=300,segments=100000",
+                    "loops=1250,segments=500000",
+                ],
+                [
+                    "loops=20,segments=2000",
+                    "loops=60,segments=6000",
+                    "loops=200,segments=40000",
+                ],
+            ],
+        },
+        Sizes {
+            kernel: Method::Crossings,
+            scene: "torus_link",
+            sizes: [
+                [
+                    "segments=20000,toroidal=50,poloidal=50",
+                    "segments=400000,toroidal=200,poloidal=200",
+                    "segments=4000000,toroidal=500,poloidal=500",
+                ],
+                [
+                    "segments=2000,toroidal=10,poloidal=10",
+                    "segments=10000,toroidal=50,poloidal=50",
+                    "segments=40000,toroidal=100,poloidal=100",
+                ],
+            ],
+        },
+        Sizes {
+            kernel: Method::Direct,
+            scene: "ribbon",
+            sizes: [
+                ["segments=2000", "segments=20000", "segments=200000"],
+                ["segments=500", "segments=2000", "segments=10000"],
+            ],
+        },
+        Sizes {
+            kernel: Method::BarnesHut,
+            scene: "knit",
+            sizes: [
+                [
+                    "rows=10,stitches=40,segments=4000",
+                    "rows=40,stitches=100,segments=48000",
+                    "rows=250,stitches=90,segments=270000",
+                ],
+                [
+                    "rows=3,stitches=16,segments=480",
+                    "rows=10,stitches=40,segments=4000",
+                    "rows=20,stitches=60,segments=14400",
+                ],
+            ],
+        },
+    ];
+
+    /// Measures and keeps what choices go by.
+    pub fn calibrate(device: &Device, json: bool) -> Result<()> {
+        let c = linkwatch::plan::calibrate(device)?;
+        let file = c.keep()?;
+        if json {
+            return output::json(&json!({ "calibration": c, "file": file }));
         }
-        if !json {
-            let processor = t.processor_ms.map_or("-".into(), |ms| format!("{ms:.2}"));
+        output::line(format_args!(
+            "{}, beside the processor on {}; kept in {}",
+            c.adapter,
+            output::plural(c.threads as u64, "thread"),
+            file.display(),
+        ))?;
+        let sum = |name: &str, unit: &str, cost: SumCost| {
+            let from = match cost.break_even() {
+                Some(n) => format!("faster from {} on", output::count(n)),
+                None => "never faster".into(),
+            };
             output::line(format_args!(
-                "  {:12} {:6} {:>10.2} {:>10.2} {processor:>10} {:>9.1e} {:>9}  {}",
-                t.kernel,
-                t.precision.word(),
-                t.whole_ms,
-                t.resident_ms,
-                t.largest_error,
-                t.undecided,
-                if t.equal { "equal" } else { "DIFFERS" },
+                "  {name}: {:.3} ms and {:.4} ns a {unit}; the processor {:.4} ns; {from}",
+                cost.round_trip_ms, cost.adapter_ns, cost.processor_ns,
+            ))
+        };
+        sum("direct sums", "pair of segments", c.direct)?;
+        sum("Barnes-Hut", "segment of a pair of curves", c.barnes_hut)?;
+        let k = c.crossings;
+        output::line(format_args!(
+            "  counting crossings: {:.3} ms and {:.2} ns a segment, {:.1} ns a potential link, {:.2} ns a test, \
+             give or take a factor of {:.1}; the processor {:.2} times its plan",
+            k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.misfit, k.processor_factor,
+        ))
+    }
+
+    /// Measures what is named, or else each kernel on scenes of growing size.
+    pub fn measure(args: &Args, inputs: &[PathBuf], json: bool) -> Result<Outcome> {
+        // Opened once for all.
+        let mut keeper = Verifier::new(AbortOn::Never);
+        keeper.set_device(&args.device)?;
+        let Some(device) = keeper.device() else {
+            return Err(linkwatch::Error::Device("no adapter was asked for".into()));
+        };
+        if !json {
+            let threads = output::plural(rayon::current_num_threads() as u64, "thread");
+            for line in [
+                format!(
+                    "{}: median milliseconds, boxes and potential links apart",
+                    device.name
+                ),
+                "  whole frame: vertices and lists made and sent, the kernel, results read back"
+                    .into(),
+                "  resident:    the same with the vertices there already".into(),
+                format!("  processor:   the same kernel on {threads} of the processor"),
+            ] {
+                output::line(line)?;
+            }
+            output::line(format_args!(
+                "  {:12} {:9} {:>12} {:>10} {:>10} {:>14} {:>10}",
+                "kernel",
+                "precision",
+                "whole frame",
+                "resident",
+                "processor",
+                "largest error",
+                "undecided"
             ))?;
         }
+        let mut outcome = Outcome::Fine;
+        for input in inputs {
+            let all = [Method::Crossings, Method::Direct, Method::BarnesHut];
+            let measured = measure_one(args, input, &all, json)?;
+            outcome = outcome.max(measured.outcome);
+        }
+        if !inputs.is_empty() {
+            return Ok(outcome);
+        }
+        let mut found = Vec::new();
+        for Sizes {
+            kernel,
+            scene,
+            sizes,
+        } in &SIZES
+        {
+            let mut from = None;
+            for parameters in sizes[usize::from(device.software)] {
+                let input = PathBuf::from(format!("{scene}:{parameters}"));
+                let measured = measure_one(args, &input, &[*kernel], json)?;
+                outcome = outcome.max(measured.outcome);
+                // A larger one that is slower again ends it.
+                let first = |t: &&DeviceTimes| t.precision == Precision::Single;
+                let faster = measured
+                    .times
+                    .iter()
+                    .filter(first)
+                    .all(DeviceTimes::is_faster);
+                from = from
+                    .filter(|_| faster)
+                    .or(faster.then_some(measured.segments));
+            }
+            found.push((kernel, scene, from));
+        }
+        for (kernel, scene, from) in found {
+            if json {
+                output::json(
+                    &json!({ "kernel": kernel, "scene": scene, "faster_from_segments": from }),
+                )?;
+                continue;
+            }
+            output::line(match from {
+                Some(n) => format!(
+                    "{kernel}: the device is faster from {scene} of {} on",
+                    output::plural(n, "segment")
+                ),
+                None => {
+                    format!("{kernel}: the device is never faster among these sizes of {scene}")
+                }
+            })?;
+        }
+        Ok(outcome)
     }
-    Ok(outcome)
+
+    /// What was measured on a scene.
+    struct Measured {
+        segments: u64,
+        times: Vec<DeviceTimes>,
+        outcome: Outcome,
+    }
+
+    fn measure_one(args: &Args, input: &Path, kernels: &[Method], json: bool) -> Result<Measured> {
+        let set = input::read(input)?;
+        let times = measure_device(&args.device, &set, kernels, args.repeat, args.limit)?;
+        let segments = set.segments() as u64;
+        if json {
+            output::json(&json!({ "model": input, "segments": segments, "kernels": times }))?;
+        } else {
+            output::line(format_args!(
+                "{}: {}, {}",
+                input.display(),
+                output::plural(segments, "segment"),
+                output::plural(
+                    times.first().map_or(0, |t| t.links as u64),
+                    "potential link"
+                ),
+            ))?;
+        }
+        let mut outcome = Outcome::Fine;
+        for t in &times {
+            if !t.equal {
+                let precision = t.precision.word();
+                tracing::error!("{}, {precision}: not the exact numbers", t.kernel);
+                outcome = Outcome::Changed;
+            }
+            if !json {
+                let processor = t.processor_ms.map_or("-".into(), |ms| format!("{ms:.2}"));
+                output::line(format_args!(
+                    "  {:12} {:9} {:>12.2} {:>10.2} {processor:>10} {:>14.1e} {:>10}  {}",
+                    t.kernel,
+                    t.precision.word(),
+                    t.whole_ms,
+                    t.resident_ms,
+                    t.largest_error,
+                    t.undecided,
+                    if t.equal { "equal" } else { "DIFFERS" },
+                ))?;
+            }
+        }
+        Ok(Measured {
+            segments,
+            times,
+            outcome,
+        })
+    }
 }
 
 #[cfg(not(feature = "gpu"))]
@@ -158,7 +357,7 @@ fn calibrate(_: &Device, _: bool) -> Result<()> {
 }
 
 #[cfg(not(feature = "gpu"))]
-fn measure(_: &Args, _: &std::path::Path, _: bool) -> Result<Outcome> {
+fn measure(_: &Args, _: &[PathBuf], _: bool) -> Result<Outcome> {
     Err(no_kernels())
 }
 

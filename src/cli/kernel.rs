@@ -24,7 +24,7 @@ pub struct KernelArgs {
     order: Option<u32>,
     /// Where the kernel runs: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
     #[arg(long, value_name = "DEVICE", default_value_t)]
-    device: Device,
+    pub device: Device,
 }
 
 impl KernelArgs {

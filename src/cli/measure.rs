@@ -5,6 +5,7 @@
 
 use super::output::{self, count, percent};
 use super::{Outcome, input};
+use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, CurveSet, Result, Stats, Timings, Verifier};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
@@ -33,11 +34,12 @@ pub struct Cost {
 }
 
 /// Certifies curves `n` times, at least once.
-pub fn measure(set: &CurveSet, n: u32) -> Measured {
+pub fn measure(set: &CurveSet, n: u32, device: &Device) -> Result<Measured> {
     let (mut first, mut later) = (Vec::new(), Vec::new());
     let (mut links, mut undefined, mut stats) = (0, 0, Stats::default());
     for _ in 0..n.max(1) {
         let mut verifier = Verifier::new(AbortOn::Never);
+        verifier.set_device(device)?;
         for costs in [&mut first, &mut later] {
             let start = cpu_ms();
             let (certificate, counts) = verifier.certify(set);
@@ -49,17 +51,17 @@ pub fn measure(set: &CurveSet, n: u32) -> Measured {
             });
         }
     }
-    Measured {
+    Ok(Measured {
         first: Cost::median(&first),
         later: Cost::median(&later),
         links,
         undefined,
         stats,
-    }
+    })
 }
 
 /// Certifies a model or a scene `n` times and prints medians.
-pub fn run(name: &Path, n: u32, as_json: bool) -> Result<Outcome> {
+pub fn run(name: &Path, n: u32, device: &Device, as_json: bool) -> Result<Outcome> {
     let set = input::read(name)?;
     let Measured {
         first,
@@ -67,7 +69,7 @@ pub fn run(name: &Path, n: u32, as_json: bool) -> Result<Outcome> {
         links,
         undefined,
         stats,
-    } = measure(&set, n);
+    } = measure(&set, n, device)?;
     let threads = rayon::current_num_threads();
     if as_json {
         output::json(&json!({

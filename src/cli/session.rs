@@ -7,6 +7,7 @@ use super::look_for::LookFor;
 use super::output::{self, count, millis, plural};
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 use linkwatch::Overflow;
+use linkwatch::kernels::Offload;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, Events, FrameRecord,
     PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
@@ -154,6 +155,8 @@ pub struct Judged {
     pub report: Arc<Report>,
     pub check: Duration,
     pub work: Work,
+    /// What a graphics processor was given.
+    pub offload: Offload,
     pub curves: Option<Arc<CurveSet>>,
 }
 
@@ -280,9 +283,9 @@ impl Session {
             Err(e) => (self.verifier.reject(seq, time, &e), None),
         };
         let check = took + start.elapsed();
-        let work = match report.verdict {
-            Verdict::Rejected => Work::default(),
-            _ => self.verifier.work(),
+        let (work, offload) = match report.verdict {
+            Verdict::Rejected => Default::default(),
+            _ => (self.verifier.work(), self.verifier.offload()),
         };
         if work.disagreed {
             tracing::error!(
@@ -295,6 +298,7 @@ impl Session {
             report: Arc::new(report),
             check,
             work,
+            offload,
             curves,
         })
     }
@@ -317,6 +321,7 @@ impl Session {
             report,
             check,
             work,
+            offload,
             curves,
         } = judged;
         self.tally = tally;
@@ -339,7 +344,7 @@ impl Session {
             self.checks.add(check);
             self.routes[work.route as usize] += 1;
         }
-        self.tell(&report, check, &work)?;
+        self.tell(&report, check, &work, offload)?;
         let record = Arc::new(FrameRecord {
             curves,
             report,
@@ -357,12 +362,19 @@ impl Session {
     }
 
     /// Says what this frame brought that was not said before.
-    fn tell(&mut self, report: &Report, check: Duration, work: &Work) -> Result<()> {
+    fn tell(
+        &mut self,
+        report: &Report,
+        check: Duration,
+        work: &Work,
+        offload: Offload,
+    ) -> Result<()> {
         if self.json {
             output::json(&serde_json::json!({
                 "report": report,
                 "ms": check.as_secs_f64() * 1e3,
                 "work": work,
+                "offload": offload,
                 "verified": self.tally.verified,
                 "skipped": self.tally.skipped,
                 "rejected": self.tally.rejected,
@@ -373,7 +385,7 @@ impl Session {
             report.seq,
             report.verdict,
             millis(check),
-            in_words(work),
+            in_words(work, offload),
             count(self.tally.verified),
             count(self.tally.skipped),
         ));
@@ -507,7 +519,7 @@ impl Session {
 }
 
 /// What a frame took, in a few words.
-fn in_words(work: &Work) -> String {
+fn in_words(work: &Work, offload: Offload) -> String {
     let age = match work.reference_age {
         Some(age) => format!(", reference {}", plural(age, "frame")),
         None => String::new(),
@@ -519,7 +531,14 @@ fn in_words(work: &Work) -> String {
                 0 => String::new(),
                 n => format!(", {} decided by sums", count(n)),
             };
-            format!("full, {}{summed}{age}", plural(work.recomputed, "pair"))
+            let offloaded = match offload.tests {
+                0 => String::new(),
+                n => format!(", {} on the device", plural(n, "test")),
+            };
+            format!(
+                "full, {}{summed}{offloaded}{age}",
+                plural(work.recomputed, "pair")
+            )
         }
         Route::Partial => format!(
             "{} of {} blocks marked, {} recomputed{age}",

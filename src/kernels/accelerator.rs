@@ -1,15 +1,20 @@
 //! A graphics processor for kernels, where there is one and it was asked for.
 
+use super::calibration::Calibration;
 use super::crossings::Scene;
 use super::device::{Device, DeviceInfo};
 use super::{Counted, Summation};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::pairs::Pair;
+use std::sync::Arc;
 
 #[cfg(feature = "gpu")]
-use super::gpu::{self, Calibration, Frame, Gpu, Trouble};
-use std::sync::Arc;
+use super::calibration::{segment_pairs, segments};
+#[cfg(feature = "gpu")]
+use super::gpu::{self, Frame, Gpu, Trouble};
+#[cfg(feature = "gpu")]
+use std::sync::OnceLock;
 
 /// Tests for crossings that a graphics processor was given in the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -23,22 +28,36 @@ pub struct Offload {
 /// The adapter in use, or none: then everything runs on the processor.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Accelerator {
+    /// Opened at once where it was asked for. One that is ours to choose is opened when it is first chosen, since that takes
+    /// longer than many a frame; none where that failed.
     #[cfg(feature = "gpu")]
-    gpu: Option<Arc<Gpu>>,
+    gpu: OnceLock<Option<Arc<Gpu>>>,
+    /// The one that was asked for: it gets all that it can do.
+    asked_for: Option<DeviceInfo>,
     /// What says where the adapter wins, where it is for us to choose.
-    #[cfg(feature = "gpu")]
     calibration: Option<Calibration>,
-    /// The vertices of the frame in work, where they were sent ahead.
+    /// The vertices of the frame in work, where they were sent.
     #[cfg(feature = "gpu")]
-    ahead: Option<Arc<Frame>>,
+    sent: Option<Arc<Frame>>,
     /// The frame after the one in work, where it is known.
     #[cfg(feature = "gpu")]
     announced: Option<Arc<CurveSet>>,
     /// That frame, once its vertices were sent.
     #[cfg(feature = "gpu")]
-    sent: Option<(Arc<CurveSet>, Arc<Frame>)>,
+    sent_ahead: Option<(Arc<CurveSet>, Arc<Frame>)>,
     /// Of the last frame.
     offload: Offload,
+}
+
+/// An adapter that work may go to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Offer<'a> {
+    /// Its name.
+    pub adapter: &'a str,
+    /// Whether it was asked for, and gets the work wherever it can do it.
+    pub asked_for: bool,
+    /// What it was measured to take.
+    pub calibration: Option<&'a Calibration>,
 }
 
 impl Accelerator {
@@ -47,29 +66,31 @@ impl Accelerator {
     /// Errors: [`Error::Device`] where it was asked for by name or as such and there is none that can be used.
     #[cfg(feature = "gpu")]
     pub fn open(device: &Device) -> Result<Accelerator> {
-        let open = |device: &Device| {
-            let opened = Gpu::shared(device);
-            opened.map_err(|trouble| Error::Device(trouble.to_string()))
-        };
-        let mut chosen = Accelerator::default();
         match device {
-            Device::Cpu => {}
-            Device::Gpu | Device::Named(_) => chosen.gpu = Some(open(device)?),
-            // No adapter is opened that was never measured, and none is missed.
-            Device::Auto => {
-                if let Some(calibration) = Calibration::fastest() {
-                    let adapter = Device::Named(calibration.adapter.clone());
-                    match open(&adapter) {
-                        Ok(gpu) if calibration.is_of(&gpu.info()) => {
-                            (chosen.gpu, chosen.calibration) = (Some(gpu), Some(calibration));
-                        }
-                        Ok(_) => {}
-                        Err(e) => tracing::debug!("{e}"),
-                    }
-                }
+            Device::Cpu => Ok(Accelerator::default()),
+            Device::Gpu | Device::Named(_) => {
+                let opened = Gpu::shared(device);
+                let gpu = opened.map_err(|trouble| Error::Device(trouble.to_string()))?;
+                let info = gpu.info();
+                Ok(Accelerator {
+                    gpu: OnceLock::from(Some(gpu)),
+                    calibration: Calibration::of(&info),
+                    asked_for: Some(info),
+                    ..Accelerator::default()
+                })
             }
+            // No adapter is opened that was never measured, and none is missed.
+            Device::Auto => Ok(Accelerator::choosing_by(Calibration::fastest())),
         }
-        Ok(chosen)
+    }
+
+    /// The adapter of a calibration, where that says that it wins.
+    #[cfg(feature = "gpu")]
+    pub fn choosing_by(calibration: Option<Calibration>) -> Accelerator {
+        Accelerator {
+            calibration,
+            ..Accelerator::default()
+        }
     }
 
     /// Opens a device: this build knows none but the processor.
@@ -85,12 +106,61 @@ impl Accelerator {
         }
     }
 
-    /// Which adapter it is.
+    /// The adapter, opened.
+    #[cfg(feature = "gpu")]
+    fn gpu(&self) -> Option<&Arc<Gpu>> {
+        let opened = self.gpu.get_or_init(|| {
+            let calibration = self.calibration.as_ref()?;
+            let name = &calibration.adapter;
+            match Gpu::shared(&Device::Named(name.clone())) {
+                Ok(gpu) if calibration.is_of(&gpu.info()) => Some(gpu),
+                Ok(_) => {
+                    tracing::info!(
+                        "{name} is not as it was measured (linkwatch devices --calibrate)"
+                    );
+                    None
+                }
+                Err(trouble) => {
+                    tracing::info!("{name}, which was measured, cannot be used: {trouble}");
+                    None
+                }
+            }
+        });
+        opened.as_ref()
+    }
+
+    /// Which adapter it is, once it is open.
     pub fn info(&self) -> Option<DeviceInfo> {
         #[cfg(feature = "gpu")]
-        return self.gpu.as_ref().map(|gpu| gpu.info());
+        return self.gpu.get()?.as_ref().map(|gpu| gpu.info());
         #[cfg(not(feature = "gpu"))]
         None
+    }
+
+    /// Whether there is an adapter that can be used; opens it.
+    pub fn answers(&self) -> bool {
+        #[cfg(feature = "gpu")]
+        return self.gpu().is_some();
+        #[cfg(not(feature = "gpu"))]
+        false
+    }
+
+    /// The adapter, for those who choose; none where there is none.
+    pub fn offer(&self) -> Option<Offer<'_>> {
+        #[cfg(feature = "gpu")]
+        if matches!(self.gpu.get(), Some(None)) {
+            return None;
+        }
+        let calibration = self.calibration.as_ref();
+        let adapter = match &self.asked_for {
+            Some(info) => &info.name,
+            None => &calibration?.adapter,
+        };
+        Some(Offer {
+            adapter,
+            asked_for: self.asked_for.is_some(),
+            calibration,
+        })
     }
 
     /// What the last frame gave it.
@@ -103,7 +173,7 @@ impl Accelerator {
         self.offload = Offload::default();
         #[cfg(feature = "gpu")]
         {
-            self.ahead = None;
+            self.sent = None;
         }
     }
 
@@ -117,72 +187,74 @@ impl Accelerator {
     #[cfg(not(feature = "gpu"))]
     pub fn announce(&mut self, _: &Arc<CurveSet>) {}
 
-    /// Lets go of a frame that was verified, whether it was sent or not.
+    /// Lets go of a frame that was verified, whether it was sent ahead or not.
     pub fn end_frame(&mut self, _set: &CurveSet) {
         #[cfg(feature = "gpu")]
         {
             self.announced = None;
-            self.sent.take_if(|(of, _)| std::ptr::eq(&**of, _set));
+            self.sent_ahead.take_if(|(of, _)| std::ptr::eq(&**of, _set));
         }
     }
 
-    /// Sends up the vertices of a frame whose crossings will be asked for, while the processor has other things to do.
+    /// Sends up the vertices of a frame whose crossings are sure to be counted there, while the processor has other things
+    /// to do.
     #[cfg(feature = "gpu")]
     pub fn send_ahead(&mut self, set: &CurveSet) {
-        let Some(gpu) = self.counter(set) else {
+        if self.asked_for.is_none() || !set.basis().is_polyline() {
             return;
-        };
-        let frame = match self.sent.take() {
-            Some((of, frame)) if std::ptr::eq(&*of, set) => frame,
+        }
+        if let Some(gpu) = self.gpu().cloned() {
+            let frame = self.frame(set);
+            if let Err(trouble) = gpu.send(&frame) {
+                self.give_up(&trouble);
+            }
+        }
+    }
+
+    /// The vertices of a set, which may be on the adapter already.
+    #[cfg(feature = "gpu")]
+    fn frame(&mut self, set: &CurveSet) -> Arc<Frame> {
+        let frame = match (self.sent.take(), self.sent_ahead.take()) {
+            (Some(frame), ahead) => {
+                self.sent_ahead = ahead;
+                frame
+            }
+            (None, Some((of, frame))) if std::ptr::eq(&*of, set) => frame,
             _ => Arc::new(Frame::new(set)),
         };
-        match gpu.send(&frame) {
-            Ok(()) => self.ahead = Some(frame),
-            Err(trouble) => self.give_up(&trouble),
-        }
+        self.sent = Some(Arc::clone(&frame));
+        frame
     }
 
     /// Sends nothing.
     #[cfg(not(feature = "gpu"))]
     pub fn send_ahead(&mut self, _: &CurveSet) {}
 
-    /// The adapter, where the crossings of a set are counted on it.
-    #[cfg(feature = "gpu")]
-    fn counter(&self, set: &CurveSet) -> Option<Arc<Gpu>> {
-        // Of counting, trees and directions take most of the time, and they are the processor's either way.
-        let asked_for = self.calibration.is_none() && set.basis().is_polyline();
-        self.gpu.clone().filter(|_| asked_for)
-    }
-
-    /// Whether the crossings of a set are counted on it.
-    pub fn counts(&self, set: &CurveSet) -> bool {
-        #[cfg(feature = "gpu")]
-        return self.counter(set).is_some();
-        #[cfg(not(feature = "gpu"))]
-        {
-            let _ = set;
-            false
-        }
-    }
-
     #[cfg(feature = "gpu")]
     fn give_up(&mut self, trouble: &Trouble) {
         tracing::warn!("from here on all is computed on the processor: {trouble}");
-        self.gpu = None;
-        (self.ahead, self.sent) = (None, None);
+        let offload = self.offload;
+        *self = Accelerator {
+            offload,
+            ..Accelerator::default()
+        };
     }
 
     /// Counts the crossings of all pairs, in parts that follow one another in the order of the pairs. None where that is left to
     /// the processor: without an adapter, for splines, and once it failed, which is said.
     #[cfg(feature = "gpu")]
     pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<Vec<Counted>> {
-        let gpu = self.counter(scene.set).filter(|_| !pairs.is_empty())?;
-        let ahead = self.ahead.clone();
-        let frame = ahead.unwrap_or_else(|| Arc::new(Frame::new(scene.set)));
+        if pairs.is_empty() || !scene.set.basis().is_polyline() {
+            return None;
+        }
+        let gpu = self.gpu()?.clone();
+        let frame = self.frame(scene.set);
         let next = self.announced.take();
         match gpu.count(&frame, scene, pairs, next.as_deref()) {
-            Ok(((parts, undecided), sent)) => {
-                self.sent = next.zip(sent.map(Arc::new));
+            Ok(((parts, undecided), ahead)) => {
+                if let Some(ahead) = next.zip(ahead.map(Arc::new)) {
+                    self.sent_ahead = Some(ahead);
+                }
                 self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
                 self.offload.undecided += undecided;
                 Some(parts)
@@ -200,17 +272,28 @@ impl Accelerator {
         None
     }
 
-    /// A kernel that sums on the adapter; that of the processor, which is made when it is needed, without one and where
-    /// it fails.
+    /// The adapter for a sum, where it was asked for or `wins` by its calibration.
+    #[cfg(feature = "gpu")]
+    fn summing(&self, wins: impl Fn(&Calibration) -> bool) -> Option<&Arc<Gpu>> {
+        let chosen = || self.calibration.as_ref().is_some_and(wins);
+        match self.asked_for.is_some() || chosen() {
+            true => self.gpu(),
+            false => None,
+        }
+    }
+
+    /// A kernel that sums these pairs on the adapter; that of the processor, which is made when it is needed, where the adapter
+    /// does not win, and where it fails.
     #[cfg(feature = "gpu")]
     pub fn direct_sum<'a>(
         &'a self,
         set: &'a CurveSet,
+        pairs: &[Pair],
         processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
-        match &self.gpu {
+        match self.summing(|c| c.direct.wins(segment_pairs(set, pairs))) {
             Some(gpu) => {
-                let sum = gpu::DirectSum::new(gpu, set, self.calibration.clone());
+                let sum = gpu::DirectSum::new(gpu, set);
                 Box::new(gpu::WithStandby::new(sum, processor))
             }
             None => processor(),
@@ -222,16 +305,18 @@ impl Accelerator {
     pub fn barnes_hut<'a>(
         &'a self,
         set: &CurveSet,
+        pairs: &[Pair],
         beta: Option<f64>,
         processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
-        match &self.gpu {
-            // Which of the two is faster depends on the scene; it is not measured.
-            Some(gpu) if self.calibration.is_none() => {
+        // Which of the two is faster with a beta is not measured.
+        let wins = |c: &Calibration| beta.is_none() && c.barnes_hut.wins(segments(set, pairs));
+        match self.summing(wins) {
+            Some(gpu) => {
                 let sum = gpu::BarnesHutSum::new(gpu, set, beta);
                 Box::new(gpu::WithStandby::new(sum, processor))
             }
-            _ => processor(),
+            None => processor(),
         }
     }
 
@@ -240,6 +325,7 @@ impl Accelerator {
     pub fn barnes_hut<'a>(
         &'a self,
         _: &CurveSet,
+        _: &[Pair],
         _: Option<f64>,
         processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
@@ -251,6 +337,7 @@ impl Accelerator {
     pub fn direct_sum<'a>(
         &'a self,
         _: &CurveSet,
+        _: &[Pair],
         processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
         processor()

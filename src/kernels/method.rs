@@ -72,18 +72,19 @@ impl Method {
         }
     }
 
-    /// The kernel that sums, ready for a set of polylines; none where crossings are counted or it is not known yet
+    /// The kernel that sums, ready for some pairs of a set of polylines; none where crossings are counted or it is not known yet
     /// what is. Both direct sums are one on an adapter.
     pub(crate) fn summation<'a>(
         self,
         polylines: &'a CurveSet,
         accuracy: Accuracy,
         accelerator: &'a Accelerator,
+        pairs: &[Pair],
     ) -> Option<Box<dyn Summation + 'a>> {
         let direct = |formula| {
             let processor =
                 move || -> Box<dyn Summation + 'a> { Box::new(Direct::new(polylines, formula)) };
-            accelerator.direct_sum(polylines, processor)
+            accelerator.direct_sum(polylines, pairs, processor)
         };
         Some(match self {
             Method::Auto | Method::Crossings => return None,
@@ -99,8 +100,9 @@ impl Method {
                     accept,
                     ..Options::default()
                 };
+                let Accuracy { beta, target, .. } = accuracy;
                 let processor = move || -> Box<dyn Summation + 'a> {
-                    match (accuracy.beta, accuracy.target) {
+                    match (beta, target) {
                         (Some(beta), None) => {
                             Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
                         }
@@ -116,13 +118,8 @@ impl Method {
                         }
                     }
                 };
-                match accuracy {
-                    Accuracy {
-                        beta,
-                        target: None,
-                        dipole: false,
-                        ..
-                    } => accelerator.barnes_hut(polylines, beta, processor),
+                match (target, accuracy.dipole) {
+                    (None, false) => accelerator.barnes_hut(polylines, pairs, beta, processor),
                     _ => processor(),
                 }
             }

@@ -17,6 +17,7 @@
 
 mod accelerator;
 pub(crate) mod barnes_hut;
+mod calibration;
 #[cfg(test)]
 mod conformance;
 mod counted;
@@ -31,14 +32,18 @@ pub(crate) mod interval;
 mod method;
 pub mod oracle;
 
-pub(crate) use accelerator::Accelerator;
 pub use accelerator::Offload;
+pub(crate) use accelerator::{Accelerator, Offer};
+#[cfg(feature = "gpu")]
+pub(crate) use calibration::segments;
+pub use calibration::{Calibration, CountingCost, SumCost};
+pub(crate) use calibration::{CountingWork, segment_pairs};
 pub(crate) use counted::Counted;
 pub use device::{Device, DeviceInfo, devices};
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;
 #[cfg(feature = "gpu")]
-pub use gpu::{Calibration, DeviceTimes, Precision, calibrate, measure as measure_device};
+pub use gpu::{DeviceTimes, Precision, measure as measure_device};
 pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};

@@ -97,6 +97,16 @@ impl Time {
     }
 }
 
+impl std::ops::Add for Time {
+    type Output = Time;
+
+    fn add(self, other: Time) -> Time {
+        Time {
+            ns: self.ns + other.ns,
+        }
+    }
+}
+
 /// Boxes of all segments.
 pub(super) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
     let segment = if basis.is_polyline() {

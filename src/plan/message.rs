@@ -1,6 +1,6 @@
 //! A plan in words, a line a stage.
 
-use super::{DiscretizationChoice, Parallelism, Plan, Prediction, Search};
+use super::{DevicePlan, DiscretizationChoice, Parallelism, Plan, Prediction, Search};
 use crate::pairs::SMALL;
 use std::fmt;
 
@@ -87,7 +87,12 @@ impl fmt::Display for Plan {
                 count(few),
             )?,
         }
-        writeln!(f, ": {}", direction.predicted)?;
+        let device = kernel.device.as_ref();
+        let on_adapter = device.filter(|d| d.chosen);
+        match on_adapter.and_then(|d| d.adapter_ms) {
+            Some(_) => writeln!(f, ": a part of the kernel")?,
+            None => writeln!(f, ": {}", direction.predicted)?,
+        }
         match discretization.choice {
             DiscretizationChoice::None => writeln!(f, "discretization: none (polylines)")?,
             DiscretizationChoice::PairByPair => writeln!(
@@ -110,11 +115,17 @@ impl fmt::Display for Plan {
                 plural(n, "link")
             ),
         };
-        writeln!(
+        let where_to = match on_adapter {
+            Some(device) => format!(" on {}", device.adapter),
+            None => format!(
+                ", {parallelism}, {} of {} busy",
+                kernel.busy_threads,
+                plural(*threads, "thread")
+            ),
+        };
+        write!(
             f,
-            "kernel: {first}crossings (exact), {parallelism}, {} of {} busy; {} of {} sampled, {} and {} expected: {}",
-            kernel.busy_threads,
-            plural(*threads, "thread"),
+            "kernel: {first}crossings (exact){where_to}; {} of {} sampled, {} and {} expected: ",
             count(kernel.sampled),
             plural(links.links, "link"),
             plural(
@@ -122,12 +133,56 @@ impl fmt::Display for Plan {
                 "node pair"
             ),
             plural(kernel.work.tests as usize, "test"),
-            kernel.predicted,
         )?;
+        match on_adapter {
+            None => writeln!(f, "{}", kernel.predicted)?,
+            Some(DevicePlan {
+                adapter_ms: Some(adapter),
+                processor_ms: Some(processor),
+                ..
+            }) => writeln!(
+                f,
+                "{} (processor: {})",
+                millis(*adapter),
+                millis(*processor)
+            )?,
+            Some(_) => writeln!(f, "never measured there (processor: {})", kernel.predicted)?,
+        }
+        if let Some(device) = device {
+            writeln!(f, "device: {device}")?;
+        }
         write!(
             f,
             "total: {} beside the curves: {predicted}",
             megabytes(*bytes)
+        )
+    }
+}
+
+impl fmt::Display for DevicePlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let adapter = &self.adapter;
+        match (self.chosen, self.adapter_ms.zip(self.processor_ms)) {
+            (true, _) => write!(f, "{adapter} counts")?,
+            (false, Some((there, here))) => write!(
+                f,
+                "the processor counts, in {} ({adapter}: {}, give or take a factor of {:.1})",
+                millis(here),
+                millis(there),
+                self.adapter_misfit.unwrap_or(1.0),
+            )?,
+            (false, None) => write!(f, "the processor counts")?,
+        }
+        let from = |from: Option<u64>, noun: &str| match from {
+            Some(0) => "all".to_owned(),
+            Some(n) => format!("from {} on", plural(n as usize, noun)),
+            None => "never".to_owned(),
+        };
+        write!(
+            f,
+            "; direct sums there: {}, Barnes-Hut: {}",
+            from(self.direct_from, "segment pair"),
+            from(self.barnes_hut_from, "segment"),
         )
     }
 }

@@ -15,6 +15,10 @@
 //! clock. The counts of the first stages are those of the scene; those of the linking numbers are extrapolated from
 //! a sample (see [`Plan::of`]).
 //!
+//! With a device ([`Plan::on`]), a plan also says whether crossings are counted on an adapter. What an adapter takes follows from
+//! the same counts and from what was measured on it (`calibrate`); the processor beside it is taken as it was measured then, times
+//! one factor.
+//!
 //! The table was measured on one machine; another one is faster or slower throughout. A prediction is for frames
 //! after the first, whose buffers are in place.
 //!
@@ -42,17 +46,23 @@
 //! Not in the model: other caches than the last, and processors without AVX2, where all takes longer. Where more than
 //! 64 potential links differ much, a rare one of much work may be missed by the sample.
 
+#[cfg(feature = "gpu")]
+mod calibrate;
 mod choice;
 mod costs;
 mod message;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use choice::{LongLink, worth_summing};
+#[cfg(feature = "gpu")]
+pub use calibrate::calibrate;
+pub(crate) use choice::{LongLink, Way, goes_to_adapter};
 
+use self::choice::{Forecast, worth_summing};
 use crate::curve::CurveSet;
-use crate::kernels::KernelWork;
+use crate::error::Result;
 use crate::kernels::crossings::{Scene, Workspaces, by_formula, sample, shares_out};
+use crate::kernels::{Accelerator, Calibration, Device, KernelWork, Method, Offer, SumCost};
 use crate::pairs::{CurveTree, LinkSearch, Pair, Trees};
 use crate::verifier::{degenerate_curves, links_per_task, potential_links};
 use rayon::prelude::*;
@@ -192,8 +202,49 @@ pub struct KernelPlan {
     pub sampled: usize,
     /// KernelWork of all potential links, extrapolated from these.
     pub work: KernelWork,
-    /// What it costs beside the choice of directions and the discretization.
+    /// What it costs beside the choice of directions and the discretization. Where crossings are counted on an adapter that
+    /// was measured, what that takes, with the choice of directions.
     pub predicted: Prediction,
+    /// The adapter, where there is one to choose.
+    pub device: Option<DevicePlan>,
+}
+
+/// An adapter, and what goes there.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DevicePlan {
+    /// Its name.
+    pub adapter: String,
+    /// Whether crossings are counted on it; else on the processor. Those of splines always are.
+    pub chosen: bool,
+    /// What counting is predicted to take there, in milliseconds, with the choice of directions; none where it was never
+    /// measured, and for splines.
+    pub adapter_ms: Option<f64>,
+    /// By what factor that is off, typically: crossings are counted on an adapter that is ours to choose where it wins by more.
+    pub adapter_misfit: Option<f64>,
+    /// What linking numbers are predicted to take on this processor, likewise.
+    pub processor_ms: Option<f64>,
+    /// Pairs of segments from which on direct sums go there; none where they never do.
+    pub direct_from: Option<u64>,
+    /// Segments of all potential links from which on Barnes-Hut by the bound goes there.
+    pub barnes_hut_from: Option<u64>,
+}
+
+impl DevicePlan {
+    fn of(offer: Offer<'_>, chosen: bool, forecast: Option<Forecast>) -> DevicePlan {
+        let from = |sum: fn(&Calibration) -> SumCost| match offer.asked_for {
+            true => Some(0),
+            false => sum(offer.calibration?).break_even(),
+        };
+        DevicePlan {
+            adapter: offer.adapter.into(),
+            chosen,
+            adapter_ms: forecast.map(|f| f.adapter_ms),
+            adapter_misfit: forecast.map(|f| f.misfit),
+            processor_ms: forecast.map(|f| f.processor_ms),
+            direct_from: from(|c| c.direct),
+            barnes_hut_from: from(|c| c.barnes_hut),
+        }
+    }
 }
 
 /// Kernels that go first.
@@ -221,12 +272,26 @@ pub enum Parallelism {
 }
 
 impl Plan {
-    /// The plan for a frame, on the threads of the rayon pool that it is called in.
+    /// The plan for a frame, on the threads of the rayon pool that it is called in, with no other device than the processor.
     ///
     /// Cost: the boxes and the search of a verification, then a sample of the links. It is drawn evenly along the list,
     /// on which each takes as much room as it has segments: 64 of them, or all where there are no more; and of each
     /// some hundred node pairs a level of its trees. That is a few milliseconds, whatever the length of the curves.
     pub fn of(set: &CurveSet) -> Plan {
+        Plan::with(set, None)
+    }
+
+    /// The plan for a frame of a verifier with this device ([`Verifier::set_device`](crate::Verifier::set_device)).
+    ///
+    /// Errors: [`Error::Device`](crate::Error::Device) where it was asked for and there is none of that name, or none that can
+    /// be used.
+    pub fn on(set: &CurveSet, device: &Device) -> Result<Plan> {
+        let accelerator = Accelerator::open(device)?;
+        let offer = accelerator.offer().filter(|_| accelerator.answers());
+        Ok(Plan::with(set, offer))
+    }
+
+    fn with(set: &CurveSet, offer: Option<Offer<'_>>) -> Plan {
         let threads = rayon::current_num_threads();
         let mut trees = Trees::default();
         trees.refit(set);
@@ -240,7 +305,17 @@ impl Plan {
             workspaces: &workspaces,
         };
         let sample = Sample::of(scene, links);
-        let long = worth_summing(scene, links);
+        let mut long = worth_summing(scene, links);
+        let way = Way::of(scene, links, Method::Auto, offer);
+        let on_adapter = matches!(way, Way::Count { on_adapter: true });
+        let device = offer.map(|offer| {
+            let forecast = (offer.calibration).filter(|_| set.basis().is_polyline());
+            let forecast = forecast.map(|c| Forecast::of(scene, links, &long, &sample, c));
+            DevicePlan::of(offer, on_adapter, forecast)
+        });
+        if on_adapter {
+            long.clear();
+        }
         let formula = |&&(i, j): &&Pair| {
             by_formula([i, j].map(|i| -> CurveTree<'_> { trees.of(set, i as usize) }))
         };
@@ -288,13 +363,7 @@ impl Plan {
             predicted: costs::potential_links(closed().count(), search.steps(), links)
                 .on(LinkSearch::tasks(whole).clamp(1, threads)),
         };
-        let tasks = links.div_ceil(links_per_task(links, threads));
-        let (parallelism, busy_threads) = match (threads, tasks) {
-            (1, _) | (_, 0) => (Parallelism::None, threads.min(tasks)),
-            _ if tasks < threads && sample.shared => (Parallelism::InsideLinks, threads),
-            (_, 1) => (Parallelism::None, 1),
-            _ => (Parallelism::OverLinks, threads.min(tasks)),
-        };
+        let (parallelism, busy_threads) = parallelism(links, threads, sample.shared);
         let work = sample.work;
         let coordinates = 3 * set.points() * set.precision().bytes();
         let busy = busy_threads.max(1);
@@ -306,16 +375,13 @@ impl Plan {
             },
             predicted: costs::discretization(work).on(busy),
         };
-        let direction = Directions {
+        let mut direction = Directions {
             by_formula,
             best_of_six: links - by_formula,
             predicted: costs::direction(links, work).on(busy),
         };
-        let mut time = costs::crossings(segments, work, coordinates + boxes.bytes);
-        for link in &long {
-            time = time.instead_of(link.counting, link.summing);
-        }
-        let kernel = KernelPlan {
+        let time = costs::crossings(segments, work, coordinates + boxes.bytes).with_sums(&long);
+        let mut kernel = KernelPlan {
             choice: match long[..] {
                 [] => Kernel::Crossings,
                 _ => Kernel::Fmm,
@@ -326,7 +392,17 @@ impl Plan {
             sampled: sample.links,
             work,
             predicted: time.on(busy),
+            device,
         };
+        let forecast = kernel.device.as_ref().filter(|d| d.chosen);
+        if let Some(ms) = forecast.and_then(|d| d.adapter_ms) {
+            // Directions are a part of it.
+            direction.predicted = Prediction::default();
+            kernel.predicted = Prediction {
+                one_thread_ms: ms,
+                ms,
+            };
+        }
         // Candidates of splines wait for their pair's discretization; those of polylines do not.
         let waiting = match discretization.choice {
             DiscretizationChoice::None => 0,
@@ -352,6 +428,17 @@ impl Plan {
                 ms: stages.iter().map(|p| p.ms).sum(),
             },
         }
+    }
+}
+
+/// What threads share in the kernel, and how many of them have something to do.
+fn parallelism(links: usize, threads: usize, shared: bool) -> (Parallelism, usize) {
+    let tasks = links.div_ceil(links_per_task(links, threads));
+    match (threads, tasks) {
+        (1, _) | (_, 0) => (Parallelism::None, threads.min(tasks)),
+        _ if tasks < threads && shared => (Parallelism::InsideLinks, threads),
+        (_, 1) => (Parallelism::None, 1),
+        _ => (Parallelism::OverLinks, threads.min(tasks)),
     }
 }
 
@@ -382,6 +469,8 @@ impl Sample {
             .map(|&(k, factor)| {
                 let mut workspace = scene.workspaces.take();
                 let work = sample(scene, links[k], &mut workspace);
+                // What is looked at is not done.
+                workspace.take_stats();
                 scene.workspaces.put(workspace);
                 (work, factor)
             })

@@ -171,3 +171,111 @@ fn few_are_all_taken_and_many_are_drawn_by_their_weight() {
         assert!((sum / total as f64 - 1.0).abs() < 1e-9);
     }
 }
+
+fn offer(calibration: &Calibration) -> Offer<'_> {
+    Offer {
+        adapter: &calibration.adapter,
+        asked_for: false,
+        calibration: Some(calibration),
+    }
+}
+
+fn device(set: &CurveSet, calibration: &Calibration) -> DevicePlan {
+    let plan = Plan::with(set, Some(offer(calibration)));
+    plan.kernel.device.unwrap()
+}
+
+#[test]
+fn crossings_go_to_an_adapter_where_it_is_predicted_to_win() {
+    let sets = [
+        "chainmail:rows=2,columns=2",
+        "chainmail:rows=40,columns=40",
+        "torus_link:segments=100000,toroidal=100,poloidal=100",
+    ]
+    .map(scene);
+    let fast = Calibration::made_up(0.05, 1e4);
+    let slow = Calibration::made_up(0.05, 1e-3);
+    let far_away = Calibration::made_up(1e4, 1e4);
+    for (calibration, want) in [
+        (&fast, [false, true, true]),
+        (&slow, [false; 3]),
+        (&far_away, [false; 3]),
+    ] {
+        for (set, want) in sets.iter().zip(want) {
+            let plan = Plan::with(set, Some(offer(calibration)));
+            let device = plan.kernel.device.clone().unwrap();
+            assert_eq!(device.chosen, want, "{device:?}");
+            let (there, here) = (device.adapter_ms.unwrap(), device.processor_ms.unwrap());
+            assert_eq!(there < here, want, "{device:?}");
+            assert_eq!(plan.kernel.predicted.ms == there, want);
+            let words = plan.to_string();
+            assert_eq!(words.contains("(exact) on made up"), want, "{words}");
+            assert_eq!(words.contains("the processor counts, in"), !want, "{words}");
+        }
+    }
+}
+
+#[test]
+fn the_choice_turns_at_the_break_even() {
+    let set = scene("chainmail:rows=20,columns=20");
+    let mut c = Calibration::made_up(1.0, 1e9);
+    let here = device(&set, &c).processor_ms.unwrap();
+    for (factor, want) in [(0.9, true), (1.1, false)] {
+        c.crossings.round_trip_ms = factor * here;
+        assert_eq!(device(&set, &c).chosen, want);
+    }
+    // Of the processor as it is, not as it is in the table.
+    c.crossings.processor_factor = 1.3;
+    let found = device(&set, &c);
+    assert!(found.chosen);
+    assert!((found.processor_ms.unwrap() / here - 1.3).abs() < 1e-9);
+    c.crossings.round_trip_ms = f64::NAN;
+    assert!(!device(&set, &c).chosen);
+}
+
+#[test]
+fn long_links_are_summed_unless_an_adapter_counts_them_sooner() {
+    let set = scene("woundball:segments=600000,crossings=5000");
+    let alone = Plan::of(&set);
+    assert_eq!(alone.kernel.choice, Kernel::Fmm);
+    assert_eq!(alone.kernel.device, None);
+    let mut c = Calibration::made_up(0.1, 1e6);
+    // Between the sum and the count of the processor.
+    let summed = device(&set, &c).processor_ms.unwrap();
+    for (ms, want) in [(0.9, Kernel::Crossings), (1.1, Kernel::Fmm)] {
+        c.crossings.round_trip_ms = ms * summed;
+        let plan = Plan::with(&set, Some(offer(&c)));
+        assert_eq!(plan.kernel.choice, want);
+        assert_eq!(
+            plan.kernel.device.unwrap().chosen,
+            want == Kernel::Crossings
+        );
+    }
+}
+
+#[test]
+fn splines_are_counted_on_the_processor_and_what_is_asked_for_is_given() {
+    let fast = Calibration::made_up(1e-3, 1e6);
+    let splines = scene("knit:rows=30,stitches=16,segments=3840");
+    let found = device(&splines, &fast);
+    assert_eq!((found.chosen, found.adapter_ms), (false, None));
+    // Also where it loses, or was never measured.
+    let slow = Calibration::made_up(1e4, 1e-3);
+    let polylines = scene("chainmail:rows=3,columns=3");
+    for calibration in [Some(&slow), None] {
+        let asked_for = Offer {
+            adapter: "made up",
+            asked_for: true,
+            calibration,
+        };
+        let plan = Plan::with(&polylines, Some(asked_for));
+        let words = plan.to_string();
+        let found = plan.kernel.device.unwrap();
+        assert!(found.chosen, "{found:?}");
+        assert_eq!(found.adapter_ms.is_some(), calibration.is_some());
+        assert_eq!(found.direct_from, Some(0));
+        assert_eq!(words.contains("never measured"), calibration.is_none());
+        let splines = Plan::with(&splines, Some(asked_for));
+        assert!(!splines.kernel.device.unwrap().chosen);
+    }
+}

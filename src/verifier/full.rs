@@ -9,7 +9,7 @@ use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::kernels::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accelerator, Accuracy, Counted, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
-use crate::plan::worth_summing;
+use crate::plan::{Way, goes_to_adapter};
 use crate::verdict::{Defect, DefectKind, Place, Stats};
 use rayon::prelude::*;
 use std::slice::SliceIndex;
@@ -49,24 +49,22 @@ impl FullRun {
             self.accelerator.send_ahead(set);
         }
         let mut stats = self.find_pairs(set);
-        let long = match self.kernel.0 {
-            // Who asks for an adapter gets it.
-            Method::Auto if !self.accelerator.counts(set) => {
-                worth_summing(self.scene(set), self.search.pairs())
-            }
-            _ => Vec::new(),
-        };
         match self.kernel {
-            (Method::Auto, _) if !long.is_empty() => {
-                let pairs = self.search.pairs().to_vec();
-                self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
-            }
-            (Method::Auto | Method::Crossings, _) => {
-                self.compute_pairs(set, .., &mut stats);
-                self.ladder = Ladder {
-                    counted: stats.potential_links,
-                    ..Ladder::default()
-                };
+            (method @ (Method::Auto | Method::Crossings), _) => {
+                let (scene, offer) = (self.scene(set), self.accelerator.offer());
+                match Way::of(scene, self.search.pairs(), method, offer) {
+                    Way::Fmm(long) => {
+                        let pairs = self.search.pairs().to_vec();
+                        self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
+                    }
+                    Way::Count { on_adapter } => {
+                        self.compute_pairs(set, .., on_adapter, &mut stats);
+                        self.ladder = Ladder {
+                            counted: stats.potential_links,
+                            ..Ladder::default()
+                        };
+                    }
+                }
             }
             (method, accuracy) => {
                 let pairs = self.search.pairs().to_vec();
@@ -99,8 +97,10 @@ impl FullRun {
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
+        let on_adapter = goes_to_adapter(scene, &undecided, self.accelerator.offer());
+        let accelerator = on_adapter.then_some(&mut self.accelerator);
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, &undecided, &mut self.accelerator, to);
+        compute_links(scene, &undecided, accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         stats.potential_links += summed as u64;
         self.certificate.links.extend(links);
@@ -164,7 +164,7 @@ impl FullRun {
         };
         // Too few to be worth the way to another device and back.
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, &meeting, &mut Accelerator::default(), to);
+        compute_links(scene, &meeting, None, to);
         let mut anew = Certificate {
             curves: set.len(),
             ..Certificate::default()
@@ -236,6 +236,7 @@ impl FullRun {
         &mut self,
         set: &CurveSet,
         range: impl SliceIndex<[Pair], Output = [Pair]>,
+        on_adapter: bool,
         stats: &mut Stats,
     ) {
         let start = Instant::now();
@@ -245,8 +246,9 @@ impl FullRun {
             workspaces: &self.workspaces,
         };
         let pairs = &self.search.pairs()[range];
+        let accelerator = on_adapter.then_some(&mut self.accelerator);
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, pairs, &mut self.accelerator, to);
+        compute_links(scene, pairs, accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         self.timings.links += start.elapsed();
     }
@@ -279,7 +281,9 @@ impl FullRun {
                 return Ok((comparison, stats));
             }
             let next = (done + block).min(count);
-            self.compute_pairs(set, done..next, &mut stats);
+            let (scene, block_pairs) = (self.scene(set), &self.search.pairs()[done..next]);
+            let on_adapter = goes_to_adapter(scene, block_pairs, self.accelerator.offer());
+            self.compute_pairs(set, done..next, on_adapter, &mut stats);
             self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
             (done, block) = (next, 2 * block);
         }
@@ -290,10 +294,10 @@ impl FullRun {
 fn compute_links(
     scene: Scene<'_>,
     pairs: &[Pair],
-    accelerator: &mut Accelerator,
+    accelerator: Option<&mut Accelerator>,
     (parts, progress): (&mut Vec<Counted>, &Progress),
 ) {
-    if let Some(found) = accelerator.count(scene, pairs) {
+    if let Some(found) = accelerator.and_then(|a| a.count(scene, pairs)) {
         *parts = found;
         let done = pairs.len() as u64;
         progress.done.fetch_add(done, Ordering::Relaxed);

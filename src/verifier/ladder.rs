@@ -160,15 +160,18 @@ fn estimates(
     accelerator: &Accelerator,
     pairs: &[Pair],
 ) -> Option<Vec<Estimate>> {
-    let summation = method.summation(polylines, accuracy, accelerator)?;
+    let sum = |pairs: &[Pair]| {
+        let summation = method.summation(polylines, accuracy, accelerator, pairs)?;
+        Some(summation.linking_numbers(pairs))
+    };
     if too_close.is_empty() {
-        return Some(summation.linking_numbers(pairs));
+        return sum(pairs);
     }
     let mut too_close: Vec<_> = too_close.iter().map(|d| (d.i, d.j)).collect();
     too_close.sort_unstable();
     let far_enough = |&(i, j): &Pair| too_close.binary_search(&(i, Some(j))).is_err();
     let summed: Vec<Pair> = pairs.iter().copied().filter(far_enough).collect();
-    let mut sums = summation.linking_numbers(&summed).into_iter();
+    let mut sums = sum(&summed)?.into_iter();
     let estimate = |pair| match far_enough(pair) {
         true => sums.next().unwrap_or(Estimate::UNKNOWN),
         false => Estimate::UNKNOWN,

@@ -18,7 +18,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Finding, Monitor, PullThrough, Route, Work};
-use crate::kernels::{Accelerator, Accuracy, Device, DeviceInfo, Method, Offload};
+use crate::kernels::{Accelerator, Accuracy, Device, DeviceInfo, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, Report, Stats, Verdict};
 use rayon::prelude::*;
@@ -131,9 +131,7 @@ impl Verifier {
     /// Pairs of segments in the potential links that were found last: what sums without trees go through. The set is the
     /// one they were found in, or its polylines.
     pub fn segment_pairs(&self, set: &CurveSet) -> u64 {
-        let segments = |i: u32| u64::from(set.curve(i as usize).segments);
-        let pairs = self.full.pairs().iter();
-        pairs.map(|&(i, j)| segments(i) * segments(j)).sum()
+        segment_pairs(set, self.full.pairs())
     }
 
     /// Which pull-throughs [`Verifier::step`] looks for, from one frame to the next ([`Report::events`]).
@@ -150,7 +148,8 @@ impl Verifier {
     /// Where kernels run. The results are the same; what differs is the time.
     ///
     /// On a graphics processor, crossings of polylines are counted, in full runs, and sums are made directly and by
-    /// Barnes-Hut. Where it fails, a warning says so, and the processor goes on.
+    /// Barnes-Hut: always where it was asked for; with [`Device::Auto`], where that is predicted to take less than on the processor,
+    /// by what [`calibrate`](crate::plan) measured. Where it fails, a warning says so, and the processor goes on.
     ///
     /// Errors: [`Error::Device`] where there is none of that name, or none that can be used.
     pub fn set_device(&mut self, device: &Device) -> Result<()> {
@@ -158,7 +157,13 @@ impl Verifier {
         Ok(())
     }
 
-    /// The graphics processor in use.
+    /// Lets kernels run on an adapter of any calibration.
+    #[cfg(all(test, feature = "gpu"))]
+    pub(crate) fn set_accelerator(&mut self, accelerator: Accelerator) {
+        self.full.accelerator = accelerator;
+    }
+
+    /// The graphics processor in use; one that is ours to choose, once it was chosen.
     pub fn device(&self) -> Option<DeviceInfo> {
         self.full.accelerator.info()
     }
@@ -263,6 +268,8 @@ impl Verifier {
         self.steps.check_layout(set)?;
         let start = Instant::now();
         self.work = Work::default();
+        // Not every frame is computed in full, and starts there.
+        self.full.accelerator.start_frame();
         let (mut comparison, stats) = self.compare(set)?;
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();

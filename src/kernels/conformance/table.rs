@@ -267,7 +267,9 @@ impl Kernel {
             return part(set, pairs);
         }
         let mut accelerator = Accelerator::open(&self.device).expect("an adapter");
-        let sum = self.method.summation(set, self.accuracy, &accelerator);
+        let sum = self
+            .method
+            .summation(set, self.accuracy, &accelerator, pairs);
         let found = sum.map(|sum| sum.linking_numbers(pairs));
         let found = found.unwrap_or_else(|| counted(set, pairs, &mut accelerator));
         // Else this would have tested the processor.

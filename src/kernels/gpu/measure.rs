@@ -1,7 +1,6 @@
 //! What kernels take on an adapter, beside the processor: whole frames, and frames whose vertices are there already.
 
 use super::barnes_hut::{self, Forest};
-use super::calibration::Calibration;
 use super::frame::Frame;
 use super::precision::{Precision, Real};
 use super::{Choice, Gpu, Trouble, direct};
@@ -9,10 +8,8 @@ use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
-use crate::kernels::direct::{Direct, Formula};
-use crate::kernels::{Accelerator, Accuracy, Counted, Estimate, Method, Summation};
+use crate::kernels::{Accelerator, Accuracy, Counted, Estimate, Method};
 use crate::pairs::{LinkSearch, Pair, Trees};
-use crate::scenes::Scene as Model;
 use crate::verifier::links_per_task;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -42,13 +39,22 @@ pub struct DeviceTimes {
     pub equal: bool,
 }
 
-/// Measures the kernels on a scene. Splines are made polylines first, which is not measured. Sums on the processor
-/// that would take longer than `limit_s` are left out.
+impl DeviceTimes {
+    /// Whether a whole frame takes less than on the processor, where that was measured; else it took too long.
+    pub fn is_faster(&self) -> bool {
+        self.processor_ms.is_none_or(|ms| self.whole_ms < ms)
+    }
+}
+
+/// Measures kernels on a scene: those of [`Method::Crossings`], [`Method::Direct`] and [`Method::BarnesHut`] that are asked for.
+/// Splines are made polylines first, which is not measured. Sums on the processor that would take longer than `limit_s` are
+/// left out.
 ///
 /// Errors: [`Error::Device`]; those of the discretization.
 pub fn measure(
     device: &Choice,
     set: &CurveSet,
+    kernels: &[Method],
     repeat: u32,
     limit_s: f64,
 ) -> Result<Vec<DeviceTimes>> {
@@ -76,15 +82,18 @@ pub fn measure(
         repeat: repeat.max(1),
         limit_s,
     };
-    let mut each = vec![subject.crossings(), subject.direct::<f32>()];
-    if gpu.computes_in_double() {
-        each.push(subject.direct::<f64>());
-    }
-    each.push(subject.barnes_hut());
+    let one = |kernel: &Method| match kernel {
+        Method::Crossings => vec![subject.crossings()],
+        Method::Direct if gpu.computes_in_double() => {
+            vec![subject.direct::<f32>(), subject.direct::<f64>()]
+        }
+        Method::Direct => vec![subject.direct::<f32>()],
+        Method::BarnesHut => vec![subject.barnes_hut()],
+        _ => Vec::new(),
+    };
+    let each = kernels.iter().flat_map(one);
     let failed = |e: Trouble| Error::Device(e.to_string());
-    each.into_iter()
-        .map(|times| times.map_err(failed))
-        .collect()
+    each.map(|times| times.map_err(failed)).collect()
 }
 
 struct Subject<'a> {
@@ -197,7 +206,7 @@ impl Subject<'_> {
         let threads = rayon::current_num_threads() as f64;
         let seconds = self.segment_pairs() as f64 * PAIR_NS * 1e-9 / threads;
         let none = Accelerator::default();
-        let summation = || kernel.summation(self.scene.set, Accuracy::default(), &none);
+        let summation = || kernel.summation(self.scene.set, Accuracy::default(), &none, self.pairs);
         let in_time = kernel == Method::BarnesHut || seconds < self.limit_s;
         let processor_ms = match in_time {
             true => {
@@ -238,49 +247,4 @@ impl Subject<'_> {
             equal,
         })
     }
-}
-
-/// Measures what a direct sum takes on an adapter and on the processor, on the threads of the rayon pool that it is called in.
-///
-/// Errors: [`Error::Device`].
-pub fn calibrate(device: &Choice) -> Result<Calibration> {
-    let failed = |e: Trouble| Error::Device(e.to_string());
-    let gpu = Gpu::shared(device).map_err(failed)?;
-    let info = gpu.info();
-    let time = |text: &str, on_adapter: bool| -> Result<f64> {
-        let set = text.parse::<Model>()?.build()?.curves;
-        let mut times = Vec::new();
-        for run in 0..6 {
-            let start = Instant::now();
-            if on_adapter {
-                let frame = Frame::<f32>::new(&set);
-                direct::linking_numbers(&mut gpu.lock(), &frame, &[(0, 1)]).map_err(failed)?;
-            } else {
-                Direct::new(&set, Formula::Arctangent).linking_number((0, 1));
-            }
-            // Programs are compiled in the first run.
-            if run > 0 {
-                times.push(start.elapsed().as_secs_f64() * 1e3);
-            }
-        }
-        times.sort_by(f64::total_cmp);
-        Ok(times[times.len() / 2])
-    };
-    const SMALL: &str = "ribbon:segments=200,lambda=1";
-    // An adapter needs many threads before it shows what it can do.
-    let (large, pairs) = match info.software {
-        true => ("ribbon:segments=6000,lambda=10", 9e6),
-        false => ("ribbon:segments=100000,lambda=10", 2.5e9),
-    };
-    let round_trip_ms = time(SMALL, true)?;
-    let pair_ms = (time(large, true)? - round_trip_ms).max(1e-6) / pairs;
-    let processor_ms = time("ribbon:segments=6000,lambda=10", false)? / 9e6;
-    Ok(Calibration {
-        adapter: info.name,
-        driver: info.driver,
-        threads: rayon::current_num_threads(),
-        round_trip_ms,
-        pair_ns: pair_ms * 1e6,
-        processor_pair_ns: processor_ms * 1e6,
-    })
 }

@@ -20,7 +20,6 @@
 
 mod barnes_hut;
 mod boxes;
-mod calibration;
 mod commands;
 mod crossings;
 mod descent;
@@ -44,9 +43,8 @@ mod tiles;
 #[cfg(test)]
 pub(super) use tests::direct_in_double;
 
-pub use calibration::Calibration;
 pub(crate) use error::Trouble;
-pub use measure::{DeviceTimes, calibrate, measure};
+pub use measure::{DeviceTimes, measure};
 pub use precision::Precision;
 pub(super) use standby::WithStandby;
 pub(super) use summations::{BarnesHutSum, DirectSum};
@@ -58,9 +56,9 @@ pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
 use self::precision::Real;
 use self::room::Room;
-use super::Counted;
 use super::crossings::Scene;
 use super::device::{Device as Choice, DeviceInfo};
+use super::{Counted, Estimate};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use std::fmt::Write;
@@ -185,6 +183,18 @@ impl Gpu {
         };
         let counts = crossings::linking_numbers(self, frame, scene, pairs, &mut meanwhile)?;
         Ok((counts, sent))
+    }
+
+    /// Direct sums over polylines in single precision, vertices included.
+    pub fn sum_directly(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+        direct::linking_numbers(&mut self.lock(), &Frame::<f32>::new(set), pairs)
+    }
+
+    /// Barnes-Hut by the bound, vertices and trees included.
+    pub fn sum_by_trees(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+        let frame = Frame::new(set);
+        let forest = barnes_hut::Forest::new(&frame);
+        barnes_hut::linking_numbers(&mut self.lock(), &frame, &forest, pairs, None)
     }
 }
 

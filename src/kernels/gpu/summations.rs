@@ -2,7 +2,7 @@
 
 use super::barnes_hut::{self, Forest};
 use super::standby::{AdapterSum, Lazy};
-use super::{Calibration, Frame, Gpu, Trouble, direct};
+use super::{Frame, Gpu, Trouble, direct};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
 use crate::pairs::Pair;
@@ -13,18 +13,15 @@ pub(crate) struct DirectSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
     finer: Lazy<'a, Frame<f64>>,
-    /// Where it says so, the processor is faster.
-    calibration: Option<Calibration>,
 }
 
 impl<'a> DirectSum<'a> {
     /// Prepares the vertices of a set of polylines.
-    pub fn new(gpu: &'a Gpu, set: &'a CurveSet, calibration: Option<Calibration>) -> DirectSum<'a> {
+    pub fn new(gpu: &'a Gpu, set: &'a CurveSet) -> DirectSum<'a> {
         DirectSum {
             gpu,
             frame: Frame::new(set),
             finer: Lazy::new(|| Frame::new(set)),
-            calibration,
         }
     }
 
@@ -57,12 +54,6 @@ impl AdapterSum for DirectSum<'_> {
             tracing::warn!("no sums in double precision: {trouble}");
         }
         Ok(found)
-    }
-
-    fn is_faster(&self, pairs: &[Pair]) -> bool {
-        let segments = |i: u32| u64::from(self.frame.segments(i));
-        let work = || pairs.iter().map(|&(i, j)| segments(i) * segments(j)).sum();
-        self.calibration.as_ref().is_none_or(|c| c.wins(work()))
     }
 }
 

@@ -9,7 +9,9 @@ use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
 use crate::kernels::direct::{Direct, Formula};
-use crate::kernels::{Estimate, Offload, Summation, oracle};
+use crate::kernels::{
+    Accelerator, Accuracy, Calibration, Estimate, Method, Offload, Summation, oracle,
+};
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
 use crate::verdict::AbortOn;
@@ -361,7 +363,7 @@ fn double_precision_decides_what_single_precision_leaves_open() {
     println!("{single:?}, {double:?}");
     assert_eq!((single.integer(), double.integer()), (None, Some(want)));
     assert!(double.bound < 1e-4 && (double.value - want as f64).abs() < 1e-9);
-    let sum = DirectSum::new(&gpu, &set, None);
+    let sum = DirectSum::new(&gpu, &set);
     assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [double]);
     // What single precision decides is not summed again, and doubles are not sent up for it.
     let before = gpu.lock().vertices_of;
@@ -369,7 +371,7 @@ fn double_precision_decides_what_single_precision_leaves_open() {
     let model: Model = "ribbon:segments=200,lambda=1".parse().unwrap();
     let set = model.build().unwrap().curves;
     let single = sums(&gpu, &set, Kind::Direct)[0].1;
-    let sum = DirectSum::new(&gpu, &set, None);
+    let sum = DirectSum::new(&gpu, &set);
     assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [single]);
     let after = gpu.lock().vertices_of;
     assert!(after[0] != before[0] && after[1] == before[1]);
@@ -383,7 +385,7 @@ fn a_sum_without_room_for_double_precision_is_that_of_single_precision() {
     let want = sums(&gpu, &set, Kind::Direct)[0].1;
     let room = size_of_val(&Frame::<f32>::new(&set).vertices[..]) as u64;
     gpu.lock().device.restrict(room);
-    let sum = DirectSum::new(&gpu, &set, None);
+    let sum = DirectSum::new(&gpu, &set);
     assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [want]);
 }
 
@@ -402,14 +404,14 @@ fn a_failing_adapter_is_an_error_and_the_processor_goes_on() {
     gpu.lock().device.restrict(64);
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Trouble::Limit { .. })), "{found:?}");
-    let sum = WithStandby::new(DirectSum::new(&gpu, &set, None), processor);
+    let sum = WithStandby::new(DirectSum::new(&gpu, &set), processor);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
     // Lost.
     let gpu = adapter();
     gpu.lock().device.destroy();
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Trouble::Failed(_))), "{found:?}");
-    let sum = WithStandby::new(DirectSum::new(&gpu, &set, None), processor);
+    let sum = WithStandby::new(DirectSum::new(&gpu, &set), processor);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
 }
 
@@ -441,6 +443,16 @@ fn two_frames() -> [Arc<CurveSet>; 2] {
         let text = format!("chainmail:rows=5,columns=6,crumple={crumple}");
         Arc::new(text.parse::<Model>().unwrap().build().unwrap().curves)
     })
+}
+
+/// A calibration of this adapter, which was not measured: see [`Calibration::made_up`].
+fn made_up(round_trip_ms: f64, speed: f64) -> Calibration {
+    let DeviceInfo { name, driver, .. } = adapter().info();
+    Calibration {
+        adapter: name,
+        driver,
+        ..Calibration::made_up(round_trip_ms, speed)
+    }
 }
 
 #[test]
@@ -489,6 +501,61 @@ fn announced_frames_change_no_verdict() {
         order.iter().enumerate().map(step).collect::<Vec<_>>()
     };
     assert_eq!(reports(true), reports(false));
+}
+
+#[test]
+#[ignore = "needs an adapter"]
+fn an_adapter_that_is_ours_to_choose_is_taken_where_its_calibration_says_that_it_wins() {
+    let (wins, loses) = (made_up(1e-3, 1e6), made_up(1e3, 1e-3));
+    let other = Calibration {
+        driver: "another".into(),
+        ..wins.clone()
+    };
+    for (calibration, want) in [(wins, true), (loses, false), (other, false)] {
+        let mut verifier = Verifier::new(AbortOn::Never);
+        verifier.set_accelerator(Accelerator::choosing_by(Some(calibration)));
+        for text in [
+            "chainmail:rows=12,columns=12",
+            "torus_link:segments=8000,toroidal=40,poloidal=40",
+        ] {
+            let built = text.parse::<Model>().unwrap().build().unwrap();
+            for method in [Method::Auto, Method::Crossings] {
+                verifier.set_kernel(method, Accuracy::default());
+                assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+                assert_eq!(verifier.offload().tests > 0, want, "{text}");
+                assert_eq!(verifier.device().is_some(), want);
+            }
+            for method in [Method::Direct, Method::BarnesHut] {
+                verifier.set_kernel(method, Accuracy::default());
+                assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+            }
+        }
+    }
+}
+
+/// Too few pairs at first, then enough for an adapter; and a frame that is not computed in full gives it nothing.
+#[test]
+#[ignore = "needs an adapter"]
+fn a_chosen_adapter_counts_the_large_blocks_of_an_early_exit_and_of_no_quiet_frame() {
+    let built = "chainmail:rows=24,columns=24".parse::<Model>().unwrap();
+    let built = built.build().unwrap();
+    let baseline = || built.certificate.clone();
+    let chosen = || Accelerator::choosing_by(Some(made_up(0.05, 1e6)));
+    let mut early = Verifier::with_baseline(AbortOn::Never, baseline());
+    early.set_accelerator(chosen());
+    early.set_early_exit(true);
+    let report = early.step(0, 0.0, &built.curves).unwrap();
+    assert_eq!(report.verdict, crate::Verdict::Intact);
+    assert!(early.offload().tests > 0);
+    let mut watch = Verifier::with_baseline(AbortOn::Never, baseline());
+    watch.set_accelerator(chosen());
+    watch.set_incremental(true);
+    for (seq, full) in [(0, true), (1, false)] {
+        let report = watch.step(seq, 0.0, &built.curves).unwrap();
+        assert_eq!(report.verdict, crate::Verdict::Intact);
+        assert_eq!(watch.offload().tests > 0, full, "{:?}", watch.work());
+        watch.settle();
+    }
 }
 
 #[test]
