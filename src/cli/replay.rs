@@ -189,6 +189,7 @@ impl Replay {
                     report: Arc::new(report),
                     check: progress.check,
                     work: progress.work,
+                    offload: Default::default(),
                     curves: None,
                 };
                 self.session.publish(judged, self.tally)?;
