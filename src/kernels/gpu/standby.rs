@@ -60,6 +60,12 @@ impl<'a, T> Lazy<'a, T> {
         }
     }
 
+    /// Whether it was asked for.
+    #[cfg(test)]
+    pub fn is_made(&self) -> bool {
+        self.made.get().is_some()
+    }
+
     /// What was made, or is made now.
     pub fn get(&self) -> &T {
         match self.made.get() {

@@ -12,7 +12,7 @@ use crate::pairs::Pair;
 pub(crate) struct DirectSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
-    finer: Lazy<'a, Frame<f64>>,
+    pub(super) finer: Lazy<'a, Frame<f64>>,
 }
 
 impl<'a> DirectSum<'a> {
