@@ -112,28 +112,37 @@ fn what_is_neither_a_model_nor_a_scene_is_told_in_one_line() {
     assert_eq!(linkwatch(&["plan"]).0, 2);
 }
 
-/// What was measured of an adapter is what the plan goes by.
+/// What was measured of an adapter that is not there any more is no ground for a plan, nor is what an older version kept.
 #[cfg(feature = "gpu")]
 #[test]
-fn a_measured_adapter_is_planned_with() {
+fn a_measured_adapter_that_is_gone_is_not_planned_with() {
     let cache = TempDir::new().unwrap();
     let folder = cache.path().join("linkwatch");
     std::fs::create_dir(&folder).unwrap();
-    let measured = serde_json::json!([{
+    let sum = serde_json::json!({ "round_trip_ms": 1e-3, "adapter_ns": 1e-3, "processor_ns": 4.5 });
+    let of_now = serde_json::json!({
+        "adapter": "Some Card", "driver": "1", "threads": 1, "direct": sum, "barnes_hut": sum,
+        "crossings": {
+            "round_trip_ms": 1e-3, "segment_ns": 1e-3, "link_ns": 1e-3, "test_ns": 1e-3,
+            "misfit": 1.0, "processor_factor": 1.0,
+        },
+    });
+    let of_old = serde_json::json!({
         "adapter": "Some Card", "driver": "1", "threads": 1,
         "round_trip_ms": 2.0, "pair_ns": 0.5, "processor_pair_ns": 4.5,
-    }]);
-    std::fs::write(folder.join("devices.json"), measured.to_string()).unwrap();
-    let plan = |threads: &str| {
+    });
+    for (kept, is_said) in [(of_now, true), (of_old, false)] {
+        let kept = serde_json::json!([kept]);
+        std::fs::write(folder.join("devices.json"), kept.to_string()).unwrap();
         let out = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-            .args(["plan", "ribbon:segments=2000", "--threads", threads])
+            .args(["plan", "chainmail", "--threads", "1"])
             .env("XDG_CACHE_HOME", cache.path())
             .output()
             .unwrap();
-        String::from_utf8(out.stdout).unwrap()
-    };
-    let says = "device: the processor, but for direct sums over 500,001 pairs of segments and more: Some Card";
-    assert!(plan("1").contains(says), "{}", plan("1"));
-    // It was measured beside one thread.
-    assert!(!plan("2").contains("device"), "{}", plan("2"));
+        let text = String::from_utf8(out.stdout).unwrap();
+        assert!(out.status.success() && text.contains("crossings (exact)"));
+        assert!(!text.contains("Some Card"), "{text}");
+        let said = String::from_utf8(out.stderr).unwrap();
+        assert_eq!(said.contains("Some Card"), is_said, "{said}");
+    }
 }
