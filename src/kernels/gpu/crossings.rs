@@ -84,7 +84,7 @@ const TASK: usize = 1024;
 struct Found {
     /// The sum of the signs of each pair of curves, as far as it is decided.
     signs: Vec<[u32; 2]>,
-    /// What is not decided, in order.
+    /// What is not decided.
     undecided: Vec<Undecided>,
     counts: Vec<u32>,
 }
@@ -105,7 +105,7 @@ pub(super) fn linking_numbers(
         MOST_PAIRS.min(fits as usize)
     };
     let passes = {
-        // No other work of the pool comes between: it might want the adapter, too.
+        // Nothing in here waits for the pool: its threads may take up work that wants the adapter, too.
         let engine = &mut gpu.lock();
         let most = most(engine);
         let mut pass = |engine: &mut Engine, pairs: &[Pair]| pass(engine, frame, pairs, meanwhile);
@@ -123,7 +123,8 @@ pub(super) fn linking_numbers(
         let (own, others) = rest.split_at(count);
         rest = others;
         match found {
-            Some(found) => {
+            Some(mut found) => {
+                found.sort();
                 left += found.undecided.len() as u64;
                 parts.push(found.work(count));
                 parts.extend(found.conclude(frame, scene, own));
@@ -167,7 +168,14 @@ impl Found {
         }
     }
 
-    /// Decides what is left.
+    /// Brings what is not decided in order.
+    fn sort(&mut self) {
+        let number = |u: &Undecided| u.pair & ((1 << descent::AXIS) - 1);
+        self.undecided
+            .par_sort_unstable_by_key(|u| (number(u), u.upper, u.lower));
+    }
+
+    /// Decides what is left, which is in order.
     fn conclude(&self, frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<Counted> {
         let number = |u: &Undecided| (u.pair & ((1 << descent::AXIS) - 1)) as usize;
         let task = |(task, signs): (usize, &[[u32; 2]])| {

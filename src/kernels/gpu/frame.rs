@@ -26,9 +26,27 @@ pub(crate) struct Frame {
     pub radius: f32,
 }
 
+/// Who copies.
+#[derive(Clone, Copy)]
+enum Copiers {
+    /// The pool of the caller.
+    Pool,
+    /// Threads that do nothing else.
+    Own,
+}
+
 impl Frame {
     /// Copies them.
     pub fn new(set: &CurveSet) -> Frame {
+        Frame::copied(set, Copiers::Pool)
+    }
+
+    /// The same for a caller who holds the adapter: one who waits for the pool may be given work that wants it, too.
+    pub fn new_without_pool(set: &CurveSet) -> Frame {
+        Frame::copied(set, Copiers::Own)
+    }
+
+    fn copied(set: &CurveSet, copiers: Copiers) -> Frame {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         let mut frame = Frame {
             id: NEXT.fetch_add(1, Ordering::Relaxed),
@@ -50,10 +68,10 @@ impl Frame {
             bodies.push(body);
         }
         let scale = Scale::new(set.max_abs());
-        let mut worst = frame.write(set, &bodies, [0.0; 3], scale);
+        let mut worst = frame.write(set, &bodies, [0.0; 3], scale, copiers);
         if worst > 0.0 {
             let (centre, half) = middle(set, &bodies);
-            worst = frame.write(set, &bodies, centre, Scale::new(half));
+            worst = frame.write(set, &bodies, centre, Scale::new(half), copiers);
             // Differences from the middle, at most 1 now, were rounded too.
             worst += f64::EPSILON;
         }
@@ -71,6 +89,7 @@ impl Frame {
         bodies: &[Range<usize>],
         centre: [f64; 3],
         scale: Scale,
+        copiers: Copiers,
     ) -> f64 {
         let total = self.curves.last().map_or(0, |c| c.end) as usize;
         self.vertices.resize(total, [0.0; 4]);
@@ -81,7 +100,7 @@ impl Frame {
             rest = others;
             parts.push((own, body));
         }
-        let write = |(own, body): (&mut [[f32; 4]], &Range<usize>)| {
+        let write = |(own, body): Part<'_>| {
             let mut worst = 0f64;
             for x in 0..3 {
                 let mut put = |to: &mut [f32; 4], p: f64| {
@@ -114,8 +133,13 @@ impl Frame {
             }
             worst
         };
-        let each = parts.into_par_iter().with_min_len(64).map(write);
-        each.reduce(|| 0.0, f64::max)
+        match copiers {
+            Copiers::Pool => {
+                let each = parts.into_par_iter().with_min_len(64).map(write);
+                each.reduce(|| 0.0, f64::max)
+            }
+            Copiers::Own => worst_of(parts, total, &write),
+        }
     }
 
     /// Segments of curve `i`; none where it has no linking numbers.
@@ -128,6 +152,32 @@ impl Frame {
     pub fn first(&self, i: u32) -> u32 {
         self.curves[i as usize].start
     }
+}
+
+/// Vertices of a curve, and where they come from.
+type Part<'a> = (&'a mut [[f32; 4]], &'a Range<usize>);
+
+/// Vertices that are worth a thread of their own.
+const GRAIN: usize = 1 << 16;
+
+/// What is largest of some parts of so many vertices, with as many threads as the pool has.
+fn worst_of(mut parts: Vec<Part<'_>>, total: usize, of: &(dyn Fn(Part<'_>) -> f64 + Sync)) -> f64 {
+    let threads = rayon::current_num_threads().min(total / GRAIN).max(1);
+    let size = parts.len().div_ceil(threads).max(1);
+    let worst = |own: Vec<Part<'_>>| own.into_iter().map(of).fold(0.0, f64::max);
+    std::thread::scope(|scope| {
+        let mut others = Vec::new();
+        while parts.len() > size {
+            let own = parts.split_off(parts.len() - size);
+            others.push(scope.spawn(move || worst(own)));
+        }
+        let here = worst(parts);
+        let joined = others.into_iter().map(|other| match other.join() {
+            Ok(worst) => worst,
+            Err(panic) => std::panic::resume_unwind(panic),
+        });
+        joined.fold(here, f64::max)
+    })
 }
 
 /// The middle of the box around the curves, and half its longest side, or a little more.
@@ -188,6 +238,16 @@ mod tests {
         // Too small to count, beside something large.
         let f = frame(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1e-300, 1.0]);
         assert!(f.radius > 0.0);
+    }
+
+    #[test]
+    fn whoever_copies_the_copy_is_the_same() {
+        let xyz: Vec<f64> = (0..900_000).map(|k| f64::from(k % 7919) / 3.0).collect();
+        let counts = [-3, -100_000, -2, -99_995, 50_000, -7, -49_993];
+        let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
+        let [one, other] = [Frame::new(&set), Frame::new_without_pool(&set)];
+        assert!(one.vertices == other.vertices && one.curves == other.curves);
+        assert!(one.radius == other.radius && one.id != other.id);
     }
 
     #[test]

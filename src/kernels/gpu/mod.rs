@@ -162,7 +162,7 @@ impl Gpu {
         let mut sent = None;
         let mut meanwhile = |engine: &mut Engine| {
             if let (Some(next), None) = (next, &sent) {
-                let frame = Frame::new(next);
+                let frame = Frame::new_without_pool(next);
                 engine.start(&frame, &[])?;
                 sent = Some(frame);
             }
