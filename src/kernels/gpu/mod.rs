@@ -132,8 +132,13 @@ impl Gpu {
     }
 
     fn lock(&self) -> MutexGuard<'_, Engine> {
-        // Buffers are written before they are read, so an engine that panicked is as good as any.
-        self.engine.lock().unwrap_or_else(PoisonError::into_inner)
+        self.engine.lock().unwrap_or_else(|poisoned| {
+            let mut engine = poisoned.into_inner();
+            // Who panicked may have noted what never went up.
+            engine.forget();
+            self.engine.clear_poison();
+            engine
+        })
     }
 
     /// Which adapter it is.
