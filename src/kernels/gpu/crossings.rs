@@ -212,6 +212,22 @@ impl Found {
     }
 }
 
+/// The counters, of work that was done: by so many workgroups. A system may break off what an adapter does, and not all
+/// interfaces say so: to Metal's it looks as if it had been done, and as if nothing were linked.
+pub(super) fn counters(
+    engine: &mut Engine,
+    got: &[Vec<u8>],
+    groups: u32,
+) -> Result<Vec<u32>, Trouble> {
+    let words = |k: usize| bytemuck::pod_collect_to_vec::<u8, u32>(&got[k]);
+    let (counts, made) = (words(0), words(3));
+    if counts[descent::DONE as usize] != groups || made != [engine.boxes_made] {
+        engine.forget();
+        return Err(Trouble::Failed("its work was broken off".into()));
+    }
+    Ok(counts)
+}
+
 /// Counts on the adapter; none where there was too little room.
 fn pass(
     engine: &mut Engine,
@@ -226,6 +242,8 @@ fn pass(
     commands.extend(uploads);
     let (upload, steps) = descent::descend(engine, radius, room);
     commands.push(upload);
+    let strides = engine.strides();
+    let mut groups = pairs.len() as u32 + strides * (steps.len() as u32 + 1);
     // Parts of the tiles, so that none takes too long. More than the first are rare.
     let part = (engine.most_work / u64::from(LEAF * LEAF)).max(1) as u32;
     let parts: Vec<Parameters> = (0..room.tiles)
@@ -272,6 +290,7 @@ fn pass(
         Command::Download(COUNTERS.buffer, COUNTERS.size),
         Command::Download(SIGNS, signs.size),
         Command::Download(UNDECIDED, u64::from(ahead) * entry),
+        Command::Download(boxes::MADE.buffer, boxes::MADE.size),
     ];
     commands.push(count(engine, 0));
     commands.extend_from_slice(&results);
@@ -279,8 +298,7 @@ fn pass(
     meanwhile(engine)?;
     let mut got = engine.finish(pending)?;
     engine.boxes_of = Some(frame.id);
-    let counters = |got: &[Vec<u8>]| bytemuck::pod_collect_to_vec::<u8, u32>(&got[0]);
-    let mut counts = counters(&got);
+    let mut counts = counters(engine, &got, groups)?;
     let levels = engine.hierarchy.levels() as usize;
     let tiles = counts[TILES_AT as usize];
     if counts[..levels].iter().any(|&c| c > room.node_pairs) || tiles > room.tiles {
@@ -298,7 +316,8 @@ fn pass(
         }
         commands.extend_from_slice(&results);
         got = engine.run(frame, &commands)?;
-        counts = counters(&got);
+        groups += strides * (tiles.div_ceil(part) - 1);
+        counts = counters(engine, &got, groups)?;
     }
     let open = counts[OPEN as usize];
     if open > engine.open_room {
@@ -317,7 +336,6 @@ fn pass(
         undecided = bytemuck::pod_collect_to_vec(&engine.run(frame, &[all])?[0]);
     }
     undecided.truncate(open as usize);
-    undecided.par_sort_unstable_by_key(|u| (u.pair & ((1 << descent::AXIS) - 1), u.upper, u.lower));
     Ok(Some(Found {
         signs: bytemuck::pod_collect_to_vec(&got[1]),
         undecided,

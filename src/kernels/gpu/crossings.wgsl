@@ -198,5 +198,6 @@ fn main(
     if thread == 0u {
         count64(TESTS, atomicLoad(&work[0]));
         count64(CROSSINGS, atomicLoad(&work[1]));
+        atomicAdd(&counts[DONE], 1u);
     }
 }

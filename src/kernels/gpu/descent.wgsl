@@ -57,4 +57,7 @@ fn main(
             put(list_of(item.first, item.second), place, item);
         }
     }
+    if thread == 0u {
+        atomicAdd(&counts[DONE], 1u);
+    }
 }

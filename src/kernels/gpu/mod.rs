@@ -105,6 +105,7 @@ impl Gpu {
             boxes_of: None,
             hierarchy: Hierarchy::default(),
             most_work: MOST_WORK[usize::from(software)],
+            boxes_made: 0,
             open_room: crossings::OPEN_ROOM,
             count_room: Room::START,
             sum_room: Room::START,
@@ -286,6 +287,8 @@ pub(super) struct Engine {
     boxes_of: Option<u64>,
     /// What boxes there are.
     hierarchy: Hierarchy,
+    /// How many workgroups were to make boxes, since the hierarchy went up.
+    boxes_made: u32,
     /// Pairs of segments in one submission, at most.
     most_work: u64,
     /// Undecided tests that there is room for.
