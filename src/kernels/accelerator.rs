@@ -126,6 +126,13 @@ impl Accelerator {
         }
     }
 
+    /// Whether the vertices of a frame went up ahead of its turn.
+    #[cfg(all(test, feature = "gpu"))]
+    pub fn has_sent(&self, set: &CurveSet) -> bool {
+        let sent = self.sent.as_ref();
+        sent.is_some_and(|(of, _)| std::ptr::eq(&**of, set))
+    }
+
     /// Sends up the vertices of a frame whose crossings will be asked for, while the processor has other things to do.
     #[cfg(feature = "gpu")]
     pub fn send_ahead(&mut self, set: &CurveSet) {
@@ -182,7 +189,9 @@ impl Accelerator {
         let next = self.announced.take();
         match gpu.count(&frame, scene, pairs, next.as_deref()) {
             Ok(((parts, undecided), sent)) => {
-                self.sent = next.zip(sent.map(Arc::new));
+                // What an earlier part of the frame has sent stays.
+                let sent = next.zip(sent.map(Arc::new));
+                self.sent = sent.or_else(|| self.sent.take());
                 self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
                 self.offload.undecided += undecided;
                 Some(parts)

@@ -212,16 +212,16 @@ impl Found {
     }
 }
 
-/// The counters, of work that was done: by so many workgroups. A system may break off what an adapter does, and not all
-/// interfaces say so: to Metal's it looks as if it had been done, and as if nothing were linked.
+/// The counters, where so many items were gone through, and all boxes were made. A system may break off what an adapter does,
+/// or a driver leave a loop, and not all say so: it looks as if all had been done, and as if nothing were linked.
 pub(super) fn counters(
     engine: &mut Engine,
     got: &[Vec<u8>],
-    groups: u32,
+    items: impl Fn(&[u32]) -> u32,
 ) -> Result<Vec<u32>, Trouble> {
     let words = |k: usize| bytemuck::pod_collect_to_vec::<u8, u32>(&got[k]);
     let (counts, made) = (words(0), words(3));
-    if counts[descent::DONE as usize] != groups || made != [engine.boxes_made] {
+    if counts[descent::DONE as usize] != items(&counts) || made != [engine.boxes_made] {
         engine.forget();
         return Err(Trouble::Failed("its work was broken off".into()));
     }
@@ -242,8 +242,6 @@ fn pass(
     commands.extend(uploads);
     let (upload, steps) = descent::descend(engine, radius, room);
     commands.push(upload);
-    let strides = engine.strides();
-    let mut groups = pairs.len() as u32 + strides * (steps.len() as u32 + 1);
     // Parts of the tiles, so that none takes too long. More than the first are rare.
     let part = (engine.most_work / u64::from(LEAF * LEAF)).max(1) as u32;
     let parts: Vec<Parameters> = (0..room.tiles)
@@ -298,8 +296,14 @@ fn pass(
     meanwhile(engine)?;
     let mut got = engine.finish(pending)?;
     engine.boxes_of = Some(frame.id);
-    let mut counts = counters(engine, &got, groups)?;
     let levels = engine.hierarchy.levels() as usize;
+    // Of each list what there was room for, and of tiles one part at first.
+    let listed = |counts: &[u32], tiles: u32| {
+        let steps = counts[..levels - 1].iter().map(|&c| c.min(room.node_pairs));
+        let tiles = counts[TILES_AT as usize].min(tiles);
+        steps.fold((pairs.len() as u32).wrapping_add(tiles), u32::wrapping_add)
+    };
+    let mut counts = counters(engine, &got, |c| listed(c, part.min(room.tiles)))?;
     let tiles = counts[TILES_AT as usize];
     if counts[..levels].iter().any(|&c| c > room.node_pairs) || tiles > room.tiles {
         return Ok(None);
@@ -316,8 +320,7 @@ fn pass(
         }
         commands.extend_from_slice(&results);
         got = engine.run(frame, &commands)?;
-        groups += strides * (tiles.div_ceil(part) - 1);
-        counts = counters(engine, &got, groups)?;
+        counts = counters(engine, &got, |c| listed(c, room.tiles))?;
     }
     let open = counts[OPEN as usize];
     if open > engine.open_room {

@@ -126,6 +126,7 @@ fn main(
     let end = workgroupUniformLoad(&total);
     var tested = 0u;
     var crossed = 0u;
+    var done = 0u;
     for (var number = parameters.first + group.y * grid.x + group.x; number < end; number += grid.x * grid.y) {
         let tile = tiles[number];
         let pair = tile.pair & ((1u << AXIS) - 1u);
@@ -179,6 +180,7 @@ fn main(
             atomicAdd(&signs, sum);
         }
         workgroupBarrier();
+        done += 1u;
         if thread == 0u {
             let more = widened(atomicExchange(&signs, 0));
             if more.x != 0u {
@@ -198,6 +200,6 @@ fn main(
     if thread == 0u {
         count64(TESTS, atomicLoad(&work[0]));
         count64(CROSSINGS, atomicLoad(&work[1]));
-        atomicAdd(&counts[DONE], 1u);
+        atomicAdd(&counts[DONE], done);
     }
 }

@@ -21,7 +21,7 @@ pub(super) const SEPARATED: u32 = 58;
 pub(super) const TESTS: u32 = 59;
 /// Crossings, likewise.
 pub(super) const CROSSINGS: u32 = 61;
-/// Workgroups that came to their end, of all programs that see the counters.
+/// What was gone through, of all lists: pairs of curves, node pairs and tiles.
 pub(super) const DONE: u32 = 63;
 
 /// Items at which a list is no longer counted, more than there can be room for; threads that have just looked add fewer

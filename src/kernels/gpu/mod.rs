@@ -26,6 +26,8 @@ mod directions;
 mod error;
 mod fixed;
 mod frame;
+#[cfg(test)]
+mod hostile_tests;
 mod layout;
 mod measure;
 mod room;
@@ -103,9 +105,9 @@ impl Gpu {
             latest: 0,
             nodes_of: None,
             boxes_of: None,
+            boxes_made: 0,
             hierarchy: Hierarchy::default(),
             most_work: MOST_WORK[usize::from(software)],
-            boxes_made: 0,
             open_room: crossings::OPEN_ROOM,
             count_room: Room::START,
             sum_room: Room::START,
@@ -285,10 +287,10 @@ pub(super) struct Engine {
     nodes_of: Option<u64>,
     /// The frame whose boxes are on it.
     boxes_of: Option<u64>,
-    /// What boxes there are.
-    hierarchy: Hierarchy,
     /// How many workgroups were to make boxes, since the hierarchy went up.
     boxes_made: u32,
+    /// What boxes there are.
+    hierarchy: Hierarchy,
     /// Pairs of segments in one submission, at most.
     most_work: u64,
     /// Undecided tests that there is room for.
@@ -346,10 +348,11 @@ impl Engine {
         self.hierarchy = Hierarchy::default();
     }
 
-    /// Workgroups of a program that strides through a list whose length only the adapter knows.
+    /// Workgroups of a program that strides through a list whose length only the adapter knows. Not few in software: Mesa's
+    /// leaves a loop after 65535 rounds, those of inner loops included, and says nothing.
     fn strides(&self) -> u32 {
         match self.device.info().software {
-            true => 64,
+            true => 1024,
             false => 4096,
         }
     }
