@@ -118,6 +118,9 @@ enum Waiting {
     Verdict(Box<RecordedVerdict>),
 }
 
+/// What waits for the next frame, at most: verdicts on frames that were rejected come without one.
+const MOST_WAITING: usize = 64;
+
 /// A replay in progress.
 struct Replay {
     session: Session,
@@ -143,7 +146,12 @@ impl Replay {
                 let (seq, time) = (recorded.seq, recorded.time);
                 self.waiting.push_back(Waiting::Frame { seq, time, frame });
             }
-            RecordedItem::Verdict(recorded) => self.waiting.push_back(Waiting::Verdict(recorded)),
+            RecordedItem::Verdict(recorded) => {
+                self.waiting.push_back(Waiting::Verdict(recorded));
+                if self.waiting.len() > MOST_WAITING {
+                    self.finish_waiting()?;
+                }
+            }
         }
         Ok(())
     }

@@ -196,6 +196,13 @@ impl Accelerator {
         }
     }
 
+    /// Whether the vertices of a frame went up ahead of its turn.
+    #[cfg(all(test, feature = "gpu"))]
+    pub fn has_sent(&self, set: &CurveSet) -> bool {
+        let sent = self.sent_ahead.as_ref();
+        sent.is_some_and(|(of, _)| std::ptr::eq(&**of, set))
+    }
+
     /// Sends up the vertices of a frame whose crossings are sure to be counted there, while the processor has other things
     /// to do.
     #[cfg(feature = "gpu")]
@@ -252,6 +259,7 @@ impl Accelerator {
         let next = self.announced.take();
         match gpu.count(&frame, scene, pairs, next.as_deref()) {
             Ok(((parts, undecided), ahead)) => {
+                // What an earlier part of the frame has sent stays.
                 if let Some(ahead) = next.zip(ahead.map(Arc::new)) {
                     self.sent_ahead = Some(ahead);
                 }

@@ -235,14 +235,18 @@ impl Verifier {
     /// [`Error::NothingClosed`] where no curve is closed and no pull-throughs are looked for: nothing was verified then,
     /// so nothing is intact; [`Error::LayoutChanged`] where pull-throughs are looked for between other curves than before.
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
-        let (report, comparison) = self.verify(seq, time, set)?;
+        let verified = self.verify(seq, time, set);
+        self.full.accelerator.end_frame(set);
+        let (report, comparison) = verified?;
         self.steps.remember_copy(set, comparison);
         Ok(report)
     }
 
     /// [`Verifier::step`] of a frame that is shared with the caller until the next one has been verified.
     pub fn step_shared(&mut self, seq: u64, time: f64, set: &Arc<CurveSet>) -> Result<Report> {
-        let (report, comparison) = self.verify(seq, time, set)?;
+        let verified = self.verify(seq, time, set);
+        self.full.accelerator.end_frame(set);
+        let (report, comparison) = verified?;
         self.steps.remember(Arc::clone(set), comparison);
         Ok(report)
     }
@@ -299,7 +303,6 @@ impl Verifier {
             stats,
         };
         report.abort = self.abort_on.aborts(&report);
-        self.full.accelerator.end_frame(set);
         self.full.timings.total = start.elapsed();
         Ok((report, comparison))
     }

@@ -54,7 +54,7 @@ const LARGEST: f64 = 16.0;
 /// Expansions that a thread adds up in 64 bits: far below the 500,000 that these hold.
 const RUN: u32 = 1024;
 
-/// Counters: one a level, and the last for tiles.
+/// Counters: one a level; the last ones for what was gone through, and for tiles.
 const COUNTS: u32 = 64;
 
 /// The program.
@@ -289,7 +289,7 @@ fn pass(
         .map(|((i, j), _)| root(*i).1 + root(*j).1)
         .max()
         .unwrap_or(0);
-    let levels = levels.min(COUNTS - 2);
+    let levels = levels.min(COUNTS - 3);
     let start: Vec<NodePair> = (0..)
         .zip(asked)
         .map(|(pair, ((i, j), _))| NodePair {
@@ -348,11 +348,9 @@ fn pass(
     let got = engine.run(frame, &commands)?;
     engine.nodes_of = Some(frame.id);
     let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&got[1]);
-    let tiles = counts[COUNTS as usize - 1];
-    let full = |&count: &u32| count > room.node_pairs;
-    if counts[..COUNTS as usize - 1].iter().any(full) || tiles > room.tiles {
+    let Some(tiles) = tiles(engine, &counts, levels, asked.len())? else {
         return Ok(None);
-    }
+    };
     // What is left below the last level would be lost.
     if counts[levels as usize] > 0 {
         return Err(Trouble::limit(
@@ -369,6 +367,27 @@ fn pass(
             .map(|(far, near)| found(far, near))
             .collect(),
     ))
+}
+
+/// The tiles that were listed, where all node pairs were gone through ([`Engine::broken_off`]); none where there were more of
+/// either than there was room for.
+pub(super) fn tiles(
+    engine: &mut Engine,
+    counts: &[u32],
+    levels: u32,
+    asked: usize,
+) -> Result<Option<u32>, Trouble> {
+    let room = engine.sum_room;
+    let (node_pairs, last) = counts.split_at(levels as usize + 1);
+    let listed = node_pairs.iter().map(|&c| c.min(room.node_pairs));
+    let gone_through = listed.take(levels as usize).fold(0, u32::wrapping_add);
+    match *last {
+        [.., done, tiles] if done == gone_through && node_pairs[0] as usize == asked => {
+            let fit = |&count: &u32| count <= room.node_pairs;
+            Ok((node_pairs.iter().all(fit) && tiles <= room.tiles).then_some(tiles))
+        }
+        _ => Err(engine.broken_off()),
+    }
 }
 
 fn found(far: &FarSum, near: &AngleSum) -> Found {

@@ -33,7 +33,7 @@ struct Criterion {
 @group(0) @binding(4) var<storage, read> agenda: array<NodePair>;
 @group(0) @binding(5) var<storage, read_write> next: array<NodePair>;
 @group(0) @binding(6) var<storage, read_write> tiles: array<Tile>;
-// Node pairs of each level; tiles last.
+// Node pairs of each level; what was gone through of all; tiles last.
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>, COUNTS>;
 
 // What the expansion takes of a node: its moments, contracted with the direction.
@@ -110,6 +110,9 @@ fn parallel(a: u32, b: u32) -> f32 {
     return sqrt(clamp(1.0 - cosines + PARALLEL, 0.0, 1.0));
 }
 
+// Node pairs that the workgroup went through.
+var<workgroup> done: atomic<u32>;
+
 struct Running {
     pair: u32,
     value: vec2<u32>,
@@ -137,11 +140,17 @@ fn main(
     @builtin(num_workgroups) grid: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
+    if thread == 0u {
+        atomicStore(&done, 0u);
+    }
+    workgroupBarrier();
     let level = parameters.items;
     let count = min(atomicLoad(&counts[level]), arrayLength(&agenda));
     let threads = grid.x * grid.y * THREADS;
     var running: Running;
+    var own = 0u;
     for (var k = (group.y * grid.x + group.x) * THREADS + thread; k < count; k += threads) {
+        own += 1u;
         let item = agenda[k];
         if item.pair != running.pair || running.visited >= RUN {
             flush(running);
@@ -209,4 +218,11 @@ fn main(
         }
     }
     flush(running);
+    if own > 0u {
+        atomicAdd(&done, own);
+    }
+    workgroupBarrier();
+    if thread == 0u {
+        atomicAdd(&counts[COUNTS - 2u], atomicLoad(&done));
+    }
 }

@@ -41,6 +41,9 @@ const NODES: Buffer = Buffer("nodes", STAGE.name);
 const ROOTS_OF: Buffer = Buffer("roots", STAGE.name);
 const PARAMETERS: Buffer = Buffer("parameters", STAGE.name);
 
+/// How many workgroups have made boxes, since the hierarchy went up.
+pub(super) const MADE: Binding = Binding::whole(Buffer("made", STAGE.name), 4);
+
 /// What boxes there are. Those of a level follow one another, curve by curve.
 #[derive(Debug, Default)]
 pub(super) struct Hierarchy {
@@ -122,6 +125,8 @@ pub(super) fn fit(engine: &mut Engine, frame: &Frame) -> [Vec<Command>; 2] {
         let (hierarchy, nodes, roots) = Hierarchy::new(frame);
         uploads.push(Command::upload(NODES, &nodes));
         uploads.push(Command::upload(ROOTS_OF, &roots));
+        uploads.push(Command::upload(MADE.buffer, &[0u32]));
+        engine.boxes_made = 0;
         engine.hierarchy = hierarchy;
         engine.boxes_of = None;
     }
@@ -141,16 +146,20 @@ pub(super) fn fit(engine: &mut Engine, frame: &Frame) -> [Vec<Command>; 2] {
         })
         .collect();
     uploads.push(Command::parameters(PARAMETERS, &parameters));
+    let groups = |nodes: &Range<u32>| (nodes.len() as u32).div_ceil(THREADS);
     let fit = |(level, nodes): (u32, &Range<u32>)| Command::Dispatch {
         stage: STAGE,
         bindings: vec![
             Binding::parameters(PARAMETERS, level),
             engine.vertices(frame),
             hierarchy.nodes(),
+            MADE,
         ],
-        groups: (nodes.len() as u32).div_ceil(THREADS),
+        groups: groups(nodes),
     };
     let steps = (0..).zip(&hierarchy.levels).map(fit).collect();
+    let more: u32 = hierarchy.levels.iter().map(groups).sum();
+    engine.boxes_made = engine.boxes_made.wrapping_add(more);
     [uploads, steps]
 }
 

@@ -25,7 +25,7 @@
 use super::boxes::{self, LEAF, NODES_PROGRAM};
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::descent::{
-    self, AXIS, COUNTERS, CROSSINGS, OPEN, SEPARATED, TESTS, TILES, TILES_AT, TOO_MANY,
+    self, AXIS, COUNTERS, CROSSINGS, DONE, OPEN, SEPARATED, TESTS, TILES, TILES_AT, TOO_MANY,
 };
 use super::error::Trouble;
 use super::fixed;
@@ -81,6 +81,9 @@ const READ_AHEAD: u32 = 1 << 12;
 
 /// Pairs of curves of one pass, at most: below [`descent::TOO_MANY`] with the node pairs of each, and with the axis in one word.
 const MOST_PAIRS: usize = 1 << 22;
+
+/// Rounds of a thread in a tile, which are counted: a driver that leaves a loop may do so in the middle of one.
+const ROUNDS: u32 = (LEAF * LEAF).div_ceil(descent::THREADS);
 
 /// Pairs of curves that are a task of the processor.
 const TASK: usize = 1024;
@@ -281,13 +284,28 @@ impl Lists {
         }
     }
 
-    fn results(&self) -> [Command; 3] {
+    fn results(&self) -> [Command; 4] {
         let ahead = self.undecided.size.min(u64::from(READ_AHEAD) * ENTRY);
         [
             Command::Download(COUNTERS.buffer, COUNTERS.size),
             Command::Download(SIGNS, self.signs.size),
             Command::Download(UNDECIDED, ahead),
+            Command::Download(boxes::MADE.buffer, boxes::MADE.size),
         ]
+    }
+}
+
+/// The counters, where so many items were gone through, and all boxes were made ([`Engine::broken_off`]).
+pub(super) fn counters(
+    engine: &mut Engine,
+    got: &[Vec<u8>],
+    items: impl Fn(&[u32]) -> u32,
+) -> Result<Vec<u32>, Trouble> {
+    let words = |k: usize| bytemuck::pod_collect_to_vec::<u8, u32>(&got[k]);
+    let (counts, made) = (words(0), words(3));
+    match counts[DONE as usize] == items(&counts) && made == [engine.boxes_made] {
+        true => Ok(counts),
+        false => Err(engine.broken_off()),
     }
 }
 
@@ -304,10 +322,16 @@ fn pass(
     meanwhile(engine)?;
     let mut got = engine.finish(pending)?;
     engine.boxes_of = Some(frame.id);
-    let counters = |got: &[Vec<u8>]| bytemuck::pod_collect_to_vec::<u8, u32>(&got[0]);
-    let mut counts = counters(&got);
     let levels = engine.hierarchy.levels() as usize;
-    let (room, tiles) = (lists.room, counts[TILES_AT as usize]);
+    let room = lists.room;
+    // Of each list what there was room for, and of tiles one part at first.
+    let listed = |counts: &[u32], tiles: u32| {
+        let steps = counts[..levels - 1].iter().map(|&c| c.min(room.node_pairs));
+        let rounds = counts[TILES_AT as usize].min(tiles).wrapping_mul(ROUNDS);
+        steps.fold((pairs.len() as u32).wrapping_add(rounds), u32::wrapping_add)
+    };
+    let mut counts = counters(engine, &got, |c| listed(c, lists.part.min(room.tiles)))?;
+    let tiles = counts[TILES_AT as usize];
     if counts[..levels].iter().any(|&c| c > room.node_pairs) || tiles > room.tiles {
         return Ok(None);
     }
@@ -323,7 +347,7 @@ fn pass(
         }
         commands.extend(lists.results());
         got = engine.run(frame, &commands)?;
-        counts = counters(&got);
+        counts = counters(engine, &got, |c| listed(c, room.tiles))?;
     }
     let open = counts[OPEN as usize];
     if open > engine.open_room {

@@ -126,6 +126,7 @@ fn main(
     let end = workgroupUniformLoad(&total);
     var tested = 0u;
     var crossed = 0u;
+    var done = 0u;
     for (var number = parameters.first + group.y * grid.x + group.x; number < end; number += grid.x * grid.y) {
         let tile = tiles[number];
         let pair = tile.pair & ((1u << AXIS) - 1u);
@@ -146,6 +147,7 @@ fn main(
         workgroupBarrier();
         var sum = 0;
         for (var k = thread; k < LEAF * LEAF; k += THREADS) {
+            done += 1u;
             let s = k / LEAF;
             let t = k % LEAF;
             if s >= upper_count || t >= lower_count {
@@ -198,5 +200,6 @@ fn main(
     if thread == 0u {
         count64(TESTS, atomicLoad(&work[0]));
         count64(CROSSINGS, atomicLoad(&work[1]));
+        atomicAdd(&counts[DONE], done);
     }
 }

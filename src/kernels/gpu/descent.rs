@@ -21,6 +21,8 @@ pub(super) const SEPARATED: u32 = 58;
 pub(super) const TESTS: u32 = 59;
 /// Crossings, likewise.
 pub(super) const CROSSINGS: u32 = 61;
+/// What was gone through, of all lists: pairs of curves, node pairs and tiles.
+pub(super) const DONE: u32 = 63;
 
 /// Items at which a list is no longer counted, more than there can be room for; threads that have just looked add fewer
 /// than it takes to come round to 0.
@@ -30,10 +32,11 @@ pub(super) const TOO_MANY: u32 = 1 << 31;
 pub(super) const AXIS: u32 = 30;
 
 /// What all programs here know.
-pub(super) const WORDS: [(&str, u32); 6] = [
+pub(super) const WORDS: [(&str, u32); 7] = [
     ("THREADS", THREADS),
     ("COUNTS", COUNTS),
     ("TILES", TILES_AT),
+    ("DONE", DONE),
     ("TOO_MANY", TOO_MANY),
     ("AXIS", AXIS),
     ("LEVEL", LEVEL),

@@ -28,6 +28,7 @@ fn main(
     let count = workgroupUniformLoad(&total);
     let each = THREADS / (FAN * FAN);
     let own = thread % (FAN * FAN);
+    var done = 0u;
     for (var begin = (group.y * grid.x + group.x) * each; begin < count; begin += grid.x * grid.y * each) {
         let at = begin + thread / (FAN * FAN);
         var crosses = false;
@@ -56,5 +57,9 @@ fn main(
         if crosses {
             put(list_of(item.first, item.second), place, item);
         }
+        done += min(each, count - begin);
+    }
+    if thread == 0u {
+        atomicAdd(&counts[DONE], done);
     }
 }

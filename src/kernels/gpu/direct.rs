@@ -216,7 +216,8 @@ pub(super) fn linking_numbers<R: Real>(
     pairs: &[Pair],
 ) -> Result<Vec<Estimate>, Trouble> {
     // As many as there is room for the sums of.
-    let most = (engine.device.most_bytes() / size_of::<AngleSum>() as u64).max(1) as usize;
+    let room = engine.device.most_bytes().saturating_sub(bytes(0));
+    let most = (room / size_of::<AngleSum>() as u64).max(1) as usize;
     if pairs.len() > most {
         let mut all = Vec::with_capacity(pairs.len());
         for part in pairs.chunks(most) {
@@ -250,16 +251,17 @@ pub(super) fn linking_numbers<R: Real>(
         };
         cut(whole, SHAPES[shape], &mut tiles[shape]);
     }
-    let size = (pairs.len() * size_of::<AngleSum>()) as u64;
-    let mut commands = vec![Command::Clear(super::SUMS, size.max(4))];
+    let size = bytes(pairs.len());
+    let mut commands = vec![Command::Clear(super::SUMS, size)];
     for ((shape, stage), tiles) in SHAPES.iter().zip(stages::<R>()).zip(&tiles) {
         let per_group = THREADS / shape.rows;
         let sums = [(super::SUMS, size)];
         engine.dispatch_tiles(&mut commands, stage, frame, tiles, per_group, &sums)?;
     }
-    commands.push(Command::Download(super::SUMS, size.max(4)));
+    commands.push(Command::Download(super::SUMS, size));
     let found = engine.run(frame, &commands)?;
-    let sums: Vec<AngleSum> = bytemuck::pod_collect_to_vec(&found[0][..size as usize]);
+    let listed = tiles.iter().map(|tiles| tiles.len() as u32);
+    let sums = read(engine, &found[0], listed.fold(0, u32::wrapping_add))?;
     let estimate = |(pair, sum): (&Pair, &AngleSum)| match frame.has_numbers(*pair) {
         true => estimate(sum),
         false => Estimate::UNKNOWN,
@@ -279,7 +281,7 @@ pub(super) fn sum_tiles(
         return Ok(vec![AngleSum::default(); pairs]);
     }
     let (shape, [stage, _]) = (SHAPES[0], stages::<f32>());
-    let size = (pairs * size_of::<AngleSum>()) as u64;
+    let size = bytes(pairs);
     let work = u64::from(LEAF_SEGMENTS * LEAF_SEGMENTS);
     let mut commands = vec![Command::Clear(super::SUMS, size)];
     let per_group = THREADS / shape.rows;
@@ -294,7 +296,25 @@ pub(super) fn sum_tiles(
     );
     commands.push(Command::Download(super::SUMS, size));
     let found = engine.run(frame, &commands)?;
-    Ok(bytemuck::pod_collect_to_vec(&found[0]))
+    read(engine, &found[0], count)
+}
+
+/// Bytes of the sums of so many pairs, with the count of tiles behind them.
+fn bytes(pairs: usize) -> u64 {
+    (pairs * size_of::<AngleSum>() + size_of::<u32>()) as u64
+}
+
+/// The sums, where all tiles were gone through ([`Engine::broken_off`]).
+pub(super) fn read(
+    engine: &mut Engine,
+    found: &[u8],
+    tiles: u32,
+) -> Result<Vec<AngleSum>, Trouble> {
+    let (sums, done) = found.split_at(found.len() - size_of::<u32>());
+    match bytemuck::pod_read_unaligned::<u32>(done) == tiles {
+        true => Ok(bytemuck::pod_collect_to_vec(sums)),
+        false => Err(engine.broken_off()),
+    }
 }
 
 /// What a sum says of the linking number.

@@ -12,7 +12,8 @@ const STRIDE = COLUMNS + 1u;
 var<workgroup> columns: array<vec3<real>, SLOTS * STRIDE>;
 var<workgroup> values: array<vec2<u32>, THREADS>;
 var<workgroup> bounds: array<vec2<u32>, THREADS>;
-var<workgroup> counts: array<vec2<u32>, THREADS>;
+// Of each thread: doubts, what is near, and what it went through.
+var<workgroup> counts: array<vec3<u32>, THREADS>;
 
 // atan(y / x), the argument of a complex number of the upper half plane, x of any sign: off by 16 u of itself.
 fn argument(x: real, y: real) -> real {
@@ -64,6 +65,7 @@ fn main(
     var bound = vec2<u32>();
     var doubts = 0u;
     var near = 0u;
+    var done = 0u;
 
     for (var step = 0u; step < STEPS; step++) {
         let begin = step * COLUMNS;
@@ -88,7 +90,8 @@ fn main(
             var a = first_a * ia;
             var b = first_b * ib;
             var ab = dot(a, b);
-            for (var j = 0u; j < count; j++) {
+            var j = 0u;
+            for (; j < count; j++) {
                 let l1 = columns[slot * STRIDE + j + 1u];
                 let long_c = pinned3(l1 - k1);
                 let long_d = pinned3(l1 - k0);
@@ -141,6 +144,7 @@ fn main(
                 b = c;
                 ab = cd;
             }
+            done += j;
             value = add64(value, fixed64(sum));
             // Up by more than what the rounding to fixed point, of both, and of this sum have cost.
             bound = add64(bound, add64(fixed64(error * ROUNDED_UP), vec2<u32>(8u, 0u)));
@@ -149,7 +153,7 @@ fn main(
 
     values[thread] = value;
     bounds[thread] = bound;
-    counts[thread] = vec2<u32>(doubts, near);
+    counts[thread] = vec3<u32>(doubts, near, done);
     for (var half = ROWS / 2u; half > 0u; half /= 2u) {
         workgroupBarrier();
         if lane < half {
@@ -163,7 +167,8 @@ fn main(
         add96(at + VALUE, values[thread]);
         add96(at + BOUND, bounds[thread]);
         let more = counts[thread].x;
-        var unknown = counts[thread].y > 0u;
+        // A driver may leave a loop early.
+        var unknown = counts[thread].y > 0u || counts[thread].z != tile.rows * tile.columns;
         if more > 0u {
             // More doubts than 32 bits hold: nothing is known of the pair.
             let before = atomicAdd(&sums[at + DOUBTS], more);
@@ -173,5 +178,6 @@ fn main(
             // No count, which might come back to 0.
             atomicMax(&sums[at + NEAR], 1u);
         }
+        atomicAdd(&sums[arrayLength(&sums) - 1u], 1u);
     }
 }

@@ -95,4 +95,7 @@ fn main(
             put(list_of(s, t), places_of[k], NodePair(number | (axis << AXIS), select(s, t, second_over), select(t, s, second_over)));
         }
     }
+    if thread == 0u {
+        atomicAdd(&counts[DONE], 1u);
+    }
 }

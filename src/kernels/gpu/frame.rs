@@ -228,6 +228,16 @@ mod tests {
     }
 
     #[test]
+    fn whoever_copies_the_copy_is_the_same() {
+        let xyz: Vec<f64> = (0..900_000).map(|k| f64::from(k % 7919) / 3.0).collect();
+        let counts = [-3, -100_000, -2, -99_995, 50_000, -7, -49_993];
+        let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
+        let [one, other]: [Frame; 2] = [Frame::new(&set), Frame::alone(&set)];
+        assert!(one.vertices == other.vertices && one.curves == other.curves);
+        assert!(one.radius == other.radius && one.id != other.id);
+    }
+
+    #[test]
     fn extreme_exponents_fit_or_say_so() {
         let f: Frame = frame(&[1e300, 0.0, 0.0, 0.0, 1e300, 0.0, 0.0, -1e300, 1.7e308]);
         assert!(f.radius.is_finite() && f.vertices.iter().flatten().all(|x| x.abs() <= 1.0));

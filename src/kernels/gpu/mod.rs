@@ -29,6 +29,8 @@ mod directions;
 mod error;
 mod fixed;
 mod frame;
+#[cfg(test)]
+mod hostile_tests;
 mod layout;
 mod measure;
 mod precision;
@@ -140,8 +142,13 @@ impl Gpu {
     }
 
     fn lock(&self) -> MutexGuard<'_, Engine> {
-        // Buffers are written before they are read, so an engine that panicked is as good as any.
-        self.engine.lock().unwrap_or_else(PoisonError::into_inner)
+        self.engine.lock().unwrap_or_else(|poisoned| {
+            let mut engine = poisoned.into_inner();
+            // Who panicked may have noted what never went up.
+            engine.forget();
+            self.engine.clear_poison();
+            engine
+        })
     }
 
     /// Which adapter it is.
@@ -176,8 +183,11 @@ impl Gpu {
         let mut meanwhile = |engine: &mut Engine| {
             if let (Some(next), None) = (next, &sent) {
                 let frame = Frame::alone(next);
-                engine.start(&frame, &[])?;
-                sent = Some(frame);
+                // One that is too large is none of this frame's trouble.
+                if size_of_val(&frame.vertices[..]) as u64 <= engine.device.most_bytes() {
+                    engine.start(&frame, &[])?;
+                    sent = Some(frame);
+                }
             }
             Ok(())
         };
@@ -210,6 +220,8 @@ pub(super) struct Engine {
     nodes_of: Option<u64>,
     /// The frame whose boxes are on it.
     boxes_of: Option<u64>,
+    /// How many workgroups were to make boxes, since the hierarchy went up.
+    boxes_made: u32,
     /// What boxes there are.
     hierarchy: Hierarchy,
     /// Pairs of segments in one submission, at most.
@@ -232,6 +244,7 @@ impl Engine {
             latest: 0,
             nodes_of: None,
             boxes_of: None,
+            boxes_made: 0,
             hierarchy: Hierarchy::default(),
             most_work: MOST_WORK[usize::from(software)],
             open_room: crossings::OPEN_ROOM,
@@ -294,10 +307,18 @@ impl Engine {
         self.hierarchy = Hierarchy::default();
     }
 
-    /// Workgroups of a program that strides through a list whose length only the adapter knows.
+    /// What to say where not all was gone through that was listed. A system may break off what an adapter does, or a driver leave
+    /// a loop, and not all say so: it looks as if all had been done, and as if nothing were linked. So all programs count.
+    fn broken_off(&mut self) -> Trouble {
+        self.forget();
+        Trouble::Failed("its work was broken off".into())
+    }
+
+    /// Workgroups of a program that strides through a list whose length only the adapter knows. Not few in software: Mesa's
+    /// leaves a loop after 65535 rounds, those of inner loops included, and says nothing.
     fn strides(&self) -> u32 {
         match self.device.info().software {
-            true => 64,
+            true => 1024,
             false => 4096,
         }
     }

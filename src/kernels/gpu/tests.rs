@@ -101,7 +101,7 @@ pub(crate) fn direct_in_double(set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> 
     found.unwrap()
 }
 
-fn adapter() -> Gpu {
+pub(super) fn adapter() -> Gpu {
     Gpu::open(&Choice::Gpu).unwrap_or_else(|trouble| panic!("{trouble}"))
 }
 
@@ -140,7 +140,7 @@ fn sums(gpu: &Gpu, set: &CurveSet, kind: Kind) -> Vec<(Pair, Estimate)> {
 }
 
 /// Many polygons in one set: neighbours make the links.
-fn set_of_all(polygons: &[Vec<[f64; 3]>], single: bool) -> CurveSet {
+pub(super) fn set_of_all(polygons: &[Vec<[f64; 3]>], single: bool) -> CurveSet {
     let counts: Vec<i32> = polygons.iter().map(|p| -(p.len() as i32)).collect();
     let xyz: Vec<f64> = polygons.iter().flatten().flatten().copied().collect();
     let narrow: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
@@ -239,16 +239,19 @@ fn curves_that_nearly_touch_are_right_or_undecided() {
     assert!(decided.iter().all(|&n| n > 6 * 3 * 2 * 10), "{decided:?}");
 }
 
-/// Crossings on the adapter and on the processor: the same numbers and places.
-fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
+/// All pairs of curves that have a linking number or touch.
+pub(super) fn pairs_of(set: &CurveSet) -> Vec<Pair> {
     let n = set.len() as u32;
+    let whole = |i: u32| set.curve(i as usize).closed && set.has_three_distinct_points(i as usize);
+    let all = (0..n).flat_map(|i| (0..i).map(move |j| (j, i)));
+    all.filter(|&(i, j)| whole(i) && whole(j)).collect()
+}
+
+/// Crossings on the adapter and on the processor: the same numbers and places.
+pub(super) fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
     let mut trees = Trees::default();
     trees.refit(set);
-    let whole = |i: u32| set.curve(i as usize).closed && set.has_three_distinct_points(i as usize);
-    let pairs: Vec<Pair> = (0..n)
-        .flat_map(|i| (0..i).map(move |j| (j, i)))
-        .filter(|&(i, j)| whole(i) && whole(j))
-        .collect();
+    let pairs = pairs_of(set);
     let workspaces = Workspaces::default();
     let scene = Scene {
         set,
@@ -438,7 +441,7 @@ fn a_watch_goes_on_without_its_adapter() {
 }
 
 /// Two frames of one layout.
-fn two_frames() -> [Arc<CurveSet>; 2] {
+pub(super) fn two_frames() -> [Arc<CurveSet>; 2] {
     ["0.0", "0.4"].map(|crumple| {
         let text = format!("chainmail:rows=5,columns=6,crumple={crumple}");
         Arc::new(text.parse::<Model>().unwrap().build().unwrap().curves)
