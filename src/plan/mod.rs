@@ -190,7 +190,7 @@ pub struct Directions {
 /// How linking numbers are computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KernelPlan {
-    /// The choice, where none is asked for ([`Method::Auto`](crate::kernels::Method::Auto)).
+    /// The choice, where none is asked for ([`Method::Auto`]).
     pub choice: Kernel,
     /// Links on which another kernel than counting goes first.
     pub summed: usize,
