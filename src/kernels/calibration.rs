@@ -79,7 +79,7 @@ impl SumCost {
         let gain = self.processor_ns - self.adapter_ns;
         let work = self.round_trip_ms * 1e6 / gain;
         // Not where it is NaN either.
-        (gain > 0.0).then_some(work.ceil() as u64 + 1)
+        (gain > 0.0).then_some((work.ceil() as u64).saturating_add(1))
     }
 
     fn is_valid(&self) -> bool {
@@ -139,21 +139,37 @@ impl Calibration {
     pub fn keep(&self) -> Result<PathBuf> {
         let file =
             file().ok_or_else(|| Error::Device("no folder to keep a calibration in".into()))?;
+        self.keep_in(&file)?;
+        Ok(file)
+    }
+
+    fn keep_in(&self, file: &Path) -> Result<()> {
         // What cannot be read is of no use.
-        let mut all = read(&file).unwrap_or_default();
+        let mut all = read(file).unwrap_or_default();
         all.retain(|c| (&c.adapter, c.threads) != (&self.adapter, self.threads));
         all.push(self.clone());
         let folder = file.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
-        std::fs::write(&file, format!("{:#}\n", json!(all))).map_err(Error::file(&file))?;
-        Ok(file)
+        // Moved to its place as a whole: who reads it meanwhile, or after a kill, finds what it was before.
+        let whole = file.with_extension(format!("{}.part", std::process::id()));
+        let text = format!("{:#}\n", json!(all));
+        let moved = std::fs::write(&whole, text).and_then(|()| std::fs::rename(&whole, file));
+        moved.map_err(|e| {
+            // It may not be there at all.
+            let _ = std::fs::remove_file(&whole);
+            Error::file(file)(e)
+        })
     }
 
     /// None where something is missing, as from what an older version has kept, or is no time.
     fn from_json(v: Value) -> Option<Calibration> {
         let c: Calibration = serde_json::from_value(v).ok()?;
-        let valid = c.direct.is_valid() && c.barnes_hut.is_valid() && c.crossings.is_valid();
-        valid.then_some(c)
+        c.is_valid().then_some(c)
+    }
+
+    /// Whether all of it are times, and what else they come from.
+    pub(crate) fn is_valid(&self) -> bool {
+        self.direct.is_valid() && self.barnes_hut.is_valid() && self.crossings.is_valid()
     }
 }
 
@@ -238,6 +254,17 @@ mod tests {
         assert_eq!(sum.break_even(), None);
     }
 
+    /// It came back to 0, which is all of them.
+    #[test]
+    fn a_break_even_beyond_all_numbers_is_no_small_one() {
+        let sum = SumCost {
+            round_trip_ms: 1e300,
+            adapter_ns: 1e-300,
+            processor_ns: 1e-299,
+        };
+        assert_eq!(sum.break_even(), Some(u64::MAX));
+    }
+
     #[test]
     fn what_is_kept_comes_back_and_nonsense_does_not() {
         let good = Calibration::made_up(0.5, 10.0);
@@ -263,6 +290,35 @@ mod tests {
             "round_trip_ms": 1.0, "pair_ns": 0.01, "processor_pair_ns": 1.0,
         });
         assert_eq!(Calibration::from_json(old), None);
+    }
+
+    #[test]
+    fn a_file_is_replaced_as_a_whole() {
+        use std::io::Read;
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("new").join("devices.json");
+        let first = Calibration::made_up(0.5, 10.0);
+        first.keep_in(&file).unwrap();
+        let mut reader = std::fs::File::open(&file).unwrap();
+        let second = Calibration {
+            adapter: "another".into(),
+            ..first.clone()
+        };
+        second.keep_in(&file).unwrap();
+        assert_eq!(read(&file).unwrap(), [first.clone(), second]);
+        let mut text = String::new();
+        if cfg!(unix) {
+            reader.read_to_string(&mut text).unwrap();
+            let before: Vec<Calibration> = serde_json::from_str(&text).unwrap();
+            assert_eq!(before, [first]);
+        }
+        // Nothing else is left there.
+        assert_eq!(file.parent().unwrap().read_dir().unwrap().count(), 1);
+        let blocked = folder.path().join("blocked");
+        std::fs::create_dir_all(blocked.join("devices.json").join("x")).unwrap();
+        let good = Calibration::made_up(0.5, 10.0);
+        assert!(good.keep_in(&blocked.join("devices.json")).is_err());
+        assert_eq!(blocked.read_dir().unwrap().count(), 1);
     }
 
     #[test]

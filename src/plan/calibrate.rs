@@ -96,7 +96,7 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
         rows.push(subject.count(&gpu)?);
         factors += (subject.processor_ms()? / subject.predicted_ms()).ln();
     }
-    Ok(Calibration {
+    usable(Calibration {
         adapter: info.name,
         driver: info.driver,
         threads: rayon::current_num_threads(),
@@ -104,6 +104,19 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
         barnes_hut,
         crossings: fit(&rows, round_trip_ms, (factors / rows.len() as f64).exp()),
     })
+}
+
+/// What is kept must come back: where no costs fit what was measured, the busy machine is asked for another time.
+///
+/// Errors: [`Error::Device`].
+fn usable(c: Calibration) -> Result<Calibration> {
+    match c.is_valid() {
+        true => Ok(c),
+        false => Err(Error::Device(format!(
+            "what {} was measured to take fits no costs; measure again",
+            c.adapter
+        ))),
+    }
 }
 
 /// What is left of a measured time is no less than this.
@@ -359,6 +372,18 @@ mod tests {
                 (cost[0], 1.5)
             );
         }
+    }
+
+    /// All frames took less than the smallest one.
+    #[test]
+    fn a_fit_to_nonsense_is_no_calibration() {
+        let rows = times([0.4, 3.0, 20.0, 1.0]);
+        let c = Calibration {
+            crossings: fit(&rows, 1e6, 1.0),
+            ..Calibration::made_up(0.5, 10.0)
+        };
+        assert!(usable(c).is_err());
+        assert!(usable(Calibration::made_up(0.5, 10.0)).is_ok());
     }
 
     #[test]

@@ -78,16 +78,14 @@ impl Device {
     pub fn open(name: Option<&str>, double: bool) -> Result<Device, Trouble> {
         let mut found = adapters();
         found.sort_by_key(|a| rank(a.get_info().device_type));
-        let fits = |a: &&wgpu::Adapter| {
-            let wanted = name.unwrap_or_default().to_lowercase();
-            a.get_info().name.to_lowercase().contains(&wanted)
-        };
-        let Some(adapter) = found.iter().find(fits) else {
+        let names: Vec<String> = found.iter().map(|a| a.get_info().name).collect();
+        let Some(at) = wanted(&names, name.unwrap_or_default()) else {
             return Err(Trouble::NoAdapter {
                 wanted: name.map(Into::into),
-                found: found.iter().map(|a| a.get_info().name).collect(),
+                found: names,
             });
         };
+        let adapter = &found[at];
         // Only what is used: buffers as large as they come, nothing else beyond what every adapter has.
         let has = adapter.limits();
         let limits = wgpu::Limits {
@@ -381,6 +379,15 @@ impl Device {
     }
 }
 
+/// Which of these names is wanted: the one that is no more and no less, so that what is listed can be had, or else the first
+/// that has these words in it.
+fn wanted(names: &[String], words: &str) -> Option<usize> {
+    let words = words.to_lowercase();
+    let names = || names.iter().map(|name| name.to_lowercase());
+    let same = names().position(|name| name == words);
+    same.or_else(|| names().position(|name| name.contains(&words)))
+}
+
 /// The fastest kinds first.
 fn rank(kind: wgpu::DeviceType) -> u32 {
     match kind {
@@ -412,5 +419,20 @@ fn block_on<F: Future>(future: F) -> F::Output {
             Poll::Ready(out) => return out,
             Poll::Pending => std::thread::park(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_adapter_whose_name_begins_like_another_one_can_be_named() {
+        let names = ["RTX 3080 Ti", "RTX 3080", "llvmpipe"].map(String::from);
+        assert_eq!(wanted(&names, "RTX 3080"), Some(1));
+        assert_eq!(wanted(&names, "rtx 3080 ti"), Some(0));
+        assert_eq!(wanted(&names, "3080"), Some(0));
+        assert_eq!(wanted(&names, ""), Some(0));
+        assert_eq!(wanted(&names, "4090"), None);
     }
 }

@@ -123,7 +123,9 @@ fn main(
                     let over = quotient(1.0, m);
                     let size_of_angle = argument(x, y);
                     sum += select(size_of_angle, -size_of_angle, q < 0.0);
-                    error += inverse * over * (SPAN * edges * ic + (TURN + TILT * over) * size) + abs(sum);
+                    let off = inverse * over * (SPAN * edges * ic + (TURN + TILT * over) * size);
+                    // No angle that is certain is off by 1, and the bound of a sum has room for no more.
+                    error += min(off, MOST) + abs(sum);
                 } else {
                     doubts += 1u;
                 }

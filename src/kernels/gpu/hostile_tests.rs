@@ -262,6 +262,23 @@ fn frames_of_any_layout_follow_one_another() {
 #[test]
 #[ignore = "needs an adapter"]
 fn the_adapter_is_not_held_while_the_pool_is_waited_for() {
+    ends_beside_work_that_wants_the_adapter(|gpu, now, next| {
+        counted(gpu, &Frame::new(now), now, Some(next));
+    });
+}
+
+/// Vertices were made while a calibration, or a measurement, held it.
+#[test]
+#[ignore = "needs an adapter"]
+fn the_adapter_is_not_held_while_vertices_are_made_for_a_sum() {
+    ends_beside_work_that_wants_the_adapter(|gpu, _, large| {
+        gpu.sum_directly(large, &[(0, 1)]).unwrap();
+    });
+}
+
+fn ends_beside_work_that_wants_the_adapter(
+    work_of: impl Fn(&Gpu, &CurveSet, &CurveSet) + Send + Sync + 'static,
+) {
     let polygons = walks(1, &[40, 30], 1 << 20, 1 << 17);
     let scaled: Vec<_> = polygons.iter().map(|p| floats(p, 1.0)).collect();
     let now = set_of_all(&scaled, true);
@@ -286,7 +303,7 @@ fn the_adapter_is_not_held_while_the_pool_is_waited_for() {
                 });
                 scope.spawn(|_| while busy() && gpu.engine.try_lock().is_ok() {});
                 scope.spawn(|_| {
-                    counted(&gpu, &Frame::new(&now), &now, Some(&next));
+                    work_of(&gpu, &now, &next);
                     counted_now.store(true, Ordering::Relaxed);
                 });
             });

@@ -168,14 +168,13 @@ impl Subject<'_> {
     }
 
     fn direct<R: Real>(&self) -> Result<DeviceTimes, Trouble> {
-        let engine = || self.gpu.lock();
         let (set, pairs) = (self.scene.set, self.pairs);
+        // A frame is made before the adapter is held.
+        let run = |frame: &Frame<R>| direct::linking_numbers(&mut self.gpu.lock(), frame, pairs);
         let frame = Frame::<R>::new(set);
-        let resident = || direct::linking_numbers(&mut engine(), &frame, pairs);
-        resident()?;
-        let (resident_ms, _) = self.timed(resident)?;
-        let whole = || direct::linking_numbers(&mut engine(), &Frame::<R>::new(set), pairs);
-        let whole = self.timed(whole)?;
+        run(&frame)?;
+        let (resident_ms, _) = self.timed(|| run(&frame))?;
+        let whole = self.timed(|| run(&Frame::<R>::new(set)))?;
         self.sums((Method::Direct, R::PRECISION), resident_ms, whole)
     }
 

@@ -197,7 +197,9 @@ impl Gpu {
 
     /// Direct sums over polylines in single precision, vertices included.
     pub fn sum_directly(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
-        direct::linking_numbers(&mut self.lock(), &Frame::<f32>::new(set), pairs)
+        // Made before the adapter is held: threads that make it may take up work that wants the adapter.
+        let frame = Frame::<f32>::new(set);
+        direct::linking_numbers(&mut self.lock(), &frame, pairs)
     }
 
     /// Barnes-Hut by the bound, vertices and trees included.
