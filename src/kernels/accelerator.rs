@@ -126,13 +126,16 @@ impl Accelerator {
                 }
             }
         });
-        opened.as_ref()
+        opened.as_ref().filter(|gpu| !gpu.is_lost())
     }
 
-    /// Which adapter it is, once it is open.
+    /// Which adapter it is, once it is open and until it is lost.
     pub fn info(&self) -> Option<DeviceInfo> {
         #[cfg(feature = "gpu")]
-        return self.gpu.get()?.as_ref().map(|gpu| gpu.info());
+        {
+            let gpu = self.gpu.get()?.as_ref();
+            gpu.filter(|gpu| !gpu.is_lost()).map(|gpu| gpu.info())
+        }
         #[cfg(not(feature = "gpu"))]
         None
     }

@@ -131,7 +131,7 @@ impl Gpu {
         open.retain(|(_, gpu)| gpu.strong_count() > 0);
         let known = open.iter().find(|(known, _)| known == choice);
         if let Some(gpu) = known.and_then(|(_, gpu)| gpu.upgrade()) {
-            if !gpu.lock().device.is_lost() {
+            if !gpu.is_lost() {
                 return Ok(gpu);
             }
             open.retain(|(known, _)| known != choice);
@@ -154,6 +154,11 @@ impl Gpu {
     /// Which adapter it is.
     pub fn info(&self) -> DeviceInfo {
         self.lock().device.info().clone()
+    }
+
+    /// Whether it has gone, or has failed once.
+    pub fn is_lost(&self) -> bool {
+        self.lock().device.is_lost()
     }
 
     /// Whether it computes in double precision.

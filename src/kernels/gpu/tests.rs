@@ -499,20 +499,27 @@ fn a_failing_adapter_is_an_error_and_the_processor_goes_on() {
 fn a_watch_goes_on_without_its_adapter() {
     let model: Model = "chainmail:rows=5,columns=6".parse().unwrap();
     let built = model.build().unwrap();
-    let mut verifier = Verifier::new(AbortOn::Never);
-    verifier.set_device(&Choice::Gpu).unwrap();
-    assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
-    assert!(verifier.offload().tests > 0 && verifier.device().is_some());
-    let gpu = Gpu::shared(&Choice::Gpu).unwrap();
-    gpu.lock().device.destroy();
-    assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
-    assert_eq!(verifier.device(), None);
-    assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
-    assert_eq!(verifier.offload(), Offload::default());
-    // Whoever asks anew gets one that works.
-    verifier.set_device(&Choice::Gpu).unwrap();
-    assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
-    assert!(verifier.offload().tests > 0);
+    for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
+        let mut verifier = Verifier::new(AbortOn::Never);
+        verifier.set_kernel(method, Accuracy::default());
+        verifier.set_device(&Choice::Gpu).unwrap();
+        assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+        let counts = method == Method::Crossings;
+        assert_eq!(verifier.offload().tests > 0, counts);
+        assert!(verifier.device().is_some());
+        let gpu = Gpu::shared(&Choice::Gpu).unwrap();
+        gpu.lock().device.destroy();
+        for _ in 0..2 {
+            assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+            assert_eq!(verifier.device(), None, "{method}");
+            assert_eq!(verifier.offload(), Offload::default());
+        }
+        // Whoever asks anew gets one that works.
+        verifier.set_device(&Choice::Gpu).unwrap();
+        assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+        assert_eq!(verifier.offload().tests > 0, counts);
+        assert!(verifier.device().is_some());
+    }
 }
 
 /// Two frames of one layout.
