@@ -262,6 +262,7 @@ impl Session {
     }
 
     /// Says which frame will be judged after the next one.
+    #[cfg(feature = "mcap")]
     pub fn announce(&mut self, frame: &Ingested) {
         if let Ok(set) = &frame.curves {
             self.verifier.announce(set);
