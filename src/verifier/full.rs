@@ -261,7 +261,6 @@ impl FullRun {
         set: &CurveSet,
         baseline: &Certificate,
     ) -> Result<(Comparison, Stats)> {
-        self.accelerator.start_frame();
         self.accelerator.send_ahead(set);
         self.before.clear();
         self.before.extend_from_slice(self.trees.roots());

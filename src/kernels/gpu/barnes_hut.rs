@@ -345,7 +345,7 @@ fn pass(
     commands.push(Command::Download(FAR, far_bytes));
     commands.push(Command::Download(COUNTERS, u64::from(4 * COUNTS)));
     engine.nodes_of = None;
-    let got = engine.run(frame, &commands)?;
+    let got = engine.run(frame, commands)?;
     engine.nodes_of = Some(frame.id);
     let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&got[1]);
     let Some(tiles) = tiles(engine, &counts, levels, asked.len())? else {

@@ -318,7 +318,7 @@ fn pass(
 ) -> Result<Option<Found>, Trouble> {
     let lists = Lists::new(engine, pairs);
     let commands = lists.commands(engine, frame, pairs);
-    let pending = engine.start(frame, &commands)?;
+    let pending = engine.start(frame, commands)?;
     meanwhile(engine)?;
     let mut got = engine.finish(pending)?;
     engine.boxes_of = Some(frame.id);
@@ -346,7 +346,7 @@ fn pass(
             commands.extend([lists.count(engine, frame, part), Command::Submit]);
         }
         commands.extend(lists.results());
-        got = engine.run(frame, &commands)?;
+        got = engine.run(frame, commands)?;
         counts = counters(engine, &got, |c| listed(c, room.tiles))?;
     }
     let open = counts[OPEN as usize];
@@ -363,7 +363,7 @@ fn pass(
     let mut undecided: Vec<Undecided> = bytemuck::pod_collect_to_vec(&got[2]);
     if open as usize > undecided.len() {
         let all = Command::Download(UNDECIDED, u64::from(open) * ENTRY);
-        undecided = bytemuck::pod_collect_to_vec(&engine.run(frame, &[all])?[0]);
+        undecided = bytemuck::pod_collect_to_vec(&engine.run(frame, vec![all])?[0]);
     }
     undecided.truncate(open as usize);
     Ok(Some(Found {

@@ -262,7 +262,7 @@ pub(super) fn linking_numbers<R: Real>(
         engine.dispatch_tiles(&mut commands, stage, frame, tiles, per_group, &sums)?;
     }
     commands.push(Command::Download(super::SUMS, size));
-    let found = engine.run(frame, &commands)?;
+    let found = engine.run(frame, commands)?;
     let listed = tiles.iter().map(|tiles| tiles.len() as u32);
     let sums = read(engine, &found[0], listed.fold(0, u32::wrapping_add))?;
     let estimate = |(pair, sum): (&Pair, &AngleSum)| match frame.has_numbers(*pair) {
@@ -298,7 +298,7 @@ pub(super) fn sum_tiles(
         &sums,
     );
     commands.push(Command::Download(super::SUMS, size));
-    let found = engine.run(frame, &commands)?;
+    let found = engine.run(frame, commands)?;
     read(engine, &found[0], count)
 }
 

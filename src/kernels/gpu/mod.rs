@@ -170,7 +170,7 @@ impl Gpu {
     pub fn send(&self, frame: &Frame) -> Result<(), Trouble> {
         let mut engine = self.lock();
         let commands = boxes::fit(&mut engine, frame).concat();
-        engine.run(frame, &commands)?;
+        engine.run(frame, commands)?;
         engine.boxes_of = Some(frame.id);
         Ok(())
     }
@@ -190,7 +190,7 @@ impl Gpu {
                 let frame = Frame::alone(next);
                 // One that is too large is none of this frame's trouble.
                 if size_of_val(&frame.vertices[..]) as u64 <= engine.device.most_bytes() {
-                    engine.start(&frame, &[])?;
+                    engine.start(&frame, Vec::new())?;
                     sent = Some(frame);
                 }
             }
@@ -264,7 +264,7 @@ impl Engine {
     fn run<R: Real>(
         &mut self,
         frame: &Frame<R>,
-        commands: &[Command],
+        commands: Vec<Command>,
     ) -> Result<Vec<Vec<u8>>, Trouble> {
         let pending = self.start(frame, commands)?;
         self.finish(pending)
@@ -274,16 +274,14 @@ impl Engine {
     fn start<R: Real>(
         &mut self,
         frame: &Frame<R>,
-        commands: &[Command],
+        mut commands: Vec<Command>,
     ) -> Result<Pending, Trouble> {
         let slot = self.slot(frame);
-        let known = self.vertices_of[slot] == Some(frame.id);
-        let mut all = Vec::new();
-        if !known {
-            all.push(Command::upload(VERTICES[slot], &frame.vertices));
+        if self.vertices_of[slot] != Some(frame.id) {
+            commands.insert(0, Command::upload(VERTICES[slot], &frame.vertices));
         }
-        all.extend_from_slice(commands);
-        let pending = self.device.start(&all).inspect_err(|_| self.forget())?;
+        let started = self.device.start(&commands);
+        let pending = started.inspect_err(|_| self.forget())?;
         self.vertices_of[slot] = Some(frame.id);
         self.latest = slot;
         Ok(pending)
