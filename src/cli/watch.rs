@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::output::plural;
 use super::session::{Judge, Session, Sinks, Tally};
-use linkwatch::{Counters, Event, Events, Result, Sidecar, SidecarOptions};
+use linkwatch::{Counters, Event, Events, Result, Sidecar, SidecarOptions, Verifier};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,7 +38,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         &args.judge,
         &args.sinks,
         None,
-        Events::Off,
+        (Events::Off, Verifier::MOTION_LIMIT),
         &args.service,
         metadata,
         json,
