@@ -236,7 +236,11 @@ fn curves_that_touch_in_the_first_frame_take_their_number_from_the_next() {
             let closed = curves == Curves::Closed;
             // Open curves with a common vertex in the first frame are joined there.
             let joined = meeting == Meeting::Vertices && !closed;
-            let first = if joined { Verdict::Intact } else { Verdict::Contact };
+            let first = if joined {
+                Verdict::Intact
+            } else {
+                Verdict::Contact
+            };
             assert_eq!(verdicts[..2], [first; 2], "{what}");
             // What touched in the first frame is no reason to stop; that it touches again is one.
             assert_eq!(aborts, [false, false, false, false, true, true], "{what}");
