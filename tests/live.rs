@@ -233,7 +233,8 @@ fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
     assert_eq!((abort, live.code), (None, Some(0)), "{}", live.stderr);
 
     let record = ["--record", recording.to_str().unwrap()];
-    let policy = ["--abort-on", "event", "--paranoid"];
+    // Four lengths of its edges in one step: too far to be sure, unless the user says otherwise.
+    let policy = ["--abort-on", "event", "--paranoid", "--motion-limit", "5"];
     let (verdicts, abort, live) = run("seen", &[&record[..], &policy].concat());
     let changed = |k: usize| [Verdict::Intact, Verdict::Changed][usize::from(k == 3)];
     assert_eq!(verdicts, [0, 1, 2, 3, 4].map(changed));
