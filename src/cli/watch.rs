@@ -1,6 +1,7 @@
 //! `linkwatch watch`: a live simulation in, verdicts back to it.
 
 use super::Outcome;
+use super::number::seconds;
 use super::output::plural;
 use super::session::{Judge, Session, Sinks, Tally};
 use linkwatch::{Counters, Event, Events, Result, Sidecar, SidecarOptions};
@@ -21,8 +22,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "linkwatch")]
     service: String,
     /// Give up when no simulator has come after this time [default: wait for ever]
-    #[arg(long, value_name = "SECONDS")]
-    wait: Option<f64>,
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    wait: Option<Duration>,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
@@ -124,8 +125,7 @@ fn watch(
                 return Ok(counters);
             }
             Event::Idle => {
-                let waited = start.elapsed();
-                if !met && args.wait.is_some_and(|s| waited.as_secs_f64() > s) {
+                if !met && args.wait.is_some_and(|wait| start.elapsed() > wait) {
                     tracing::warn!("no simulator came");
                     return Ok(Counters::default());
                 }
