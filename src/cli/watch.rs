@@ -53,6 +53,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         Ok(counters) => *counters,
         Err(_) => sidecar.counters(),
     };
+    // The simulator learns at once that nobody watches any more, not after the sinks have finished.
+    drop(sidecar);
     // Whatever happened, what was verified so far is kept and summed up.
     let outcome = session.finish(tally(counters))?;
     ended.map(|_| outcome)
@@ -86,11 +88,11 @@ fn watch(
                 return Ok(sidecar.counters());
             }
             Event::Frame(frame) => {
-                let (seq, time) = (frame.seq(), frame.time());
+                let (seq, time, cuts) = (frame.seq(), frame.time(), frame.cuts());
                 let ingested = session.ingest(|set| frame.ingest(set));
                 // The simulator may have its memory back.
                 drop(frame);
-                let judged = session.judge(seq, time, ingested)?;
+                let judged = session.judge(seq, time, cuts, ingested)?;
                 let sent = sidecar.send_verdict(&judged.report, judged.check);
                 session.publish(judged, tally(sidecar.counters()))?;
                 sent?;

@@ -509,6 +509,7 @@ mod tests {
         report.abort = AbortOn::Any.aborts(&report);
         FrameRecord {
             curves: z.map(set).map(Arc::new),
+            cuts: 0,
             report: Arc::new(report),
             verified: seq,
             skipped: 0,
