@@ -112,7 +112,7 @@ fn measure(case: &Case, rounds: u64) {
         let seq = client.publish(k as f64, positions).expect("publish");
         match client.wait(seq, DEADLINE).expect("wait") {
             Outcome::Verdict(m) => assert_eq!(m.verdict, Verdict::Intact),
-            Outcome::Stale => panic!("frame {seq} is stale"),
+            other => panic!("frame {seq}: {other:?}"),
         }
     });
     show("write, publish, ingest, verdict", &trip);

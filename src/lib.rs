@@ -29,8 +29,8 @@ mod verifier;
 
 #[cfg(feature = "bus")]
 pub use bus::{
-    Client, ClientOptions, Counters, Event, Finding, Frame, FrameLoan, MessageKind, Outcome,
-    Sidecar, SidecarOptions, VerdictMessage,
+    Client, ClientOptions, Counters, Departure, Event, Finding, Frame, FrameLoan, MessageKind,
+    Outcome, Sidecar, SidecarOptions, VerdictMessage,
 };
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{Basis, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};

@@ -1,6 +1,6 @@
 //! Live: `linkwatch watch` as a process, simulators in this one or in processes that are killed.
 
-use linkwatch::{Basis, Client, ClientOptions, Outcome, Positions, Precision, Verdict};
+use linkwatch::{Basis, Client, ClientOptions, Departure, Outcome, Positions, Precision, Verdict};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -86,9 +86,14 @@ impl Ended {
 
 /// Runs `linkwatch replay --json`.
 fn replay(recording: &Path) -> Ended {
+    replay_with(recording, &[])
+}
+
+fn replay_with(recording: &Path, args: &[&str]) -> Ended {
     let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
         .args(["replay", "--json"])
         .arg(recording)
+        .args(args)
         .output()
         .unwrap();
     Ended {
@@ -138,7 +143,7 @@ fn step(client: &mut Client, frame: u64, shift: f32) -> Verdict {
         .unwrap();
     match client.wait(seq, PATIENCE).unwrap() {
         Outcome::Verdict(m) => m.verdict,
-        Outcome::Stale => panic!("no verdict on frame {seq}"),
+        other => panic!("frame {seq}: {other:?}"),
     }
 }
 
@@ -262,6 +267,134 @@ fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
     assert_eq!(replayed.reports(), live.reports());
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
     keep("flight", &recording, &live);
+}
+
+/// A curve is pulled through, the simulator goes back to an earlier frame and goes on from there.
+#[test]
+fn a_rollback_of_a_pull_through_is_aborted_once() {
+    let folder = TempDir::new().unwrap();
+    // The simulator says that it went back; or it does not, and is told the way back as a pull-through.
+    for (name, resumes) in [("resumed", true), ("unsaid", false)] {
+        let service = service(name);
+        let recording = folder.path().join(format!("{name}.mcap"));
+        let record = [
+            "--events",
+            "--paranoid",
+            "--record",
+            recording.to_str().unwrap(),
+        ];
+        let watch = Watch::start(folder.path(), name, &service, &record);
+        let mut sim = client(&service);
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        let mut aborts = Vec::new();
+        let shifts = [3.0, 3.0, 3.001, -5.0, 3.0, 3.001, 3.002, 2.9, 2.8];
+        for (frame, shift) in shifts.into_iter().enumerate() {
+            let verdict = step(&mut sim, frame as u64, shift);
+            if verdict == Verdict::Changed {
+                aborts.push(frame);
+                assert!(sim.aborted().is_some());
+                if resumes {
+                    sim.resume();
+                }
+            }
+        }
+        sim.finish().unwrap();
+        let expected = if resumes { vec![3] } else { vec![3, 4] };
+        assert_eq!(aborts, expected);
+        let live = watch.end();
+        let replayed = replay(&recording);
+        assert_eq!(replayed.reports(), live.reports());
+        assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    }
+}
+
+/// The frame after the rollback is skipped, and so is a rejected one: the next frame that is verified continues none.
+#[test]
+fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
+    let folder = TempDir::new().unwrap();
+    for (name, cut) in [("skipped", true), ("uncut", false)] {
+        let service = service(name);
+        let recording = folder.path().join(format!("{name}.mcap"));
+        let record = ["--events", "--record", recording.to_str().unwrap()];
+        let watch = Watch::start(folder.path(), name, &service, &record);
+        let mut sim = client(&service);
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        assert_eq!(step(&mut sim, 0, 3.0), Verdict::Intact);
+        assert_eq!(step(&mut sim, 1, 3.001), Verdict::Intact);
+        let publish = |sim: &mut Client, shift: f32| {
+            sim.publish(0.5, Positions::F32(&squares(shift))).unwrap()
+        };
+        // The watcher is stopped, and finds the newest frame when it goes on.
+        watch.signal("STOP");
+        std::thread::sleep(Duration::from_millis(50));
+        if cut {
+            sim.cut();
+        }
+        let skipped: Vec<u64> = [-5.0, -5.0, -5.0].map(|x| publish(&mut sim, x)).into();
+        let seq = publish(&mut sim, -5.0);
+        watch.signal("CONT");
+        let Outcome::Verdict(first) = sim.wait(seq, PATIENCE).unwrap() else {
+            panic!("no verdict on frame {seq}");
+        };
+        let last = skipped.last().copied().unwrap();
+        assert_eq!(sim.wait(last, PATIENCE).unwrap(), Outcome::Stale);
+        assert_eq!(first.events, if cut { 0 } else { 4 });
+        // The frame after the cut is rejected: the one after that does not continue the one before it.
+        if cut {
+            sim.cut();
+        }
+        assert_eq!(step(&mut sim, seq + 1, f32::NAN), Verdict::Rejected);
+        let seq = publish(&mut sim, 3.0);
+        let Outcome::Verdict(second) = sim.wait(seq, PATIENCE).unwrap() else {
+            panic!("no verdict on frame {seq}");
+        };
+        assert_eq!(second.events, if cut { 0 } else { 4 });
+        sim.finish().unwrap();
+        let live = watch.end();
+        assert!(live.summary()["skipped"].as_u64().unwrap() >= 2);
+        let replayed = replay(&recording);
+        assert_eq!(replayed.reports(), live.reports());
+        assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    }
+}
+
+#[test]
+fn a_simulation_that_became_nan_is_asked_to_stop() {
+    let folder = TempDir::new().unwrap();
+    for (policy, stops) in [("any", true), ("rejected", true), ("lost", false)] {
+        let service = service(&format!("nan-{policy}"));
+        let recording = folder.path().join(format!("{policy}.mcap"));
+        let args = [
+            "--abort-on",
+            policy,
+            "--record",
+            recording.to_str().unwrap(),
+        ];
+        let watch = Watch::start(folder.path(), policy, &service, &args);
+        let mut sim = client(&service);
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+        assert_eq!(step(&mut sim, 1, f32::NAN), Verdict::Rejected);
+        let abort = sim.aborted().map(|m| m.to_string());
+        let words = "frame 1: rejected: curve 1, point 0: coordinate x is NaN. Stop or roll back";
+        assert_eq!(abort, stops.then(|| words.into()));
+        // It goes back to the frame before.
+        sim.resume();
+        assert_eq!(step(&mut sim, 2, 0.0), Verdict::Intact);
+        assert!(sim.aborted().is_none());
+        sim.finish().unwrap();
+        let live = watch.end();
+        assert_eq!(live.code, Some(3), "{}", live.stderr);
+        assert_eq!(live.reports()[1]["abort"], stops);
+        let replayed = replay(&recording);
+        assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
+        assert_eq!(replayed.reports(), live.reports());
+        assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+        // Another policy is another answer, also for a frame of which nothing is left but its verdict.
+        let other = ["--abort-on", if stops { "never" } else { "any" }];
+        let other = replay_with(&recording, &other);
+        assert_eq!(other.reports()[1]["abort"], !stops);
+    }
 }
 
 /// Recordings that are part of the project, with the reports that a replay must give.
@@ -502,6 +635,56 @@ fn a_signal_ends_the_watch_properly() {
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
     assert!(!replayed.stderr.contains("cut off"), "{}", replayed.stderr);
+}
+
+/// The goodbye comes with the signal: a simulator in lockstep waits for no watcher that ended.
+#[test]
+fn a_signal_to_the_watcher_frees_a_simulator_in_lockstep() {
+    let folder = TempDir::new().unwrap();
+    let service = service("freed");
+    let mut sim = client(&service);
+    let mut frame = 0;
+    for (signal, how) in [("TERM", Departure::Goodbye), ("KILL", Departure::Crashed)] {
+        let watch = Watch::start(folder.path(), signal, &service, &[]);
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        for _ in 0..3 {
+            // The verdict on a frame that the watcher before did not see is no news.
+            step(&mut sim, frame, 0.0);
+            frame += 1;
+        }
+        watch.signal(signal);
+        let ended = watch.end();
+        assert_eq!(
+            ended.code,
+            (signal == "TERM").then_some(0),
+            "{}",
+            ended.stderr
+        );
+        for _ in 0..3 {
+            let positions = squares(0.0);
+            let seq = sim.publish(0.1, Positions::F32(&positions)).unwrap();
+            frame += 1;
+            let start = Instant::now();
+            let outcome = sim.wait(seq, PATIENCE).unwrap();
+            assert_eq!(outcome, Outcome::NoWatcher(how));
+            assert!(start.elapsed() < Duration::from_secs(4), "{signal}");
+        }
+    }
+}
+
+#[test]
+fn times_that_are_none_are_refused() {
+    for time in ["nan", "inf", "-1", "1e300", "soon"] {
+        let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+            .args(["watch", "--service", &service("times")])
+            .arg(format!("--wait={time}"))
+            .output()
+            .unwrap();
+        assert_eq!(run.status.code(), Some(2), "{time}");
+        let words = String::from_utf8(run.stderr).unwrap();
+        assert!(words.contains(time), "{words}");
+        assert!(words.contains("a finite number from 0 on"), "{words}");
+    }
 }
 
 #[test]

@@ -126,6 +126,7 @@ fn work(seq: u64) -> Work {
 fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
     FrameRecord {
         curves: curves.map(Arc::new),
+        cuts: seq as u32 / 2,
         report: Arc::new(report(seq)),
         verified: seq,
         skipped: 2 * seq,
@@ -247,6 +248,7 @@ fn every_basis_and_precision_comes_back_bit_for_bit() {
                 assert!(set.counts().eq(was_set.counts()));
                 assert_eq!((set.basis(), set.precision()), (basis, precision));
                 assert_eq!((frame.seq, frame.time), (was.report.seq, was.report.time));
+                assert_eq!(frame.cuts, was.cuts);
                 assert_eq!(verdict.report, *was.report);
                 let p = verdict.progress;
                 assert_eq!(

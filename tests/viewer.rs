@@ -135,6 +135,7 @@ fn verified(set: Arc<CurveSet>, report: Report, work: Work) -> FrameRecord {
     let seq = report.seq;
     FrameRecord {
         curves: Some(set),
+        cuts: 0,
         report: Arc::new(report),
         verified: seq,
         skipped: seq / 10,

@@ -34,8 +34,8 @@ struct Args {
     #[arg(long)]
     no_sidecar: bool,
     /// Seconds to wait for a watcher before the first frame
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
-    wait: f64,
+    #[arg(long, default_value = "60", value_name = "SECONDS", value_parser = seconds)]
+    wait: Duration,
     /// Wait for the verdict on every frame before the next step
     #[arg(long)]
     lockstep: bool,
@@ -51,6 +51,14 @@ struct Args {
     /// Flat rings a side of the sheet (19 makes 1,045 rings in all)
     #[arg(long, default_value_t = 19, value_parser = clap::value_parser!(u16).range(2..200))]
     side: u16,
+}
+
+/// Reads a time; NaN, infinite and negative ones are refused.
+fn seconds(text: &str) -> Result<Duration, String> {
+    match text.parse().map(Duration::try_from_secs_f64) {
+        Ok(Ok(time)) => Ok(time),
+        _ => Err("expected seconds, a finite number from 0 on".into()),
+    }
 }
 
 /// How the simulation ended.
@@ -114,7 +122,7 @@ fn run(args: &Args) -> Result<ExitCode> {
         _ if aborted => ExitCode::from(1),
         Some(code) if code != 0 => ExitCode::from(code),
         _ if !watched => {
-            println!("simulator: nobody verified this run");
+            println!("simulator: nobody verified this run to its end");
             ExitCode::from(3)
         }
         _ => {
@@ -141,7 +149,7 @@ fn wait_for_watcher(
             println!("simulator: waiting for a watcher; start one with: {command}");
             told = true;
         }
-        if start.elapsed().as_secs_f64() > args.wait {
+        if start.elapsed() > args.wait {
             return Ok(false);
         }
     }
@@ -157,6 +165,7 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
         args.substeps
     );
     let start = Instant::now();
+    let mut watched = true;
     for frame in 0..args.frames {
         if frame > 0 {
             sheet.step(FRAME_DT, usize::from(args.substeps));
@@ -164,8 +173,19 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
         let mut loan = client.loan(frame as f64 * f64::from(FRAME_DT))?;
         sheet.write_positions(loan.positions_f32()?);
         let seq = loan.publish()?;
-        if args.lockstep && client.wait(seq, DEADLINE)? == Outcome::Stale {
-            println!("simulator: no verdict on frame {seq} within {DEADLINE:?}");
+        if args.lockstep {
+            match client.wait(seq, DEADLINE)? {
+                Outcome::Verdict(_) => watched = true,
+                Outcome::Stale => {
+                    println!("simulator: no verdict on frame {seq} within {DEADLINE:?}");
+                }
+                // Said once: the simulation goes on, and another watcher may come.
+                Outcome::NoWatcher(how) => {
+                    if std::mem::replace(&mut watched, false) {
+                        println!("simulator: {how}; nobody watches from frame {seq} on");
+                    }
+                }
+            }
         }
         while client.poll()?.is_some() {}
         if let Some(abort) = client.aborted() {

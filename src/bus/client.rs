@@ -2,13 +2,14 @@
 
 use super::loan::FrameLoan;
 use super::message::{MessageKind, VerdictMessage};
-use super::service::{Endpoint, Ipc, Role, bus};
+use super::service::{Endpoint, Ipc, NodeId, Role, bus};
 use super::wire::{
     FLAG_ANNOUNCE, FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader,
     LAYOUT_VERSION, VerdictWire, payload_bytes, table_bytes,
 };
 use crate::curve::{Basis, Positions, Precision};
 use crate::error::{Error, Result};
+use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
@@ -23,6 +24,10 @@ const FRAMES_SET_ASIDE: usize = 16;
 
 /// How long a waiting client sleeps at most before it looks for itself.
 const TICK: Duration = Duration::from_millis(10);
+
+/// Silence after which a waiting client checks that the process of the watcher exists, and the time between
+/// two such checks: each takes a few dozen system calls.
+const LIVENESS: Duration = Duration::from_millis(250);
 
 /// How a simulator uses the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,8 +49,48 @@ impl ClientOptions {
 pub enum Outcome {
     /// The frame was checked; this was found.
     Verdict(Box<VerdictMessage>),
-    /// No verdict in time, or the watcher passed the frame over. It is not known to be intact.
+    /// No verdict in time, or the watcher skipped the frame. It is not known to be intact.
     Stale,
+    /// No verdict, and none will come: the watcher left. The frame is not known to be intact.
+    ///
+    /// Returned at once, for this frame and each later one, until another watcher comes.
+    NoWatcher(Departure),
+}
+
+/// How the watcher left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Departure {
+    /// It said goodbye: it was asked to end, or another simulator took over.
+    Goodbye,
+    /// Its process ended without a goodbye: it crashed or was killed.
+    Crashed,
+}
+
+impl fmt::Display for Departure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Departure::Goodbye => "the watcher said goodbye",
+            Departure::Crashed => "the watcher died without a goodbye",
+        })
+    }
+}
+
+/// What is known of the watcher.
+#[derive(Clone, Copy, Debug)]
+enum Watcher {
+    /// None has been heard.
+    Unknown,
+    Here {
+        port: UniquePublisherId,
+        node: NodeId,
+        heard: Instant,
+        /// Whether it spoke of this session, not only of its existence.
+        met: bool,
+    },
+    Left {
+        port: UniquePublisherId,
+        how: Departure,
+    },
 }
 
 /// The simulator's end of the bus.
@@ -87,8 +132,11 @@ pub struct Client {
     lockstep: bool,
     layout: Option<Layout>,
     next_seq: u64,
-    /// When the watcher last spoke of this session, unless it said goodbye.
-    watcher: Option<Instant>,
+    /// Cuts so far: frames with different numbers are not of one motion.
+    cuts: u32,
+    watcher: Watcher,
+    /// When the process of the watcher was last checked.
+    checked: Instant,
     last: Option<VerdictMessage>,
     aborted: Option<VerdictMessage>,
     /// Aborts for frames before this one are known already.
@@ -130,7 +178,9 @@ impl Client {
             lockstep: options.lockstep,
             layout: None,
             next_seq: 0,
-            watcher: None,
+            cuts: 0,
+            watcher: Watcher::Unknown,
+            checked: Instant::now(),
             last: None,
             aborted: None,
             aborts_from: 0,
@@ -212,12 +262,13 @@ impl Client {
             n_curves: 0,
             basis: 0,
             coordinate_bytes: 4,
-            reserved: 0,
+            cuts: self.cuts,
         }
     }
 
     /// Sends a header without a frame.
     fn signal(&mut self, flags: u32) -> Result<()> {
+        self.connect()?;
         let header = self.header(flags);
         let publisher = self.publisher(1)?;
         let mut sample = publisher.loan_slice(0).map_err(bus("loan"))?;
@@ -286,6 +337,13 @@ impl Client {
         frame.publish()
     }
 
+    /// Connects to watchers that came since. To be called before anything is sent that a watcher may answer:
+    /// what one says before that is lost, also its goodbye.
+    pub(super) fn connect(&self) -> Result<()> {
+        let connected = self.subscriber.update_connections();
+        connected.map_err(bus("connect to a watcher"))
+    }
+
     /// Does the bookkeeping of a frame that was sent. Returns its sequence number.
     pub(super) fn sent(&mut self) -> u64 {
         let seq = self.next_seq;
@@ -304,7 +362,10 @@ impl Client {
         let mut said: Option<Instant> = None;
         loop {
             self.poll_all()?;
-            if self.watcher.is_some() {
+            if let Watcher::Here { met: true, .. } = self.watcher {
+                if self.find_watcher_dead() {
+                    continue;
+                }
                 return Ok(true);
             }
             // Said again and again: over a bridge, the first word may be lost.
@@ -318,12 +379,80 @@ impl Client {
         }
     }
 
-    /// How long ago the watcher last spoke of this session; `None` where it never did, or took its leave.
+    /// How long ago the watcher last spoke of this session; `None` if it never did, or left.
     ///
     /// It speaks about once a second while it waits for frames, and with each verdict. During a long check
     /// it is silent: what silence means is for the simulator to decide.
     pub fn silent_for(&self) -> Option<Duration> {
-        self.watcher.map(|t| t.elapsed())
+        match self.watcher {
+            Watcher::Here {
+                heard, met: true, ..
+            } => Some(heard.elapsed()),
+            _ => None,
+        }
+    }
+
+    /// Takes note of who sent a message. False if the message is not about this session.
+    fn hear(&mut self, message: &VerdictMessage, from: UniquePublisherId, node: NodeId) -> bool {
+        let mine = message.session == self.session;
+        // Session 0: a watcher without a session says that it exists, or leaves.
+        if !mine && message.session != 0 {
+            return false;
+        }
+        let goodbye = message.kind == MessageKind::Goodbye;
+        let (believed, met) = match self.watcher {
+            Watcher::Unknown => (mine || !goodbye, mine),
+            Watcher::Here { port, met, .. } if port == from => (true, met || mine),
+            // The messages of an earlier watcher are received before those of a later one.
+            Watcher::Here { .. } if goodbye => (false, false),
+            Watcher::Here { node, .. } => (mine || self.endpoint.node_is_gone(node), mine),
+            // A watcher that is done with this session may stay for the next one.
+            Watcher::Left { port, .. } => (mine || !goodbye && port != from, mine),
+        };
+        if believed {
+            self.watcher = match goodbye {
+                true => Watcher::Left {
+                    port: from,
+                    how: Departure::Goodbye,
+                },
+                false => Watcher::Here {
+                    port: from,
+                    node,
+                    heard: Instant::now(),
+                    met,
+                },
+            };
+        }
+        mine
+    }
+
+    /// Checks whether a watcher that has been silent for a while still exists. True if it was found dead by
+    /// this call; what it said last may still be unread.
+    fn watcher_crashed(&mut self) -> bool {
+        match self.watcher {
+            Watcher::Here { heard, .. }
+                if heard.elapsed().min(self.checked.elapsed()) >= LIVENESS =>
+            {
+                self.find_watcher_dead()
+            }
+            _ => false,
+        }
+    }
+
+    /// As [`Client::watcher_crashed`], of a watcher that may have spoken a moment ago.
+    fn find_watcher_dead(&mut self) -> bool {
+        let Watcher::Here { port, node, .. } = self.watcher else {
+            return false;
+        };
+        self.checked = Instant::now();
+        let crashed = self.endpoint.node_is_gone(node);
+        if crashed {
+            self.watcher = Watcher::Left {
+                port,
+                how: Departure::Crashed,
+            };
+        }
+        crashed
     }
 
     /// The next verdict, in the order of the frames; `None` when there is no more. Never waits.
@@ -333,22 +462,25 @@ impl Client {
     pub fn poll(&mut self) -> Result<Option<VerdictMessage>> {
         while let Some(sample) = self.subscriber.receive().map_err(bus("receive"))? {
             let wire = *sample.payload();
+            let (port, node) = (sample.header().publisher_id(), sample.header().node_id());
             drop(sample);
-            let message = wire.read()?;
-            if message.session != self.session {
+            let mut message = wire.read()?;
+            if !self.hear(&message, port, node) {
                 continue;
             }
-            self.watcher = (message.kind != MessageKind::Goodbye).then(Instant::now);
+            // Another program can slip frames into this session; the answers to them are not for this one.
+            let published = message.seq < self.next_seq;
+            message.abort &= published;
             if message.abort && message.seq >= self.aborts_from && self.aborted.is_none() {
                 self.aborted = Some(message.clone());
             }
             match message.kind {
-                MessageKind::Verdict => {
+                MessageKind::Verdict if published => {
                     self.last = Some(message.clone());
                     return Ok(Some(message));
                 }
                 MessageKind::Goodbye => self.goodbye = Some(message),
-                MessageKind::Hello => {}
+                MessageKind::Hello | MessageKind::Verdict => {}
             }
         }
         Ok(None)
@@ -365,14 +497,28 @@ impl Client {
         self.aborted.as_ref()
     }
 
-    /// Forgets the abort, after a rollback: verdicts on the frames published so far do not count any more.
+    /// Forgets the abort, after a rollback: verdicts on the frames published so far do not count any more,
+    /// and the next frame does not continue them ([`Client::cut`]).
     pub fn resume(&mut self) {
         self.aborted = None;
         self.aborts_from = self.next_seq;
+        self.cut();
+    }
+
+    /// Says that the next frame does not continue the previous one: a restart from a checkpoint, another
+    /// scene of the same curves. No pull-throughs are looked for between the two; linking numbers are
+    /// compared with the baseline as ever.
+    ///
+    /// To be called before [`Client::loan`]. Nothing is lost if the watcher skips the next frame.
+    pub fn cut(&mut self) {
+        self.cuts = self.cuts.wrapping_add(1);
     }
 
     /// Waits for the verdict on frame `seq`, at most for `deadline`. Verdicts on earlier frames are read on
     /// the way; their aborts are remembered.
+    ///
+    /// Returns at once if the watcher said goodbye, and within a second if its process died (on this host;
+    /// over a bridge, after `deadline`). If none has come yet, one may come while this waits.
     pub fn wait(&mut self, seq: u64, deadline: Duration) -> Result<Outcome> {
         let start = Instant::now();
         loop {
@@ -386,6 +532,12 @@ impl Client {
                 // Frames are checked in order: this one will not be any more.
                 Some(m) if m.seq > seq => return Ok(Outcome::Stale),
                 _ => {}
+            }
+            if let Watcher::Left { how, .. } = self.watcher {
+                return Ok(Outcome::NoWatcher(how));
+            }
+            if self.watcher_crashed() {
+                continue;
             }
             if !self.sleep(start, deadline) {
                 return Ok(Outcome::Stale);
@@ -423,20 +575,27 @@ impl Client {
 
     /// Ends the session and waits, at most for `timeout`, until the watcher has checked what it had and
     /// said goodbye. Its last message counts all frames, and tells of the last abort.
+    ///
+    /// `None` if the watcher said nothing in time, left before the end, or died.
     pub fn finish_within(mut self, timeout: Duration) -> Result<Option<VerdictMessage>> {
+        // A goodbye from before is that of a watcher that left early.
+        self.poll_all()?;
+        self.goodbye = None;
         self.end()?;
         let start = Instant::now();
         loop {
             self.poll_all()?;
-            if self.goodbye.is_some() || !self.sleep(start, timeout) {
+            let left = matches!(self.watcher, Watcher::Left { .. });
+            if self.goodbye.is_some() || left {
                 return Ok(self.goodbye.take());
+            }
+            if !self.watcher_crashed() && !self.sleep(start, timeout) {
+                return Ok(None);
             }
         }
     }
 
     fn end(&mut self) -> Result<()> {
-        // A goodbye from before was that of a watcher that left early.
-        self.goodbye = None;
         self.signal(FLAG_END)?;
         self.finished = true;
         Ok(())

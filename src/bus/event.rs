@@ -25,7 +25,8 @@ pub enum Event {
     End {
         /// Its session.
         session: u64,
-        /// Frames that the simulator published; equals the sum of the counters.
+        /// Frames that the simulator published; equals the sum of the counters. Frames that were rejected
+        /// for their sequence numbers come on top of it.
         published: u64,
         /// What became of them.
         counters: Counters,
@@ -50,6 +51,8 @@ pub struct Frame {
     /// Copied once: in shared memory it could change under its reader.
     pub(super) header: FrameHeader,
     pub(super) max_bytes: usize,
+    /// What is wrong with its sequence number.
+    pub(super) fault: Option<String>,
 }
 
 impl fmt::Debug for Frame {
@@ -61,7 +64,7 @@ impl fmt::Debug for Frame {
 }
 
 impl Frame {
-    /// Sequence number, from 0 in each session.
+    /// Sequence number, from 0 in each session. One that cannot be is found by [`Frame::ingest`].
     pub fn seq(&self) -> u64 {
         self.header.seq
     }
@@ -76,6 +79,14 @@ impl Frame {
         self.header.session
     }
 
+    /// Cuts that the simulator made in its session before this frame ([`Client::cut`](crate::Client::cut)).
+    ///
+    /// If it is another number than that of the last frame that was verified, this frame does not continue
+    /// that one: call [`Verifier::cut`](crate::Verifier::cut) before this one is verified.
+    pub fn cuts(&self) -> u32 {
+        self.header.cuts
+    }
+
     /// Whether the simulator waits for the verdict.
     pub fn lockstep(&self) -> bool {
         self.header.flags & FLAG_LOCKSTEP != 0
@@ -87,6 +98,9 @@ impl Frame {
     /// A frame that breaks its contract is an error, to be answered with [`Verdict::Rejected`](crate::Verdict::Rejected); the next
     /// good frame makes an existing set whole again.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
+        if let Some(fault) = &self.fault {
+            return Err(Error::format("frame", "sequence number", fault));
+        }
         let frame = self.header.view(self.sample.payload(), self.max_bytes)?;
         ingest(frame, set)
     }

@@ -58,6 +58,7 @@ impl FrameLoan<'_> {
 
     /// Hands the frame to the watcher. Returns its sequence number.
     pub fn publish(self) -> Result<u64> {
+        self.client.connect()?;
         self.sample.send().map_err(bus("send"))?;
         Ok(self.client.sent())
     }

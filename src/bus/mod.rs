@@ -24,7 +24,7 @@ mod service;
 mod sidecar;
 mod wire;
 
-pub use client::{Client, ClientOptions, Outcome};
+pub use client::{Client, ClientOptions, Departure, Outcome};
 pub use event::{Event, Frame};
 pub use loan::FrameLoan;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};

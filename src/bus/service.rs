@@ -57,6 +57,7 @@ pub(super) enum Role {
 
 /// Both services, opened, and the proof that this process alone has its role.
 pub(super) struct Endpoint {
+    role: Role,
     pub frames: FrameService,
     pub verdicts: VerdictService,
     /// Hears of frames (watcher) or verdicts (simulator).
@@ -133,6 +134,7 @@ impl Endpoint {
             Role::Watcher => (frame_events, verdict_events),
         };
         Ok(Endpoint {
+            role,
             listener: hear.listener_builder().create().map_err(bus("listener"))?,
             notifier: tell.notifier_builder().create().map_err(bus("notifier"))?,
             frames,
@@ -154,16 +156,22 @@ impl Endpoint {
         self.listener.timed_wait_all(|_| {}, time).is_ok()
     }
 
-    /// Whether the node, which once was on the frame service, died or left. Removes what it left behind.
+    /// Whether the node, which once published to this end, died or left. Removes what it left behind.
+    ///
+    /// A node lives as long as its process holds a lock on a file: also if that is stopped or busy.
     pub fn node_is_gone(&self, id: NodeId) -> bool {
         let mut gone = true;
-        let listed = self.frames.nodes(|state| {
+        let look = |state: NodeState<Ipc>| {
             if *state.node_id() == id {
                 gone = matches!(state, NodeState::Dead(_));
                 return CallbackProgression::Stop;
             }
             CallbackProgression::Continue
-        });
+        };
+        let listed = match self.role {
+            Role::Simulator => self.verdicts.nodes(look),
+            Role::Watcher => self.frames.nodes(look),
+        };
         let gone = gone && listed.is_ok();
         if gone {
             cleanup();

@@ -30,6 +30,16 @@ const BATCH: usize = 64;
 /// Sessions whose stragglers are recognised.
 const RETIRED: usize = 16;
 
+/// Sequence numbers stay below this: a frame every 100 ns for 28 years, and exact in JSON.
+const MOST_FRAMES: u64 = 1 << 53;
+
+/// Frames that a simulator can publish per microsecond. Sending and notifying takes a microsecond or two.
+const FASTEST: u64 = 4;
+
+/// Frames by which a sequence number may be ahead beyond that: the clock is read a moment after the frame is
+/// received, and a bridge delivers in bursts.
+const AHEAD: u64 = 1 << 16;
+
 /// How the watcher uses the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -51,14 +61,79 @@ struct Session {
     id: u64,
     /// The simulator's process as iceoryx2 knows it; `None` where it was gone before it could be seen.
     node: Option<NodeId>,
-    /// The frame expected next: what lies between it and the one that comes was skipped.
-    next_seq: u64,
-    /// The last one seen, checked or not.
-    last_seen: Option<u64>,
+    /// The last frame with a plausible sequence number, checked or not.
+    last_seen: Option<Seen>,
+    /// The frame after it, if that had an implausible one.
+    stray: Option<Seen>,
+    /// Frames with a plausible sequence number that were handed out.
+    delivered: u64,
     counters: Counters,
     /// The last message that asked to stop; repeated in heartbeats, since it must not be lost.
     abort: Option<VerdictWire>,
     heard: Instant,
+}
+
+/// A sequence number, and when it was received.
+#[derive(Clone, Copy)]
+struct Seen {
+    seq: u64,
+    at: Instant,
+}
+
+impl Seen {
+    /// The first sequence number that can follow, and the last one that can have been reached by now.
+    fn next(self) -> (u64, u64) {
+        let micros = u64::try_from(self.at.elapsed().as_micros()).unwrap_or(u64::MAX);
+        let most = micros.saturating_mul(FASTEST).saturating_add(AHEAD);
+        (self.seq + 1, self.seq.saturating_add(most).min(MOST_FRAMES))
+    }
+
+    fn precedes(self, seq: u64) -> bool {
+        let (first, last) = self.next();
+        (first..last).contains(&seq)
+    }
+}
+
+impl Session {
+    /// Takes note of the sequence number of a frame, or says why it cannot be that.
+    ///
+    /// A number that is not after the last one, or further ahead than a simulator can be, is taken for a
+    /// mistake. Two such numbers that follow one another are taken for the truth: then the mistake was the
+    /// one before them.
+    fn number(&mut self, seq: u64) -> Result<(), String> {
+        let seen = Seen {
+            seq,
+            at: Instant::now(),
+        };
+        let follows = |last: Seen| last.precedes(seq);
+        if seq < MOST_FRAMES
+            && (self.last_seen.is_none_or(follows) || self.stray.is_some_and(follows))
+        {
+            self.last_seen = Some(seen);
+            self.stray = None;
+            return Ok(());
+        }
+        self.stray = (seq < MOST_FRAMES).then_some(seen);
+        Err(match self.last_seen {
+            Some(last) => format!("{seq} after {}", last.seq),
+            None => format!("{seq}, expected less than {MOST_FRAMES}"),
+        })
+    }
+
+    /// Frames that were published, by what the end of the session says; and why that cannot be, if so.
+    fn published(&self, claimed: u64) -> (u64, Option<Error>) {
+        let (seen, most) = self.last_seen.map_or((0, MOST_FRAMES), Seen::next);
+        let why = (!(seen..=most).contains(&claimed)).then(|| {
+            let what = format_args!("{claimed} frames published, {seen} expected");
+            Error::format("end of a session", "sequence number", what)
+        });
+        (if claimed > most { seen } else { claimed }, why)
+    }
+
+    /// Counts as skipped what was published before `next` and not handed out.
+    fn skip_to(&mut self, next: u64) {
+        self.counters.skipped = next.saturating_sub(self.delivered);
+    }
 }
 
 enum Pending {
@@ -176,6 +251,7 @@ impl Sidecar {
                         header: *sample.user_header(),
                         sample,
                         max_bytes: self.max_frame_bytes,
+                        fault: None,
                     },
                 },
             };
@@ -184,7 +260,7 @@ impl Sidecar {
         Ok(())
     }
 
-    fn take(&mut self, frame: Frame) {
+    fn take(&mut self, mut frame: Frame) {
         let header = frame.header;
         if let Err(e) = header.check_layout() {
             self.pending.push_back(Pending::Unreadable(e));
@@ -205,8 +281,9 @@ impl Sidecar {
                 self.session = Some(Session {
                     id: header.session,
                     node: self.node_of(&frame),
-                    next_seq: 0,
                     last_seen: None,
+                    stray: None,
+                    delivered: 0,
                     counters: Counters::default(),
                     abort: None,
                     heard: Instant::now(),
@@ -217,23 +294,22 @@ impl Sidecar {
         let session = self.session.as_mut().expect("set or compared above");
         session.heard = Instant::now();
         if header.flags & FLAG_END != 0 {
+            let (published, why) = session.published(header.seq);
             self.flush();
+            self.pending.extend(why.map(Pending::Unreadable));
             self.pending.push_back(Pending::End {
-                published: header.seq,
+                published,
                 clean: header.flags & FLAG_UNFINISHED == 0,
             });
         } else if header.flags & FLAG_ANNOUNCE != 0 {
             // Repeated until it is answered: the first answer may have been lost. A failure shows in the
             // next heartbeat.
             let _ = self.heartbeat();
-        } else if let Some(last) = session.last_seen.filter(|&last| header.seq <= last) {
-            self.pending.push_back(Pending::Unreadable(Error::format(
-                "frame",
-                "sequence number",
-                format_args!("{} after {last}", header.seq),
-            )));
+        } else if let Err(why) = session.number(header.seq) {
+            frame.fault = Some(why);
+            self.flush();
+            self.pending.push_back(Pending::Frame(frame));
         } else {
-            session.last_seen = Some(header.seq);
             self.newest = Some(frame);
         }
     }
@@ -287,12 +363,15 @@ impl Sidecar {
                 Event::NewSession { session: id }
             }
             Pending::Frame(frame) => {
-                session.counters.skipped += frame.seq().saturating_sub(session.next_seq);
-                session.next_seq = frame.seq().saturating_add(1);
+                if frame.fault.is_none() {
+                    session.delivered += 1;
+                    session.skip_to(frame.seq() + 1);
+                }
                 Event::Frame(frame)
             }
             Pending::End { published, clean } => {
-                session.counters.skipped += published.saturating_sub(session.next_seq);
+                let published = published.max(session.delivered);
+                session.skip_to(published);
                 let counters = session.counters;
                 self.retire();
                 Event::End {
@@ -339,7 +418,10 @@ impl Sidecar {
             session.counters.verified += 1;
         }
         let wire = VerdictWire::from_report(report, session.id, session.counters, check);
-        if report.abort {
+        // What is repeated must reach the simulator: not an abort for a frame with an impossible number.
+        let newest = session.last_seen.map_or(0, |last| last.seq);
+        let newer = |kept: VerdictWire| kept.seq <= report.seq || kept.seq > newest;
+        if report.abort && report.seq <= newest && session.abort.is_none_or(newer) {
             session.abort = Some(wire);
         }
         self.send(wire)

@@ -1,5 +1,6 @@
 //! `linkwatch devices`: the graphics processors that there are, what each can do, and what kernels take there.
 
+use super::number::positive;
 use super::{Outcome, output};
 use linkwatch::Result;
 use linkwatch::kernels::{Device, DeviceInfo, devices};
@@ -26,7 +27,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
     /// Leave out sums on the processor that would take longer than this
-    #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
     limit: f64,
 }
 

@@ -1,5 +1,6 @@
 //! `--kernel` and how finely it sums, of every command that computes linking numbers.
 
+use super::number::positive;
 use linkwatch::Verifier;
 use linkwatch::kernels::{Accuracy, Device, Method};
 
@@ -14,7 +15,7 @@ pub struct KernelArgs {
     #[arg(long, value_name = "B", value_parser = beta)]
     beta: Option<f64>,
     /// With --beta: sum once more where the published estimate of the error is above E
-    #[arg(long, value_name = "E", requires = "beta")]
+    #[arg(long, value_name = "E", requires = "beta", value_parser = positive)]
     target: Option<f64>,
     /// Barnes-Hut without quadrupoles
     #[arg(long)]

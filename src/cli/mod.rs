@@ -10,6 +10,7 @@ mod kernel;
 mod live;
 mod look_for;
 mod measure;
+mod number;
 mod output;
 mod plan;
 #[cfg(feature = "mcap")]

@@ -71,6 +71,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             && judge.baseline.is_none()
             && judge.look_for.events(AbortOn::Never) <= looked_for
             && judge.look_for.motion_limit.is_none_or(|l| l == limit),
+        policy: args.judge.abort_on,
         tally: Tally::default(),
         waiting: VecDeque::new(),
         last: None,
@@ -117,6 +118,7 @@ enum Waiting {
     Frame {
         seq: u64,
         time: f64,
+        cuts: u32,
         frame: Ingested,
     },
     Verdict(Box<RecordedVerdict>),
@@ -132,6 +134,8 @@ struct Replay {
     waiting: VecDeque<Waiting>,
     /// Whether verdicts must equal the recorded ones.
     compare: bool,
+    /// Another policy than that of the recording.
+    policy: Option<AbortOn>,
     tally: Tally,
     /// The report on the frame before.
     last: Option<Arc<Report>>,
@@ -147,8 +151,12 @@ impl Replay {
                 let frame = self.session.ingest(|set| recorded.ingest(set));
                 self.session.announce(&frame);
                 self.finish_waiting()?;
-                let (seq, time) = (recorded.seq, recorded.time);
-                self.waiting.push_back(Waiting::Frame { seq, time, frame });
+                self.waiting.push_back(Waiting::Frame {
+                    seq: recorded.seq,
+                    time: recorded.time,
+                    cuts: recorded.cuts,
+                    frame,
+                });
             }
             RecordedItem::Verdict(recorded) => {
                 self.waiting.push_back(Waiting::Verdict(recorded));
@@ -164,8 +172,13 @@ impl Replay {
     fn finish_waiting(&mut self) -> Result<()> {
         while let Some(next) = self.waiting.pop_front() {
             match next {
-                Waiting::Frame { seq, time, frame } => {
-                    let judged = self.session.judge(seq, time, frame)?;
+                Waiting::Frame {
+                    seq,
+                    time,
+                    cuts,
+                    frame,
+                } => {
+                    let judged = self.session.judge(seq, time, cuts, frame)?;
                     self.count(judged.report.verdict);
                     self.last = Some(Arc::clone(&judged.report));
                     self.session.publish(judged, self.tally)?;
@@ -185,7 +198,10 @@ impl Replay {
 
     /// Compares a verdict of the recording with the one found now.
     fn compare(&mut self, recorded: RecordedVerdict) -> Result<()> {
-        let RecordedVerdict { report, progress } = recorded;
+        let RecordedVerdict {
+            mut report,
+            progress,
+        } = recorded;
         self.tally.skipped = progress.skipped;
         match self.last.take().filter(|r| r.seq == report.seq) {
             Some(found) if self.compare && !alike(&found, &report) => {
@@ -195,7 +211,12 @@ impl Replay {
             }
             Some(_) => {}
             None if report.verdict == Verdict::Rejected => {
-                // There were no curves to record: the verdict is all that is left of the frame.
+                // There were no curves to record: the verdict is all that is left of the frame. Its abort flag
+                // stays too, unless another policy is given: the `any` of older recordings left out rejected
+                // frames.
+                if let Some(policy) = self.policy {
+                    report.abort = policy.aborts(&report, |_| false);
+                }
                 self.count(report.verdict);
                 let judged = Judged {
                     report: Arc::new(report),
@@ -203,6 +224,7 @@ impl Replay {
                     work: progress.work,
                     offload: Default::default(),
                     curves: None,
+                    cuts: 0,
                 };
                 self.session.publish(judged, self.tally)?;
             }

@@ -41,7 +41,8 @@ pub struct Judge {
     /// What frames are compared with: `first-frame`, or a certificate file
     #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
-    /// What asks the simulator to stop: any, lost, gained, contact, event or never [default: any]
+    /// What asks the simulator to stop: any, lost, gained, contact, event, rejected or never
+    /// [default: any]
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
@@ -161,6 +162,8 @@ pub struct Judged {
     /// What a graphics processor was given.
     pub offload: Offload,
     pub curves: Option<Arc<CurveSet>>,
+    /// Cuts that the simulator made before this frame.
+    pub cuts: u32,
 }
 
 /// Frames verified, skipped and rejected so far.
@@ -218,6 +221,8 @@ pub struct Session {
     /// In segment lengths.
     motion_limit: f64,
     verifier: Verifier,
+    /// Cuts before the last frame that was verified: a frame with another number does not continue it.
+    cuts: u32,
     /// Where the baseline comes from, in words.
     origin: String,
     queues: Vec<SinkQueue>,
@@ -275,6 +280,7 @@ impl Session {
         verifier.set_motion_limit(limit)?;
         Ok(Session {
             verifier,
+            cuts: 0,
             origin,
             queues: sinks.open(title, &metadata)?,
             begun: false,
@@ -322,11 +328,14 @@ impl Session {
         }
     }
 
-    /// Verifies one frame.
-    pub fn judge(&mut self, seq: u64, time: f64, frame: Ingested) -> Result<Judged> {
+    /// Verifies one frame. If `cuts` is another number than for the last one, it does not continue that one.
+    pub fn judge(&mut self, seq: u64, time: f64, cuts: u32, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
         let Ingested { curves, took } = frame;
         let outcome = curves.and_then(|set| {
+            if std::mem::replace(&mut self.cuts, cuts) != cuts {
+                self.verifier.cut();
+            }
             let report = self.verifier.step_shared(seq, time, &set)?;
             Ok((report, Some(set)))
         });
@@ -354,6 +363,7 @@ impl Session {
             work,
             offload,
             curves,
+            cuts,
         })
     }
 
@@ -377,6 +387,7 @@ impl Session {
             work,
             offload,
             curves,
+            cuts,
         } = judged;
         self.tally = tally;
         self.outcome = self.outcome.max(Outcome::of(report.verdict));
@@ -401,6 +412,7 @@ impl Session {
         self.tell(&report, check, &work, offload)?;
         let record = Arc::new(FrameRecord {
             curves,
+            cuts,
             report,
             verified: tally.verified,
             skipped: tally.skipped,

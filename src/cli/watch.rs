@@ -1,6 +1,7 @@
 //! `linkwatch watch`: a live simulation in, verdicts back to it.
 
 use super::Outcome;
+use super::number::seconds;
 use super::output::plural;
 use super::session::{Judge, Session, Sinks, Tally};
 use linkwatch::{Counters, Event, Events, Result, Sidecar, SidecarOptions, Verifier};
@@ -21,8 +22,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "linkwatch")]
     service: String,
     /// Give up when no simulator has come after this time [default: wait for ever]
-    #[arg(long, value_name = "SECONDS")]
-    wait: Option<f64>,
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    wait: Option<Duration>,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
@@ -52,6 +53,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         Ok(counters) => *counters,
         Err(_) => sidecar.counters(),
     };
+    // The simulator learns at once that nobody watches any more, not after the sinks have finished.
+    drop(sidecar);
     // Whatever happened, what was verified so far is kept and summed up.
     let outcome = session.finish(tally(counters))?;
     ended.map(|_| outcome)
@@ -85,11 +88,11 @@ fn watch(
                 return Ok(sidecar.counters());
             }
             Event::Frame(frame) => {
-                let (seq, time) = (frame.seq(), frame.time());
+                let (seq, time, cuts) = (frame.seq(), frame.time(), frame.cuts());
                 let ingested = session.ingest(|set| frame.ingest(set));
                 // The simulator may have its memory back.
                 drop(frame);
-                let judged = session.judge(seq, time, ingested)?;
+                let judged = session.judge(seq, time, cuts, ingested)?;
                 let sent = sidecar.send_verdict(&judged.report, judged.check);
                 session.publish(judged, tally(sidecar.counters()))?;
                 sent?;
@@ -124,8 +127,7 @@ fn watch(
                 return Ok(counters);
             }
             Event::Idle => {
-                let waited = start.elapsed();
-                if !met && args.wait.is_some_and(|s| waited.as_secs_f64() > s) {
+                if !met && args.wait.is_some_and(|wait| start.elapsed() > wait) {
                     tracing::warn!("no simulator came");
                     return Ok(Counters::default());
                 }

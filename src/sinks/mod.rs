@@ -40,6 +40,9 @@ pub struct BaselineRecord {
 pub struct FrameRecord {
     /// The curves; none where the frame was rejected before it became curves.
     pub curves: Option<Arc<CurveSet>>,
+    /// Cuts that the simulator made before this frame: one with another number than the frame before does
+    /// not continue it.
+    pub cuts: u32,
     /// What was found. The same for every run over the same frames.
     pub report: Arc<Report>,
     /// Frames verified so far, this one included.

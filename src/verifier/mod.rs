@@ -276,6 +276,14 @@ impl Verifier {
         Ok(report)
     }
 
+    /// Says that the next frame does not continue the previous one: no pull-throughs are looked for between
+    /// the two. To be called after a rollback, a restart or a cut of the simulation.
+    ///
+    /// Linking numbers are compared with the baseline as ever.
+    pub fn cut(&mut self) {
+        self.steps.forget();
+    }
+
     /// Says which frame comes after the one that is verified next. Where that one is counted on a graphics processor, the
     /// vertices of this one go up in the meantime. It is a hint: the results are the same without, and whichever frame comes.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
@@ -500,7 +508,7 @@ impl Verifier {
 
     /// The report on a frame that broke its contract.
     pub fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
-        Report {
+        let mut report = Report {
             seq,
             time,
             verdict: Verdict::Rejected,
@@ -512,6 +520,8 @@ impl Verifier {
             adopted: Vec::new(),
             rejected: Some(why.to_string()),
             stats: Stats::default(),
-        }
+        };
+        report.abort = self.abort_on.aborts(&report, |_| false);
+        report
     }
 }

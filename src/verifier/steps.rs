@@ -62,6 +62,11 @@ impl Steps {
         self.last.as_ref().map(|last| &*last.set)
     }
 
+    /// Forgets the frame before: the next one does not continue it.
+    pub fn forget(&mut self) {
+        self.last = None;
+    }
+
     /// Between other curves there is no motion.
     pub fn check_layout(&self, set: &CurveSet) -> Result<()> {
         let Some(before) = self.before().filter(|before| !before.same_layout(set)) else {

@@ -97,6 +97,45 @@ fn the_first_frame_has_no_pull_throughs() {
 }
 
 #[test]
+fn a_frame_after_a_cut_has_no_pull_throughs() {
+    for incremental in [false, true] {
+        let mut verifier = Verifier::new(AbortOn::Any);
+        verifier.set_incremental(incremental);
+        verifier.set_paranoid(true);
+        verifier.set_events(Events::All);
+        // Pulled out in frame 3, back where it was after a cut, and out again.
+        let frames = [0.0, 0.0, 0.0, 1.2, 0.0, 0.0, 1.2, 1.2, 0.0, 0.0];
+        for (frame, out) in frames.into_iter().enumerate() {
+            let cut = [4, 5, 8].contains(&frame);
+            if cut {
+                verifier.cut();
+            }
+            let report = verifier.step(frame as u64, 0.0, &squares(out)).unwrap();
+            verifier.settle();
+            let passed = [3, 6].contains(&frame);
+            assert_eq!(report.events.len(), usize::from(passed), "frame {frame}");
+            assert_eq!(report.defects, [], "frame {frame}");
+            // The linking number is compared with the baseline all the same.
+            let changed = out != 0.0;
+            assert_eq!(report.changes.len(), usize::from(changed), "frame {frame}");
+            assert_eq!(report.abort, changed, "frame {frame}");
+            assert!(!verifier.work().disagreed);
+        }
+    }
+}
+
+#[test]
+fn a_rejected_frame_follows_the_policy() {
+    let nan = Error::Usage("coordinate x is NaN".into());
+    for policy in AbortOn::ALL {
+        let report = Verifier::new(policy).reject(3, 0.5, &nan);
+        let stops = [AbortOn::Any, AbortOn::Rejected].contains(&policy);
+        assert_eq!(report.abort, stops, "{policy}");
+        assert_eq!(report.rejected.as_deref(), Some("coordinate x is NaN"));
+    }
+}
+
+#[test]
 fn signs_that_do_not_add_up_are_told() {
     let mut verifier = Verifier::new(AbortOn::Any);
     verifier.set_events(Events::Between);

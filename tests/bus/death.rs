@@ -1,6 +1,7 @@
 //! Processes that are killed, stopped and started again: this test program runs itself as a child.
 
 use super::*;
+use linkwatch::{Departure, Outcome};
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command};
@@ -36,6 +37,16 @@ fn child() {
                 }
             }
         }
+        "slow watcher" => {
+            let mut sidecar = sidecar(&name);
+            let mut set = None;
+            loop {
+                if let Event::Frame(frame) = next(&mut sidecar) {
+                    std::thread::sleep(Duration::from_millis(1500));
+                    answer(&mut sidecar, &frame, &mut set);
+                }
+            }
+        }
         "both, once" => {
             let mut sidecar = sidecar(&name);
             let mut client = client(&name);
@@ -52,10 +63,10 @@ fn child() {
 }
 
 /// A child that does not outlive its test.
-struct Process(Child);
+pub struct Process(Child);
 
 impl Process {
-    fn start(role: &str, service: &str, folder: Option<&Path>) -> Process {
+    pub fn start(role: &str, service: &str, folder: Option<&Path>) -> Process {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args(["--exact", "death::child"]);
         command.env(ROLE, role).env(SERVICE, service);
@@ -67,7 +78,7 @@ impl Process {
     }
 
     /// SIGKILL, and until the system has put it away.
-    fn kill(mut self) {
+    pub fn kill(mut self) {
         self.0.kill().unwrap();
         self.0.wait().unwrap();
     }
@@ -76,10 +87,16 @@ impl Process {
         assert!(self.0.wait().unwrap().success());
     }
 
-    fn stop(&self) {
+    pub fn signal(&self, signal: &str) {
         let pid = self.0.id().to_string();
-        let sent = Command::new("kill").args(["-STOP", &pid]).status();
+        let sent = Command::new("kill").args([signal, &pid]).status();
         assert!(sent.unwrap().success());
+    }
+
+    /// SIGSTOP, and until the system has seen to it.
+    pub fn stop(&self) {
+        self.signal("-STOP");
+        std::thread::sleep(Duration::from_millis(50));
     }
 }
 
@@ -173,6 +190,86 @@ fn a_killed_watcher_never_holds_the_simulator() {
         assert!(start.elapsed() < Duration::from_secs(5));
         while client.poll().unwrap().is_some() {}
     }
+}
+
+/// Publishes frames until one is verified.
+fn until_verified(client: &mut Client, seq: &mut u64) {
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        publish(client, *seq);
+        *seq += 1;
+        if let Outcome::Verdict(_) = client.wait(*seq - 1, PATIENCE).unwrap() {
+            return;
+        }
+    }
+    panic!("no verdict");
+}
+
+#[test]
+fn a_killed_watcher_ends_a_lockstep_wait_within_a_second() {
+    let name = service();
+    // The first watcher is there before the simulator, the later ones come after it.
+    let mut watcher = Process::start("watcher", &name, None);
+    std::thread::sleep(Duration::from_millis(200));
+    let mut client = client(&name);
+    let mut seq = 0;
+    for round in 0..4 {
+        until_verified(&mut client, &mut seq);
+        if round % 2 == 1 {
+            // Dead for a while when the simulator waits, not only from then on.
+            watcher.stop();
+            publish(&mut client, seq);
+            seq += 1;
+        }
+        watcher.kill();
+        for frame in 0..3 {
+            publish(&mut client, seq);
+            let start = Instant::now();
+            let outcome = client.wait(seq, PATIENCE).unwrap();
+            assert_eq!(outcome, Outcome::NoWatcher(Departure::Crashed));
+            // 0.25 s by design, and at once from then on; the slack is for loaded machines.
+            assert!(start.elapsed() < Duration::from_secs(4), "frame {frame}");
+            seq += 1;
+        }
+        watcher = Process::start("watcher", &name, None);
+    }
+    until_verified(&mut client, &mut seq);
+    watcher.kill();
+    let start = Instant::now();
+    assert!(!client.wait_for_watcher(Duration::from_millis(600)).unwrap());
+    assert_eq!(client.finish_within(PATIENCE).unwrap(), None);
+    assert!(start.elapsed() < Duration::from_secs(5), "{start:?}");
+}
+
+#[test]
+fn the_end_of_a_session_does_not_wait_for_a_killed_watcher() {
+    let name = service();
+    let watcher = Process::start("watcher", &name, None);
+    let mut client = client(&name);
+    until_verified(&mut client, &mut 0);
+    watcher.kill();
+    let start = Instant::now();
+    assert_eq!(client.finish_within(PATIENCE).unwrap(), None);
+    assert!(start.elapsed() < Duration::from_secs(5), "{start:?}");
+}
+
+#[test]
+fn a_stopped_or_slow_watcher_is_not_taken_for_dead() {
+    let name = service();
+    let mut client = client(&name);
+    let slow = Process::start("slow watcher", &name, None);
+    for seq in 0..2 {
+        publish(&mut client, seq);
+        let outcome = client.wait(seq, PATIENCE).unwrap();
+        assert!(matches!(outcome, Outcome::Verdict(m) if m.seq == seq));
+    }
+    slow.stop();
+    publish(&mut client, 2);
+    let patience = Duration::from_millis(1500);
+    assert_eq!(client.wait(2, patience).unwrap(), Outcome::Stale);
+    slow.signal("-CONT");
+    let outcome = client.wait(2, PATIENCE).unwrap();
+    assert!(matches!(outcome, Outcome::Verdict(m) if m.seq == 2));
 }
 
 /// Files of a configuration of their own, with its prefix and root.

@@ -3,27 +3,27 @@
 use super::*;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::*;
-use linkwatch::Error;
+use linkwatch::{Error, Outcome};
 
 /// The twin of the crate's header: this test is the second opinion on its layout.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
 #[type_name("linkwatch.FrameHeader")]
-struct Header {
+pub struct Header {
     magic: u64,
     version: u32,
-    flags: u32,
-    session: u64,
-    seq: u64,
-    time: f64,
+    pub flags: u32,
+    pub session: u64,
+    pub seq: u64,
+    pub time: f64,
     n_points: u64,
     n_curves: u32,
     basis: u32,
     coordinate_bytes: u32,
-    reserved: u32,
+    cuts: u32,
 }
 
-struct Liar {
+pub struct Liar {
     publisher: Publisher<ipc::Service, [u8], Header>,
     seq: u64,
     _node: Node<ipc::Service>,
@@ -31,7 +31,7 @@ struct Liar {
 
 impl Liar {
     /// Joins as a bridge would, past the lock of the crate's client.
-    fn open(service: &str) -> Liar {
+    pub fn open(service: &str) -> Liar {
         let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
         let name = ServiceName::new(&format!("{service}/frames")).unwrap();
         let frames = node
@@ -55,7 +55,7 @@ impl Liar {
     }
 
     /// Sends a frame like those of [`client`], after `change` had its way with it.
-    fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
+    pub fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
         let mut header = Header {
             magic: u64::from_le_bytes(*b"LWFRAME\0"),
             version: 2,
@@ -67,7 +67,7 @@ impl Liar {
             n_curves: 2,
             basis: 0,
             coordinate_bytes: 4,
-            reserved: 0,
+            cuts: 0,
         };
         let mut payload: Vec<u8> = COUNTS.iter().flat_map(|c| c.to_le_bytes()).collect();
         payload.resize(64, 0);
@@ -81,7 +81,7 @@ impl Liar {
         self.seq - 1
     }
 
-    fn honest(&mut self) -> u64 {
+    pub fn honest(&mut self) -> u64 {
         self.send(|_, _| {})
     }
 }
@@ -184,10 +184,177 @@ fn what_is_no_frame_has_no_number() {
     let seq = liar.honest();
     new_session(&mut sidecar);
     assert_eq!(next_frame(&mut sidecar).seq(), seq);
-    // Time runs forward.
+}
+
+/// Sends a frame with the number `seq`, between honest ones; it must be rejected with these words.
+fn lie(liar: &mut Liar, sidecar: &mut Sidecar, seq: u64, words: &str) {
     liar.send(|h, _| h.seq = seq);
-    let e = unreadable(&mut sidecar).to_string();
-    assert_eq!(e, "not a valid frame (sequence number): 2 after 2");
+    // Not one of the honest frames.
+    liar.seq -= 1;
+    let frame = next_frame(sidecar);
+    assert_eq!(frame.seq(), seq);
+    let e = frame.ingest(&mut None).unwrap_err().to_string();
+    assert_eq!(e, format!("not a valid frame (sequence number): {words}"));
+    answer(sidecar, &frame, &mut None);
+}
+
+fn tell_the_truth(liar: &mut Liar, sidecar: &mut Sidecar) {
+    let seq = liar.honest();
+    assert_eq!(answer_next(sidecar), seq);
+}
+
+#[test]
+fn a_hostile_sequence_number_is_rejected_and_honest_frames_go_on() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut liar = Liar::open(&name);
+    liar.honest();
+    new_session(&mut sidecar);
+    answer_next(&mut sidecar);
+    for (rejected, (seq, words)) in [
+        (u64::MAX, "18446744073709551615 after 0"),
+        (u64::MAX - 1, "18446744073709551614 after 1"),
+        (1 << 63, "9223372036854775808 after 2"),
+        (1 << 53, "9007199254740992 after 3"),
+        (1 << 52, "4503599627370496 after 4"),
+        // Time runs forward.
+        (5, "5 after 5"),
+        (0, "0 after 6"),
+        (3, "3 after 7"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        lie(&mut liar, &mut sidecar, seq, words);
+        tell_the_truth(&mut liar, &mut sidecar);
+        let counters = sidecar.counters();
+        assert_eq!(counters.rejected, rejected as u64 + 1);
+        assert_eq!(counters.verified, rejected as u64 + 2);
+        assert_eq!(counters.skipped, 0);
+    }
+}
+
+#[test]
+fn a_first_frame_with_a_hostile_number_is_rejected_too() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut liar = Liar::open(&name);
+    liar.send(|h, _| h.seq = u64::MAX);
+    new_session(&mut sidecar);
+    let e = next_frame(&mut sidecar).ingest(&mut None).unwrap_err();
+    let words = "18446744073709551615, expected less than 9007199254740992";
+    assert!(e.to_string().contains(words), "{e}");
+    tell_the_truth(&mut liar, &mut sidecar);
+    assert_eq!(sidecar.counters().skipped, 1);
+}
+
+/// A number that can be right is believed, until two frames in a row say otherwise.
+#[test]
+fn a_jump_ahead_that_comes_back_costs_one_frame() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut liar = Liar::open(&name);
+    liar.honest();
+    new_session(&mut sidecar);
+    answer_next(&mut sidecar);
+    liar.send(|h, _| h.seq = 50_000);
+    liar.seq -= 1;
+    answer_next(&mut sidecar);
+    assert_eq!(sidecar.counters().skipped, 49_999);
+    lie(&mut liar, &mut sidecar, 1, "1 after 50000");
+    liar.seq = 2;
+    for _ in 0..5 {
+        tell_the_truth(&mut liar, &mut sidecar);
+    }
+    liar.send(|h, _| h.flags = 2);
+    let Event::End {
+        published,
+        counters,
+        ..
+    } = next(&mut sidecar)
+    else {
+        panic!("not the end");
+    };
+    let Counters {
+        verified,
+        skipped,
+        rejected,
+    } = counters;
+    assert_eq!((published, verified, skipped, rejected), (7, 7, 0, 1));
+}
+
+#[test]
+fn an_end_that_lies_is_told_and_counts_nothing_absurd() {
+    for (claimed, published, skipped) in [
+        (u64::MAX, 3, 0),
+        (1 << 53, 3, 0),
+        (0, 3, 0),
+        (2, 3, 0),
+        (3, 3, 0),
+        (9, 9, 6),
+    ] {
+        let name = service();
+        let mut sidecar = sidecar(&name);
+        let mut liar = Liar::open(&name);
+        liar.honest();
+        new_session(&mut sidecar);
+        answer_next(&mut sidecar);
+        for _ in 0..2 {
+            tell_the_truth(&mut liar, &mut sidecar);
+        }
+        liar.send(|h, _| (h.flags, h.seq) = (2, claimed));
+        if ![3, 9].contains(&claimed) {
+            let Event::Unreadable(e) = next(&mut sidecar) else {
+                panic!("{claimed}: not told");
+            };
+            let words = format!("{claimed} frames published, 3 expected");
+            assert!(e.to_string().ends_with(&words), "{e}");
+        }
+        match next(&mut sidecar) {
+            Event::End {
+                published: p,
+                counters,
+                ..
+            } => assert_eq!((p, counters.skipped), (published, skipped), "{claimed}"),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+/// The verdict on a frame that another program slipped in is none on a frame of the simulator.
+#[test]
+fn answers_to_frames_of_others_do_not_reach_the_simulator() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = client(&name);
+    let mut liar = Liar::open(&name);
+    publish(&mut client, 0);
+    let session = new_session(&mut sidecar);
+    answer_next(&mut sidecar);
+    for seq in [40_000, u64::MAX] {
+        liar.send(|h, _| (h.session, h.seq) = (session, seq));
+        let report = report(&next_frame(&mut sidecar), Verdict::Changed);
+        sidecar.send_verdict(&report, Duration::ZERO).unwrap();
+        sidecar.heartbeat().unwrap();
+    }
+    let outcome = client.wait(0, PATIENCE).unwrap();
+    assert!(matches!(outcome, Outcome::Verdict(m) if m.seq == 0));
+    assert!(client.poll().unwrap().is_none());
+    assert!(client.aborted().is_none());
+    assert!(client.silent_for().is_some());
+    // Nor do they stand in the way of an abort that is.
+    publish(&mut client, 1);
+    let abort = report(&next_frame(&mut sidecar), Verdict::Changed);
+    sidecar.send_verdict(&abort, Duration::ZERO).unwrap();
+    for seq in [0, 1, 1 << 40, u64::MAX] {
+        liar.send(|h, _| (h.session, h.seq) = (session, seq));
+        let report = report(&next_frame(&mut sidecar), Verdict::Changed);
+        sidecar.send_verdict(&report, Duration::ZERO).unwrap();
+    }
+    // More than the simulator keeps: only what is repeated is left.
+    (0..100).for_each(|_| sidecar.heartbeat().unwrap());
+    while client.poll().unwrap().is_some() {}
+    assert_eq!(client.aborted().expect("repeated").seq, 1);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Waiting for verdicts, and never without being asked to.
 
 use super::*;
-use linkwatch::{MessageKind, Outcome};
+use linkwatch::{Departure, MessageKind, Outcome};
 
 /// How late a deadline may be noticed on a loaded machine.
 const SLACK: Duration = Duration::from_secs(5);
@@ -23,7 +23,7 @@ fn each_frame_gets_its_verdict() {
                 assert_eq!(m.verdict, Verdict::Intact);
                 assert_eq!(m.counters.verified, seq + 1);
             }
-            Outcome::Stale => panic!("frame {seq} is stale"),
+            other => panic!("frame {seq}: {other:?}"),
         }
     }
     client.finish().unwrap();
@@ -172,4 +172,127 @@ fn the_handshake_has_a_deadline() {
     let start = Instant::now();
     assert!(!client.wait_for_watcher(timeout).unwrap());
     assert!(start.elapsed() >= timeout && start.elapsed() < timeout + SLACK);
+}
+
+/// Publishes frame `seq`; what comes of waiting for it must not take as long as it may.
+fn step(client: &mut Client, seq: u64) -> Outcome {
+    publish(client, seq);
+    let start = Instant::now();
+    let outcome = client.wait(seq, PATIENCE).unwrap();
+    assert!(
+        start.elapsed() < SLACK,
+        "{outcome:?}: {:?}",
+        start.elapsed()
+    );
+    outcome
+}
+
+/// A watcher that answers frames up to `last`, and leaves.
+fn watch(name: &str, last: u64) -> std::thread::JoinHandle<()> {
+    let mut sidecar = sidecar(name);
+    std::thread::spawn(move || {
+        let mut set = None;
+        loop {
+            if let Event::Frame(frame) = next(&mut sidecar) {
+                answer(&mut sidecar, &frame, &mut set);
+                if frame.seq() == last {
+                    break;
+                }
+            }
+        }
+    })
+}
+
+#[test]
+fn a_goodbye_ends_a_lockstep_wait_at_once() {
+    let name = service();
+    let mut client = client(&name);
+    for first in [0, 5, 10] {
+        let watcher = watch(&name, first + 1);
+        for seq in first..first + 2 {
+            assert!(matches!(step(&mut client, seq), Outcome::Verdict(_)));
+        }
+        watcher.join().unwrap();
+        // Each later frame, too.
+        for seq in first + 2..first + 5 {
+            let outcome = step(&mut client, seq);
+            assert_eq!(outcome, Outcome::NoWatcher(Departure::Goodbye));
+        }
+        assert!(client.silent_for().is_none());
+    }
+    // A frame that was answered before the goodbye has its verdict all the same.
+    let watcher = watch(&name, 15);
+    publish(&mut client, 15);
+    watcher.join().unwrap();
+    let outcome = client.wait(15, PATIENCE).unwrap();
+    assert!(matches!(outcome, Outcome::Verdict(m) if m.seq == 15));
+}
+
+#[test]
+fn a_goodbye_ends_a_wait_that_has_begun() {
+    let name = service();
+    let mut client = client(&name);
+    let sidecar = sidecar(&name);
+    let watcher = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(200));
+        drop(sidecar);
+    });
+    // It never looked at the bus, and leaves: the session was unknown to it.
+    assert_eq!(step(&mut client, 0), Outcome::NoWatcher(Departure::Goodbye));
+    watcher.join().unwrap();
+}
+
+/// Nothing was read while the watcher was there; all the same its verdict and its goodbye arrive.
+#[test]
+fn a_watcher_that_came_and_went_unseen_is_not_waited_for() {
+    let name = service();
+    let mut client = client(&name);
+    let watcher = watch(&name, 0);
+    publish(&mut client, 0);
+    watcher.join().unwrap();
+    let outcome = client.wait(0, PATIENCE).unwrap();
+    assert!(matches!(outcome, Outcome::Verdict(m) if m.seq == 0));
+    assert_eq!(step(&mut client, 1), Outcome::NoWatcher(Departure::Goodbye));
+}
+
+#[test]
+fn nothing_waits_past_a_goodbye() {
+    let name = service();
+    let mut client = client(&name);
+    let watcher = watch(&name, 0);
+    assert!(matches!(step(&mut client, 0), Outcome::Verdict(_)));
+    watcher.join().unwrap();
+    // The handshake is for the watcher that comes next, and has its own limit.
+    let timeout = Duration::from_millis(100);
+    assert!(!client.wait_for_watcher(timeout).unwrap());
+    let start = Instant::now();
+    assert_eq!(client.finish_within(PATIENCE).unwrap(), None);
+    assert!(start.elapsed() < SLACK, "{:?}", start.elapsed());
+}
+
+#[test]
+fn a_watcher_that_goes_on_to_another_simulator_is_not_waited_for() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut first = client(&name);
+    publish(&mut first, 0);
+    new_session(&mut sidecar);
+    answer_next(&mut sidecar);
+    assert!(matches!(
+        first.wait(0, PATIENCE).unwrap(),
+        Outcome::Verdict(_)
+    ));
+    // As a second simulator, on another host: the lock of this one is not asked.
+    let mut second = hostile::Liar::open(&name);
+    second.honest();
+    assert!(matches!(next(&mut sidecar), Event::SimulatorLost { .. }));
+    new_session(&mut sidecar);
+    sidecar.heartbeat().unwrap();
+    let goodbye = Outcome::NoWatcher(Departure::Goodbye);
+    assert_eq!(step(&mut first, 1), goodbye);
+    second.send(|h, _| h.flags = 2);
+    while !matches!(next(&mut sidecar), Event::End { .. }) {}
+    // It has no session now, and says so; of the first simulator it still wants to know nothing.
+    sidecar.heartbeat().unwrap();
+    assert_eq!(step(&mut first, 2), goodbye);
 }

@@ -3,6 +3,7 @@
 mod death;
 mod hostile;
 mod lockstep;
+mod random;
 mod sessions;
 
 use linkwatch::{
@@ -113,6 +114,13 @@ fn answer(sidecar: &mut Sidecar, frame: &Frame, set: &mut Option<CurveSet>) {
     };
     let check = Duration::from_micros(1);
     sidecar.send_verdict(&report, check).expect("verdict");
+}
+
+/// Answers the next frame, whatever came before it.
+fn answer_next(sidecar: &mut Sidecar) -> u64 {
+    let frame = next_frame(sidecar);
+    answer(sidecar, &frame, &mut None);
+    frame.seq()
 }
 
 /// Watches until the session ends; `work` is how long each check takes.

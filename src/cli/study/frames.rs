@@ -7,6 +7,7 @@
 use crate::cli::Outcome;
 use crate::cli::input;
 use crate::cli::look_for::LookFor;
+use crate::cli::number::positive;
 use crate::cli::output::{self, count, plural};
 use linkwatch::scenes::{Frames, Motion, Scene};
 use linkwatch::{AbortOn, CurveSet, Error, Events, Positions, Report, Result, Verifier};
@@ -53,14 +54,6 @@ pub struct Args {
     amplitudes: Vec<f64>,
     #[command(flatten)]
     look_for: LookFor,
-}
-
-/// A number above 0.
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(x) if f64::is_finite(x) && x > 0.0 => Ok(x),
-        _ => Err("expected a number above 0".into()),
-    }
 }
 
 fn amplitude(text: &str) -> Result<f64, String> {

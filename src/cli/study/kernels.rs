@@ -5,12 +5,12 @@
 
 use super::csv::{Csv, create_folder};
 use super::figures;
-use super::frames::positive;
 use super::row::{Effort, FIELDS, HEADER, Row, Subject};
 use super::setting::Setting;
 use super::sizes;
 use super::slopes::Slope;
 use crate::cli::kernel::beta;
+use crate::cli::number::positive;
 use crate::cli::output::{self, count, plural, plural_of};
 use crate::cli::{Outcome, input};
 use linkwatch::kernels::Device;

@@ -1,11 +1,11 @@
 //! `linkwatch study table1`: the models of a published table, measured here, next to what was published.
 
 use super::csv::Csv;
-use super::frames::positive;
 use super::published::{MACHINE, Published, Source, TABLE_1};
 use super::row::{Effort, Measured, Row, Subject, brief};
 use super::setting::Setting;
 use crate::cli::Outcome;
+use crate::cli::number::positive;
 use crate::cli::output::{self, count, plural};
 use linkwatch::kernels::{Device, Method};
 use linkwatch::scenes::Scene;

@@ -71,6 +71,7 @@ impl Sink for Probe {
 fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
     Arc::new(FrameRecord {
         curves: None,
+        cuts: 0,
         report: Arc::new(Report {
             seq,
             time: 0.0,

@@ -32,6 +32,8 @@ pub(super) struct FrameMessage {
     pub counts: Vec<i32>,
     #[prost(bytes = "bytes", tag = "6")]
     pub positions: Bytes,
+    #[prost(uint32, tag = "7")]
+    pub cuts: u32,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]

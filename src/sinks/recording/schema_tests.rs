@@ -104,6 +104,7 @@ fn the_structs_are_those_of_the_schema() {
         precision: 2,
         counts: vec![-5, 6],
         positions: Bytes::from_static(b"bits"),
+        cuts: 7,
     };
     let read = agrees("CurveFrame", &frame);
     let counts = read.get_field_by_name("counts").unwrap();

@@ -9,7 +9,6 @@ use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
-use crate::verdict::Report;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions, Writer};
 use prost::Message;
@@ -74,7 +73,8 @@ impl RecordingSink {
         })
     }
 
-    fn write_curves(&mut self, set: &CurveSet, report: &Report, time_ns: u64) -> Result<()> {
+    fn write_curves(&mut self, set: &CurveSet, record: &FrameRecord, time_ns: u64) -> Result<()> {
+        let report = &record.report;
         self.positions.clear();
         set.write_positions(&mut self.positions);
         let message = FrameMessage {
@@ -84,6 +84,7 @@ impl RecordingSink {
             precision: messages::precision_code(set.precision()),
             counts: set.counts().collect(),
             positions: Bytes::from(std::mem::take(&mut self.positions)),
+            cuts: record.cuts,
         };
         let outcome = self.write(self.frames, &message, report.seq, time_ns);
         // The message was the only owner of the bytes: this gives the buffer back, not a copy.
@@ -129,7 +130,7 @@ impl Sink for RecordingSink {
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
         let time = nanoseconds(record.received);
         if let Some(curves) = &record.curves {
-            self.write_curves(curves, &record.report, time)?;
+            self.write_curves(curves, record, time)?;
         }
         let message = VerdictMessage {
             report: Some(record.report.as_ref().into()),

@@ -519,6 +519,7 @@ mod tests {
         report.abort = report.verdict == Verdict::Changed;
         FrameRecord {
             curves: z.map(set).map(Arc::new),
+            cuts: 0,
             report: Arc::new(report),
             verified: seq,
             skipped: 0,

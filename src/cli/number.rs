@@ -1,0 +1,22 @@
+//! Numbers on the command line: NaN, infinities and numbers out of range are refused by the parser.
+
+#[cfg(feature = "bus")]
+use std::time::Duration;
+
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(x) if f64::is_finite(x) && x > 0.0 => Ok(x),
+        _ => Err("expected a number above 0".into()),
+    }
+}
+
+/// A time in seconds.
+#[cfg(feature = "bus")]
+pub fn seconds(text: &str) -> Result<Duration, String> {
+    let time = text.parse().map(Duration::try_from_secs_f64);
+    match time {
+        Ok(Ok(time)) => Ok(time),
+        _ => Err("expected seconds, a finite number from 0 on".into()),
+    }
+}

@@ -1,0 +1,266 @@
+//! Random sessions: watchers that come, leave and are killed, hostile sequence numbers, cuts, in any order.
+
+use super::death::Process;
+use super::hostile::Liar;
+use super::*;
+use linkwatch::{Departure, Outcome};
+
+/// How late an answer may be on a loaded machine; far less than [`PATIENCE`].
+const SLACK: Duration = Duration::from_secs(5);
+
+/// A xorshift generator.
+struct Random(u64);
+
+impl Random {
+    fn new(seed: u64) -> Random {
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+        random.below(2);
+        random
+    }
+
+    fn below(&mut self, n: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 16) % n
+    }
+
+    /// A sequence number that a frame between `next - 1` and `next` does not have.
+    fn number(&mut self, next: u64) -> u64 {
+        match self.below(8) {
+            0 => u64::MAX,
+            1 => u64::MAX - self.below(100),
+            2 => 1 << (40 + self.below(24)),
+            3 => next + 1 + self.below(100),
+            4 => next + self.below(1 << 20),
+            5 => self.below(next.max(1)),
+            6 => next.saturating_sub(1),
+            _ => self.below(u64::MAX),
+        }
+    }
+}
+
+/// The newest frame of the simulator.
+#[derive(Clone, Copy, Default)]
+struct Published {
+    seq: u64,
+    cuts: u32,
+}
+
+/// The time of frames that are not of the simulator.
+const HOSTILE: f64 = -1.0;
+
+/// A watcher in this process, which works only when it is told to.
+struct Watcher {
+    sidecar: Sidecar,
+    set: Option<CurveSet>,
+    session: Option<u64>,
+    answered: u64,
+    /// Whether the last frame that it saw was hostile: it may have been believed.
+    tainted: bool,
+}
+
+impl Watcher {
+    fn new(name: &str) -> Watcher {
+        Watcher {
+            sidecar: sidecar(name),
+            set: None,
+            session: None,
+            answered: 0,
+            tainted: false,
+        }
+    }
+
+    /// Answers every frame that there is; returns the end of the session, if that came.
+    fn work(&mut self, newest: Published, random: &mut Random) -> Option<(u64, Counters)> {
+        loop {
+            match self.sidecar.wait(Duration::from_millis(5)).unwrap() {
+                Event::Idle => return None,
+                Event::Frame(frame) => {
+                    answer(&mut self.sidecar, &frame, &mut self.set);
+                    self.answered += 1;
+                    self.session = Some(frame.session());
+                    self.tainted = frame.time() == HOSTILE;
+                    let newest_one = !self.tainted && frame.seq() == newest.seq;
+                    assert!(!newest_one || frame.cuts() == newest.cuts);
+                }
+                Event::End {
+                    published,
+                    counters,
+                    ..
+                } => return Some((published, counters)),
+                Event::NewSession { .. } | Event::Unreadable(_) => {}
+                other => panic!("{other:?}"),
+            }
+            if random.below(10) == 0 {
+                self.sidecar.heartbeat().unwrap();
+            }
+            let Counters {
+                verified, rejected, ..
+            } = self.sidecar.counters();
+            assert_eq!(verified + rejected, self.answered);
+        }
+    }
+}
+
+/// One simulator in lockstep, over `steps` random steps.
+fn session(seed: u64, steps: usize) {
+    let mut random = Random::new(seed);
+    let name = service();
+    let mut client = client(&name);
+    let mut watcher: Option<Watcher> = None;
+    let (mut liar, mut id) = (None::<Liar>, None);
+    let (mut seq, mut cuts, mut hostile, mut met) = (0, 0, 0, false);
+    let mut newest = Published::default();
+    for _ in 0..steps {
+        match random.below(10) {
+            0 => watcher = None,
+            1 if watcher.is_none() => {
+                let mut new = Watcher::new(&name);
+                new.work(newest, &mut random);
+                watcher = Some(new);
+            }
+            2 => {
+                client.resume();
+                cuts += 1;
+            }
+            3 | 4 if id.is_some() => {
+                let number = random.number(seq);
+                let liar = liar.get_or_insert_with(|| Liar::open(&name));
+                liar.send(|h, _| (h.session, h.seq, h.time) = (id.unwrap(), number, HOSTILE));
+                hostile += 1;
+                if let Some(watcher) = &mut watcher {
+                    let before = watcher.sidecar.counters().rejected;
+                    watcher.work(newest, &mut random);
+                    let rejected = watcher.sidecar.counters().rejected - before;
+                    assert!(number < 1 << 53 || rejected > 0, "seed {seed}: {number}");
+                }
+            }
+            _ => {
+                publish(&mut client, seq);
+                newest = Published { seq, cuts };
+                let trusting = watcher.as_ref().is_some_and(|w| !w.tainted);
+                if let Some(watcher) = &mut watcher {
+                    watcher.work(newest, &mut random);
+                    id = watcher.session;
+                    met = true;
+                }
+                let start = Instant::now();
+                let patience = if met { PATIENCE } else { Duration::ZERO };
+                match client.wait(seq, patience).unwrap() {
+                    Outcome::Verdict(m) => {
+                        assert!(watcher.is_some(), "seed {seed}");
+                        assert_eq!(m.seq, seq);
+                        let intact = m.verdict == Verdict::Intact;
+                        assert!(intact || !trusting, "seed {seed}, frame {seq}: {m}");
+                        assert!(m.counters.skipped <= seq + hostile || !intact, "{m}");
+                    }
+                    Outcome::NoWatcher(how) => {
+                        assert!(watcher.is_none(), "seed {seed}, frame {seq}");
+                        assert_eq!(how, Departure::Goodbye);
+                    }
+                    Outcome::Stale => assert!(!met, "seed {seed}, frame {seq}"),
+                }
+                assert!(start.elapsed() < SLACK, "seed {seed}, frame {seq}");
+                seq += 1;
+            }
+        }
+        assert!(client.aborted().is_none());
+    }
+    assert_eq!(client.finish().unwrap(), seq);
+    if let Some(mut watcher) = watcher
+        && let Some((published, counters)) = watcher.work(newest, &mut random)
+    {
+        assert!((seq..=seq + hostile).contains(&published), "seed {seed}");
+        let Counters {
+            verified,
+            skipped,
+            rejected,
+        } = counters;
+        assert!(verified + skipped + rejected >= published, "seed {seed}");
+        assert!(skipped <= published, "seed {seed}: {counters:?}");
+        assert!(rejected <= 2 * hostile, "seed {seed}: {counters:?}");
+    }
+}
+
+#[test]
+fn random_sessions_in_lockstep_end_in_time() {
+    for seed in 0..30 {
+        session(seed, 60);
+    }
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn hundreds_of_random_sessions_in_lockstep_end_in_time() {
+    for seed in 1000..1300 {
+        session(seed, 100);
+    }
+}
+
+/// Watchers of their own process are killed, stopped and started again while a simulator runs in lockstep.
+fn killed_watchers(seed: u64, rounds: usize) {
+    let mut random = Random::new(seed);
+    let name = service();
+    let mut client = client(&name);
+    let mut seq = 0;
+    let mut step = |client: &mut Client, deadline: Duration| {
+        publish(client, seq);
+        seq += 1;
+        let start = Instant::now();
+        (client.wait(seq - 1, deadline).unwrap(), start.elapsed())
+    };
+    let pause = |random: &mut Random| {
+        std::thread::sleep(Duration::from_millis(random.below(400)));
+    };
+    for round in 0..rounds {
+        let watcher = Process::start("watcher", &name, None);
+        let start = Instant::now();
+        // At first the watcher before is still missed.
+        while !matches!(step(&mut client, PATIENCE).0, Outcome::Verdict(_)) {
+            assert!(start.elapsed() < PATIENCE, "seed {seed}, round {round}");
+        }
+        for _ in 0..random.below(40) {
+            let (outcome, _) = step(&mut client, PATIENCE);
+            assert!(matches!(outcome, Outcome::Verdict(_)), "{outcome:?}");
+        }
+        if random.below(2) == 0 {
+            watcher.stop();
+            let (outcome, _) = step(&mut client, Duration::from_millis(600));
+            assert_eq!(outcome, Outcome::Stale, "seed {seed}, round {round}");
+            if random.below(2) == 0 {
+                watcher.signal("-CONT");
+            }
+        }
+        pause(&mut random);
+        watcher.kill();
+        if random.below(2) == 0 {
+            pause(&mut random);
+        }
+        for frame in 0..3 {
+            let (outcome, took) = step(&mut client, PATIENCE);
+            assert_eq!(
+                outcome,
+                Outcome::NoWatcher(Departure::Crashed),
+                "seed {seed}"
+            );
+            assert!(
+                took < SLACK,
+                "seed {seed}, round {round}, {frame}: {took:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn watchers_killed_at_random_are_missed_in_time() {
+    killed_watchers(1, 6);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn hundreds_of_watchers_killed_at_random_are_missed_in_time() {
+    for seed in 10..40 {
+        killed_watchers(seed, 10);
+    }
+}
