@@ -1,9 +1,9 @@
 //! `linkwatch watch`: a live simulation in, verdicts back to it.
 
 use super::Outcome;
-use super::output::plural;
-use super::session::{Judge, Session, Sinks, Tally};
-use linkwatch::{Counters, Event, Events, Result, Sidecar, SidecarOptions};
+use super::output::{self, percent, plural};
+use super::session::{Judge, Run, Session, Sinks, Tally};
+use linkwatch::{Counters, Event, Events, Overflow, Result, Sidecar, SidecarOptions};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,6 +11,10 @@ use std::time::{Duration, Instant};
 
 /// Time between two looks at the signals.
 const TICK: Duration = Duration::from_millis(200);
+
+/// How long a sink or standard output may hold up the verdicts in total until it has caught up. Then frames or lines are
+/// dropped and counted.
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Watch a live simulation: verify its frames and tell it to stop when its topology breaks
 ///
@@ -21,28 +25,46 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "linkwatch")]
     service: String,
     /// Give up when no simulator has come after this time [default: wait for ever]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = output::positive)]
     wait: Option<f64>,
+    /// Exit code 3 if a larger share of the frames was skipped: 0 to 1, or a percentage (`5%`) [default: any may be]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    max_skipped: Option<f64>,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
     sinks: Sinks,
 }
 
+/// A share: `0.05` or `5%`.
+fn share(text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.strip_suffix('%') {
+        Some(number) => (number.trim_end(), 100.0),
+        None => (text, 1.0),
+    };
+    match number.parse::<f64>() {
+        Ok(x) if (0.0..=unit).contains(&x) => Ok(x / unit),
+        _ => Err("expected a number from 0 to 1, or from 0% to 100%".into()),
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let stop = stop_on_signals()?;
-    let mut sidecar = Sidecar::open(&args.service, &SidecarOptions::default())?;
     let metadata = BTreeMap::from([("service".to_owned(), args.service.clone())]);
-    let mut session = Session::new(
-        &args.judge,
-        &args.sinks,
-        None,
-        Events::Off,
-        &args.service,
+    // Before simulators know of a watcher: a viewer may take a while to open.
+    let mut session = Session::new(Run {
+        judge: &args.judge,
+        sinks: &args.sinks,
+        recording: None,
+        baseline: None,
+        events: Events::Off,
+        title: &args.service,
         metadata,
+        overflow: Overflow::Wait(PATIENCE),
         json,
-    )?;
+    })?;
+    let mut sidecar = Sidecar::open(&args.service, &SidecarOptions::default())?;
     session.live().note(format_args!(
         "waiting for a simulator on service '{}'",
         args.service
@@ -52,8 +74,20 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         Ok(counters) => *counters,
         Err(_) => sidecar.counters(),
     };
+    // Says goodbye: a simulator does not wait for the sinks to finish.
+    drop(sidecar);
+    let tally = tally(counters);
+    let share = tally.skipped_share();
+    if let Some(most) = args.max_skipped.filter(|&most| share > most) {
+        tracing::error!(
+            "{} of the frames were skipped, more than the {} of --max-skipped",
+            percent(share),
+            percent(most),
+        );
+        session.data_lost();
+    }
     // Whatever happened, what was verified so far is kept and summed up.
-    let outcome = session.finish(tally(counters))?;
+    let outcome = session.finish(tally);
     ended.map(|_| outcome)
 }
 
@@ -91,7 +125,7 @@ fn watch(
                 drop(frame);
                 let judged = session.judge(seq, time, ingested)?;
                 let sent = sidecar.send_verdict(&judged.report, judged.check);
-                session.publish(judged, tally(sidecar.counters()))?;
+                session.publish(judged, tally(sidecar.counters()));
                 sent?;
             }
             Event::Unreadable(why) => {

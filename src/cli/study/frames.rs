@@ -7,7 +7,7 @@
 use crate::cli::Outcome;
 use crate::cli::input;
 use crate::cli::look_for::LookFor;
-use crate::cli::output::{self, count, plural};
+use crate::cli::output::{self, count, plural, positive};
 use linkwatch::scenes::{Frames, Motion, Scene};
 use linkwatch::{AbortOn, CurveSet, Error, Events, Positions, Report, Result, Verifier};
 use serde_json::{Value, json};
@@ -55,14 +55,6 @@ pub struct Args {
     look_for: LookFor,
 }
 
-/// A number above 0.
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(x) if f64::is_finite(x) && x > 0.0 => Ok(x),
-        _ => Err("expected a number above 0".into()),
-    }
-}
-
 fn amplitude(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(x) if f64::is_finite(x) && x >= 0.0 => Ok(x),
@@ -91,11 +83,11 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             plural(set.segments() as u64, "segment"),
             plural(args.frames, "frame"),
             plural(threads as u64, "thread"),
-        ))?;
+        ));
         if events != Events::Off {
-            output::line("with the search for pull-throughs from frame to frame, in both")?;
+            output::line("with the search for pull-throughs from frame to frame, in both");
         }
-        output::line(HEADER)?;
+        output::line(HEADER);
     }
     let cases: Vec<(&Motion, f64)> = args
         .motions
@@ -130,7 +122,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             bar.inc(1);
         }
         if !as_json {
-            bar.suspend(|| output::line(row.line()))?;
+            bar.suspend(|| output::line(row.line()));
         }
         rows.push(row);
     }
@@ -155,14 +147,14 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "compared": compared,
             "equal": equal,
             "rows": rows.iter().map(Row::json).collect::<Vec<_>>(),
-        }))?;
+        }));
     } else {
         output::line(format_args!(
             "read {read:.4} ms, update {update:.3} ms, full run {full:.3} ms; \
              {} of {} verdicts as in the full run",
             count(equal),
             count(compared),
-        ))?;
+        ));
     }
     Ok(match equal == compared {
         true => Outcome::Fine,
