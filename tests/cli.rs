@@ -423,7 +423,7 @@ fn check_tells_pull_throughs_between_models() {
         path
     };
     let [before, after] = [fold("before.bcc", 0.5), fold("after.bcc", -0.5)];
-    linkwatch(&["certify", text(&before), "-o", text(&cert)]);
+    linkwatch(&["certify", text(&before), "--force", "-o", text(&cert)]);
     let models = [text(&before), text(&after)];
     assert_eq!(check(&models, &["--events"]).0, 0);
     let (code, out) = check(&models, &["--self"]);

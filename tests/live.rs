@@ -761,7 +761,8 @@ fn no_broken_stream_stops_the_verdicts_or_the_recording() {
     }
 }
 
-/// A limit on the size of files stands for the end of the disk: it takes no privileges. The log shares it.
+/// A limit on the size of files stands for the end of the disk: it takes no privileges. It leaves room for the shared
+/// memory of the watcher, and for a few hundred frames.
 #[test]
 #[cfg(unix)]
 fn a_full_disk_ends_the_recording_and_nothing_else() {
@@ -770,17 +771,17 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
     let recording = folder.path().join("run.mcap");
     let args = ["--record", recording.to_str().unwrap()];
     let mut command = Command::new("sh");
-    command.args(["-c", "ulimit -f 160; exec \"$0\" \"$@\""]);
+    command.args(["-c", "ulimit -f 400; exec \"$0\" \"$@\""]);
     command.arg(env!("CARGO_BIN_EXE_linkwatch"));
     let streams = [Some(Stdio::null()), None];
     let watch = Watch::start_with(folder.path(), "watch", &service, &args, command, streams);
     let mut sim = client(&service);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
-    for frame in 0..900 {
+    for frame in 0..2000 {
         assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
     }
     let last = sim.finish_within(PATIENCE).unwrap().expect("goodbye");
-    assert_eq!(last.counters.verified, 900);
+    assert_eq!(last.counters.verified, 2000);
     let ended = watch.end();
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
     let told = ended.stderr.contains("recording is incomplete, with ");
@@ -838,7 +839,7 @@ fn the_share_of_skipped_frames_is_told_and_may_be_limited() {
         let ended = Watch::start(folder.path(), "bad", "unused", &args).end();
         assert_eq!(ended.code, Some(2), "{share}");
     }
-    for wait in ["nan", "-1", "0", "inf"] {
+    for wait in ["nan", "-1", "inf"] {
         let args = [&format!("--wait={wait}")[..]];
         let ended = Watch::start(folder.path(), "bad", "unused", &args).end();
         assert_eq!(ended.code, Some(2), "{wait}");

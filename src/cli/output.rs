@@ -150,6 +150,13 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// An argument that is a time in seconds.
+#[cfg(feature = "bus")]
+pub fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().map_err(|_| "expected a number of seconds")?;
+    Duration::try_from_secs_f64(seconds).map_err(|e| e.to_string())
+}
+
 /// A share from 0 to 1, `12.50 %`. One that is not 0 is not shown as 0.
 pub fn percent(share: f64) -> String {
     match share * 100.0 {

@@ -25,8 +25,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "linkwatch")]
     service: String,
     /// Give up when no simulator has come after this time [default: wait for ever]
-    #[arg(long, value_name = "SECONDS", value_parser = output::positive)]
-    wait: Option<f64>,
+    #[arg(long, value_name = "SECONDS", value_parser = output::seconds)]
+    wait: Option<Duration>,
     /// Exit code 3 if a larger share of the frames was skipped: 0 to 1, or a percentage (`5%`) [default: any may be]
     #[arg(long, value_name = "SHARE", value_parser = share)]
     max_skipped: Option<f64>,
@@ -159,7 +159,7 @@ fn watch(
             }
             Event::Idle => {
                 let waited = start.elapsed();
-                if !met && args.wait.is_some_and(|s| waited.as_secs_f64() > s) {
+                if !met && args.wait.is_some_and(|limit| waited > limit) {
                     tracing::warn!("no simulator came");
                     return Ok(Counters::default());
                 }
