@@ -784,7 +784,7 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
     assert_eq!(last.counters.verified, 2000);
     let ended = watch.end();
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
-    let told = ended.stderr.contains("recording is incomplete, with ");
+    let told = ended.stderr.contains("recording is incomplete: ");
     assert!(
         told && ended.stderr.contains("run.mcap: "),
         "{}",

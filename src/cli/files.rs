@@ -20,7 +20,7 @@ pub enum Content {
     Model,
     #[cfg(feature = "mcap")]
     Recording,
-    #[cfg(feature = "rerun")]
+    #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
     Viewer,
     Plot,
 }
@@ -39,11 +39,11 @@ impl Content {
             }
             #[cfg(feature = "mcap")]
             (Content::Recording, other) if other != "mcap" => Some("a recording is an .mcap file"),
-            #[cfg(feature = "rerun")]
+            #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
             (Content::Viewer, "mcap") => {
                 Some("a file for the viewer is an .rrd file; --record writes a recording (.mcap)")
             }
-            #[cfg(feature = "rerun")]
+            #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
             (Content::Viewer, other) if other != "rrd" => {
                 Some("a file for the viewer is an .rrd file")
             }
@@ -110,7 +110,7 @@ impl Files {
 }
 
 /// Creates a file and leaves it empty. Fails if it exists, unless it may be overwritten.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(any(feature = "mcap", all(feature = "rerun", feature = "bus")))]
 pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
     if !overwrite.force {
         File::create_new(path).map_err(failed(path))?;

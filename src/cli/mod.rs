@@ -17,6 +17,10 @@ mod plan;
 mod replay;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod session;
+#[cfg_attr(
+    not(any(feature = "bus", feature = "mcap")),
+    expect(dead_code, reason = "no command detaches its streams")
+)]
 mod stream;
 mod study;
 #[cfg(feature = "bus")]

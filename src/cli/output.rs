@@ -2,7 +2,7 @@
 
 use super::stream::{self, Lost, Target};
 use indicatif::{ProgressBar, ProgressStyle};
-use linkwatch::{Overflow, Progress};
+use linkwatch::Progress;
 use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::mpsc;
@@ -58,7 +58,7 @@ pub fn error(e: impl std::fmt::Display) {
 
 /// From here on, no line waits for stdout or stderr for longer than that.
 #[cfg(any(feature = "bus", feature = "mcap"))]
-pub fn detach(overflow: Overflow) -> linkwatch::Result<()> {
+pub fn detach(overflow: linkwatch::Overflow) -> linkwatch::Result<()> {
     Ok(stream::detach(overflow)?)
 }
 

@@ -115,7 +115,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     if missing > 0 {
         tracing::warn!(
-            "{}: {} verified and not recorded: the recorder's disk was too slow",
+            "{}: {} of those verified were not recorded: the disk of the recorder was too slow",
             args.recording.display(),
             plural(missing, "frame"),
         );

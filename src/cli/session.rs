@@ -512,21 +512,19 @@ impl Session {
         for queue in std::mem::take(&mut self.queues) {
             let complete = queue.is_to_be_complete();
             let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
-            let all = summary.written + summary.dropped;
+            let all = plural(summary.written + summary.dropped, "frame");
             match &summary.failed {
                 // The sink has logged why when it happened.
                 Some(why) => tracing::error!(
-                    "{} is incomplete, with {} of {}: {why}",
+                    "{} is incomplete: {} of {all} are safe: {why}",
                     summary.name,
                     count(summary.written),
-                    plural(all, "frame"),
                 ),
                 None if summary.dropped > 0 => {
-                    let missed = plural(summary.dropped, "frame");
+                    let missed = count(summary.dropped);
                     kept.push(format!(
-                        "{} missed {missed} of {}",
-                        summary.name,
-                        count(all)
+                        "{} missed {missed} of {all}: it is too slow",
+                        summary.name
                     ));
                 }
                 None => {}

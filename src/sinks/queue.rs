@@ -51,9 +51,9 @@ impl Overflow {
 pub struct SinkSummary {
     /// Which sink.
     pub name: &'static str,
-    /// Frames that it took.
+    /// Frames that it took; of a sink that failed, those that were safe by then.
     pub written: u64,
-    /// Frames that it never saw: dropped for newer ones, or come after it had failed.
+    /// Frames that it missed: dropped for newer ones, not yet safe when it failed, or come after that.
     pub dropped: u64,
     /// Why it failed, if it did.
     pub failed: Option<String>,
@@ -76,6 +76,8 @@ struct State {
     opening: Opening,
     last_verdict: Option<Verdict>,
     written: u64,
+    /// Frames that were written when the sink was flushed last.
+    flushed: u64,
     dropped: u64,
     failed: Option<String>,
     closing: bool,
@@ -155,7 +157,9 @@ impl Shared {
         if state.failed.is_some() {
             return;
         }
-        state.dropped += state.frames as u64 + state.in_flight;
+        let unflushed = state.written - state.flushed;
+        state.dropped += state.frames as u64 + state.in_flight + unflushed;
+        state.written = state.flushed;
         state.events.clear();
         (state.frames, state.in_flight) = (0, 0);
         state.failed = Some(why);
@@ -449,6 +453,9 @@ impl Worker {
             dirty = true;
             if urgent || flushed.elapsed() >= FLUSH_EVERY {
                 sink.flush()?;
+                let mut state = self.shared.lock();
+                state.flushed = state.written;
+                drop(state);
                 flushed = Instant::now();
                 dirty = false;
             }
