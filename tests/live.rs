@@ -1,10 +1,14 @@
 //! Live: `linkwatch watch` as a process, simulators in this one or in processes that are killed.
 
-use linkwatch::{Basis, Client, ClientOptions, Outcome, Positions, Precision, Verdict};
+use linkwatch::{
+    Basis, Client, ClientOptions, FrameRecord, Outcome, Positions, Precision, RecordedItem,
+    RecordingReader, RecordingSink, Sink, Verdict,
+};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
 use tempfile::TempDir;
 
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -318,6 +322,51 @@ fn kept_recordings_give_their_verdicts() {
     }
 }
 
+/// A recorder whose disk is too slow leaves frames out. The motion to the frame after such a gap is another than live.
+#[test]
+fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
+    let folder = TempDir::new().unwrap();
+    let gappy = folder.path().join("gappy.mcap");
+    let mut reader = RecordingReader::open(&recordings().join("flight.mcap")).unwrap();
+    let (mut sink, mut curves, mut set) = (None, None, None);
+    while let Some(item) = reader.next_item().unwrap() {
+        let create = || RecordingSink::create(&gappy, reader.metadata()).unwrap();
+        let sink = sink.get_or_insert_with(|| Box::new(create()));
+        match item {
+            RecordedItem::Baseline(baseline) => sink.begin(&baseline).unwrap(),
+            RecordedItem::Frame(frame) => {
+                frame.ingest(&mut set).unwrap();
+                curves = set.clone().map(Arc::new);
+            }
+            RecordedItem::Verdict(verdict) if verdict.report.seq == 2 => {}
+            RecordedItem::Verdict(verdict) => {
+                let progress = verdict.progress;
+                let record = FrameRecord {
+                    curves: curves.take(),
+                    report: Arc::new(verdict.report),
+                    verified: progress.verified,
+                    skipped: progress.skipped,
+                    rejected: progress.rejected,
+                    check: progress.check,
+                    work: progress.work,
+                    received: SystemTime::now(),
+                };
+                sink.frame(&record).unwrap();
+            }
+        }
+    }
+    sink.unwrap().finish().unwrap();
+    let replayed = replay(&gappy);
+    assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
+    assert_eq!(replayed.reports().len(), 4);
+    assert!(
+        replayed.stderr.contains("1 frame missing"),
+        "{}",
+        replayed.stderr
+    );
+    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+}
+
 #[test]
 fn a_watcher_that_comes_late_or_again_takes_over() {
     let folder = TempDir::new().unwrap();
@@ -333,6 +382,12 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
     let first = Watch::start(folder.path(), "first", &service, &record);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
     assert_eq!(step(&mut sim, 5, 0.1), Verdict::Intact);
+    // The verdict comes first, the file of the recording after it.
+    let start = Instant::now();
+    while !recording.exists() {
+        assert!(start.elapsed() < PATIENCE, "no recording");
+        std::thread::sleep(Duration::from_millis(5));
+    }
     first.signal("KILL");
     drop(first);
     let replayed = replay(&recording);

@@ -34,8 +34,8 @@ struct Args {
     #[arg(long)]
     no_sidecar: bool,
     /// Seconds to wait for a watcher before the first frame
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
-    wait: f64,
+    #[arg(long, default_value = "60", value_name = "SECONDS", value_parser = seconds)]
+    wait: Duration,
     /// Wait for the verdict on every frame before the next step
     #[arg(long)]
     lockstep: bool,
@@ -51,6 +51,12 @@ struct Args {
     /// Flat rings a side of the sheet (19 makes 1,045 rings in all)
     #[arg(long, default_value_t = 19, value_parser = clap::value_parser!(u16).range(2..200))]
     side: u16,
+}
+
+/// A time in seconds.
+fn seconds(text: &str) -> std::result::Result<Duration, String> {
+    let seconds = text.parse().map_err(|_| "expected a number of seconds")?;
+    Duration::try_from_secs_f64(seconds).map_err(|e| e.to_string())
 }
 
 /// How the simulation ended.
@@ -141,7 +147,7 @@ fn wait_for_watcher(
             println!("simulator: waiting for a watcher; start one with: {command}");
             told = true;
         }
-        if start.elapsed().as_secs_f64() > args.wait {
+        if start.elapsed() > args.wait {
             return Ok(false);
         }
     }

@@ -70,6 +70,7 @@ pub fn status(text: String) {
 
 /// Writes what still waits. False if results were lost; then it has said so.
 pub fn finish() -> bool {
+    stream::status(String::new());
     let lost = stream::finish(Target::Out, FINISH);
     if let Some(Lost { lines, why }) = &lost {
         let lines = plural(*lines, "line");

@@ -115,7 +115,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     if missing > 0 {
         tracing::warn!(
-            "{}: {} of those verified were not recorded: the disk of the recorder was too slow",
+            "{}: {} missing: verified, but not recorded, since the disk of the recorder was too slow",
             args.recording.display(),
             plural(missing, "frame"),
         );

@@ -516,7 +516,7 @@ impl Session {
             match &summary.failed {
                 // The sink has logged why when it happened.
                 Some(why) => tracing::error!(
-                    "{} is incomplete: {} of {all} are safe: {why}",
+                    "{} is incomplete: at least {} of {all} are in it: {why}",
                     summary.name,
                     count(summary.written),
                 ),
