@@ -11,9 +11,10 @@
 
 use linkwatch::scenes::{Frames, Motion, MotionKind, Scene, pull_throughs};
 use linkwatch::{
-    AbortOn, Basis, CurveSet, DefectKind, Events, Point, Positions, Precision, Report, Route,
-    Verdict, Verifier,
+    AbortOn, Basis, Certificate, CurveSet, DefectKind, Events, Point, Positions, Precision, Report,
+    Route, Verdict, Verifier,
 };
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::{Range, RangeInclusive};
 
@@ -162,6 +163,8 @@ struct Movie {
     steady: bool,
     /// Frames since the motion began.
     age: u64,
+    /// Width of the lattice that all points are rounded to, so that curves touch exactly in many frames.
+    lattice: Option<f64>,
     /// How far each curve has gone by itself, and how far it goes in a frame.
     ways: Vec<[Point; 2]>,
     events: Vec<(Event, u64)>,
@@ -177,6 +180,7 @@ impl Movie {
             calm: set.len() > MOST,
             steady: false,
             age: 0,
+            lattice: None,
             ways: vec![[[0.0; 3]; 2]; set.len()],
             events: Vec::new(),
             random,
@@ -287,6 +291,10 @@ impl Movie {
         for &(event, _) in &self.events {
             self.apply(event, &mut xyz);
         }
+        if let Some(width) = self.lattice {
+            xyz.iter_mut()
+                .for_each(|x| *x = (*x / width).round() * width);
+        }
         if self.random.one_in(40) {
             // Refused, and half of it is written.
             let at = self.random.below(xyz.len());
@@ -349,7 +357,67 @@ struct Both {
     incremental: Verifier,
     full: Verifier,
     tally: Tally,
+    balance: Balance,
 }
+
+/// Pull-throughs against linking numbers, over frames in which curves touch: between two frames in which a pair of closed
+/// curves has a linking number, it changes by the sum of the signs of their pull-throughs.
+#[derive(Default)]
+struct Balance {
+    /// Frames so far, and the sum of the signs since the last frame in which the pair had a linking number, with that
+    /// number; none if a step between was undecided.
+    pairs: BTreeMap<(u32, u32), Option<(i64, i64)>>,
+    /// Sums over steps with a frame in which the pair touched, so many of which are not 0.
+    through_contact: [u64; 2],
+}
+
+impl Balance {
+    /// `certificate` is that of the frame.
+    fn add(&mut self, report: &Report, set: &CurveSet, certificate: &Certificate, what: &str) {
+        let pairs = (0..set.len() as u32).flat_map(|j| (0..j).map(move |i| (i, j)));
+        let closed = |i: u32| set.curve(i as usize).closed;
+        for (i, j) in pairs.filter(|&(i, j)| closed(i) && closed(j)) {
+            let of_pair = |k: u32, l: Option<u32>| {
+                l == Some(j) && k == i || l.is_none() && (k == i || k == j)
+            };
+            let events = report.events.iter().chain(&report.unresolved);
+            let signs = events
+                .filter(|e| (e.i, e.j) == (i, j))
+                .map(|e| i64::from(e.sign));
+            let untold = report
+                .defects
+                .iter()
+                .any(|d| of_pair(d.i, d.j) && d.kind.is_of_step());
+            let missing = certificate.undefined.iter().any(|d| of_pair(d.i, d.j));
+            let known = self.pairs.entry((i, j)).or_default();
+            let touched = known.is_some_and(|(_, sum)| sum >= CONTACT / 2);
+            if untold {
+                *known = None;
+            }
+            if let Some((_, sum)) = known {
+                *sum += signs.sum::<i64>();
+            }
+            if missing {
+                if let Some((_, sum)) = known.as_mut().filter(|_| !touched) {
+                    *sum += CONTACT;
+                }
+                continue;
+            }
+            let link = certificate.links.iter().find(|l| (l.i, l.j) == (i, j));
+            let lambda = link.map_or(0, |l| l.lambda);
+            if let Some((before, sum)) = *known {
+                let sum = if touched { sum - CONTACT } else { sum };
+                assert_eq!(lambda, before + sum, "{what}, pair {i} {j}: {report:?}");
+                self.through_contact[0] += u64::from(touched);
+                self.through_contact[1] += u64::from(touched && sum != 0);
+            }
+            *known = Some((lambda, 0));
+        }
+    }
+}
+
+/// Marks sums with a contact in between.
+const CONTACT: i64 = 1 << 40;
 
 /// Frames seen.
 #[derive(Debug, Default)]
@@ -393,6 +461,7 @@ impl Both {
             incremental,
             full,
             tally: Tally::default(),
+            balance: Balance::default(),
         }
     }
 
@@ -426,6 +495,11 @@ impl Both {
             Route::Quiet => &mut self.tally.quiet,
             Route::Partial => &mut self.tally.partial,
         } += 1;
+        if self.full.events() != Events::Off {
+            let certificate = self.full.certificate();
+            self.balance
+                .add(&found, set, certificate, &format!("{what}, frame {frame}"));
+        }
         // Most references are ready for the next frame, some come later.
         if frame % 4 != 3 {
             self.incremental.settle();

@@ -50,6 +50,21 @@ fn report(seq: u64) -> Report {
             fraction: 0.1 * (seq % 10) as f64,
             sign: if seq.is_multiple_of(2) { 1 } else { -1 },
             point: [0.5, -1.5, 2.5],
+            lengths: 0.125,
+        }],
+        unresolved: vec![PullThrough {
+            i: 2,
+            j: 5,
+            segments: [1, 0],
+            fraction: 0.75,
+            sign: 1,
+            point: [1.5, 0.5, -2.5],
+            lengths: 3.5,
+        }],
+        adopted: vec![Link {
+            i: 0,
+            j: 9,
+            lambda: -3,
         }],
         defects: kinds
             .map(|(k, &kind)| Defect {

@@ -70,6 +70,8 @@ pub struct VerdictMessage {
     pub events: u32,
     /// Pairs or curves without a number, or with an undecided step.
     pub defects: u32,
+    /// Pull-throughs that the frames are too far apart to tell ([`Report::unresolved`]).
+    pub unresolved: u32,
     /// The first finding.
     pub first: Option<Finding>,
     /// Why the frame was rejected.
@@ -122,6 +124,11 @@ impl fmt::Display for VerdictMessage {
             1 => write!(f, ", 1 pair or curve undecided")?,
             n => write!(f, ", {n} pairs or curves undecided")?,
         }
+        match self.unresolved {
+            0 => {}
+            1 => write!(f, ", 1 unresolved pull-through")?,
+            n => write!(f, ", {n} unresolved pull-throughs")?,
+        }
         match &self.first {
             Some(Finding::Change(change)) => write!(f, ": {change}")?,
             Some(Finding::Event(event)) => write!(f, ": {event}")?,
@@ -162,16 +169,17 @@ impl VerdictWire {
             segments: [0; 2],
             has_place: 0,
             reason_len: 0,
-            reserved: 0,
+            unresolved: 0,
             expected: 0,
             found: 0,
             point: [0.0; 3],
             distance: 0.0,
+            lengths: 0.0,
             verified: counters.verified,
             skipped: counters.skipped,
             rejected: counters.rejected,
             check_ns: 0,
-            reason: [0; 200],
+            reason: [0; 192],
         }
     }
 
@@ -193,6 +201,7 @@ impl VerdictWire {
             changed: count(ChangeKind::Changed),
             events: u32::try_from(report.events.len()).unwrap_or(u32::MAX),
             defects: u32::try_from(report.defects.len()).unwrap_or(u32::MAX),
+            unresolved: u32::try_from(report.unresolved.len()).unwrap_or(u32::MAX),
             check_ns: u64::try_from(check.as_nanos()).unwrap_or(u64::MAX),
             ..VerdictWire::new(MessageKind::Verdict, session, counters)
         };
@@ -205,6 +214,7 @@ impl VerdictWire {
             wire.finding = FINDING_EVENT;
             (wire.i, wire.j) = (event.i, event.j);
             wire.found = event.sign.into();
+            wire.lengths = event.lengths;
             wire.set_place(Some(Place {
                 segments: event.segments,
                 point: event.point,
@@ -275,6 +285,7 @@ impl VerdictWire {
                 fraction: self.distance,
                 sign: if self.found < 0 { -1 } else { 1 },
                 point: self.point,
+                lengths: self.lengths,
             })),
             FINDING_DEFECT => Some(Finding::Defect(Defect {
                 i: self.i,
@@ -300,6 +311,7 @@ impl VerdictWire {
             changed: self.changed,
             events: self.events,
             defects: self.defects,
+            unresolved: self.unresolved,
             first,
             reason: (!reason.is_empty()).then(|| String::from_utf8_lossy(reason).into_owned()),
             counters: Counters {
@@ -377,6 +389,7 @@ mod tests {
             fraction: 0.25,
             sign: -1,
             point: [1.0, 2.0, 3.0],
+            lengths: 0.25,
         };
         let mut r = report(Verdict::Changed);
         r.events = vec![event];

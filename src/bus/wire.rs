@@ -13,7 +13,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
 /// Counts up with every change of either struct or of the payload.
-pub(super) const LAYOUT_VERSION: u32 = 2;
+pub(super) const LAYOUT_VERSION: u32 = 3;
 
 /// Start of the payload and of the positions in it: a cache line, and the widest vector load.
 pub(super) const ALIGNMENT: usize = 64;
@@ -97,17 +97,19 @@ pub(super) struct VerdictWire {
     pub has_place: u32,
     /// Bytes used of `reason`.
     pub reason_len: u32,
-    pub reserved: u32,
+    pub unresolved: u32,
     pub expected: i64,
     pub found: i64,
     pub point: [f64; 3],
     pub distance: f64,
+    /// Of a pull-through.
+    pub lengths: f64,
     pub verified: u64,
     pub skipped: u64,
     pub rejected: u64,
     pub check_ns: u64,
     /// Why a frame was rejected: UTF-8, cut at a character.
-    pub reason: [u8; 200],
+    pub reason: [u8; 192],
 }
 
 // No hidden padding: the sizes are the sums of the fields, and both are whole words.

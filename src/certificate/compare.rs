@@ -61,6 +61,8 @@ pub struct Comparison {
     /// Pairs that could not be compared, sorted: what the frame leaves undefined, and what has a number now
     /// but had none in the baseline.
     pub defects: Vec<Defect>,
+    /// Linking numbers of those that had none in the baseline, where they are not 0, sorted.
+    pub adopted: Vec<Link>,
 }
 
 impl Comparison {
@@ -75,14 +77,54 @@ impl Comparison {
         out.defects.extend(with.defects);
         out.defects.sort_by_key(|d| (d.i, d.j));
         out.defects.dedup_by_key(|d| (d.i, d.j));
+        out.adopted.retain(|l| other(l.i, l.j));
+        out.adopted.extend(with.adopted);
+        out.adopted.sort_by_key(|l| (l.i, l.j));
         out
     }
 }
 
 impl Certificate {
+    /// Takes the linking numbers that this baseline lacks from the first frame that has them. `comparison` is that of all
+    /// pairs of the frame. Returns whether there are any.
+    pub(crate) fn adopt(&mut self, comparison: &Comparison) -> bool {
+        let (fresh, missing): (Vec<&Defect>, Vec<&Defect>) = comparison
+            .defects
+            .iter()
+            .partition(|d| d.kind == DefectKind::NoBaseline);
+        if fresh.is_empty() {
+            return false;
+        }
+        let has = |i: u32, j: Option<u32>| fresh.iter().any(|d| (d.i, d.j) == (i, j));
+        self.undefined.retain(|d| !has(d.i, d.j));
+        // A curve that has numbers again may touch another one.
+        let still = missing
+            .into_iter()
+            .filter(|d| d.j.is_some_and(|j| has(d.i, None) || has(j, None)));
+        self.undefined.extend(still);
+        self.undefined.sort_by_key(|d| (d.i, d.j));
+        self.undefined.dedup_by_key(|d| (d.i, d.j));
+        self.links.extend_from_slice(&comparison.adopted);
+        self.links.sort_unstable_by_key(|l| (l.i, l.j));
+        self.links.dedup_by_key(|l| (l.i, l.j));
+        true
+    }
+
+    /// Whether the pair, or one of its curves, has no linking number.
+    pub(crate) fn lacks(&self, i: u32, j: Option<u32>) -> bool {
+        let missing = |i, j| {
+            let key = (i, j);
+            self.undefined
+                .binary_search_by_key(&key, |d| (d.i, d.j))
+                .is_ok()
+        };
+        missing(i, j) || missing(i, None) || j.is_some_and(|j| missing(j, None))
+    }
+
     /// Compares this frame with its baseline.
     ///
     /// A pair without a linking number on either side is not compared, and reported.
+    /// [`Comparison::adopted`] has the numbers that the baseline lacks.
     pub fn compare(&self, baseline: &Certificate) -> Result<Comparison> {
         self.compare_except(baseline, &[])
     }
@@ -102,6 +144,7 @@ impl Certificate {
         let mut out = Comparison {
             changes: Vec::new(),
             defects: self.undefined.clone(),
+            adopted: Vec::new(),
         };
         // Both lists are sorted by pair.
         let own = |d: &Defect| {
@@ -127,12 +170,15 @@ impl Certificate {
                 None => unknown_curves.push(d.i),
             }
         }
+        let checked = |l: &Link| unchecked.binary_search(&(l.i, l.j)).is_err();
         let known = |l: &Link| {
-            unchecked.binary_search(&(l.i, l.j)).is_err()
+            checked(l)
                 && unknown_pairs.binary_search(&(l.i, l.j)).is_err()
                 && unknown_curves.binary_search(&l.i).is_err()
                 && unknown_curves.binary_search(&l.j).is_err()
         };
+        let adopted = self.links.iter().filter(|l| checked(l) && !known(l));
+        out.adopted.extend(adopted);
         let mut change = |l: &Link, expected: i64, found: i64| {
             if expected != found && known(l) {
                 out.changes.push(Change {

@@ -58,6 +58,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     verifier.set_early_exit(args.early_exit);
     args.kernel.set(&mut verifier)?;
     verifier.set_events(args.look_for.events(AbortOn::Never));
+    if let Some(limit) = args.look_for.motion_limit {
+        verifier.set_motion_limit(limit)?;
+    }
     let mut outcome = Outcome::Fine;
     let mut pairs = BTreeSet::new();
     let mut failed = None;

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::output::{count, plural};
-use super::session::{Ingested, Judge, Judged, Run, Session, Sinks, Tally};
+use super::session::{Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks, Tally};
 use linkwatch::{
     AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
     Report, Result, Verdict,
@@ -53,6 +53,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
     let looked_for = reader.metadata().get("events");
     let looked_for: Events = looked_for.and_then(|e| e.parse().ok()).unwrap_or_default();
+    // Earlier versions took every pull-through for one.
+    let limit = reader.metadata().get(MOTION_LIMIT);
+    let limit: f64 = limit.and_then(|l| l.parse().ok()).unwrap_or(f64::INFINITY);
     let judge = Judge {
         abort_on: args.judge.abort_on.or(recorded),
         ..args.judge.clone()
@@ -63,7 +66,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             sinks: &args.sinks,
             recording: Some(&args.recording),
             baseline,
-            events: looked_for,
+            look_for: (looked_for, limit),
             title: &title,
             metadata,
             overflow: Overflow::WaitForProgress(PATIENCE),
@@ -72,7 +75,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         // Another policy or baseline gives other verdicts, and is meant to.
         compare: judge.abort_on.unwrap_or_default() == recorded.unwrap_or_default()
             && judge.baseline.is_none()
-            && judge.look_for.events(AbortOn::Never) <= looked_for,
+            && judge.look_for.events(AbortOn::Never) <= looked_for
+            && judge.look_for.motion_limit.is_none_or(|l| l == limit),
         tally: Tally::default(),
         waiting: VecDeque::new(),
         last: None,
@@ -243,11 +247,15 @@ impl Replay {
     }
 }
 
-/// Whether two reports say the same. The work that a verdict takes is no part of it: a recording may be of an earlier
-/// version.
-fn alike(a: &Report, b: &Report) -> bool {
-    Report {
-        stats: b.stats,
-        ..a.clone()
-    } == *b
+/// Whether a report says the same as a recorded one. The work that a verdict takes is no part of it, and neither are
+/// motions that were not recorded: the recording may be of an earlier version.
+fn alike(found: &Report, recorded: &Report) -> bool {
+    let mut found = Report {
+        stats: recorded.stats,
+        ..found.clone()
+    };
+    if recorded.events.iter().all(|e| e.lengths == 0.0) {
+        found.events.iter_mut().for_each(|e| e.lengths = 0.0);
+    }
+    found == *recorded
 }

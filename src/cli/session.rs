@@ -10,8 +10,8 @@ use super::look_for::LookFor;
 use super::output::{self, count, millis, percent, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, Events, FrameRecord, Overflow,
-    PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
+    AbortOn, BaselineRecord, Certificate, Change, CurveSet, Defect, DefectKind, Error, Events,
+    FrameRecord, Overflow, PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
 };
 #[cfg(feature = "rerun")]
 use linkwatch::{ViewerSink, ViewerTarget};
@@ -20,6 +20,9 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
+
+/// The motion limit in the metadata of a recording.
+pub const MOTION_LIMIT: &str = "motion_limit";
 
 /// Sentences printed about one frame; the rest is counted.
 const SENTENCES: usize = 8;
@@ -222,9 +225,9 @@ pub struct Run<'a> {
     pub sinks: &'a Sinks,
     /// The recording that is read, if it is one.
     pub recording: Option<&'a PathBuf>,
-    /// Baseline and events if the user names none.
+    /// Baseline, events and motion limit if the user names none.
     pub baseline: Option<(Certificate, String)>,
-    pub events: Events,
+    pub look_for: (Events, f64),
     /// Names the run in the viewer.
     pub title: &'a str,
     /// What a recording should say of the run.
@@ -234,8 +237,52 @@ pub struct Run<'a> {
     pub json: bool,
 }
 
+/// A finding that lasts: a change by its curves and number, a defect by its curves and kind.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Told {
+    Change(u32, u32, i64),
+    Defect(u32, Option<u32>, DefectKind),
+}
+
+impl From<&Change> for Told {
+    fn from(c: &Change) -> Told {
+        Told::Change(c.i, c.j, c.found)
+    }
+}
+
+impl From<&Defect> for Told {
+    fn from(d: &Defect) -> Told {
+        Told::Defect(d.i, d.j, d.kind)
+    }
+}
+
+/// Pull-throughs that the frames are too far apart to tell.
+#[derive(Clone, Copy, Default)]
+struct Unresolved {
+    count: u64,
+    frames: u64,
+    /// The largest of the motions that each needs to be resolved, in segment lengths.
+    lengths: f64,
+}
+
+impl Unresolved {
+    fn add(&mut self, report: &Report) {
+        self.count += report.unresolved.len() as u64;
+        self.frames += u64::from(!report.unresolved.is_empty());
+        let lengths = report.unresolved.iter().map(|p| p.lengths);
+        self.lengths = lengths.fold(self.lengths, f64::max);
+    }
+
+    /// How many times closer together frames would have to be for all of them to be within the limit.
+    fn closer(&self, limit: f64) -> f64 {
+        (self.lengths / limit).ceil()
+    }
+}
+
 /// One run over frames.
 pub struct Session {
+    /// In segment lengths.
+    motion_limit: f64,
     verifier: Verifier,
     /// Where the baseline comes from, in words.
     origin: String,
@@ -247,8 +294,9 @@ pub struct Session {
     live: Live,
     outcome: Outcome,
     last_verdict: Option<Verdict>,
-    /// Changes told already.
-    told: BTreeSet<(u32, u32, i64)>,
+    /// Changes and defects of the last frame, which were printed when they came.
+    told: BTreeSet<Told>,
+    unresolved: Unresolved,
     first_violation: Option<String>,
     tally: Tally,
     checks: Durations,
@@ -265,6 +313,7 @@ impl Session {
             judge,
             sinks,
             mut metadata,
+            look_for: (default_events, default_limit),
             ..
         } = run;
         let baseline = match &judge.baseline {
@@ -283,8 +332,10 @@ impl Session {
         };
         let abort_on = judge.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
-        let events = judge.look_for.events(abort_on).max(run.events);
+        let events = judge.look_for.events(abort_on).max(default_events);
         metadata.insert("events".into(), events.to_string());
+        let limit = judge.look_for.motion_limit.unwrap_or(default_limit);
+        metadata.insert(MOTION_LIMIT.into(), limit.to_string());
         let (mut verifier, origin) = match given {
             Some((certificate, origin)) => (Verifier::with_baseline(abort_on, certificate), origin),
             None => (Verifier::new(abort_on), "first frame".to_owned()),
@@ -293,6 +344,7 @@ impl Session {
         judge.kernel.set(&mut verifier)?;
         verifier.set_paranoid(judge.paranoid);
         verifier.set_events(events);
+        verifier.set_motion_limit(limit)?;
         Ok(Session {
             verifier,
             origin,
@@ -304,6 +356,8 @@ impl Session {
             outcome: Outcome::Fine,
             last_verdict: None,
             told: BTreeSet::new(),
+            unresolved: Unresolved::default(),
+            motion_limit: limit,
             first_violation: None,
             tally: Tally::default(),
             checks: Durations::default(),
@@ -454,25 +508,40 @@ impl Session {
             count(self.tally.verified),
             count(self.tally.skipped),
         ));
-        let key = |c: &Change| (c.i, c.j, c.found);
-        let fresh = !report.events.is_empty()
-            || report.changes.iter().any(|c| !self.told.contains(&key(c)));
+        let changes = report
+            .changes
+            .iter()
+            .map(|c| (Told::from(c), c.to_string()));
+        let defects = report
+            .defects
+            .iter()
+            .map(|d| (Told::from(d), report.defect(d)));
+        let lasting: Vec<(Told, String)> = changes.chain(defects).collect();
+        let is_new = |told: &Told| !self.told.contains(told);
+        let fresh = !(report.events.is_empty() && report.unresolved.is_empty())
+            || lasting.iter().any(|(told, _)| is_new(told));
         let turned = self.last_verdict.is_some_and(|v| v != report.verdict);
         let first_and_bad = self.last_verdict.is_none() && report.verdict != Verdict::Intact;
         self.last_verdict = Some(report.verdict);
+        self.unresolved.add(report);
         if !(fresh || turned || first_and_bad) {
+            // Findings that ended are news if they come back.
+            self.told = lasting.into_iter().map(|(told, _)| told).collect();
             return;
         }
-        let new_changes = report
-            .changes
-            .iter()
-            .filter(|c| !self.told.contains(&key(c)));
-        let sentences: Vec<String> = new_changes
-            .map(Change::to_string)
+        let new = |changes: bool| {
+            let mine = lasting
+                .iter()
+                .filter(move |(told, _)| matches!(told, Told::Change(..)) == changes);
+            mine.filter(|(told, _)| is_new(told))
+                .map(|(_, text)| text.clone())
+        };
+        let sentences: Vec<String> = new(true)
             .chain(report.events.iter().map(PullThrough::to_string))
-            .chain(report.defects.iter().map(|d| d.to_string()))
+            .chain(new(false))
+            .chain(report.unresolved_findings())
             .collect();
-        self.told = report.changes.iter().map(key).collect();
+        self.told = lasting.iter().map(|(told, _)| *told).collect();
         if self.first_violation.is_none() && report.verdict != Verdict::Intact {
             let detail = sentences
                 .first()
@@ -560,6 +629,12 @@ impl Session {
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
                     "open_curves": self.open_curves,
                     "sinks": summaries,
+                    "unresolved": {
+                        "pull_throughs": self.unresolved.count,
+                        "frames": self.unresolved.frames,
+                        "lengths": self.unresolved.lengths,
+                        "limit": self.motion_limit,
+                    },
                 }
             }));
             return self.outcome;
@@ -585,6 +660,21 @@ impl Session {
         }
         if let Some(first) = &self.first_violation {
             line += &format!("\nfirst: {first}");
+        }
+        if self.unresolved.count > 0 {
+            let Unresolved {
+                count,
+                frames,
+                lengths,
+            } = self.unresolved;
+            line += &format!(
+                "\nunresolved: {} in {}, with motions of up to {lengths:.1} segment lengths a frame; frames {} times \
+                 closer together would resolve them (--motion-limit {})",
+                plural(count, "pull-through"),
+                plural(frames, "frame"),
+                self.unresolved.closer(self.motion_limit),
+                self.motion_limit,
+            );
         }
         if let Some(n @ 1..) = self.open_curves {
             line += &format!("\nnot verified: {}", plural(n, "open curve"));

@@ -3,7 +3,7 @@
 use super::Outcome;
 use super::output::{self, percent, plural};
 use super::session::{Judge, Run, Session, Sinks, Tally};
-use linkwatch::{Counters, Event, Events, Overflow, Result, Sidecar, SidecarOptions};
+use linkwatch::{Counters, Event, Events, Overflow, Result, Sidecar, SidecarOptions, Verifier};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -58,7 +58,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         sinks: &args.sinks,
         recording: None,
         baseline: None,
-        events: Events::Off,
+        look_for: (Events::Off, Verifier::MOTION_LIMIT),
         title: &args.service,
         metadata,
         overflow: Overflow::Wait(PATIENCE),

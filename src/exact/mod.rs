@@ -11,6 +11,6 @@ mod predicates;
 mod touch;
 
 pub(crate) use crossing::{Batch, Crossing, crossing};
-pub(crate) use passage::{Decided, Edges, Ties, passages};
+pub(crate) use passage::{Decided, Edges, Moment, Passage, Ties, passages};
 pub(crate) use predicates::Predicates;
 pub(crate) use touch::segments_touch;

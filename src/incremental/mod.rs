@@ -21,7 +21,7 @@ mod stream;
 mod tests;
 
 pub use ledger::PullThrough;
-pub(crate) use ledger::{Ledger, Outcome};
+pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome};
 pub(crate) use monitor::{Finding, Monitor};
 
 use std::fmt;

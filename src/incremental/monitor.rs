@@ -228,6 +228,16 @@ impl Monitor {
         self.next_reference = self.frame + self.pause;
     }
 
+    /// Compares the reference frame with a baseline that has more numbers than before.
+    pub fn compare_again(&mut self, baseline: &Certificate) {
+        if let Some(known) = &mut self.reference {
+            // Of the same number of curves as before.
+            if let Ok(comparison) = known.reference.certificate.compare(baseline) {
+                known.comparison = comparison;
+            }
+        }
+    }
+
     /// Waits for a reference frame in the making.
     pub fn settle(&mut self) {
         while self.making.as_ref().is_some_and(|m| !m.is_finished()) {

@@ -735,12 +735,12 @@ mod tests {
             let mut ledger = Ledger::default();
             let cover = Cover { own, open };
             // What is too close to tell stays so.
-            let unknown = ledger.step(&set, &set, cover, None).undecided;
+            let unknown = ledger.first_step(&set, &set, cover, None).undecided;
             let reference = Reference::build(set.clone(), certificate, 0, 0, cover);
             prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
             let [a, b] = [0, 1].map(|k| moved(&scene, &reference, seeds[k], ways[k]));
             for (before, after) in [(&set, &a), (&set, &b), (&a, &b)] {
-                let outcome = ledger.step(before, after, cover, None);
+                let outcome = ledger.first_step(before, after, cover, None);
                 prop_assert_eq!(&outcome.events, &[]);
                 for defect in &outcome.undecided {
                     prop_assert!(unknown.iter().any(|u| (u.i, u.j) == (defect.i, defect.j)), "{defect:?}");

@@ -108,6 +108,11 @@ impl Report {
             1 => parts.push("1 step of a pair or curve undecided".into()),
             n => parts.push(format!("{n} steps of pairs or curves undecided")),
         }
+        match self.unresolved.len() {
+            0 => {}
+            1 => parts.push("1 unresolved pull-through".into()),
+            n => parts.push(format!("{n} unresolved pull-throughs")),
+        }
         parts.extend(self.rejected.clone());
         let detail = if parts.is_empty() {
             String::new()
@@ -117,11 +122,38 @@ impl Report {
         format!("frame {}: {}{detail}", self.seq, self.verdict)
     }
 
-    /// Every finding of the frame, a sentence each: changes, events, defects.
+    /// Every finding of the frame, a sentence each: changes, events, defects, unresolved pull-throughs.
     pub fn findings(&self) -> impl Iterator<Item = String> + '_ {
         let changes = self.changes.iter().map(Change::to_string);
         let events = self.events.iter().map(PullThrough::to_string);
-        let defects = self.defects.iter().map(Defect::to_string);
-        changes.chain(events).chain(defects)
+        let defects = self.defects.iter().map(|d| self.defect(d));
+        changes
+            .chain(events)
+            .chain(defects)
+            .chain(self.unresolved_findings())
+    }
+
+    /// The finding of one of the defects.
+    pub fn defect(&self, defect: &Defect) -> String {
+        if defect.kind != DefectKind::NoBaseline {
+            return defect.to_string();
+        }
+        match defect.j {
+            Some(j) => {
+                let adopted = self.adopted.iter().find(|l| (l.i, l.j) == (defect.i, j));
+                let lambda = adopted.map_or(0, |l| l.lambda);
+                format!("{defect}; {lambda} is expected from here on")
+            }
+            None => format!("{defect}; the numbers of this frame are expected from here on"),
+        }
+    }
+
+    /// The findings of the unresolved pull-throughs.
+    pub fn unresolved_findings(&self) -> impl Iterator<Item = String> + '_ {
+        let unresolved = self.unresolved.iter();
+        unresolved.map(|p| {
+            let lengths = p.lengths;
+            format!("unresolved: {p}, which moved {lengths:.1} segment lengths in the step")
+        })
     }
 }

@@ -1,6 +1,6 @@
 //! When the simulator is asked to stop.
 
-use super::{Report, Verdict};
+use super::{Defect, DefectKind, Report, Verdict};
 use crate::certificate::ChangeKind;
 use std::fmt;
 use std::str::FromStr;
@@ -35,14 +35,20 @@ impl AbortOn {
         AbortOn::Never,
     ];
 
-    /// Whether these findings ask the simulator to stop.
-    pub fn aborts(self, report: &Report) -> bool {
+    /// Whether these findings ask the simulator to stop. Contacts that are `expected`, since the curves touch in the
+    /// baseline, do not.
+    pub(crate) fn aborts(self, report: &Report, expected: impl Fn(&Defect) -> bool) -> bool {
+        let mut contacts = report
+            .defects
+            .iter()
+            .filter(|d| d.kind == DefectKind::Contact);
+        let has_contact = contacts.any(|d| !expected(d));
         let unlike = |kind| report.changes.iter().any(|c| c.kind() != kind);
         match self {
-            AbortOn::Any => report.verdict == Verdict::Changed || report.has_contact(),
+            AbortOn::Any => report.verdict == Verdict::Changed || has_contact,
             AbortOn::Lost => unlike(ChangeKind::Gained),
             AbortOn::Gained => unlike(ChangeKind::Lost),
-            AbortOn::Contact => report.has_contact(),
+            AbortOn::Contact => has_contact,
             AbortOn::Event => !report.events.is_empty(),
             AbortOn::Never => false,
         }
@@ -82,7 +88,7 @@ mod tests {
     use super::*;
     use crate::certificate::Change;
     use crate::incremental::PullThrough;
-    use crate::verdict::{Defect, DefectKind, Place};
+    use crate::verdict::Place;
 
     fn report(verdict: Verdict) -> Report {
         Report {
@@ -92,7 +98,9 @@ mod tests {
             abort: false,
             changes: Vec::new(),
             events: Vec::new(),
+            unresolved: Vec::new(),
             defects: Vec::new(),
+            adopted: Vec::new(),
             rejected: None,
             stats: Default::default(),
         }
@@ -135,6 +143,7 @@ mod tests {
             fraction: 0.5,
             sign: 1,
             point: [0.0; 3],
+            lengths: 0.5,
         };
         let event = Report {
             events: vec![event],
@@ -149,7 +158,11 @@ mod tests {
             (event, [true, false, false, false, true, false]),
             (report(Verdict::Undecided), [false; 6]),
         ] {
-            assert_eq!(AbortOn::ALL.map(|a| a.aborts(&report)), stops, "{report:?}");
+            assert_eq!(
+                AbortOn::ALL.map(|a| a.aborts(&report, |_| false)),
+                stops,
+                "{report:?}"
+            );
         }
     }
 

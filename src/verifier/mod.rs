@@ -17,7 +17,9 @@ use self::steps::Steps;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Events, Finding, Monitor, PullThrough, Route, Work};
+use crate::incremental::{
+    Events, Finding, MOTION_LIMIT, Monitor, Outcome, PullThrough, Route, Work,
+};
 use crate::kernels::{Accelerator, Accuracy, Device, DeviceInfo, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, Report, Stats, Verdict};
@@ -73,6 +75,9 @@ pub struct Verifier {
 }
 
 impl Verifier {
+    /// The motion limit unless [`Verifier::set_motion_limit`] sets another one, in segment lengths.
+    pub const MOTION_LIMIT: f64 = MOTION_LIMIT;
+
     /// A verifier that takes the first frame as its baseline.
     pub fn new(abort_on: AbortOn) -> Self {
         Verifier {
@@ -141,8 +146,28 @@ impl Verifier {
     /// pull-throughs of two closed curves is always compared with the change of their linking number; where these differ,
     /// the frame has a defect ([`DefectKind::Unaccounted`]). The first frame has no frame before it, and no pull-throughs.
     pub fn set_events(&mut self, events: Events) {
+        let limit = self.steps.motion_limit();
         self.steps = Steps::new(events);
+        self.steps.set_motion_limit(limit);
         self.monitor = Monitor::new(self.steps.cover());
+    }
+
+    /// Up to which motion between two frames a pull-through stands for what happened, in segment lengths
+    /// ([`PullThrough::lengths`]); [`Verifier::MOTION_LIMIT`] unless set.
+    ///
+    /// Pull-throughs are those of points that move on straight lines from frame to frame. If frames are far apart in time,
+    /// curves that went around one another seem to pass through one another and back. Two pull-throughs that cancel
+    /// within their pair of curves and both of which moved further than the limit are therefore
+    /// [`Report::unresolved`]. With a limit of infinity there are none.
+    ///
+    /// Errors: [`Error::Usage`] for a limit that is negative or not a number.
+    pub fn set_motion_limit(&mut self, lengths: f64) -> Result<()> {
+        if lengths.is_nan() || lengths < 0.0 {
+            let what = format!("a motion limit of {lengths} segment lengths, expected 0 or more");
+            return Err(Error::Usage(what));
+        }
+        self.steps.set_motion_limit(lengths);
+        Ok(())
     }
 
     /// Where kernels run. The results are the same; what differs is the time.
@@ -282,13 +307,13 @@ impl Verifier {
         let (mut comparison, stats) = self.compare(set)?;
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();
-        let events = self.look_for_events(set, &comparison, &mut defects);
+        let (events, unresolved) = self.look_for_events(set, &comparison, &mut defects);
         let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
         let verdict = if !(comparison.changes.is_empty() && events.is_empty()) {
             Verdict::Changed
         } else if contact {
             Verdict::Contact
-        } else if !defects.is_empty() {
+        } else if !(defects.is_empty() && unresolved.is_empty()) {
             Verdict::Undecided
         } else {
             Verdict::Intact
@@ -300,11 +325,18 @@ impl Verifier {
             abort: false,
             changes: comparison.changes.clone(),
             events,
+            unresolved,
             defects,
+            adopted: comparison.adopted.clone(),
             rejected: None,
             stats,
         };
-        report.abort = self.abort_on.aborts(&report);
+        // Curves that have touched since the baseline are no news.
+        let baseline = self.baseline.as_ref();
+        let expected = |d: &Defect| {
+            baseline.is_some_and(|b| b.lacks(d.i, d.j)) || self.steps.touch_from_the_start(d.i, d.j)
+        };
+        report.abort = self.abort_on.aborts(&report, expected);
         self.full.timings.total = start.elapsed();
         Ok((report, comparison))
     }
@@ -326,8 +358,12 @@ impl Verifier {
         } else {
             self.compare_fully(set, &baseline)
         };
-        self.baseline = Some(baseline);
+        let baseline = self.baseline.insert(baseline);
         let (comparison, stats) = compared?;
+        // What was left unchecked has no number yet.
+        if stats.unchecked == 0 && baseline.adopt(&comparison) {
+            self.monitor.compare_again(baseline);
+        }
         Ok((comparison, self.counted(set, stats)))
     }
 
@@ -430,25 +466,26 @@ impl Verifier {
         });
     }
 
-    /// Pull-throughs since the frame before, where they are looked for; adds what is not known of the step to the
-    /// defects.
+    /// Pull-throughs since the frame before, where they are looked for, and unresolved ones; adds what is not known of
+    /// the step to the defects.
     fn look_for_events(
         &mut self,
         set: &CurveSet,
         comparison: &Comparison,
         defects: &mut Vec<Defect>,
-    ) -> Vec<PullThrough> {
-        let Some(before) = self.steps.before() else {
-            return Vec::new();
-        };
-        let pairs = match self.incremental {
-            true => self.monitor.may_have_passed(before, set),
-            false => None,
+    ) -> (Vec<PullThrough>, Vec<PullThrough>) {
+        if self.steps.events() == Events::Off {
+            return Default::default();
+        }
+        let pairs = match (self.incremental, self.steps.before()) {
+            (true, Some(before)) => self.monitor.may_have_passed(before, set),
+            _ => None,
         };
         let (mut outcome, searched) = self.steps.outcome(set, pairs.as_deref());
         if self.paranoid && pairs.is_some() {
             let (full, _) = self.steps.outcome(set, None);
-            if (&full.events, &full.undecided) != (&outcome.events, &outcome.undecided) {
+            let told = |o: Outcome| (o.events, o.unresolved, o.undecided, o.touching);
+            if told(full.clone()) != told(outcome) {
                 self.disagree();
             }
             outcome = full;
@@ -460,7 +497,7 @@ impl Verifier {
             closest_approach(set, full.trees(), i as usize, j as usize)
         };
         self.steps.add_defects(&outcome, comparison, place, defects);
-        outcome.events
+        (outcome.events, outcome.unresolved)
     }
 
     /// The report on a frame that broke its contract.
@@ -472,7 +509,9 @@ impl Verifier {
             abort: false,
             changes: Vec::new(),
             events: Vec::new(),
+            unresolved: Vec::new(),
             defects: Vec::new(),
+            adopted: Vec::new(),
             rejected: Some(why.to_string()),
             stats: Stats::default(),
         }

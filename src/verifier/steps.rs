@@ -3,7 +3,7 @@
 use crate::certificate::Comparison;
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Cover, Events, Ledger, Outcome};
+use crate::incremental::{Contacts, Cover, Events, Ledger, Outcome};
 use crate::pairs::Pair;
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
@@ -14,6 +14,10 @@ pub(super) struct Steps {
     events: Events,
     ledger: Ledger,
     last: Option<Last>,
+    /// The contacts of the frame in work.
+    contacts: Contacts,
+    /// Pairs of curves that have touched since the very first frame, sorted; none before it.
+    touching_from_the_start: Option<Vec<Pair>>,
 }
 
 #[derive(Debug)]
@@ -21,6 +25,7 @@ struct Last {
     set: Arc<CurveSet>,
     /// With the baseline.
     comparison: Comparison,
+    contacts: Contacts,
 }
 
 impl Steps {
@@ -33,6 +38,15 @@ impl Steps {
 
     pub fn events(&self) -> Events {
         self.events
+    }
+
+    /// In segment lengths.
+    pub fn motion_limit(&self) -> f64 {
+        self.ledger.motion_limit
+    }
+
+    pub fn set_motion_limit(&mut self, lengths: f64) {
+        self.ledger.motion_limit = lengths;
     }
 
     /// What the ledger looks for.
@@ -90,7 +104,11 @@ impl Steps {
     /// Keeps a frame that has been verified, where the next one is compared with it.
     pub fn remember(&mut self, set: Arc<CurveSet>, comparison: Comparison) {
         if self.events != Events::Off {
-            self.last = Some(Last { set, comparison });
+            self.last = Some(Last {
+                set,
+                comparison,
+                contacts: std::mem::take(&mut self.contacts),
+            });
         }
     }
 
@@ -112,22 +130,46 @@ impl Steps {
         self.remember(copy, comparison);
     }
 
-    /// What happened since the frame before, of these pairs or of all; and how many pairs were searched.
+    /// What happened since the frame before, of these pairs or of all; and how many pairs were searched. In a first
+    /// frame, the curves that touch.
     ///
     /// # Panics
-    /// If there is none, or of other curves.
+    /// If the frame before is of other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> (Outcome, u64) {
         let cover = self.cover();
-        let last = self.last.as_ref().expect("callers look for it first");
-        let outcome = match pairs {
-            Some([]) => Outcome::default(),
-            pairs => self.ledger.step(&last.set, set, cover, pairs),
+        let Some(last) = &self.last else {
+            let (contacts, touching) = self.ledger.first_frame(set, cover);
+            self.contacts = contacts;
+            let outcome = Outcome {
+                touching,
+                ..Outcome::default()
+            };
+            self.note_touching(&outcome);
+            return (outcome, 0);
         };
+        let frames = [&*last.set, set];
+        let mut outcome = self.ledger.step(frames, &last.contacts, cover, pairs);
+        self.contacts = std::mem::take(&mut outcome.contacts);
+        self.note_touching(&outcome);
         let searched = outcome.counts.pairs;
         (outcome, searched)
     }
 
-    /// Adds what is not known of the step: pairs of which it cannot be told what they did, and those that did other
+    fn note_touching(&mut self, outcome: &Outcome) {
+        let still = outcome.touching.iter().filter(|t| t.from_the_start);
+        let still = still.map(|t| (t.defect.i, t.defect.j.unwrap_or(t.defect.i)));
+        let known = self.touching_from_the_start.take();
+        let kept = still.filter(|pair| known.as_ref().is_none_or(|k| k.contains(pair)));
+        self.touching_from_the_start = Some(kept.collect());
+    }
+
+    /// Whether these curves, or parts of this curve, have touched since the first frame.
+    pub fn touch_from_the_start(&self, i: u32, j: Option<u32>) -> bool {
+        let pairs = self.touching_from_the_start.as_deref().unwrap_or_default();
+        j.is_some_and(|j| pairs.binary_search(&(i, j)).is_ok())
+    }
+
+    /// Adds curves that touch, pairs of which it cannot be told what they did in the step, and those that did other
     /// things than their linking numbers say, which are at some `place`. Pairs that have a defect already are left out.
     pub fn add_defects(
         &self,
@@ -136,21 +178,20 @@ impl Steps {
         mut place: impl FnMut(Pair) -> Place,
         defects: &mut Vec<Defect>,
     ) {
-        let Some(last) = &self.last else {
-            return;
-        };
+        let touching = outcome.touching.iter().map(|t| t.defect);
         let untold = outcome.undecided.iter().map(|d| Defect {
             kind: DefectKind::Untold,
             ..*d
         });
-        let unaccounted = outcome.check(&last.comparison, comparison);
-        let unaccounted = unaccounted.into_iter().map(|pair| Defect {
+        let last = self.last.as_ref();
+        let unaccounted = last.map(|last| outcome.check(&last.comparison, comparison));
+        let unaccounted = unaccounted.into_iter().flatten().map(|pair| Defect {
             i: pair.0,
             j: Some(pair.1),
             kind: DefectKind::Unaccounted,
             place: place(pair),
         });
-        defects.extend(untold.chain(unaccounted));
+        defects.extend(touching.chain(untold).chain(unaccounted));
         // The sort is stable: those that were there come first.
         defects.sort_by_key(|d| (d.i, d.j));
         defects.dedup_by_key(|d| (d.i, d.j));

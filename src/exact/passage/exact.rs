@@ -3,7 +3,7 @@
 use super::super::{Predicates, big, segments_touch};
 use super::polynomial::{Dyadic, Interval, Polynomial, Root};
 use super::ring::{Infinitesimal, Ring};
-use super::{Edges, Ties};
+use super::{Edges, Moment, Ties};
 use num_bigint::BigInt;
 
 /// A point that moves on a straight line, by its coordinates.
@@ -110,12 +110,16 @@ impl Motion<BigInt> {
         }
     }
 
-    /// Proves that the edges, which lie in one plane at all times, are apart at all of them; `false` if that
-    /// is not proven.
+    /// Proves that the edges, which lie in one plane at all times, are apart at all times of the interval but the ends of
+    /// the step; `false` if that is not proven.
     fn always_apart(&self, interval: &Interval, depth: u32) -> bool {
         // Without a root inside and with signs at the ends, a polynomial has one sign.
         let one = Polynomial::new([BigInt::from(1)]);
         let sign = |g: &Polynomial<BigInt>| {
+            if g.is_zero() {
+                return 0;
+            }
+            let g = &g.clone().without_ends();
             let ends = [&interval.from, &interval.to].map(|t| g.sign_at(t));
             let constant =
                 ends[0] == ends[1] && ends[0] != 0 && g.signs_at_roots(&one, interval) == 0;
@@ -162,12 +166,26 @@ const HALVINGS: u32 = 6;
 pub(super) struct Event {
     pub sign: i32,
     pub time: f64,
+    pub moment: Moment,
 }
 
-/// All passages of a pair of edges, in their order in time; `None` where there are ties that are to be reported.
+/// All passages of a pair of edges, in their order in time. Edges that touch in a frame have an event at that
+/// end of the step, even if its sign is 0. Returns `None` if there are ties that are to be reported.
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
-    if ties == Ties::Report && [before, after].into_iter().any(touch) {
-        return None;
+    let contact = [before, after].map(touch);
+    let at_end = |end: usize, sign: i32| Event {
+        sign,
+        time: [0.0, 1.0][end],
+        moment: [Moment::Start, Moment::End][end],
+    };
+    let unchanged = |end: usize| contact[end].then(|| at_end(end, 0));
+    let point = |k: usize| {
+        [before, after]
+            .iter()
+            .all(|edges| edges[k][0] == edges[k][1])
+    };
+    if before == after || point(0) || point(1) {
+        return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
     let motion = Motion::new(before, after);
     let volume = motion.volume();
@@ -176,25 +194,33 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
     // Where the translated edges may come to lie in one plane: infinitely near to the roots of this.
     let plane = match (flat, ties) {
         (false, _) => volume.clone(),
-        (true, Ties::Report) => {
-            let apart = motion.always_apart(&Interval::step(), HALVINGS);
-            return apart.then(Vec::new);
-        }
-        (true, Ties::Translate) => {
-            lowest(&translated.insert(motion.translated(TRANSLATION)).volume())
-        }
+        (true, Ties::Report) if !motion.always_apart(&Interval::step(), HALVINGS) => return None,
+        (true, _) => lowest(&translated.insert(motion.translated(TRANSLATION)).volume()),
     };
     if plane.is_zero() {
         // Parallel at all times: the differences of their points fill a surface at most, and the translation is
         // not on it.
-        return Some(Vec::new());
+        return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
-    // Nothing happens next to the ends of the step, where the edges do not touch.
+    // Nothing happens next to an end of the step at which the edges do not touch.
     let plane = plane.without_ends();
     let free = plane.square_free();
     let mut roots = Vec::new();
     free.isolate(Interval::step(), &mut roots);
+    for interval in &mut roots {
+        interval.leave_the_ends(&free);
+    }
+    let mut net_passages = |interval: &Interval| {
+        translated
+            .get_or_insert_with(|| motion.translated(TRANSLATION))
+            .net_passages(interval, 0)
+    };
+    // The translated edges pass through one another next to the roots and next to a contact in a frame only.
+    let [start, end] = Interval::step().around(&roots);
     let mut found = Vec::new();
+    if contact[0] {
+        found.push(at_end(0, net_passages(&start)));
+    }
     for mut interval in roots {
         let meeting = if flat {
             Meeting::Tie
@@ -207,23 +233,29 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
             (Meeting::Inside, _) => {
                 (plane.sign_at(&interval.from) - plane.sign_at(&interval.to)) / 2
             }
-            (Meeting::Tie, Ties::Report) => return None,
-            (Meeting::Tie, Ties::Translate) => translated
-                .get_or_insert_with(|| motion.translated(TRANSLATION))
-                .net_passages(&interval, 0),
+            (Meeting::Tie, Ties::Report) if !flat => return None,
+            // Edges in one plane are apart there, if they are not to be translated.
+            (Meeting::Tie, _) => net_passages(&interval),
         };
         if sign != 0 {
             interval.narrow(&free);
             found.push(Event {
                 sign,
                 time: interval.middle(),
+                moment: Moment::Within {
+                    tie: meeting == Meeting::Tie,
+                },
             });
         }
+    }
+    if contact[1] {
+        found.push(at_end(1, net_passages(&end)));
     }
     Some(found)
 }
 
-fn touch([[a, b], [c, d]]: &Edges) -> bool {
+/// Whether two edges share a point.
+pub(super) fn touch([[a, b], [c, d]]: &Edges) -> bool {
     segments_touch(*a, *b, *c, *d, &mut Predicates::default())
 }
 

@@ -23,7 +23,7 @@
 //! side. The constants below leave room for the terms in `u^2` and for underflow, which by the limits on
 //! `P, Q, R` is below `u^2` of the products.
 
-use super::{Edges, Passage, along};
+use super::{Edges, Moment, Passage, along};
 use crate::curve::Point;
 
 /// Half a unit in the last place of 1: largest relative error of one operation.
@@ -78,10 +78,7 @@ pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
     let ([p0, q0, r0], [p1, q1, r1]) = (differences(before), differences(after));
     let size = |v: Point, w: Point| v.iter().chain(&w).fold(0.0, |m: f64, x| m.max(x.abs()));
     let (p, q, r) = (size(p0, p1), size(q0, q1), size(r0, r1));
-    if p == 0.0 || q == 0.0 {
-        // A point at all times.
-        return Some([None; 3]);
-    }
+    // Edges that are points at all times are among those out of range.
     if ![p, q, r].iter().all(|s| (RANGE[0]..=RANGE[1]).contains(s)) {
         return None;
     }
@@ -208,6 +205,7 @@ impl Search<'_> {
                 let at = [a.0 / (a.0 - b.0), c.0 / (c.0 - d.0)];
                 self.found[self.count] = Some(Passage {
                     time,
+                    moment: Moment::Within { tie: false },
                     sign: -direction,
                     at,
                     point: along(self.before, self.after, time, at),

@@ -11,7 +11,7 @@
 //!
 //! **What holds.** For two closed curves that touch in neither frame, the signs of all passages over all pairs
 //! of their edges add up to the linking number after less the linking number before. Always, however degenerate
-//! the motion. (Where they touch in a frame, the linking number there is not defined and the sum means nothing.)
+//! the motion.
 //!
 //! **The rule for ties.** The first curve is thought translated by `v = (e, e^16, e^256)`, with `e` positive and
 //! as small as need be, the same at all times. Curves that do not touch in the two frames keep their linking
@@ -51,6 +51,14 @@
 //! `e`, for the surroundings of that root. Where the edges lie in one plane at all times, the translated ones do
 //! infinitely near to the roots of the lowest coefficient of the volume as a polynomial in `e`.
 //!
+//! **Contact in a frame.** The faces of the first and the last moment are faces of the cube as well, so the
+//! translated edges do not touch in a frame in which the edges themselves do: each passage of the translated curves
+//! is in one step or in the other, never in both and never in none. A contact in a frame is an event of both steps
+//! that meet there ([`Moment::End`] of one, [`Moment::Start`] of the other). Over both, the signs add up to the
+//! passages of the motion through that contact; each by itself depends on the direction of the translation and means
+//! nothing. With the linking number of the translated curves in place of the one that is not defined, the sum over
+//! all passages of a step is the change of the linking number whether or not the curves touch in its frames.
+//!
 //! Touching without passing is nothing, at inner points and elsewhere: of the passages that the translation
 //! makes infinitely near to one time, within one pair of edges, the sum is told. Ties that belong to several
 //! pairs of edges may show passages that cancel.
@@ -70,17 +78,31 @@ use crate::curve::Point;
 /// The ends of an edge of the first curve and of one of the second.
 pub(crate) type Edges = [[Point; 2]; 2];
 
-/// One edge passes through another.
+/// One edge passes through another, or touches it in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Passage {
     /// When, as a fraction of the step: proven to `1e-9`, and to a rounding error if decided exactly.
     pub time: f64,
-    /// What it adds to the linking number of the two curves: 1 or -1.
+    /// Whether that is within the step, or in a frame.
+    pub moment: Moment,
+    /// What it adds to the linking number of the two curves: 1 or -1 within the step. For a contact in a frame,
+    /// the part of the step in the passages that the translation makes of it: any number, 0 included.
     pub sign: i32,
     /// Where along either edge, 0 at its start and 1 at its end: for display, as is the point.
     pub at: [f64; 2],
     /// Where in space.
     pub point: Point,
+}
+
+/// When a passage takes place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Moment {
+    /// The edges touch in the first frame of the step.
+    Start,
+    /// Between the frames; at a `tie` only the translated edges are known to pass through one another.
+    Within { tie: bool },
+    /// The edges touch in the last frame of the step.
+    End,
 }
 
 /// What to do where a passage is not one of inner points of both edges.
@@ -106,9 +128,11 @@ pub(crate) enum Decided {
     Tie,
 }
 
-/// Calls `out` with every passage of a pair of edges, in their order in time.
+/// Calls `out` with every passage of a pair of edges and with every contact in a frame, in their order in time.
 ///
-/// With [`Ties::Report`] and [`Decided::Tie`] there are none, and nothing is known.
+/// With [`Ties::Report`], contacts in a frame are decided by a translation, too; they mean something only if the
+/// caller can tell which other pairs of edges take part in the contact, and has the same curve first in all of them.
+/// With [`Decided::Tie`] there are none, and nothing is known.
 pub(crate) fn passages(
     before: &Edges,
     after: &Edges,
@@ -117,6 +141,9 @@ pub(crate) fn passages(
 ) -> Decided {
     if filter::apart(before, after) {
         return Decided::Apart;
+    }
+    if before == after && !exact::touch(before) {
+        return Decided::Certified;
     }
     if let Some(found) = filter::passages(before, after) {
         found.into_iter().flatten().for_each(out);
@@ -133,13 +160,19 @@ fn exactly(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passa
     };
     for event in events {
         let at = nearest(before, after, event.time);
-        let passage = Passage {
+        let mut passage = Passage {
             time: event.time,
-            sign: event.sign.signum(),
+            moment: event.moment,
+            sign: event.sign,
             at,
             point: along(before, after, event.time, at),
         };
-        (0..event.sign.abs()).for_each(|_| out(passage));
+        if let Moment::Within { .. } = event.moment {
+            passage.sign = event.sign.signum();
+            (0..event.sign.abs()).for_each(|_| out(passage));
+        } else {
+            out(passage);
+        }
     }
     Decided::Exact
 }

@@ -31,6 +31,11 @@ impl Dyadic {
         }
     }
 
+    /// Whether both are the same time.
+    fn is(&self, other: &Dyadic) -> bool {
+        &self.numerator << other.exponent == &other.numerator << self.exponent
+    }
+
     /// The polynomial that is positive after this time and negative before it.
     pub fn passed<R: Ring>(&self) -> Polynomial<R> {
         let slope = BigInt::from(1) << self.exponent;
@@ -78,6 +83,33 @@ impl Interval {
                 _ => self.to = middle,
             }
         }
+    }
+
+    /// Shortens this interval until it does not begin at the time 0 and does not end at 1, keeping the one simple
+    /// root of `f`, which is at neither.
+    pub fn leave_the_ends<R: Ring>(&mut self, f: &Polynomial<R>) {
+        let before = f.sign_at(&self.from);
+        let ends = Interval::step();
+        while self.from.is(&ends.from) || self.to.is(&ends.to) {
+            let cut = f.no_root_between(&self.from, &self.to);
+            if f.sign_at(&cut) == before {
+                self.from = cut;
+            } else {
+                self.to = cut;
+            }
+        }
+    }
+
+    /// The parts of this interval before the first and after the last of some intervals inside of it, which are in
+    /// order; its halves if there are none.
+    pub fn around(&self, inner: &[Interval]) -> [Interval; 2] {
+        let (Some(first), Some(last)) = (inner.first(), inner.last()) else {
+            return self.halves().into();
+        };
+        let [from, to] = [&self.from, &first.from].map(Dyadic::clone);
+        let left = Interval { from, to };
+        let [from, to] = [&last.to, &self.to].map(Dyadic::clone);
+        [left, Interval { from, to }]
     }
 
     /// Whether this is wider than `2^-56`.
@@ -205,6 +237,15 @@ impl<R: Ring> Polynomial<R> {
         index(self, &self.derivative().times(other), interval)
     }
 
+    /// A time between two others that is no root of this polynomial, whose degree is at most 3.
+    fn no_root_between(&self, from: &Dyadic, to: &Dyadic) -> Dyadic {
+        [4, 3, 5, 2]
+            .map(|eighths| from.toward(to, eighths))
+            .into_iter()
+            .find(|t| self.sign_at(t) != 0)
+            .expect("a cubic has three roots at most")
+    }
+
     /// Splits `interval` into parts with one root each, in their order in time, for a polynomial without
     /// multiple roots, of degree at most 3, and without roots at the ends.
     pub fn isolate(&self, interval: Interval, found: &mut Vec<Interval>) {
@@ -214,11 +255,7 @@ impl<R: Ring> Polynomial<R> {
             1 => found.push(interval),
             _ => {
                 let Interval { from, to } = interval;
-                let between = [4, 3, 5, 2]
-                    .map(|eighths| from.toward(&to, eighths))
-                    .into_iter()
-                    .find(|t| self.sign_at(t) != 0)
-                    .expect("a cubic has three roots at most");
+                let between = self.no_root_between(&from, &to);
                 let left = Interval {
                     from,
                     to: between.clone(),

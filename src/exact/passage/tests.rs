@@ -63,7 +63,12 @@ fn total(i: &Moving, j: &Moving, scale: f64) -> i64 {
     for (before, after) in pairs(i, j, scale) {
         let mut last = 0.0;
         let decided = passages(&before, &after, Ties::Translate, &mut |p| {
-            assert!((0.0..=1.0).contains(&p.time) && p.time >= last && p.sign.abs() == 1);
+            assert!((0.0..=1.0).contains(&p.time) && p.time >= last);
+            match p.moment {
+                Moment::Start => assert_eq!(p.time, 0.0),
+                Moment::Within { .. } => assert_eq!(p.sign.abs(), 1),
+                Moment::End => assert_eq!(p.time, 1.0),
+            }
             assert!(p.at.iter().all(|t| (0.0..=1.0).contains(t)));
             last = p.time;
             sum += i64::from(p.sign);
@@ -213,6 +218,70 @@ fn a_million_sums_are_the_change_of_the_linking_number() {
             s.spawn(move || (0..50).for_each(|k| compare(10_000, 100 + 2 * k + thread)));
         }
     });
+}
+
+/// Two steps with any frame between them, and the sum of the passages of both, against the oracle. Returns in how many
+/// cases the polygons touch in the frame between.
+fn compare_two_steps(count: u64, seed: u64) -> u64 {
+    let mut r = Random::new(seed);
+    let (mut done, mut touching) = (0, 0);
+    while done < count {
+        let [i, j] = scene(&mut r);
+        let range = [2, 3, 5, 30][r.next(4) as usize];
+        let last = [&i, &j].map(|m| match r.next(3) {
+            0 => m[0].clone(),
+            1 => m[1].clone(),
+            _ => r.polygon(m[0].len(), range),
+        });
+        let number = |i: &Polygon, j: &Polygon| oracle::linking_number(i, j);
+        let ends = [number(&i[0], &j[0]), number(&last[0], &last[1])];
+        let [Some(before), Some(after)] = ends else {
+            continue;
+        };
+        done += 1;
+        touching += u64::from(number(&i[1], &j[1]).is_none());
+        let [mut p, mut q] = [
+            [i[1].clone(), last[0].clone()],
+            [j[1].clone(), last[1].clone()],
+        ];
+        let mut found = total(&i, &j, 1.0) + total(&p, &q, 1.0);
+        assert_eq!(found, after - before, "seed {seed}: {i:?} {j:?} {last:?}");
+        // Each pair of edges has a unit of length of its own; the translation must be the same for all.
+        let scale = 2f64.powi(r.next(40) as i32 - 20);
+        (p, q) = (q, p);
+        found = total(&j, &i, scale) + total(&p, &q, scale);
+        assert_eq!(
+            found,
+            after - before,
+            "swapped, seed {seed}: {i:?} {j:?} {last:?}"
+        );
+    }
+    touching
+}
+
+#[test]
+fn a_passage_through_a_contact_in_a_frame_is_counted_once_over_both_steps() {
+    let touching = compare_two_steps(6000, 2);
+    assert!(touching > 300, "{touching} touch");
+}
+
+/// `cargo test --release --lib hundred_thousand_contacts -- --ignored`.
+#[test]
+#[ignore = "long"]
+fn hundred_thousand_contacts_in_a_frame_are_counted_once() {
+    let touching: u64 = std::thread::scope(|s| {
+        let threads = [0, 1].map(|thread| {
+            s.spawn(move || {
+                let seeds = (0..25).map(|k| 1000 + 2 * k + thread);
+                seeds
+                    .map(|seed| compare_two_steps(6_000, seed))
+                    .sum::<u64>()
+            })
+        });
+        threads.into_iter().map(|t| t.join().unwrap()).sum()
+    });
+    println!("{touching} of 300000 touch in the frame between");
+    assert!(touching > 15_000, "{touching} touch");
 }
 
 /// The passages in the order in which they come.
@@ -502,13 +571,28 @@ fn a_touch_is_no_passage() {
     }
 }
 
-/// A passage exactly in a frame is in neither of the steps beside it, but both say that there is a tie.
+/// A passage exactly in a frame is in one of the steps beside it; one that touches there and goes back is in none, or in
+/// both and cancels.
 #[test]
-fn contact_in_a_frame_is_a_tie() {
+fn contact_in_a_frame_is_decided_over_both_steps() {
     let frame = |y: f64| [[[-1.0, y, 2.0], [3.0, y, 2.0]], POST];
-    for (from, to) in [(-1.0, 0.0), (0.0, 1.0)] {
-        let found = collect(&frame(from), &frame(to), Ties::Report);
-        assert_eq!(found, (Decided::Tie, vec![]));
+    for ties in [Ties::Translate, Ties::Report] {
+        for (from, to, want) in [
+            (-1.0, 1.0, -1),
+            (1.0, -1.0, 1),
+            (1.0, 1.0, 0),
+            (-1.0, -1.0, 0),
+        ] {
+            let [first, second] = [(from, 0.0), (0.0, to)].map(|(from, to)| {
+                let (decided, all) = collect(&frame(from), &frame(to), ties);
+                assert_eq!(decided, Decided::Exact);
+                let [p] = all[..] else { panic!("{all:?}") };
+                p
+            });
+            assert_eq!((first.moment, first.time), (Moment::End, 1.0));
+            assert_eq!((second.moment, second.time), (Moment::Start, 0.0));
+            assert_eq!(first.sign + second.sign, want, "{from} {to}");
+        }
     }
 }
 

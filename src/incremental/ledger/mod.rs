@@ -36,6 +36,7 @@
 //! curves, as far as times are proven, cancel: nothing passed through. Two real passages that cancel are at
 //! different times or at different places.
 
+mod contact;
 mod net;
 mod pair;
 #[cfg(test)]
@@ -43,6 +44,8 @@ pub(super) mod planted;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use self::contact::Contacts;
+use self::contact::{Contact, Touching};
 use self::pair::{Part, Step, Workspace};
 use super::Cover;
 use crate::certificate::{Comparison, Link};
@@ -55,6 +58,9 @@ use std::fmt;
 
 #[cfg(doc)]
 use crate::discretize::MovingSeparation;
+
+/// Motion in a step up to which pull-throughs that cancel count, unless the user says otherwise, in segment lengths.
+pub(crate) const MOTION_LIMIT: f64 = 1.0;
 
 /// One curve was pulled through another, or through itself, between two frames.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -72,6 +78,9 @@ pub struct PullThrough {
     pub sign: i32,
     /// Where, in the units of the simulation.
     pub point: Point,
+    /// How far the two segments moved relative to each other there in the step, in lengths of the longer one. 0 for a
+    /// passage through a contact in a frame, which does not depend on the motion.
+    pub lengths: f64,
 }
 
 impl fmt::Display for PullThrough {
@@ -100,12 +109,18 @@ impl fmt::Display for PullThrough {
 pub(crate) struct Outcome {
     /// All passages, in the order in which they came; those at one time by pair and segments.
     pub events: Vec<PullThrough>,
+    /// Passages that cancel within their pair and moved further than the limit, in the same order.
+    pub unresolved: Vec<PullThrough>,
     /// Pairs of which nothing is said: too close in one of the frames for their polylines to stand for them, or with
     /// too many candidates. And places at which a curve touches itself in a way that cannot be told from a passage.
     /// The second curve equals the first for a curve and itself. Sorted by pair.
     pub undecided: Vec<Defect>,
-    /// Sums of the signs of two closed curves, where they are not 0, sorted by pair.
+    /// Sums of the signs of two closed curves, where they are not 0, sorted by pair. Contacts in a frame are left out.
     pub sums: Vec<Link>,
+    /// Pairs of curves that touch in the last frame, open curves and curves that touch themselves included.
+    pub touching: Vec<Touching>,
+    /// The contacts in the last frame, to be followed in the next step.
+    pub contacts: Contacts,
     /// What it took.
     pub counts: Counts,
 }
@@ -165,29 +180,91 @@ impl Outcome {
 /// Finds passages, step after step. Its buffers serve every step.
 ///
 /// The outcome does not depend on the number of threads of the rayon pool that it is called in.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Ledger {
+    /// See [`Verifier::set_motion_limit`](crate::Verifier::set_motion_limit).
+    pub motion_limit: f64,
     trees: Trees,
     search: LinkSearch,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
 }
 
+impl Default for Ledger {
+    fn default() -> Self {
+        Ledger {
+            motion_limit: MOTION_LIMIT,
+            trees: Trees::default(),
+            search: LinkSearch::default(),
+            pairs: Vec::new(),
+            parts: Vec::new(),
+        }
+    }
+}
+
 impl Ledger {
     /// All passages between two frames.
     ///
-    /// With `pairs`, sorted, those of these pairs of curves only (`(i, i)`: of a curve and itself); the caller knows
-    /// that there are no others.
+    /// `contacts` are those of the first frame, as the step before found them. With `pairs`, sorted, only these pairs of
+    /// curves and those in contact are looked at (`(i, i)`: a curve and itself); the caller knows that nothing else
+    /// passed.
     ///
     /// # Panics
     /// If the frames are not of the same curves.
     pub fn step(
+        &mut self,
+        [before, after]: [&CurveSet; 2],
+        contacts: &Contacts,
+        cover: Cover,
+        pairs: Option<&[Pair]>,
+    ) -> Outcome {
+        let pairs = pairs.map(|pairs| {
+            let mut all = [pairs, &contacts.pairs()].concat();
+            all.sort_unstable();
+            all.dedup();
+            all
+        });
+        if pairs.as_ref().is_some_and(Vec::is_empty) {
+            return Outcome::default();
+        }
+        let (mut outcome, found) = self.search([before, after], cover, pairs.as_deref());
+        let settled = contacts.settle(&found, [before, after]);
+        outcome.events.extend(settled.events);
+        sort(&mut outcome.events);
+        sort(&mut outcome.unresolved);
+        outcome.undecided.extend(settled.undecided);
+        outcome.undecided.sort_by_key(|d| (d.i, d.j));
+        outcome.touching = settled.touching;
+        outcome.contacts = settled.contacts;
+        outcome
+    }
+
+    /// The contacts of a first frame: nothing is known of what passed there. And the pairs of curves that touch.
+    pub fn first_frame(&mut self, set: &CurveSet, cover: Cover) -> (Contacts, Vec<Touching>) {
+        let (_, found) = self.search([set, set], cover, None);
+        Contacts::of_first_frame(&found, set)
+    }
+
+    /// [`Ledger::step`] from a first frame.
+    #[cfg(test)]
+    pub fn first_step(
         &mut self,
         before: &CurveSet,
         after: &CurveSet,
         cover: Cover,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
+        let (contacts, _) = self.first_frame(before, cover);
+        self.step([before, after], &contacts, cover, pairs)
+    }
+
+    /// Passages within a step, and contacts at its ends, sorted by pair.
+    fn search(
+        &mut self,
+        [before, after]: [&CurveSet; 2],
+        cover: Cover,
+        pairs: Option<&[Pair]>,
+    ) -> (Outcome, Vec<Contact>) {
         assert!(before.same_layout(after), "two frames of the same curves");
         let frames = [before, after];
         let swept = Swept {
@@ -209,6 +286,7 @@ impl Ledger {
         let step = Step {
             frames,
             trees: &self.trees,
+            motion_limit: self.motion_limit,
         };
         let pairs = &self.pairs[..];
         // Parts small enough to share out, large enough to be worth it. A large pair shares itself out.
@@ -225,14 +303,17 @@ impl Ledger {
                 }
             });
         let mut outcome = Outcome::default();
+        let mut contacts = Vec::new();
         for part in &self.parts {
+            contacts.extend_from_slice(&part.contacts);
             outcome.events.extend_from_slice(&part.events);
+            outcome.unresolved.extend_from_slice(&part.unresolved);
             outcome.undecided.extend_from_slice(&part.undecided);
             outcome.sums.extend_from_slice(&part.sums);
             outcome.counts.add(&part.counts);
         }
-        sort(&mut outcome.events);
-        outcome
+        contacts.sort_by_key(|c: &Contact| (c.event.i, c.event.j));
+        (outcome, contacts)
     }
 
     /// Pairs of curves that may meet, and of a curve and itself where asked for, sorted.

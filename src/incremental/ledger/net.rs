@@ -9,6 +9,8 @@ pub(super) struct Found {
     pub event: PullThrough,
     /// Segments from the start of the curve.
     pub along: [f64; 2],
+    /// Whether only the translated edges are known to pass through one another.
+    pub tie: bool,
 }
 
 /// Times closer than this may be the same: each is proven to half of it.

@@ -1,5 +1,6 @@
 //! The passages of one pair of curves, or of a curve and itself.
 
+use super::contact::Contact;
 use super::net::{Found, cancel};
 use super::{Counts, PullThrough};
 use crate::certificate::Link;
@@ -7,7 +8,7 @@ use crate::certificate::Link;
 use crate::curve::Avx2;
 use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Point, Portable, point_at};
 use crate::discretize::{Halving, MovingSeparation, Separation};
-use crate::exact::{Decided, Edges, Ties, passages};
+use crate::exact::{Decided, Edges, Moment, Passage, Predicates, Ties, passages, segments_touch};
 use crate::pairs::{
     Agenda, CurveTree, Node, Pair, Query, SegmentPairs, Trees, closest_of_segments, descend,
     overlapping,
@@ -47,20 +48,26 @@ pub(super) struct Step<'a> {
     pub frames: [&'a CurveSet; 2],
     /// Of swept boxes.
     pub trees: &'a Trees,
+    /// In segment lengths.
+    pub motion_limit: f64,
 }
 
 /// What one task found.
 #[derive(Debug, Default)]
 pub(super) struct Part {
     pub events: Vec<PullThrough>,
+    pub unresolved: Vec<PullThrough>,
     pub undecided: Vec<Defect>,
     pub sums: Vec<Link>,
+    pub contacts: Vec<Contact>,
     pub counts: Counts,
 }
 
 impl Part {
     pub fn clear(&mut self) {
+        self.contacts.clear();
         self.events.clear();
+        self.unresolved.clear();
         self.undecided.clear();
         self.sums.clear();
         self.counts = Counts::default();
@@ -88,6 +95,8 @@ struct Gathered {
 #[derive(Debug, Default)]
 struct Tally {
     passages: Vec<Found>,
+    /// Contacts in either frame.
+    contacts: Vec<Contact>,
     /// Segments that touch in a way that cannot be told from a passage.
     ties: Vec<[u32; 2]>,
     counts: Counts,
@@ -96,12 +105,14 @@ struct Tally {
 impl Tally {
     fn clear(&mut self) {
         self.passages.clear();
+        self.contacts.clear();
         self.ties.clear();
         self.counts = Counts::default();
     }
 
     fn append(&mut self, other: &mut Tally) {
         self.passages.append(&mut other.passages);
+        self.contacts.append(&mut other.contacts);
         self.ties.append(&mut other.ties);
         self.counts.add(&other.counts);
     }
@@ -243,9 +254,19 @@ impl<'a> Task<'a> {
         let ties = found.ties.iter();
         part.undecided
             .extend(ties.map(|&segments| undecided(DefectKind::Contact, segments)));
+        part.contacts.append(&mut found.contacts);
         let curves = self.curves.map(|i| frames[0].curve(i));
         cancel(&mut found.passages, curves);
+        let from = part.events.len();
         part.events.extend(found.passages.iter().map(|f| f.event));
+        let unresolved = far_and_cancelling(&part.events[from..], self.step.motion_limit);
+        let mut index = from..;
+        let far = part.events.extract_if(from.., |_| {
+            index
+                .next()
+                .is_some_and(|k| unresolved.contains(&(k - from)))
+        });
+        part.unresolved.extend(far);
         let signs = found.passages.iter().map(|f| i64::from(f.event.sign));
         let lambda = signs.sum();
         if !self.own() && lambda != 0 && curves.iter().all(|c| c.closed) {
@@ -416,7 +437,43 @@ impl<'a> Task<'a> {
         along: impl Fn([f64; 2]) -> [f64; 2],
         found: &mut Tally,
     ) {
-        if before == after || joined(before, after) {
+        // Pieces of a segment are shorter than it.
+        let scale = if self.splines() {
+            1.0 / f64::from(PIECES)
+        } else {
+            1.0
+        };
+        let [i, j] = self.curves.map(|i| i as u32);
+        let event = |p: Passage| PullThrough {
+            i,
+            j,
+            segments,
+            fraction: p.time,
+            sign: p.sign,
+            point: p.point,
+            lengths: match p.moment {
+                Moment::Within { .. } => relative_motion([before, after], p.at) * scale,
+                _ => 0.0,
+            },
+        };
+        if let Some(points) = joint(before, after) {
+            // Pieces of splines follow one another there.
+            if !self.splines() {
+                let contact = |f: usize| Contact {
+                    event: PullThrough {
+                        i,
+                        j,
+                        segments,
+                        fraction: f as f64,
+                        sign: 0,
+                        point: points[f],
+                        lengths: 0.0,
+                    },
+                    joint: true,
+                    counted: f == 1 || before == after,
+                };
+                found.contacts.extend([0, 1].map(contact));
+            }
             return;
         }
         let ties = if self.own() {
@@ -424,30 +481,66 @@ impl<'a> Task<'a> {
         } else {
             Ties::Translate
         };
-        let [i, j] = self.curves.map(|i| i as u32);
         let Tally {
             passages: list,
+            contacts,
             ties: touching,
             counts,
         } = found;
-        let decided = passages(before, after, ties, &mut |p| {
-            list.push(Found {
-                event: PullThrough {
-                    i,
-                    j,
-                    segments,
-                    fraction: p.time,
-                    sign: p.sign,
-                    point: p.point,
-                },
+        let first = list.len();
+        let mut in_frames = [None; 2];
+        let mut decided = passages(before, after, ties, &mut |p| match p.moment {
+            Moment::Start => in_frames[0] = Some(p),
+            Moment::End => in_frames[1] = Some(p),
+            Moment::Within { tie } => list.push(Found {
+                event: event(p),
                 along: along(p.at),
-            });
+                tie,
+            }),
         });
+        if in_frames.iter().any(Option::is_some) {
+            let frames = [before, after];
+            let beyond =
+                |f: usize| in_frames[f].is_some() && self.reaches_neighbours(frames[f], segments);
+            if self.own() && (0..2).any(beyond) {
+                decided = Decided::Tie;
+            } else {
+                if let [Some(start), Some(end)] = &mut in_frames {
+                    // In contact all along, as far as is known: what passes at ties belongs to the contact.
+                    let at_ties = list.extract_if(first.., |f| f.tie);
+                    start.sign += std::mem::take(&mut end.sign);
+                    start.sign += at_ties.map(|f| f.event.sign).sum::<i32>();
+                }
+                let contact = |p| Contact {
+                    event: event(p),
+                    joint: false,
+                    counted: true,
+                };
+                contacts.extend(in_frames.into_iter().flatten().map(contact));
+            }
+        }
         counts.tests += 1;
         counts.exact += u64::from(matches!(decided, Decided::Exact | Decided::Tie));
         if decided == Decided::Tie {
             touching.push(segments);
         }
+    }
+
+    /// Whether the contact of two edges of one curve in a frame may be connected with pairs of edges that are not tested,
+    /// or that are tested with the two strands in the other order: it is at a vertex that is next to the other edge,
+    /// or at the first vertex of a closed curve.
+    fn reaches_neighbours(&self, [[a, b], [c, d]]: &Edges, [s, t]: [u32; 2]) -> bool {
+        let curve = self.step.frames[0].curve(self.curves[0]);
+        let on = |p: &Point, [q, r]: [&Point; 2]| {
+            segments_touch(*p, *p, *q, *r, &mut Predicates::default())
+        };
+        let (first, second) = ([a, b], [c, d]);
+        let last = curve.segments - 1;
+        self.splines()
+            || (curve.after(curve.after(s)) == t && (on(b, second) || on(c, first)))
+            || (curve.after(curve.after(t)) == s && (on(d, first) || on(a, second)))
+            || (curve.closed && s == 0 && on(a, second))
+            || (curve.closed && t == last && on(d, first))
     }
 
     /// Adds the passages of near spline segments, in parts that are shared out.
@@ -493,10 +586,42 @@ impl<'a> Task<'a> {
     }
 }
 
-/// Whether two pieces share an end in both frames.
+/// Indices of passages that cancel, one with another, and moved further than the limit: those that moved furthest.
+fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
+    let [forward, backward] = [1, -1].map(|sign| {
+        let far = |k: &usize| passages[*k].sign == sign && passages[*k].lengths > limit;
+        let mut far: Vec<usize> = (0..passages.len()).filter(far).collect();
+        far.sort_by(|&a, &b| passages[b].lengths.total_cmp(&passages[a].lengths));
+        far
+    });
+    let pairs = forward.into_iter().zip(backward);
+    pairs.flat_map(|(a, b)| [a, b]).collect()
+}
+
+/// How far points of two pieces moved relative to each other in a step, in lengths of the longer piece.
+fn relative_motion(frames: [&Edges; 2], at: [f64; 2]) -> f64 {
+    let mix = |[a, b]: [Point; 2], t: f64| [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x]);
+    let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
+    let between = |edges: &Edges| sub(mix(edges[1], at[1]), mix(edges[0], at[0]));
+    let motion = sub(between(frames[1]), between(frames[0])).map(|x| 2.0 * x);
+    let edges = frames.map(|edges| edges.map(|[a, b]| sub(b, a)));
+    let lengths = edges.as_flattened().iter().map(|&v| norm(v));
+    norm(motion) / lengths.fold(0.0, f64::max)
+}
+
+/// The length of a vector, whose square may overflow or underflow.
+fn norm(v: Point) -> f64 {
+    v[0].hypot(v[1]).hypot(v[2])
+}
+
+/// An end that two pieces share in both frames.
 #[inline(always)]
-fn joined(before: &Edges, after: &Edges) -> bool {
-    (0..2).any(|k| (0..2).any(|l| before[0][k] == before[1][l] && after[0][k] == after[1][l]))
+fn joint(before: &Edges, after: &Edges) -> Option<[Point; 2]> {
+    let ends = [(0, 0), (0, 1), (1, 0), (1, 1)];
+    let shared =
+        |&(k, l): &(usize, usize)| before[0][k] == before[1][l] && after[0][k] == after[1][l];
+    let (k, _) = ends.into_iter().find(shared)?;
+    Some([before[0][k], after[0][k]])
 }
 
 /// Adds pairs of different nodes above the leaves, children of one node, whose boxes overlap: with what is below them,

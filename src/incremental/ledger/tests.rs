@@ -143,7 +143,7 @@ fn signs_add_up_to_the_change_of_the_linking_number() {
             let [before, after] = random_step(&mut r, basis);
             let numbers = [&before, &after].map(certificate);
             let options = if k % 3 == 0 { ALL } else { Cover::default() };
-            let outcome = ledger.step(&before, &after, options, None);
+            let outcome = ledger.first_step(&before, &after, options, None);
             assert_eq!(
                 unaccounted(&outcome, &numbers),
                 [],
@@ -192,7 +192,7 @@ fn planted_passages_are_told_and_no_others() {
                 assert_eq!(signs.iter().sum::<i32>(), 0);
             }
             let [before, after] = &scene.frames;
-            let outcome = ledger.step(before, after, ALL, None);
+            let outcome = ledger.first_step(before, after, ALL, None);
             assert_eq!(outcome.undecided, [], "{plant:?} {basis:?}");
             let told: Vec<_> = outcome
                 .events
@@ -230,7 +230,7 @@ fn the_search_finds_what_all_pairs_of_segments_have() {
         let (mut events, mut undecided) = (0, 0);
         for k in 0..200 {
             let [before, after] = random_step(&mut r, basis);
-            let outcome = ledger.step(&before, &after, ALL, None);
+            let (mut outcome, mut contacts) = ledger.search([&before, &after], ALL, None);
             let step = Step {
                 frames: [&before, &after],
                 trees: &ledger.trees,
@@ -241,7 +241,20 @@ fn the_search_finds_what_all_pairs_of_segments_have() {
                 step.pair_by_brute_force(pair, &mut part);
             }
             sort(&mut part.events);
+            sort(&mut outcome.events);
             assert_eq!(outcome.events, part.events, "{basis:?} {k}");
+            for contacts in [&mut contacts, &mut part.contacts] {
+                let key = |c: &Contact| {
+                    (
+                        c.event.i,
+                        c.event.j,
+                        c.event.segments,
+                        c.event.fraction == 1.0,
+                    )
+                };
+                contacts.sort_by_key(key);
+            }
+            assert_eq!(contacts, part.contacts, "{basis:?} {k}");
             assert_eq!(outcome.undecided, part.undecided, "{basis:?} {k}");
             assert_eq!(outcome.sums, part.sums, "{basis:?} {k}");
             events += outcome.events.len();
@@ -280,7 +293,7 @@ fn the_outcome_depends_on_nothing_but_the_frames() {
         let run = |threads: usize, pairs: Option<&[Pair]>| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.unwrap()
-                .install(|| Ledger::default().step(&before, &after, ALL, pairs))
+                .install(|| Ledger::default().first_step(&before, &after, ALL, pairs))
         };
         let one = run(1, None);
         assert!(one.events.len() > 1000, "{}", one.events.len());
@@ -314,8 +327,10 @@ fn only_opposite_passages_at_one_time_and_place_cancel() {
             fraction,
             sign,
             point: [0.0; 3],
+            lengths: 0.5,
         },
         along,
+        tie: false,
     };
     let left = |list: &[Found], closed| {
         let mut list = list.to_vec();
@@ -364,7 +379,7 @@ fn a_finger_that_passes_at_once_is_told_twice() {
     };
     let [before, after] = [-1.0, 1.0]
         .map(|z| CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&at(z))).unwrap());
-    let outcome = Ledger::default().step(&before, &after, ALL, None);
+    let outcome = Ledger::default().first_step(&before, &after, ALL, None);
     let told: Vec<_> = outcome
         .events
         .iter()
@@ -395,7 +410,7 @@ fn what_is_joined_does_not_pass_through_itself() {
         let xyz: Vec<f64> = points.into_iter().flat_map(bend).collect();
         CurveSet::from_counts(Basis::Polyline, &[-5, 3], Positions::F64(&xyz)).unwrap()
     });
-    let outcome = Ledger::default().step(&before, &after, ALL, None);
+    let outcome = Ledger::default().first_step(&before, &after, ALL, None);
     assert_eq!((outcome.events, outcome.undecided), (vec![], vec![]));
 }
 
@@ -453,7 +468,7 @@ fn speed() {
                     });
                     times[0].push(start.elapsed());
                     let start = Instant::now();
-                    outcome = ledger.step(&before, &after, options, None);
+                    outcome = ledger.first_step(&before, &after, options, None);
                     times[1].push(start.elapsed());
                     let start = Instant::now();
                     verifier.certify(&after);

@@ -62,6 +62,10 @@ pub(super) struct ReportMessage {
     pub stats: Option<StatsMessage>,
     #[prost(message, repeated, tag = "9")]
     pub events: Vec<PullThroughMessage>,
+    #[prost(message, repeated, tag = "10")]
+    pub adopted: Vec<LinkMessage>,
+    #[prost(message, repeated, tag = "11")]
+    pub unresolved: Vec<PullThroughMessage>,
 }
 
 #[derive(Clone, Copy, PartialEq, prost::Message)]
@@ -120,6 +124,8 @@ pub(super) struct PullThroughMessage {
     pub y: f64,
     #[prost(double, tag = "9")]
     pub z: f64,
+    #[prost(double, tag = "10")]
+    pub lengths: f64,
 }
 
 #[derive(Clone, Copy, PartialEq, prost::Message)]
@@ -320,6 +326,7 @@ impl From<&PullThrough> for PullThroughMessage {
             x,
             y,
             z,
+            lengths: e.lengths,
         }
     }
 }
@@ -333,6 +340,7 @@ impl From<PullThroughMessage> for PullThrough {
             fraction: e.fraction,
             sign: e.sign,
             point: [e.x, e.y, e.z],
+            lengths: e.lengths,
         }
     }
 }
@@ -387,7 +395,9 @@ impl From<&Report> for ReportMessage {
             abort: r.abort,
             changes: r.changes.iter().map(change).collect(),
             events: r.events.iter().map(Into::into).collect(),
+            unresolved: r.unresolved.iter().map(Into::into).collect(),
             defects: r.defects.iter().map(Into::into).collect(),
+            adopted: r.adopted.iter().map(Into::into).collect(),
             rejected: r.rejected.clone(),
             stats: Some(StatsMessage {
                 curves: s.curves,
@@ -425,7 +435,9 @@ impl TryFrom<ReportMessage> for Report {
             abort: r.abort,
             changes: r.changes.into_iter().map(change).collect(),
             events: r.events.into_iter().map(Into::into).collect(),
+            unresolved: r.unresolved.into_iter().map(Into::into).collect(),
             defects: collect(r.defects)?,
+            adopted: r.adopted.into_iter().map(Into::into).collect(),
             rejected: r.rejected,
             stats: Stats {
                 curves: s.curves,
@@ -445,17 +457,32 @@ impl TryFrom<ReportMessage> for Report {
     }
 }
 
-impl From<&BaselineRecord> for BaselineMessage {
-    fn from(b: &BaselineRecord) -> Self {
-        let c = &b.certificate;
-        let link = |l: &Link| LinkMessage {
+impl From<&Link> for LinkMessage {
+    fn from(l: &Link) -> Self {
+        LinkMessage {
             i: l.i,
             j: l.j,
             lambda: l.lambda,
-        };
+        }
+    }
+}
+
+impl From<LinkMessage> for Link {
+    fn from(l: LinkMessage) -> Self {
+        Link {
+            i: l.i,
+            j: l.j,
+            lambda: l.lambda,
+        }
+    }
+}
+
+impl From<&BaselineRecord> for BaselineMessage {
+    fn from(b: &BaselineRecord) -> Self {
+        let c = &b.certificate;
         BaselineMessage {
             curves: c.curves as u64,
-            links: c.links.iter().map(link).collect(),
+            links: c.links.iter().map(Into::into).collect(),
             undefined: c.undefined.iter().map(Into::into).collect(),
             origin: b.origin.clone(),
         }
@@ -466,15 +493,7 @@ impl TryFrom<BaselineMessage> for BaselineRecord {
     type Error = Error;
     /// Checks what the comparison of certificates relies on: pairs in range, sorted, no number 0.
     fn try_from(b: BaselineMessage) -> Result<Self> {
-        let links: Vec<Link> = b
-            .links
-            .iter()
-            .map(|l| Link {
-                i: l.i,
-                j: l.j,
-                lambda: l.lambda,
-            })
-            .collect();
+        let links: Vec<Link> = b.links.into_iter().map(Into::into).collect();
         let bad = |l: &&Link| l.i >= l.j || u64::from(l.j) >= b.curves || l.lambda == 0;
         if let Some(l) = links.iter().find(bad) {
             let what = format!("{},{},{} of {} curves", l.i, l.j, l.lambda, b.curves);
@@ -487,7 +506,8 @@ impl TryFrom<BaselineMessage> for BaselineRecord {
             let what = format!("{},{} does not come after the one before", w[1].i, w[1].j);
             return Err(invalid("link of the baseline", what));
         }
-        let undefined: Vec<Defect> = collect(b.undefined)?;
+        let mut undefined: Vec<Defect> = collect(b.undefined)?;
+        undefined.sort_by_key(|d| (d.i, d.j));
         if let Some(d) = undefined
             .iter()
             .find(|d| u64::from(d.j.unwrap_or(d.i)) >= b.curves || d.j.is_some_and(|j| d.i >= j))

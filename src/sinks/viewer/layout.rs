@@ -180,7 +180,13 @@ pub(super) fn keys(report: &Report) -> impl Iterator<Item = Option<Key>> + '_ {
     // Above every linking number that a frame can have.
     let kind = |d: &Defect| i64::MAX - d.kind as i64;
     let defects = report.defects.iter().map(move |d| (d.i, d.j, kind(d)));
-    changes.map(Some).chain(events).chain(defects.map(Some))
+    let unresolved = report.unresolved.iter().map(|_| None);
+    let lasting = defects.map(Some);
+    changes
+        .map(Some)
+        .chain(events)
+        .chain(lasting)
+        .chain(unresolved)
 }
 
 /// The status as markdown: the answer, since when, the pairs, and what was pulled through in this frame and so far.
@@ -248,6 +254,13 @@ pub(super) fn status(
         text.push_str(&row);
     }
     text.extend(more(report.events.len()));
+    match report.unresolved.len() {
+        0 => {}
+        1 => text.push_str("\n1 unresolved pull-through: the frames are too far apart.\n"),
+        n => text.push_str(&format!(
+            "\n{n} unresolved pull-throughs: the frames are too far apart.\n"
+        )),
+    }
     text.extend(passed.words().map(|words| format!("\n{words}\n")));
     text
 }
@@ -275,6 +288,8 @@ mod tests {
             abort: true,
             changes: (0..changes).map(change).collect(),
             events: Vec::new(),
+            unresolved: Vec::new(),
+            adopted: Vec::new(),
             defects: Vec::new(),
             rejected: None,
             stats: Default::default(),
@@ -302,6 +317,7 @@ mod tests {
             fraction: 0.25,
             sign: -1,
             point: [0.0; 3],
+            lengths: 0.5,
         }
     }
 
@@ -309,6 +325,7 @@ mod tests {
     fn every_finding_has_its_key() {
         let mut report = report(2);
         report.events = vec![event(0, 1), event(7, 7)];
+        report.unresolved = vec![event(0, 2)];
         let place = Place {
             segments: [0, 0],
             point: [0.0; 3],

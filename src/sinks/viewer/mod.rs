@@ -202,6 +202,10 @@ impl ViewerSink {
             mark(d.i, 1);
             d.j.into_iter().for_each(|j| mark(j, 1));
         }
+        for e in &report.unresolved {
+            mark(e.i, 1);
+            mark(e.j, 1);
+        }
         for c in &report.changes {
             mark(c.i, 2);
             mark(c.j, 2);
@@ -248,8 +252,13 @@ impl ViewerSink {
             };
             (d.place.point, text, PALE_ORANGE)
         });
+        let unresolved = report.unresolved.iter().map(|e| {
+            let text = format!("{}: unresolved", passed::name(e));
+            (e.point, text, PALE_ORANGE)
+        });
         let (changes, events) = (changes.take(SHOWN), events.take(SHOWN));
-        let marks: Vec<_> = changes.chain(events).chain(defects.take(SHOWN)).collect();
+        let undecided = defects.take(SHOWN).chain(unresolved.take(SHOWN));
+        let marks: Vec<_> = changes.chain(events).chain(undecided).collect();
         let near = match marks.len() {
             0 | 1 => 0.0,
             _ => layout::extent(set).map_or(0.0, |(.., radius)| NEAR * radius),
@@ -502,11 +511,13 @@ mod tests {
             abort: false,
             changes: Vec::new(),
             events,
+            unresolved: Vec::new(),
+            adopted: Vec::new(),
             defects: Vec::new(),
             rejected: None,
             stats: Default::default(),
         };
-        report.abort = AbortOn::Any.aborts(&report);
+        report.abort = report.verdict == Verdict::Changed;
         FrameRecord {
             curves: z.map(set).map(Arc::new),
             report: Arc::new(report),
@@ -527,6 +538,7 @@ mod tests {
             fraction: 0.5,
             sign: -1,
             point,
+            lengths: 0.5,
         }
     }
 

@@ -75,6 +75,8 @@ mod tests {
             abort: true,
             changes: Vec::new(),
             events,
+            unresolved: Vec::new(),
+            adopted: Vec::new(),
             defects: Vec::new(),
             rejected: None,
             stats: Default::default(),
@@ -89,6 +91,7 @@ mod tests {
             fraction: 0.5,
             sign: 1,
             point: [0.0; 3],
+            lengths: 0.5,
         }
     }
 

@@ -1,0 +1,291 @@
+//! Contacts in a frame: what passed through a contact is decided over the steps on both sides of it.
+//!
+//! Edges that touch exactly in a frame have passages in the steps before and after it that depend on an infinitesimal
+//! translation of one curve ([`crate::exact`]). Only their sum over both steps means something: 0 if the strands
+//! touched and went back, 1 or -1 if one passed through the other. So they are not events yet. They are kept until the
+//! contact ends.
+//!
+//! **Components.** A contact at a vertex belongs to two or four pairs of edges, and the translation gives the passage to
+//! any of them; edges that overlap on a line belong to more. Pairs of edges whose contacts are connected make one
+//! component, and the sum of their signs is that of the component. A component goes on in the next frame in the
+//! components there that share a pair of segments with it or a neighbouring one; otherwise it ends, and its sum is an
+//! event at the start of the step in which it ends.
+//!
+//! **What is not known.** Curves that touch in the first frame have no side of one another from which they came: the end
+//! of such a contact is no event. Curves with a common vertex in both frames of a step are joined there. A *joint* that
+//! was there in the first frame (two rods at a node, say) is no contact to be reported. What passes while a joint moves is
+//! not counted: if one that formed during the run opens after it moved, the step is undecided.
+
+use super::PullThrough;
+use crate::curve::CurveSet;
+use crate::exact::{Predicates, segments_touch};
+use crate::pairs::{Pair, closest_of_segments};
+use crate::verdict::{Defect, DefectKind};
+
+/// Two edges that touch in a frame of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Contact {
+    /// The pair of curves, the segments, the place; the fraction is 0 or 1. The sign is the net number of passages of
+    /// the translated edges next to this end of the step; those of the whole step, at its start, if the edges touch
+    /// at both ends.
+    pub event: PullThrough,
+    /// Whether the edges share a vertex in both frames.
+    pub joint: bool,
+    /// Whether the sign is known. That of a joint that moves is not; this is noted at the start of the step.
+    pub counted: bool,
+}
+
+impl Contact {
+    fn pair(&self) -> Pair {
+        (self.event.i, self.event.j)
+    }
+
+    fn at_start(&self) -> bool {
+        self.event.fraction == 0.0
+    }
+}
+
+/// The sum of the signs of a component, as far as it is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Passed {
+    /// Since the curves came into contact.
+    Sum(i32),
+    /// The contact began before the first frame: there is nothing to compare with.
+    FromTheStart,
+    /// Something that was not counted may have passed.
+    Unknown,
+}
+
+impl Passed {
+    fn and(self, other: Passed) -> Passed {
+        match (self, other) {
+            (Passed::Sum(a), Passed::Sum(b)) => Passed::Sum(a + b),
+            (Passed::FromTheStart, Passed::FromTheStart | Passed::Sum(0))
+            | (Passed::Sum(0), Passed::FromTheStart) => Passed::FromTheStart,
+            _ => Passed::Unknown,
+        }
+    }
+}
+
+/// Connected contacts of one pair of curves in a frame.
+#[derive(Clone, Debug, PartialEq)]
+struct Component {
+    pair: Pair,
+    /// Pairs of segments, sorted.
+    segments: Vec<[u32; 2]>,
+    passed: Passed,
+}
+
+/// The contacts in the last frame of a step, with what passed through them so far.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Contacts {
+    /// Sorted by pair.
+    components: Vec<Component>,
+}
+
+/// Two curves that touch in a frame, or a curve that touches itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Touching {
+    pub defect: Defect,
+    /// Whether they did so in the first frame, and ever since.
+    pub from_the_start: bool,
+}
+
+/// What the contacts of a step say about it.
+#[derive(Debug, Default)]
+pub(crate) struct Settled {
+    /// Passages through contacts that ended.
+    pub events: Vec<PullThrough>,
+    /// Contacts that ended of which it is not known what passed.
+    pub undecided: Vec<Defect>,
+    /// One for each pair of curves that touches in the last frame, joints of the first frame apart.
+    pub touching: Vec<Touching>,
+    /// The contacts in the last frame.
+    pub contacts: Contacts,
+}
+
+impl Contacts {
+    /// The contacts of a first frame; `found` is what a step from the frame to itself has.
+    pub fn of_first_frame(found: &[Contact], set: &CurveSet) -> (Contacts, Vec<Touching>) {
+        let mut out = (Contacts::default(), Vec::new());
+        for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
+            let found: Vec<&Contact> = found.iter().filter(|c| c.at_start()).collect();
+            let mut components = components(&found, set);
+            for component in &mut components {
+                component.passed = Passed::FromTheStart;
+            }
+            out.1.extend(touching(&components, &found, set));
+            out.0.components.extend(components);
+        }
+        out
+    }
+
+    /// Pairs of curves in contact, sorted.
+    pub fn pairs(&self) -> Vec<Pair> {
+        let mut pairs: Vec<Pair> = self.components.iter().map(|c| c.pair).collect();
+        pairs.dedup();
+        pairs
+    }
+
+    /// Follows the contacts of the first frame of a step to the last one. `found` has all contacts of the step, sorted
+    /// by pair. A pair that could not be decided in this step has none; its contacts are forgotten, and what is
+    /// found of them in the next step is not known.
+    pub(super) fn settle(&self, found: &[Contact], frames: [&CurveSet; 2]) -> Settled {
+        let mut settled = Settled::default();
+        for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
+            let pair = found[0].pair();
+            let from = self.components.partition_point(|c| c.pair < pair);
+            let to = self.components.partition_point(|c| c.pair <= pair);
+            settle_pair(&self.components[from..to], found, frames, &mut settled);
+        }
+        settled
+    }
+}
+
+/// [`Contacts::settle`] of one pair of curves.
+fn settle_pair(
+    open: &[Component],
+    found: &[Contact],
+    frames: [&CurveSet; 2],
+    settled: &mut Settled,
+) {
+    let pair = found[0].pair();
+    let (start, end): (Vec<&Contact>, Vec<&Contact>) = found.iter().partition(|c| c.at_start());
+    let mut starts = components(&start, frames[0]);
+    for component in &mut starts {
+        // The components of the frame are those of the step before, but for what was undecided in either.
+        let shared = |c: &&Component| c.segments.iter().any(|s| component.segments.contains(s));
+        component.passed = match open.iter().find(shared) {
+            Some(before) if before.passed == Passed::FromTheStart => Passed::FromTheStart,
+            Some(before) if before.segments == component.segments => {
+                component.passed.and(before.passed)
+            }
+            _ => Passed::Unknown,
+        };
+    }
+    let mut ends = components(&end, frames[1]);
+    let curves = [pair.0, pair.1].map(|i| frames[0].curve(i as usize));
+    let near = |a: &[u32; 2], b: &[u32; 2]| {
+        (0..2).all(|side| a[side] == b[side] || curves[side].adjacent(a[side], b[side]))
+    };
+    for component in starts {
+        let next = ends.iter_mut().find(|end| {
+            let meets = |a| end.segments.iter().any(|b| near(a, b));
+            component.segments.iter().any(meets)
+        });
+        if let Some(next) = next {
+            next.passed = next.passed.and(component.passed);
+            continue;
+        }
+        let contacts = || {
+            start
+                .iter()
+                .filter(|c| component.segments.contains(&c.event.segments))
+        };
+        match component.passed {
+            Passed::Sum(0) | Passed::FromTheStart => {}
+            Passed::Sum(sum) => {
+                // Any of them is the place; one that has the sign of the sum if there is one.
+                let place = contacts().max_by_key(|c| c.event.sign * sum.signum());
+                let event = place.map(|c| PullThrough {
+                    sign: sum.signum(),
+                    ..c.event
+                });
+                settled.events.extend((0..sum.abs()).filter_map(|_| event));
+            }
+            Passed::Unknown => {
+                let defect = contacts().next().map(|c| defect(c, frames[1]));
+                settled.undecided.extend(defect);
+            }
+        }
+    }
+    settled.touching.extend(touching(&ends, &end, frames[1]));
+    settled.contacts.components.extend(ends);
+}
+
+/// A contact of these components to be reported, if there is one: rather one that came during the run.
+fn touching(components: &[Component], contacts: &[&Contact], set: &CurveSet) -> Option<Touching> {
+    let from_the_start = |c: &Contact| {
+        let own = components
+            .iter()
+            .find(|o| o.segments.contains(&c.event.segments));
+        own.is_some_and(|own| own.passed == Passed::FromTheStart)
+    };
+    let report = |from: bool| {
+        let told = |c: &&&Contact| from_the_start(c) == from && !(from && c.joint);
+        contacts.iter().find(told).map(|c| Touching {
+            defect: defect(c, set),
+            from_the_start: from,
+        })
+    };
+    report(false).or_else(|| report(true))
+}
+
+fn defect(contact: &Contact, set: &CurveSet) -> Defect {
+    let (i, j) = contact.pair();
+    let curves = [i, j].map(|i| i as usize);
+    Defect {
+        i,
+        j: Some(j),
+        kind: DefectKind::Contact,
+        place: closest_of_segments(set, curves, contact.event.segments),
+    }
+}
+
+/// Connected contacts of a pair of curves in one frame.
+fn components(contacts: &[&Contact], set: &CurveSet) -> Vec<Component> {
+    let mut contacts = contacts.to_vec();
+    contacts.sort_unstable_by_key(|c| c.event.segments);
+    let mut out: Vec<Component> = Vec::new();
+    for contact in contacts {
+        let own = Component {
+            pair: contact.pair(),
+            segments: vec![contact.event.segments],
+            passed: match contact.counted {
+                true => Passed::Sum(contact.event.sign),
+                false => Passed::Unknown,
+            },
+        };
+        let meets = |c: &Component| {
+            let segments = contact.event.segments;
+            let mut others = c.segments.iter();
+            others.any(|&other| connected(contact.pair(), other, segments, set))
+        };
+        let (connected, others) = out.into_iter().partition(meets);
+        out = others;
+        let connected: Vec<Component> = connected;
+        out.push(connected.into_iter().fold(own, |mut all, c| {
+            all.segments.extend(c.segments);
+            all.passed = all.passed.and(c.passed);
+            all
+        }));
+    }
+    for component in &mut out {
+        component.segments.sort_unstable();
+        component.segments.dedup();
+    }
+    out
+}
+
+/// Whether the contacts of two pairs of edges of the same two curves, all of which touch, share a point: a common vertex
+/// of both edges of one curve that is also on both edges of the other.
+fn connected((i, j): Pair, a: [u32; 2], b: [u32; 2], set: &CurveSet) -> bool {
+    let curves = [i, j].map(|i| i as usize);
+    let knot = |side: usize, k: u32| set.knot(curves[side], k as usize);
+    let edge = |side: usize, s: u32| [knot(side, s), knot(side, s + 1)];
+    // The common points of two different edges that follow one another, or all of one edge.
+    let common = |side: usize| {
+        let (s, t) = (a[side], b[side]);
+        let curve = set.curve(curves[side]);
+        match () {
+            _ if s == t => Some(edge(side, s)),
+            _ if curve.after(s) == t => Some([knot(side, s + 1); 2]),
+            _ if curve.after(t) == s => Some([knot(side, t + 1); 2]),
+            _ => None,
+        }
+    };
+    let (Some([p, q]), Some([r, s])) = (common(0), common(1)) else {
+        return false;
+    };
+    segments_touch(p, q, r, s, &mut Predicates::default())
+}

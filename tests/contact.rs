@@ -1,0 +1,272 @@
+//! Curves that touch exactly in a frame: what passes through a contact is told over the frames on both sides of it, for
+//! open, closed and mixed pairs, and for a curve and itself.
+
+use linkwatch::{
+    AbortOn, Basis, CurveSet, DefectKind, Events, Point, Positions, Report, Verdict, Verifier,
+};
+
+/// How the strands meet in the frame of the contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Meeting {
+    /// Inner points of two edges.
+    Edges,
+    /// A vertex of the moving strand on an edge.
+    VertexOnEdge,
+    /// A vertex of both.
+    Vertices,
+    /// Two parallel edges that overlap.
+    Overlap,
+}
+
+const MEETINGS: [Meeting; 4] = [
+    Meeting::Edges,
+    Meeting::VertexOnEdge,
+    Meeting::Vertices,
+    Meeting::Overlap,
+];
+
+/// Which curves the two strands belong to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Curves {
+    Open,
+    Closed,
+    /// The moving strand is closed, or the other one.
+    Mixed(bool),
+    /// One curve, open or closed.
+    Itself {
+        closed: bool,
+    },
+}
+
+const CURVES: [Curves; 6] = [
+    Curves::Open,
+    Curves::Closed,
+    Curves::Mixed(true),
+    Curves::Mixed(false),
+    Curves::Itself { closed: false },
+    Curves::Itself { closed: true },
+];
+
+/// A strand along x that rests, and one along y at height `z`.
+fn strands(meeting: Meeting, z: f64) -> [Vec<Point>; 2] {
+    let middle: &[f64] = match meeting {
+        Meeting::Edges => &[-2.0, 2.0],
+        Meeting::VertexOnEdge => &[0.0],
+        Meeting::Vertices => &[0.0],
+        Meeting::Overlap => &[-1.0, 1.0],
+    };
+    let moving = |y: &f64| match meeting {
+        // Through the resting strand along x, from one side of it to the other.
+        Meeting::Overlap => [*y, 0.0, z],
+        _ => [0.0, *y, z],
+    };
+    let mut first = vec![[0.0, -8.0, z - 1.0]];
+    first.extend(middle.iter().map(moving));
+    first.push([0.0, 8.0, z - 1.0]);
+    let resting: &[f64] = match meeting {
+        Meeting::Edges | Meeting::VertexOnEdge => &[-8.0, -3.0, 3.0, 8.0],
+        Meeting::Vertices => &[-8.0, 0.0, 8.0],
+        Meeting::Overlap => &[-8.0, -2.0, 2.0, 8.0],
+    };
+    let second = resting.iter().map(|&x| [x, 0.0, 0.0]).collect();
+    [first, second]
+}
+
+fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
+    let [mut first, mut second] = strands(meeting, z);
+    // The way back of the moving strand is below all, or above; that of the resting one is beside it.
+    let under = [[0.5, 20.0, -30.0], [0.5, -20.0, -30.0]];
+    let beside = [[20.0, -25.0, 3.0], [-20.0, -25.0, 3.0]];
+    let mut counts = Vec::new();
+    let mut xyz = Vec::new();
+    let mut add = |points: &[Point], closed: bool| {
+        let n = points.len() as i32;
+        counts.push(if closed { -n } else { n });
+        xyz.extend_from_slice(points.as_flattened());
+    };
+    match curves {
+        Curves::Itself { closed } => {
+            // Two edges from one strand to the other, far from both.
+            first.insert(0, [0.0, -9.0, -7.0]);
+            first.extend([
+                [20.0, 20.0, -20.0],
+                [-20.0, 20.0, -20.0],
+                [-20.0, 5.0, -9.0],
+            ]);
+            first.append(&mut second);
+            if closed {
+                first.extend([[30.0, -10.0, 9.0], [30.0, -30.0, 9.0]]);
+            }
+            add(&first, closed);
+        }
+        _ => {
+            let closed = match curves {
+                Curves::Closed => [true, true],
+                Curves::Mixed(first) => [first, !first],
+                _ => [false, false],
+            };
+            if closed[0] {
+                first.extend(under);
+            }
+            if closed[1] {
+                second.extend(beside);
+            }
+            add(&first, closed[0]);
+            add(&second, closed[1]);
+        }
+    }
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap()
+}
+
+/// Reports on the frames with the moving strand at these heights: of an incremental verifier that is compared with a full
+/// one.
+fn reports(curves: Curves, meeting: Meeting, heights: &[f64]) -> Vec<Report> {
+    let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::Any));
+    incremental.set_incremental(true);
+    incremental.set_paranoid(true);
+    let own = matches!(curves, Curves::Itself { .. });
+    let events = if own { Events::All } else { Events::Between };
+    incremental.set_events(events);
+    full.set_events(events);
+    let mut verify = |(k, &z): (usize, &f64)| {
+        let set = frame(curves, meeting, z);
+        let found = incremental.step(k as u64, 0.0, &set).unwrap();
+        incremental.settle();
+        let expected = full.step(k as u64, 0.0, &set).unwrap();
+        assert!(
+            !incremental.work().disagreed,
+            "{curves:?} {meeting:?} frame {k}"
+        );
+        let told = |r: &Report| {
+            (
+                r.verdict,
+                r.abort,
+                r.changes.clone(),
+                r.events.clone(),
+                r.defects.clone(),
+            )
+        };
+        assert_eq!(
+            told(&found),
+            told(&expected),
+            "{curves:?} {meeting:?} frame {k}"
+        );
+        found
+    };
+    heights.iter().enumerate().map(&mut verify).collect()
+}
+
+fn signs(reports: &[Report]) -> Vec<Vec<i32>> {
+    let events = reports.iter().map(|r| r.events.iter());
+    events
+        .map(|events| events.map(|e| e.sign).collect())
+        .collect()
+}
+
+/// The sign of the pull-through from above to below, without a contact. The strands of one curve run like open ones.
+fn sign(meeting: Meeting) -> i32 {
+    let direct = signs(&reports(Curves::Open, meeting, &[1.0, -1.0]));
+    let [sign] = direct[1][..] else {
+        panic!("{meeting:?}: {direct:?}");
+    };
+    sign
+}
+
+#[test]
+fn a_pull_through_with_contact_in_a_frame_is_found_in_the_next_frame() {
+    for curves in CURVES {
+        for meeting in MEETINGS {
+            let what = format!("{curves:?} {meeting:?}");
+            let sign = sign(meeting);
+            for (heights, sign) in [
+                (&[1.0, 0.0, -1.0][..], sign),
+                (&[-1.0, 0.0, 1.0], -sign),
+                // It rests there for a while.
+                (&[1.0, 0.0, 0.0, 0.0, -1.0], sign),
+            ] {
+                let reports = reports(curves, meeting, heights);
+                let (last, before) = reports.split_last().unwrap();
+                let touching = &before[1..];
+                assert_eq!(before[0].verdict, Verdict::Intact, "{what}: {before:?}");
+                for report in touching {
+                    assert_eq!(report.verdict, Verdict::Contact, "{what}: {report:?}");
+                    assert!(
+                        report.abort && report.events.is_empty(),
+                        "{what}: {report:?}"
+                    );
+                }
+                assert_eq!(last.verdict, Verdict::Changed, "{what}: {last:?}");
+                assert!(last.abort, "{what}: {last:?}");
+                let [event] = last.events[..] else {
+                    panic!("{what}: {last:?}");
+                };
+                assert_eq!((event.sign, event.fraction), (sign, 0.0), "{what}");
+                assert!(
+                    event.point[0].abs() <= 2.0 && event.point[2] == 0.0,
+                    "{what}: {event:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_strand_that_touches_and_goes_back_is_not_pulled_through() {
+    for curves in CURVES {
+        for meeting in MEETINGS {
+            for heights in [&[1.0, 0.0, 1.0][..], &[-1.0, 0.0, 0.0, -1.0]] {
+                let reports = reports(curves, meeting, heights);
+                let what = format!("{curves:?} {meeting:?} {heights:?}: {reports:?}");
+                assert!(signs(&reports).iter().all(Vec::is_empty), "{what}");
+                assert_eq!(reports.last().unwrap().verdict, Verdict::Intact, "{what}");
+                assert_eq!(reports[1].verdict, Verdict::Contact, "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn curves_that_touch_in_the_first_frame_take_their_number_from_the_next() {
+    for curves in CURVES {
+        for meeting in MEETINGS {
+            let reports = reports(curves, meeting, &[0.0, 0.0, -1.0, -1.0, 0.0, 1.0]);
+            let verdicts: Vec<_> = reports.iter().map(|r| r.verdict).collect();
+            let aborts: Vec<_> = reports.iter().map(|r| r.abort).collect();
+            let what = format!("{curves:?} {meeting:?}: {reports:?}");
+            let closed = curves == Curves::Closed;
+            // Open curves with a common vertex in the first frame are joined there.
+            let joined = meeting == Meeting::Vertices && !closed;
+            let first = if joined {
+                Verdict::Intact
+            } else {
+                Verdict::Contact
+            };
+            assert_eq!(verdicts[..2], [first; 2], "{what}");
+            // What touched in the first frame is no reason to stop; that it touches again is one.
+            assert_eq!(aborts, [false, false, false, false, true, true], "{what}");
+            let third = if closed {
+                Verdict::Undecided
+            } else {
+                Verdict::Intact
+            };
+            assert_eq!(verdicts[2], third, "{what}");
+            assert_eq!(verdicts[3], Verdict::Intact, "{what}");
+            assert_eq!(
+                verdicts[4..],
+                [Verdict::Contact, Verdict::Changed],
+                "{what}"
+            );
+            let said = |r: &Report| {
+                r.defects
+                    .iter()
+                    .filter(|d| d.kind == DefectKind::NoBaseline)
+                    .count()
+            };
+            assert_eq!(
+                reports.iter().map(said).sum::<usize>(),
+                usize::from(closed),
+                "{what}"
+            );
+        }
+    }
+}
