@@ -801,7 +801,8 @@ fn no_broken_stream_stops_the_verdicts_or_the_recording() {
         }
         sim.finish().unwrap();
         let ended = watch.end();
-        assert_eq!(ended.code, Some(code), "{case}: {}", ended.stderr);
+        let last = ended.lines.last();
+        assert_eq!(ended.code, Some(code), "{case}: {last:?} {}", ended.stderr);
         if out.is_none() {
             assert_eq!(ended.reports().len(), 30, "{case}");
         }

@@ -31,6 +31,10 @@ const SENTENCES: usize = 8;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 const WAITING: usize = 8;
 
+/// Points of frames that may wait for a file beyond that: some 50 MB.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+const SMALL: usize = 1_000_000;
+
 /// Time that the sinks have together to finish when the run is over.
 const FINISH: Duration = Duration::from_secs(30);
 
@@ -141,8 +145,8 @@ impl Sinks {
             Ok(Box::new(linkwatch::RecordingSink::create(
                 &path, &metadata,
             )?))
-        });
-        queue.map(Some)
+        })?;
+        Ok(Some(queue.with_points(SMALL)))
     }
 
     #[cfg(not(feature = "mcap"))]
@@ -165,7 +169,7 @@ impl Sinks {
                     &title,
                 )?))
             });
-            return queue.map(Some);
+            return Ok(Some(queue?.with_points(SMALL)));
         }
         let target = match &self.connect {
             Some(url) => ViewerTarget::Connect(url.clone()),

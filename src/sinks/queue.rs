@@ -69,6 +69,8 @@ enum Event {
 struct State {
     events: VecDeque<Event>,
     frames: usize,
+    /// Points and findings of the waiting frames.
+    points: usize,
     /// Frames that the sink has taken and not yet written: none or one.
     in_flight: u64,
     /// How long the caller may still wait for room.
@@ -161,7 +163,7 @@ impl Shared {
         state.dropped += state.frames as u64 + state.in_flight + unflushed;
         state.written = state.flushed;
         state.events.clear();
-        (state.frames, state.in_flight) = (0, 0);
+        (state.frames, state.points, state.in_flight) = (0, 0, 0);
         state.failed = Some(why);
         drop(state);
         self.drained.notify_all();
@@ -173,6 +175,7 @@ pub struct SinkQueue {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     capacity: usize,
+    points: usize,
 }
 
 impl SinkQueue {
@@ -202,7 +205,19 @@ impl SinkQueue {
             shared,
             thread: Some(thread),
             capacity: capacity.max(1),
+            points: 0,
         })
+    }
+
+    /// Lets more frames wait than the capacity, as long as all that wait have fewer points than that: a disk that does
+    /// nothing for a second costs small frames nothing.
+    pub fn with_points(mut self, points: usize) -> SinkQueue {
+        self.points = points;
+        self
+    }
+
+    fn is_full(&self, state: &State) -> bool {
+        state.frames >= self.capacity && state.points >= self.points
     }
 
     /// Opens the sink now, before any event, and waits for that at most `limit`: then it goes on by itself.
@@ -252,7 +267,7 @@ impl SinkQueue {
             state.dropped += 1;
             return;
         }
-        if state.frames >= self.capacity {
+        if self.is_full(&state) {
             make_room(&mut state);
             if state.dropped == 1 {
                 tracing::warn!(
@@ -263,14 +278,15 @@ impl SinkQueue {
         }
         let turn = state.last_verdict != Some(record.report.verdict);
         state.last_verdict = Some(record.report.verdict);
-        state.events.push_back(Event::Frame(record, turn));
         state.frames += 1;
+        state.points += points(&record);
+        state.events.push_back(Event::Frame(record, turn));
         self.shared.filled.notify_one();
     }
 
     /// Waits until there is room, the sink has failed, or patience is at its end.
     fn wait_for_room<'a>(&'a self, mut state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
-        let full = |s: &State| s.frames >= self.capacity && s.failed.is_none();
+        let full = |s: &State| self.is_full(s) && s.failed.is_none();
         let start = Instant::now();
         let patience = state.patience;
         state = self
@@ -330,6 +346,13 @@ impl Drop for SinkQueue {
     }
 }
 
+/// What a frame takes in memory, in points and findings.
+fn points(record: &FrameRecord) -> usize {
+    let report = &record.report;
+    let points = record.curves.as_ref().map_or(0, |set| set.points());
+    points + report.changes.len() + report.defects.len() + report.events.len() + 1
+}
+
 /// Gives up the oldest frame that is no turn of the verdict; where all are, the oldest.
 fn make_room(state: &mut State) {
     let find = |turns: bool| {
@@ -338,9 +361,10 @@ fn make_room(state: &mut State) {
             .iter()
             .position(|e| matches!(e, Event::Frame(_, turn) if turns || !turn))
     };
-    if let Some(at) = find(false).or_else(|| find(true)) {
-        state.events.remove(at);
+    let at = find(false).or_else(|| find(true));
+    if let Some(Event::Frame(record, _)) = at.and_then(|at| state.events.remove(at)) {
         state.frames -= 1;
+        state.points -= points(&record);
         state.dropped += 1;
     }
 }
@@ -426,8 +450,9 @@ impl Worker {
                 let wait = self.shared.filled.wait_timeout(state, left);
                 state = wait.unwrap_or_else(PoisonError::into_inner).0;
             };
-            if let Some(Event::Frame(..)) = event {
+            if let Some(Event::Frame(record, _)) = &event {
                 state.frames -= 1;
+                state.points -= points(record);
                 state.in_flight = 1;
                 self.shared.drained.notify_all();
             }
