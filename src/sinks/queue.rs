@@ -346,11 +346,14 @@ impl Drop for SinkQueue {
     }
 }
 
-/// What a frame takes in memory, in points and findings.
+/// Points that take as much memory as a frame without any.
+const FRAME_POINTS: usize = 100;
+
+/// What a frame takes in memory, in points; a finding counts as one.
 fn points(record: &FrameRecord) -> usize {
     let report = &record.report;
     let points = record.curves.as_ref().map_or(0, |set| set.points());
-    points + report.changes.len() + report.defects.len() + report.events.len() + 1
+    points + report.changes.len() + report.defects.len() + report.events.len() + FRAME_POINTS
 }
 
 /// Gives up the oldest frame that is no turn of the verdict; where all are, the oldest.

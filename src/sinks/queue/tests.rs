@@ -216,11 +216,11 @@ fn a_frozen_sink_holds_the_caller_up_once_and_for_a_limited_time() {
     assert_eq!((summary.written, summary.dropped), (5, 195));
 }
 
-/// A frame without curves counts as one point.
+/// Frames without curves.
 #[test]
 fn small_frames_wait_beyond_the_capacity() {
     let (sink, handle) = probe(None);
-    let queue = spawn(sink, 2, Overflow::Wait(Duration::ZERO)).with_points(10);
+    let queue = spawn(sink, 2, Overflow::Wait(Duration::ZERO)).with_points(10 * FRAME_POINTS);
     hold(&queue, Verdict::Intact);
     (2..=13).for_each(|seq| queue.frame(frame(seq, Verdict::Intact)));
     assert_eq!(queue.summary().dropped, 2);
