@@ -11,7 +11,7 @@
 
 use linkwatch::scenes::{Frames, Motion, MotionKind, Scene, pull_throughs};
 use linkwatch::{
-    AbortOn, Basis, Certificate, CurveSet, DefectKind, Events, Point, Positions, Precision, Report,
+    AbortOn, Basis, CurveSet, Defect, DefectKind, Events, Point, Positions, Precision, Report,
     Route, Verdict, Verifier,
 };
 use std::collections::BTreeMap;
@@ -357,67 +357,89 @@ struct Both {
     incremental: Verifier,
     full: Verifier,
     tally: Tally,
-    balance: Balance,
+    /// Where pull-throughs are looked for.
+    balance: Option<Balance>,
 }
 
 /// Pull-throughs against linking numbers, over frames in which curves touch: between two frames in which a pair of closed
 /// curves has a linking number, it changes by the sum of the signs of their pull-throughs.
-#[derive(Default)]
 struct Balance {
-    /// Frames so far, and the sum of the signs since the last frame in which the pair had a linking number, with that
-    /// number; none if a step between was undecided.
-    pairs: BTreeMap<(u32, u32), Option<(i64, i64)>>,
-    /// Sums over steps with a frame in which the pair touched, so many of which are not 0.
+    numbers: Verifier,
+    pairs: BTreeMap<(u32, u32), Since>,
+    /// Sums over frames in which the pair touched, and how many of these are not 0.
     through_contact: [u64; 2],
 }
 
+/// What happened to a pair since the last frame in which it had a linking number.
+#[derive(Clone, Copy)]
+struct Since {
+    /// That linking number; none if there was no such frame.
+    lambda: Option<i64>,
+    /// Of the signs of the pull-throughs.
+    sum: i64,
+    /// Whether a step was undecided.
+    untold: bool,
+    /// Whether the curves touched.
+    touched: bool,
+}
+
 impl Balance {
-    /// `certificate` is that of the frame.
-    fn add(&mut self, report: &Report, set: &CurveSet, certificate: &Certificate, what: &str) {
-        let pairs = (0..set.len() as u32).flat_map(|j| (0..j).map(move |i| (i, j)));
-        let closed = |i: u32| set.curve(i as usize).closed;
-        for (i, j) in pairs.filter(|&(i, j)| closed(i) && closed(j)) {
-            let of_pair = |k: u32, l: Option<u32>| {
-                l == Some(j) && k == i || l.is_none() && (k == i || k == j)
-            };
-            let events = report.events.iter().chain(&report.unresolved);
-            let signs = events
-                .filter(|e| (e.i, e.j) == (i, j))
-                .map(|e| i64::from(e.sign));
-            let untold = report
-                .defects
-                .iter()
-                .any(|d| of_pair(d.i, d.j) && d.kind.is_of_step());
-            let missing = certificate.undefined.iter().any(|d| of_pair(d.i, d.j));
-            let known = self.pairs.entry((i, j)).or_default();
-            let touched = known.is_some_and(|(_, sum)| sum >= CONTACT / 2);
-            if untold {
-                *known = None;
-            }
-            if let Some((_, sum)) = known {
-                *sum += signs.sum::<i64>();
-            }
-            if missing {
-                if let Some((_, sum)) = known.as_mut().filter(|_| !touched) {
-                    *sum += CONTACT;
+    fn new() -> Balance {
+        Balance {
+            numbers: Verifier::new(AbortOn::Never),
+            pairs: BTreeMap::new(),
+            through_contact: [0; 2],
+        }
+    }
+
+    fn add(&mut self, report: &Report, set: &CurveSet, what: &str) {
+        let (certificate, _) = self.numbers.certify(set);
+        let closed = |i: &u32| set.curve(*i as usize).closed;
+        let curves: Vec<u32> = (0..set.len() as u32).filter(closed).collect();
+        for (k, &j) in curves.iter().enumerate() {
+            for &i in &curves[..k] {
+                let of_pair = |d: &&Defect| match d.j {
+                    Some(other) => (d.i, other) == (i, j),
+                    None => d.i == i || d.i == j,
+                };
+                let start = Since {
+                    lambda: None,
+                    sum: 0,
+                    untold: false,
+                    touched: false,
+                };
+                let since = self.pairs.entry((i, j)).or_insert(start);
+                let events = report.events.iter().chain(&report.unresolved);
+                let own = events.filter(|e| (e.i, e.j) == (i, j));
+                since.sum += own.map(|e| i64::from(e.sign)).sum::<i64>();
+                let mut defects = report.defects.iter().filter(of_pair);
+                since.untold |= defects.any(|d| d.kind.is_of_step());
+                if let Some(missing) = certificate.undefined.iter().find(of_pair) {
+                    since.touched |= missing.kind == DefectKind::Contact;
+                    // A loop without an inside, or splines that are too close: passages of polylines that do not stand
+                    // for them.
+                    since.untold |= missing.kind != DefectKind::Contact;
+                    continue;
                 }
-                continue;
+                let link = certificate.links.iter().find(|l| (l.i, l.j) == (i, j));
+                let lambda = link.map_or(0, |l| l.lambda);
+                if let Some(before) = since.lambda.filter(|_| !since.untold) {
+                    assert_eq!(
+                        lambda,
+                        before + since.sum,
+                        "{what}, pair {i} {j}: {report:?}"
+                    );
+                    self.through_contact[0] += u64::from(since.touched);
+                    self.through_contact[1] += u64::from(since.touched && since.sum != 0);
+                }
+                *since = Since {
+                    lambda: Some(lambda),
+                    ..start
+                };
             }
-            let link = certificate.links.iter().find(|l| (l.i, l.j) == (i, j));
-            let lambda = link.map_or(0, |l| l.lambda);
-            if let Some((before, sum)) = *known {
-                let sum = if touched { sum - CONTACT } else { sum };
-                assert_eq!(lambda, before + sum, "{what}, pair {i} {j}: {report:?}");
-                self.through_contact[0] += u64::from(touched);
-                self.through_contact[1] += u64::from(touched && sum != 0);
-            }
-            *known = Some((lambda, 0));
         }
     }
 }
-
-/// Marks sums with a contact in between.
-const CONTACT: i64 = 1 << 40;
 
 /// Frames seen.
 #[derive(Debug, Default)]
@@ -461,7 +483,7 @@ impl Both {
             incremental,
             full,
             tally: Tally::default(),
-            balance: Balance::default(),
+            balance: (events != Events::Off).then(Balance::new),
         }
     }
 
@@ -495,10 +517,8 @@ impl Both {
             Route::Quiet => &mut self.tally.quiet,
             Route::Partial => &mut self.tally.partial,
         } += 1;
-        if self.full.events() != Events::Off {
-            let certificate = self.full.certificate();
-            self.balance
-                .add(&found, set, certificate, &format!("{what}, frame {frame}"));
+        if let Some(balance) = &mut self.balance {
+            balance.add(&found, set, &format!("{what}, frame {frame}"));
         }
         // Most references are ready for the next frame, some come later.
         if frame % 4 != 3 {
@@ -506,6 +526,47 @@ impl Both {
         }
         found
     }
+}
+
+/// Polylines on a lattice: contact in most frames, of open and closed curves, that begins, lasts, moves and ends.
+fn snapped_sequences(seeds: Range<u64>) {
+    let (mut all, mut through_contact) = (Tally::default(), [0; 2]);
+    for seed in seeds {
+        let mut random = Random::new(seed);
+        let precision = random.pick(&[Precision::F32, Precision::F64]);
+        let curves = 2 + random.below(3);
+        let set = random_set(&mut random, Basis::Polyline, precision, curves);
+        let events = random.pick(&[Events::Between, Events::All]);
+        let what = format!("lattice seed {seed}, {precision:?}, events {events}");
+        let width = random.pick(&[0.25, 0.5, 0.125, 1.0]);
+        let mut both = Both::new(events);
+        let mut movie = Movie::new(random, set);
+        movie.lattice = Some(width);
+        for frame in 0..25 {
+            movie.advance(frame);
+            both.step(frame, &movie.set, &what);
+        }
+        let balance = both.balance.expect("pull-throughs are looked for");
+        for (all, own) in through_contact.iter_mut().zip(balance.through_contact) {
+            *all += own;
+        }
+        all.add(&both.tally);
+    }
+    println!("lattice: {all:?}; through contact, not 0: {through_contact:?}");
+    let [sums, changes] = through_contact;
+    assert!(sums > 20 && changes > 2, "{through_contact:?}");
+}
+
+#[test]
+fn polylines_that_touch_on_a_lattice() {
+    snapped_sequences(100_000..100_150);
+}
+
+/// The same, 100 times as many.
+#[test]
+#[ignore = "takes half an hour"]
+fn very_many_sequences_on_a_lattice() {
+    snapped_sequences(200_000..215_000);
 }
 
 /// Runs sequences of few curves of which all are moved about, and checks that they were worth it.

@@ -253,7 +253,8 @@ fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
     assert_eq!((abort, live.code), (None, Some(0)), "{}", live.stderr);
 
     let record = ["--record", recording.to_str().unwrap()];
-    let policy = ["--abort-on", "event", "--paranoid"];
+    // Four lengths of its edges in one step: too far to be sure, unless the user says otherwise.
+    let policy = ["--abort-on", "event", "--paranoid", "--motion-limit", "5"];
     let (verdicts, abort, live) = run("seen", &[&record[..], &policy].concat());
     let changed = |k: usize| [Verdict::Intact, Verdict::Changed][usize::from(k == 3)];
     assert_eq!(verdicts, [0, 1, 2, 3, 4].map(changed));
@@ -308,8 +309,13 @@ fn kept_recordings_give_their_verdicts() {
             let mut report = report.clone();
             report["stats"].take();
             // Recordings of earlier versions have none.
-            if report["events"].is_null() {
-                report["events"] = serde_json::json!([]);
+            for list in ["events", "unresolved", "adopted"] {
+                if report[list].is_null() {
+                    report[list] = serde_json::json!([]);
+                }
+            }
+            for event in report["events"].as_array_mut().unwrap() {
+                event["lengths"].take();
             }
             report
         };
@@ -365,6 +371,57 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
         replayed.stderr
     );
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+}
+
+/// Contact in the first frame once hid every later one, and asked the simulator to stop in each frame.
+#[test]
+fn contact_in_the_first_frame_hides_nothing_that_comes_later() {
+    let folder = TempDir::new().unwrap();
+    let service = service("touching");
+    let output = folder.path().join("watch.txt");
+    let mut process = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(["watch", "--service", &service])
+        .stdout(std::fs::File::create(&output).unwrap())
+        .stderr(Stdio::null())
+        .stdin(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+    let counts = [-4; 4];
+    sim.describe(Basis::Polyline, Precision::F32, &counts)
+        .unwrap();
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    // Two pairs of squares, far from each other; they touch at a shift of 1.
+    for (first, second, verdict, abort) in [
+        (1.0, 0.0, Verdict::Contact, false),
+        (1.0, 0.0, Verdict::Contact, false),
+        (1.0, 1.0, Verdict::Contact, true),
+        (1.0, 1.0, Verdict::Contact, true),
+        (0.5, 0.0, Verdict::Undecided, false),
+        (0.5, 0.0, Verdict::Intact, false),
+        (1.0, 0.0, Verdict::Contact, true),
+    ] {
+        let far = squares(second).into_iter().map(|x| x + 100.0);
+        let positions: Vec<f32> = squares(first).into_iter().chain(far).collect();
+        let seq = sim.publish(0.0, Positions::F32(&positions)).unwrap();
+        let Outcome::Verdict(message) = sim.wait(seq, PATIENCE).unwrap() else {
+            panic!("no verdict on frame {seq}");
+        };
+        assert_eq!(
+            (message.verdict, message.abort),
+            (verdict, abort),
+            "frame {seq}"
+        );
+        sim.resume();
+    }
+    sim.finish_within(PATIENCE).unwrap();
+    assert_eq!(wait(&mut process).code(), Some(3));
+    let said = std::fs::read_to_string(&output).unwrap();
+    let lines = |words: &str| said.lines().filter(|l| l.contains(words)).count();
+    // Once when it begins: in frames 0 and 6, in frame 2, and when there is a number in frame 4.
+    assert_eq!(lines("  curves 0 and 1 touch"), 2, "{said}");
+    assert_eq!(lines("  curves 2 and 3 touch"), 1, "{said}");
+    assert_eq!(lines("is expected from here on"), 1, "{said}");
 }
 
 #[test]

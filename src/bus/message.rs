@@ -337,7 +337,9 @@ mod tests {
             abort: false,
             changes: Vec::new(),
             events: Vec::new(),
+            unresolved: Vec::new(),
             defects: Vec::new(),
+            adopted: Vec::new(),
             rejected: None,
             stats: Stats::default(),
         }
@@ -417,7 +419,7 @@ mod tests {
         let mut r = report(Verdict::Rejected);
         r.rejected = Some("ä".repeat(200));
         let m = sent(&r);
-        assert_eq!(m.reason.as_deref(), Some("ä".repeat(100).as_str()));
+        assert_eq!(m.reason.as_deref(), Some("ä".repeat(96).as_str()));
         assert!(m.to_string().starts_with("frame 12: rejected: ää"));
     }
 

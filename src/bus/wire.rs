@@ -318,7 +318,7 @@ mod tests {
         let e = with(|h| h.version = 9).check_layout().unwrap_err();
         assert_eq!(
             e.to_string(),
-            "the frame has version 9; this build reads version 2"
+            "the frame has version 9; this build reads version 3"
         );
         assert!(with(|h| h.magic = 0).check_layout().is_err());
     }

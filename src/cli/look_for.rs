@@ -12,7 +12,7 @@ pub struct LookFor {
     #[arg(long = "self")]
     own: bool,
     /// Motion from frame to frame, in segment lengths, beyond which two pull-throughs that cancel count as unresolved:
-    /// the frames are too far apart to tell whether they took place [default: 1]
+    /// the frames are too far apart to tell whether they took place [default: 1.5]
     #[arg(long, value_name = "LENGTHS")]
     pub motion_limit: Option<f64>,
 }

@@ -170,7 +170,8 @@ impl Steps {
     }
 
     /// Adds curves that touch, pairs of which it cannot be told what they did in the step, and those that did other
-    /// things than their linking numbers say, which are at some `place`. Pairs that have a defect already are left out.
+    /// things than their linking numbers say, which are at some `place`. Of a pair only the first defect is kept, but for
+    /// a step that is undecided beside a contact.
     pub fn add_defects(
         &self,
         outcome: &Outcome,
@@ -194,6 +195,10 @@ impl Steps {
         defects.extend(touching.chain(untold).chain(unaccounted));
         // The sort is stable: those that were there come first.
         defects.sort_by_key(|d| (d.i, d.j));
-        defects.dedup_by_key(|d| (d.i, d.j));
+        defects.dedup_by(|next, first| {
+            // That curves touch in this frame does not say what they did since the frame before.
+            let other = first.kind == DefectKind::Contact && next.kind == DefectKind::Untold;
+            (next.i, next.j) == (first.i, first.j) && !other
+        });
     }
 }

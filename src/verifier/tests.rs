@@ -1,13 +1,18 @@
 //! What happens around the stages: switches of the verifier, and errors.
 
 use super::*;
-use crate::curve::{Basis, Positions};
+use crate::curve::{Basis, Point, Positions};
 
 /// A square and another one through it, which is pulled out, in a wide ring that stands still.
 fn squares(out: f64) -> CurveSet {
+    squares_with(|[x, y, z]| [x + out, y, z])
+}
+
+/// The squares, with the points of the second one moved.
+fn squares_with(moved: impl Fn(Point) -> Point) -> CurveSet {
     let square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
     let flat = square.map(|[x, y]| [x, y, 0.0]);
-    let upright = square.map(|[x, z]| [1.0 + x + out, 1.0, z - 1.0]);
+    let upright = square.map(|[x, z]| moved([1.0 + x, 1.0, z - 1.0]));
     let ring = (0..64).map(|k| (f64::from(k) * std::f64::consts::TAU / 64.0).sin_cos());
     let ring: Vec<_> = ring.map(|(s, c)| [50.0 * s, 50.0 * c, s]).collect();
     let xyz = [&flat[..], &upright, &ring].concat().concat();
@@ -200,4 +205,129 @@ fn frames_that_the_monitor_did_not_see_are_not_taken_for_seen() {
         })
         .collect();
     assert_eq!(told, [0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1]);
+}
+
+/// A finger of a closed curve, which is pushed past a long strand and so passes it twice, in one step.
+fn finger(y: f64) -> CurveSet {
+    let loop_ = [
+        [-0.5, y, 0.25],
+        [0.5, y, -0.25],
+        [0.5, y - 1.0, -0.25],
+        [-0.5, y - 1.0, 0.25],
+    ];
+    let far = (0..3).map(|k| [90.0 + f64::from(k), 90.0, f64::from(k * k)]);
+    let far: Vec<_> = far.collect();
+    let strand = [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [40.0, 50.0, 0.0]];
+    let xyz = [&loop_[..], &strand, &far].concat().concat();
+    CurveSet::from_counts(Basis::Polyline, &[-4, 3, -3], Positions::F64(&xyz)).unwrap()
+}
+
+#[test]
+fn pull_throughs_that_cancel_after_a_long_motion_are_unresolved() {
+    // The longer segment of each has a length of 2.
+    let reports = |limit: Option<f64>| -> Vec<Report> {
+        let mut verifier = Verifier::new(AbortOn::Any);
+        verifier.set_events(Events::Between);
+        limit
+            .into_iter()
+            .for_each(|l| verifier.set_motion_limit(l).unwrap());
+        let frames = [-1.0, 4.0, 4.0].into_iter().enumerate();
+        let verify = |(k, y)| verifier.step(k as u64, 0.0, &finger(y)).unwrap();
+        frames.map(verify).collect()
+    };
+    for limit in [None, Some(0.0), Some(2.4)] {
+        let reports = reports(limit);
+        let report = &reports[1];
+        assert_eq!((report.verdict, report.abort), (Verdict::Undecided, false));
+        assert_eq!((report.events.len(), report.defects.len()), (0, 0));
+        let signs: Vec<i32> = report.unresolved.iter().map(|e| e.sign).collect();
+        assert_eq!(signs.iter().sum::<i32>(), 0);
+        assert_eq!(signs.len(), 2);
+        assert!(
+            report.unresolved.iter().all(|e| e.lengths == 2.5),
+            "{report:?}"
+        );
+        assert!(report.headline().contains("2 unresolved pull-throughs"));
+        assert!(report.findings().all(|f| f.contains("2.5 segment lengths")));
+        // Of that step only.
+        assert_eq!(reports[2].verdict, Verdict::Intact);
+    }
+    for limit in [2.6, f64::INFINITY] {
+        let report = &reports(Some(limit))[1];
+        assert_eq!((report.verdict, report.abort), (Verdict::Changed, true));
+        assert_eq!((report.events.len(), report.unresolved.len()), (2, 0));
+    }
+    let mut verifier = Verifier::new(AbortOn::Any);
+    for limit in [f64::NAN, -1.0] {
+        assert!(matches!(
+            verifier.set_motion_limit(limit),
+            Err(Error::Usage(_))
+        ));
+    }
+}
+
+#[test]
+fn a_single_pull_through_is_told_however_far_it_moved() {
+    let mut verifier = Verifier::new(AbortOn::Any);
+    verifier.set_events(Events::Between);
+    verifier.set_motion_limit(0.0).unwrap();
+    verifier.step(0, 0.0, &squares(0.0)).unwrap();
+    let report = verifier.step(1, 0.0, &squares(1.5)).unwrap();
+    assert_eq!((report.events.len(), report.unresolved.len()), (1, 0));
+    assert!(report.abort);
+}
+
+/// Pairs that touched in the first frame had no number until the end of the run.
+#[test]
+fn a_pair_takes_its_number_from_the_first_frame_that_has_one() {
+    for incremental in [false, true] {
+        let mut verifier = Verifier::new(AbortOn::Any);
+        verifier.set_incremental(incremental);
+        // In contact, linked, in contact, apart.
+        let outs = [1.0, 0.0, 0.0, 1.0, 1.5, 0.0];
+        let reports = outs.map(|out| {
+            let report = verifier.step(0, 0.0, &squares(out)).unwrap();
+            verifier.settle();
+            report
+        });
+        use Verdict::*;
+        let verdicts = reports.each_ref().map(|r| r.verdict);
+        assert_eq!(
+            verdicts,
+            [Contact, Undecided, Intact, Contact, Changed, Intact]
+        );
+        assert_eq!(
+            reports.each_ref().map(|r| r.abort),
+            [false, false, false, true, true, false]
+        );
+        let lambda = reports[1].adopted[0].lambda;
+        assert_eq!(lambda.abs(), 1);
+        let said = reports[1].findings().next().unwrap();
+        assert!(
+            said.contains("no linking number to compare with until now"),
+            "{said}"
+        );
+        assert!(
+            said.ends_with(&format!("{lambda} is expected from here on")),
+            "{said}"
+        );
+        assert_eq!(reports[4].changes[0].expected, lambda);
+    }
+}
+
+#[test]
+fn a_curve_that_was_degenerate_in_the_first_frame_takes_its_numbers_later() {
+    let collapsed = squares_with(|[_, y, z]| [1.0, y, 0.0 * z]);
+    for incremental in [false, true] {
+        let mut verifier = Verifier::new(AbortOn::Any);
+        verifier.set_incremental(incremental);
+        let frames = [&collapsed, &squares(0.0), &squares(0.0), &squares(1.5)];
+        let verdicts = frames.map(|set| {
+            let verdict = verifier.step(0, 0.0, set).unwrap().verdict;
+            verifier.settle();
+            verdict
+        });
+        use Verdict::*;
+        assert_eq!(verdicts, [Undecided, Undecided, Intact, Changed]);
+    }
 }

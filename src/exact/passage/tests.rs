@@ -633,7 +633,8 @@ fn motion_in_one_plane_is_a_tie_only_where_edges_meet() {
     let at = |x: f64, y: f64| [x, y, x + y];
     let first = [at(0.0, 0.0), at(4.0, 4.0)];
     let cases = [
-        // Boxes overlap and sides tell; on one line, apart along no axis at first sight; through each other.
+        // Boxes overlap and sides tell; on one line, apart along no axis at first sight; through each other; in contact
+        // in the first frame only.
         (
             [at(1.0, 0.0), at(3.0, 1.0)],
             [at(1.0, 0.0), at(3.0, 2.0)],
@@ -652,16 +653,19 @@ fn motion_in_one_plane_is_a_tie_only_where_edges_meet() {
         (
             [at(1.0, 1.0), at(3.0, 0.0)],
             [at(1.0, 0.0), at(3.0, 0.0)],
-            true,
+            false,
         ),
     ];
     for (from, to, meet) in cases {
         let (before, after) = ([first, from], [first, to]);
         let (decided, all) = collect_exactly(&before, &after, Ties::Report);
-        assert_eq!(
-            (decided, all.len()),
-            (if meet { Decided::Tie } else { Decided::Exact }, 0)
-        );
+        let contacts = [&before, &after].map(|edges| usize::from(exact::touch(edges)));
+        let expected = match meet {
+            true => (Decided::Tie, 0),
+            false => (Decided::Exact, contacts[0] + contacts[1]),
+        };
+        assert_eq!((decided, all.len()), expected);
+        assert!(all.iter().all(|p| p.moment == Moment::Start));
         collect(&before, &after, Ties::Translate);
     }
 }

@@ -17,10 +17,11 @@
 //! not counted: if one that formed during the run opens after it moved, the step is undecided.
 
 use super::PullThrough;
-use crate::curve::CurveSet;
+use crate::curve::{Curve, CurveSet};
 use crate::exact::{Predicates, segments_touch};
 use crate::pairs::{Pair, closest_of_segments};
 use crate::verdict::{Defect, DefectKind};
+use std::collections::BTreeMap;
 
 /// Two edges that touch in a frame of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -152,10 +153,11 @@ fn settle_pair(
     let pair = found[0].pair();
     let (start, end): (Vec<&Contact>, Vec<&Contact>) = found.iter().partition(|c| c.at_start());
     let mut starts = components(&start, frames[0]);
+    let owners = owners(open);
     for component in &mut starts {
         // The components of the frame are those of the step before, but for what was undecided in either.
-        let shared = |c: &&Component| c.segments.iter().any(|s| component.segments.contains(s));
-        component.passed = match open.iter().find(shared) {
+        let owner = component.segments.iter().find_map(|s| owners.get(s));
+        component.passed = match owner.map(|&k| &open[k]) {
             Some(before) if before.passed == Passed::FromTheStart => Passed::FromTheStart,
             Some(before) if before.segments == component.segments => {
                 component.passed.and(before.passed)
@@ -164,29 +166,26 @@ fn settle_pair(
         };
     }
     let mut ends = components(&end, frames[1]);
+    let owners = self::owners(&ends);
     let curves = [pair.0, pair.1].map(|i| frames[0].curve(i as usize));
-    let near = |a: &[u32; 2], b: &[u32; 2]| {
-        (0..2).all(|side| a[side] == b[side] || curves[side].adjacent(a[side], b[side]))
-    };
     for component in starts {
-        let next = ends.iter_mut().find(|end| {
-            let meets = |a| end.segments.iter().any(|b| near(a, b));
-            component.segments.iter().any(meets)
-        });
-        if let Some(next) = next {
-            next.passed = next.passed.and(component.passed);
+        let own = component.segments.iter();
+        let next = own
+            .flat_map(|&s| around(s, curves))
+            .find_map(|s| owners.get(&s));
+        if let Some(&next) = next {
+            ends[next].passed = ends[next].passed.and(component.passed);
             continue;
         }
-        let contacts = || {
-            start
-                .iter()
-                .filter(|c| component.segments.contains(&c.event.segments))
-        };
+        let own = |c: &&&Contact| component.segments.binary_search(&c.event.segments).is_ok();
         match component.passed {
             Passed::Sum(0) | Passed::FromTheStart => {}
             Passed::Sum(sum) => {
                 // Any of them is the place; one that has the sign of the sum if there is one.
-                let place = contacts().max_by_key(|c| c.event.sign * sum.signum());
+                let place = start
+                    .iter()
+                    .filter(own)
+                    .max_by_key(|c| c.event.sign * sum.signum());
                 let event = place.map(|c| PullThrough {
                     sign: sum.signum(),
                     ..c.event
@@ -194,7 +193,7 @@ fn settle_pair(
                 settled.events.extend((0..sum.abs()).filter_map(|_| event));
             }
             Passed::Unknown => {
-                let defect = contacts().next().map(|c| defect(c, frames[1]));
+                let defect = start.iter().find(own).map(|c| defect(c, frames[1]));
                 settled.undecided.extend(defect);
             }
         }
@@ -203,13 +202,25 @@ fn settle_pair(
     settled.contacts.components.extend(ends);
 }
 
+/// The component of each pair of segments.
+fn owners(components: &[Component]) -> BTreeMap<[u32; 2], usize> {
+    let all = components.iter().enumerate();
+    all.flat_map(|(k, c)| c.segments.iter().map(move |&s| (s, k)))
+        .collect()
+}
+
+/// A pair of segments, and those of the segments before and after either.
+fn around([s, t]: [u32; 2], [first, second]: [Curve; 2]) -> impl Iterator<Item = [u32; 2]> {
+    let [p, q] = [(first, s), (second, t)].map(|(c, s)| [s, c.before(s), c.after(s)]);
+    p.into_iter().flat_map(move |s| q.map(|t| [s, t]))
+}
+
 /// A contact of these components to be reported, if there is one: rather one that came during the run.
 fn touching(components: &[Component], contacts: &[&Contact], set: &CurveSet) -> Option<Touching> {
+    let owners = owners(components);
     let from_the_start = |c: &Contact| {
-        let own = components
-            .iter()
-            .find(|o| o.segments.contains(&c.event.segments));
-        own.is_some_and(|own| own.passed == Passed::FromTheStart)
+        let owner = owners.get(&c.event.segments);
+        owner.is_some_and(|&k| components[k].passed == Passed::FromTheStart)
     };
     let report = |from: bool| {
         let told = |c: &&&Contact| from_the_start(c) == from && !(from && c.joint);
@@ -234,35 +245,42 @@ fn defect(contact: &Contact, set: &CurveSet) -> Defect {
 
 /// Connected contacts of a pair of curves in one frame.
 fn components(contacts: &[&Contact], set: &CurveSet) -> Vec<Component> {
-    let mut contacts = contacts.to_vec();
-    contacts.sort_unstable_by_key(|c| c.event.segments);
-    let mut out: Vec<Component> = Vec::new();
+    let Some(first) = contacts.first() else {
+        return Vec::new();
+    };
+    let pair = first.pair();
+    let curves = [pair.0, pair.1].map(|i| set.curve(i as usize));
+    let mut passed: BTreeMap<[u32; 2], Passed> = BTreeMap::new();
     for contact in contacts {
-        let own = Component {
-            pair: contact.pair(),
-            segments: vec![contact.event.segments],
-            passed: match contact.counted {
-                true => Passed::Sum(contact.event.sign),
-                false => Passed::Unknown,
-            },
+        let own = match contact.counted {
+            true => Passed::Sum(contact.event.sign),
+            false => Passed::Unknown,
         };
-        let meets = |c: &Component| {
-            let segments = contact.event.segments;
-            let mut others = c.segments.iter();
-            others.any(|&other| connected(contact.pair(), other, segments, set))
-        };
-        let (connected, others) = out.into_iter().partition(meets);
-        out = others;
-        let connected: Vec<Component> = connected;
-        out.push(connected.into_iter().fold(own, |mut all, c| {
-            all.segments.extend(c.segments);
-            all.passed = all.passed.and(c.passed);
-            all
-        }));
+        let sum = passed.entry(contact.event.segments);
+        let sum = sum.or_insert(Passed::Sum(0));
+        *sum = sum.and(own);
     }
-    for component in &mut out {
+    let mut rest = passed.clone();
+    let mut out = Vec::new();
+    while let Some((start, _)) = rest.pop_first() {
+        let mut component = Component {
+            pair,
+            segments: vec![start],
+            passed: passed[&start],
+        };
+        let mut next = 0;
+        while let Some(&from) = component.segments.get(next) {
+            next += 1;
+            for to in around(from, curves) {
+                if rest.contains_key(&to) && connected(pair, from, to, set) {
+                    rest.remove(&to);
+                    component.segments.push(to);
+                    component.passed = component.passed.and(passed[&to]);
+                }
+            }
+        }
         component.segments.sort_unstable();
-        component.segments.dedup();
+        out.push(component);
     }
     out
 }

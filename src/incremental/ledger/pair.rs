@@ -159,7 +159,8 @@ impl<'a> Step<'a> {
             let split = cuts.fill(&task, near);
             split.map(|()| task.add_splines(&cuts, &all, found))
         } else {
-            let different = all.iter().filter(|&&(s, t)| !task.own() || s != t);
+            let joined = |s: u32, t: u32| task.own() && task.adjacent(s, t);
+            let different = all.iter().filter(|&&(s, t)| !joined(s, t));
             different.for_each(|&(s, t)| task.add_edges(s, t, found));
             Ok(())
         };

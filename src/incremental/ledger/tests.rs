@@ -167,7 +167,10 @@ fn signs_add_up_to_the_change_of_the_linking_number() {
 /// Every planted passage is told, with its curves, segments, sign, time and place; and nothing else.
 #[test]
 fn planted_passages_are_told_and_no_others() {
-    let mut ledger = Ledger::default();
+    let mut ledger = Ledger {
+        motion_limit: f64::INFINITY,
+        ..Ledger::default()
+    };
     for plant in [Plant::Single, Plant::Cancelling, Plant::Own, Plant::Open] {
         let mut r = Random::new(40 + plant as u64);
         let (mut done, mut refused) = (0, 0);
@@ -234,6 +237,7 @@ fn the_search_finds_what_all_pairs_of_segments_have() {
             let step = Step {
                 frames: [&before, &after],
                 trees: &ledger.trees,
+                motion_limit: ledger.motion_limit,
             };
             let mut part = Part::default();
             let n = before.len() as u32;

@@ -146,6 +146,24 @@ fn the_structs_are_those_of_the_schema() {
             x: 6.5,
             y: 7.5,
             z: 8.5,
+            lengths: 9.5,
+        }],
+        adopted: vec![LinkMessage {
+            i: 1,
+            j: 2,
+            lambda: -3,
+        }],
+        unresolved: vec![PullThroughMessage {
+            i: 2,
+            j: 3,
+            segment_i: 4,
+            segment_j: 5,
+            fraction: 0.25,
+            sign: 1,
+            x: 1.5,
+            y: 2.5,
+            z: 3.5,
+            lengths: 4.5,
         }],
     };
     let progress = ProgressMessage {

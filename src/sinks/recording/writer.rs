@@ -278,6 +278,8 @@ mod tests {
                 abort: false,
                 changes: Vec::new(),
                 events: Vec::new(),
+                unresolved: Vec::new(),
+                adopted: Vec::new(),
                 defects: Vec::new(),
                 rejected: None,
                 stats: Default::default(),

@@ -488,7 +488,6 @@ mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
     use crate::incremental::{PullThrough, Work};
-    use crate::verdict::AbortOn;
     use rerun::RecordingStreamBuilder;
     use rerun::log::{Chunk, LogMsg};
     use rerun::sink::MemorySinkStorage;
