@@ -74,7 +74,11 @@ fn certify_writes_what_check_accepts() {
     let run = linkwatch(&["certify", text(&whole)]);
     assert_eq!(run.code, 0);
     assert_eq!(run.stdout, std::fs::read_to_string(&certificate).unwrap());
-    assert!(run.stdout.starts_with("3\n0,1,"), "{}", run.stdout);
+    assert!(
+        run.stdout.starts_with("3 # lines: 2\n0,1,"),
+        "{}",
+        run.stdout
+    );
     let run = linkwatch(&["check", text(&whole), "--against", text(&certificate)]);
     assert_eq!(run.code, 0);
     assert!(
@@ -227,7 +231,7 @@ fn open_curves_and_repeated_vertices_are_told() {
     )
     .unwrap();
     let run = linkwatch(&["certify", text(&path)]);
-    assert_eq!((run.code, run.stdout.as_str()), (0, "2\n"));
+    assert_eq!((run.code, run.stdout.as_str()), (0, "2 # lines: 0\n"));
     assert!(
         run.stderr.contains("1 open curve left out"),
         "{}",
@@ -315,7 +319,11 @@ fn degenerate_loops_are_named_and_the_others_certified() {
         "{}",
         run.stderr
     );
-    assert!(run.stdout.starts_with("3\n1,2,"), "{}", run.stdout);
+    assert!(
+        run.stdout.starts_with("3 # lines: 2\n1,2,"),
+        "{}",
+        run.stdout
+    );
 }
 
 /// One change among thousands of pairs, and an intact model, with `--early-exit` and without.
@@ -415,7 +423,7 @@ fn check_tells_pull_throughs_between_models() {
         path
     };
     let [before, after] = [fold("before.bcc", 0.5), fold("after.bcc", -0.5)];
-    linkwatch(&["certify", text(&before), "-o", text(&cert)]);
+    linkwatch(&["certify", text(&before), "--force", "-o", text(&cert)]);
     let models = [text(&before), text(&after)];
     assert_eq!(check(&models, &["--events"]).0, 0);
     let (code, out) = check(&models, &["--self"]);
@@ -509,7 +517,7 @@ fn noise_is_borne_as_long_as_no_segments_can_meet() {
         let run = certify(noise);
         assert_eq!(
             (run.code, run.stdout.as_str()),
-            (3, "2\n0,1,undefined\n"),
+            (3, "2 # lines: 1\n0,1,undefined\n"),
             "{noise}"
         );
         assert!(
@@ -557,4 +565,304 @@ fn devices_are_listed_and_unknown_ones_refused() {
         true => assert_eq!(on_adapter.code, 2),
         false => assert_eq!(on_adapter.stdout, expected.stdout),
     }
+}
+
+/// Runs the command with other streams than those of [`linkwatch`].
+#[cfg(target_os = "linux")]
+fn with_streams(args: &[&str], stdout: Option<&str>, stderr: Option<&str>) -> Run {
+    use std::process::Stdio;
+    let open = |path: Option<&str>| match path {
+        Some(path) => Stdio::from(std::fs::File::options().write(true).open(path).unwrap()),
+        None => Stdio::piped(),
+    };
+    let process = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(args)
+        .stdout(open(stdout))
+        .stderr(open(stderr))
+        .spawn()
+        .unwrap();
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = process.wait_with_output().unwrap();
+    Run {
+        // Killed by a signal, as an abort does.
+        code: status.code().unwrap_or(-1),
+        stdout: String::from_utf8(stdout).unwrap(),
+        stderr: String::from_utf8(stderr).unwrap(),
+    }
+}
+
+/// Before: a panic with exit code 101 or 134, or 2 as for bad input.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_standard_output_loses_results_and_says_so() {
+    let folder = TempDir::new().unwrap();
+    let whole = chain(folder.path(), "whole.bcc", 0.5);
+    let broken = chain(folder.path(), "broken.bcc", -5.0);
+    let certificate = folder.path().join("c.txt");
+    linkwatch(&["certify", text(&whole), "-o", text(&certificate)]);
+    let check = ["check", text(&whole), "--against", text(&certificate)];
+    for args in [&["certify", text(&whole)][..], &check, &["generate"]] {
+        let run = with_streams(args, Some("/dev/full"), None);
+        assert_eq!(run.code, 3, "{args:?}: {}", run.stderr);
+        let told = run
+            .stderr
+            .matches("error: standard output: No space left")
+            .count();
+        assert_eq!(told, 1, "{args:?}: {}", run.stderr);
+        assert!(run.stderr.trim_end().ends_with("lost"), "{}", run.stderr);
+        // A log that cannot be written is ignored.
+        let run = with_streams(args, None, Some("/dev/full"));
+        assert_eq!(run.code, 0, "{args:?}");
+        assert_eq!(run.stdout, linkwatch(args).stdout);
+    }
+    // What was found is told by the exit code all the same.
+    let check = ["check", text(&broken), "--against", text(&certificate)];
+    assert_eq!(with_streams(&check, Some("/dev/full"), None).code, 1);
+    let none = ["certify", "no such model"];
+    assert_eq!(
+        with_streams(&none, Some("/dev/full"), Some("/dev/full")).code,
+        2
+    );
+}
+
+/// Each of these lines destroyed a file: under its own name, a hard link's or a symbolic link's.
+#[test]
+fn no_output_replaces_an_input_or_another_output() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| text(&folder.path().join(name)).to_owned();
+    chain(folder.path(), "m.bcc", 0.5);
+    linkwatch(&["certify", &at("m.bcc"), "-o", &at("c.txt")]);
+    std::fs::hard_link(at("m.bcc"), at("hard.txt")).unwrap();
+    std::fs::hard_link(at("c.txt"), at("c-hard.txt")).unwrap();
+    let mut names = vec!["m.bcc", "hard.txt"];
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(at("m.bcc"), at("soft.txt")).unwrap();
+        names.push("soft.txt");
+    }
+    let before = ["m.bcc", "c.txt"].map(|name| std::fs::read(at(name)).unwrap());
+    let refused = |args: &[&str], says: &[&str]| {
+        for force in [&[][..], &["--force"]] {
+            let run = linkwatch(&[args, force].concat());
+            assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);
+            let told = says.iter().all(|&word| run.stderr.contains(word));
+            assert!(told, "{args:?}: {}", run.stderr);
+            let after = ["m.bcc", "c.txt"].map(|name| std::fs::read(at(name)).unwrap());
+            assert!(after == before, "{args:?} destroyed a file");
+        }
+    };
+    let (model, certificate) = (&at("m.bcc")[..], &at("c.txt")[..]);
+    for name in names {
+        let output = &at(name)[..];
+        let same: &[&str] = match name {
+            "m.bcc" => &["a model"],
+            _ => &["same file", name, "m.bcc"],
+        };
+        refused(&["certify", model, "-o", output], same);
+        let check = ["check", model, "--against", certificate];
+        refused(&[&check[..], &["--diff-pairs", output]].concat(), same);
+        refused(&[&check[..], &["--diff-curves", output]].concat(), same);
+        let study = ["study", "kernels", model, "--csv", output];
+        refused(&study, same);
+    }
+    let check = ["check", model, "--against", certificate];
+    let hard = &at("c-hard.txt")[..];
+    refused(
+        &[&check[..], &["--diff-pairs", hard]].concat(),
+        &["same file", "c.txt"],
+    );
+    let (new, again) = (&at("new.txt")[..], &at("./new.txt")[..]);
+    let both = ["--diff-pairs", new, "--diff-curves", again];
+    refused(
+        &[&check[..], &both].concat(),
+        &["same file", "--diff-pairs"],
+    );
+    let scene = "chainmail:rows=2,columns=2";
+    let (bcc, other) = (&at("n.bcc")[..], &at("./n.bcc")[..]);
+    let both = ["generate", scene, "-o", bcc, "--certificate", other];
+    refused(&both, &["a model"]);
+    assert!(!Path::new(new).exists() && !Path::new(bcc).exists());
+}
+
+#[test]
+fn an_existing_output_is_overwritten_only_with_force() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| text(&folder.path().join(name)).to_owned();
+    let model = chain(folder.path(), "m.bcc", 0.5);
+    let model = text(&model);
+    linkwatch(&["certify", model, "-o", &at("c.txt")]);
+    let plots = folder.path().join("plots");
+    std::fs::create_dir(&plots).unwrap();
+    std::fs::write(plots.join("error-beta.svg"), "mine").unwrap();
+    let scene = "chainmail:rows=2,columns=2";
+    let [out, bcc, against] = ["out.txt", "out.bcc", "c.txt"].map(at);
+    let commands: [(&[&str], &str); 6] = [
+        (&["certify", model, "-o", &out], &out),
+        (
+            &["check", model, "--against", &against, "--diff-pairs", &out],
+            &out,
+        ),
+        (
+            &["check", model, "--against", &against, "--diff-curves", &out],
+            &out,
+        ),
+        (&["generate", scene, "-o", &bcc], &bcc),
+        (
+            &["study", "kernels", scene, "--repeat", "1", "--csv", &out],
+            &out,
+        ),
+        (
+            &[
+                "study",
+                "table1",
+                "--only",
+                "rubber",
+                "--segments",
+                "10",
+                "--csv",
+                &out,
+            ],
+            &out,
+        ),
+    ];
+    for (args, file) in commands {
+        std::fs::write(file, "mine").unwrap();
+        let run = linkwatch(args);
+        assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);
+        assert!(
+            run.stderr.contains("exists; --force overwrites it"),
+            "{}",
+            run.stderr
+        );
+        assert!(run.stderr.contains(file), "{}", run.stderr);
+        assert_eq!(std::fs::read(file).unwrap(), b"mine");
+        let run = linkwatch(&[args, &["--force"]].concat());
+        assert_eq!(run.code, 0, "{args:?}: {}", run.stderr);
+        assert_ne!(std::fs::read(file).unwrap(), b"mine", "{args:?}");
+    }
+    let run = linkwatch(&["study", "kernels", scene, "--plot", text(&plots)]);
+    assert_eq!(run.code, 2, "{}", run.stderr);
+    assert!(run.stderr.contains("error-beta.svg"), "{}", run.stderr);
+    let names = std::fs::read_dir(folder.path()).unwrap();
+    let parts = names.filter(|e| e.as_ref().unwrap().path().extension() == Some("part".as_ref()));
+    assert_eq!(parts.count(), 0);
+}
+
+/// Text goes where it is sent: into a pipe, into nothing, and behind what stands in a file already.
+#[test]
+#[cfg(target_os = "linux")]
+fn text_may_be_written_to_devices_and_to_standard_output() {
+    let folder = TempDir::new().unwrap();
+    let model = chain(folder.path(), "m.bcc", 0.5);
+    let expected = linkwatch(&["certify", text(&model)]).stdout;
+    let run = linkwatch(&["certify", text(&model), "-o", "/dev/stdout"]);
+    assert_eq!(
+        (run.code, run.stdout),
+        (0, expected.clone()),
+        "{}",
+        run.stderr
+    );
+    assert_eq!(
+        linkwatch(&["certify", text(&model), "-o", "/dev/null"]).code,
+        0
+    );
+    let log = folder.path().join("log.txt");
+    std::fs::write(&log, "before\n").unwrap();
+    let append = std::fs::File::options().append(true).open(&log).unwrap();
+    let status = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(["-q", "certify", text(&model), "-o", "/dev/stdout"])
+        .stdout(append)
+        .status()
+        .unwrap();
+    assert!(status.success());
+    let written = std::fs::read_to_string(&log).unwrap();
+    assert_eq!(written, format!("before\n{expected}"));
+}
+
+/// The model does not exist either: the output is looked at first, since certifying may take hours.
+#[test]
+fn an_output_that_cannot_be_written_is_told_before_the_work() {
+    for args in [
+        &["certify", "none.bcc", "-o", "/no/such/folder/c.txt"][..],
+        &[
+            "check",
+            "none.bcc",
+            "--against",
+            "c",
+            "--diff-pairs",
+            "/no/such/folder/c.txt",
+        ],
+        &[
+            "study",
+            "kernels",
+            "none.bcc",
+            "--csv",
+            "/no/such/folder/c.txt",
+        ],
+    ] {
+        let run = linkwatch(args);
+        assert_eq!(run.code, 2);
+        assert!(
+            run.stderr.contains("/no/such/folder/c.txt"),
+            "{}",
+            run.stderr
+        );
+    }
+}
+
+#[test]
+fn options_that_cancel_each_other_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let model = chain(folder.path(), "m.bcc", 0.5);
+    let model = text(&model);
+    let certificate = folder.path().join("c.txt");
+    linkwatch(&["certify", model, "-o", text(&certificate)]);
+    let check = ["check", model, "--against", text(&certificate)];
+    let early = [&check[..], &["--early-exit"]].concat();
+    let cases: [(Vec<&str>, &str); 11] = [
+        (vec!["--threads", "0", "certify", model], "1..=1024"),
+        (vec!["--threads", "100000", "certify", model], "1..=1024"),
+        ([&early[..], &["--events"]].concat(), "--events"),
+        ([&early[..], &["--self"]].concat(), "--self"),
+        ([&early[..], &["--kernel", "direct"]].concat(), "--kernel"),
+        ([&early[..], &["--device", "gpu"]].concat(), "--device"),
+        (vec!["certify", model, "--beta", "2"], "--kernel barnes-hut"),
+        (
+            vec!["certify", model, "--kernel", "fmm", "--dipole"],
+            "--kernel barnes-hut",
+        ),
+        (
+            vec!["certify", model, "--kernel", "direct", "--order", "3"],
+            "--kernel fmm",
+        ),
+        (
+            vec!["certify", model, "--repeat", "1", "-o", "c"],
+            "--repeat",
+        ),
+        (vec!["devices", "--repeat", "2"], "--measure"),
+    ];
+    for (args, says) in cases {
+        let run = linkwatch(&args);
+        assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);
+        assert!(run.stderr.contains(says), "{args:?}: {}", run.stderr);
+    }
+    assert_eq!(linkwatch(&["--threads", "3", "certify", model]).code, 0);
+}
+
+/// Cut at a line end it was a certificate with fewer links.
+#[test]
+fn a_cut_certificate_is_refused_by_check() {
+    let folder = TempDir::new().unwrap();
+    let model = chain(folder.path(), "m.bcc", 0.5);
+    let certificate = folder.path().join("c.txt");
+    linkwatch(&["certify", text(&model), "-o", text(&certificate)]);
+    let whole = std::fs::read_to_string(&certificate).unwrap();
+    let last = whole.trim_end().rfind('\n').unwrap();
+    std::fs::write(&certificate, &whole[..=last]).unwrap();
+    let run = linkwatch(&["check", text(&model), "--against", text(&certificate)]);
+    assert_eq!(run.code, 2, "{}", run.stdout);
+    assert!(run.stderr.contains("the file was cut"), "{}", run.stderr);
 }

@@ -75,7 +75,7 @@ fn what_exact_arithmetic_decided_is_told_where_there_is_any() {
         ("chainmail:rows=4,columns=5,tilt=0", true),
         ("chainmail:rows=4,columns=5", false),
     ] {
-        linkwatch(&["generate", scene, "-o", text(&model)]);
+        linkwatch(&["generate", scene, "--force", "-o", text(&model)]);
         let (_, stdout, stderr) = linkwatch(&["certify", "--json", text(&model)]);
         assert_eq!(stderr.contains("decided exactly ("), some, "{stderr}");
         let json: serde_json::Value = serde_json::from_str(&stdout).unwrap();
@@ -170,7 +170,7 @@ fn bad_arguments_exit_with_2_and_leave_nothing_behind() {
 fn an_existing_file_is_replaced_as_a_whole_or_not_at_all() {
     let folder = TempDir::new().unwrap();
     let model = folder.path().join("a.bcc");
-    let generate = |scene: &str| linkwatch(&["generate", scene, "-o", text(&model)]);
+    let generate = |scene: &str| linkwatch(&["generate", scene, "--force", "-o", text(&model)]);
     assert_eq!(generate("ribbon:segments=3000").0, 0);
     let before = std::fs::read(&model).unwrap();
     assert_eq!(generate("ribbon:segments=10").0, 2);

@@ -1,10 +1,14 @@
 //! Live: `linkwatch watch` as a process, simulators in this one or in processes that are killed.
 
-use linkwatch::{Basis, Client, ClientOptions, Departure, Outcome, Positions, Precision, Verdict};
+use linkwatch::{
+    Basis, Client, ClientOptions, Departure, FrameRecord, Outcome, Positions, Precision,
+    RecordedItem, RecordingReader, RecordingSink, Sink, Verdict,
+};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
 use tempfile::TempDir;
 
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -23,13 +27,28 @@ struct Watch {
 
 impl Watch {
     fn start(folder: &Path, name: &str, service: &str, args: &[&str]) -> Watch {
-        let stdout = folder.join(format!("{name}.out"));
-        let stderr = folder.join(format!("{name}.err"));
-        let process = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        let streams = [None, None];
+        let command = Command::new(env!("CARGO_BIN_EXE_linkwatch"));
+        Watch::start_with(folder, name, service, args, command, streams)
+    }
+
+    /// Starts it by another command than its own name, or with other streams than files.
+    fn start_with(
+        folder: &Path,
+        name: &str,
+        service: &str,
+        args: &[&str],
+        mut command: Command,
+        streams: [Option<Stdio>; 2],
+    ) -> Watch {
+        let [stdout, stderr] = ["out", "err"].map(|e| folder.join(format!("{name}.{e}")));
+        let [out, err] = streams;
+        let file = |path: &Path| std::fs::File::create(path).unwrap().into();
+        let process = command
             .args(["watch", "--json", "--service", service])
             .args(args)
-            .stdout(std::fs::File::create(&stdout).unwrap())
-            .stderr(std::fs::File::create(&stderr).unwrap())
+            .stdout(out.unwrap_or_else(|| file(&stdout)))
+            .stderr(err.unwrap_or_else(|| file(&stderr)))
             .stdin(Stdio::null())
             .spawn()
             .unwrap();
@@ -44,8 +63,9 @@ impl Watch {
         let status = wait(&mut self.process);
         Ended {
             code: status.code(),
-            lines: json_lines(&std::fs::read_to_string(&self.stdout).unwrap()),
-            stderr: std::fs::read_to_string(&self.stderr).unwrap(),
+            // A stream that is no file left none.
+            lines: json_lines(&std::fs::read_to_string(&self.stdout).unwrap_or_default()),
+            stderr: std::fs::read_to_string(&self.stderr).unwrap_or_default(),
         }
     }
 
@@ -441,6 +461,51 @@ fn kept_recordings_give_their_verdicts() {
     }
 }
 
+/// A recorder whose disk is too slow leaves frames out. The motion to the frame after such a gap is another than live.
+#[test]
+fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
+    let folder = TempDir::new().unwrap();
+    let gappy = folder.path().join("gappy.mcap");
+    let mut reader = RecordingReader::open(&recordings().join("flight.mcap")).unwrap();
+    let (mut sink, mut curves, mut set) = (None, None, None);
+    while let Some(item) = reader.next_item().unwrap() {
+        let create = || RecordingSink::create(&gappy, reader.metadata()).unwrap();
+        let sink = sink.get_or_insert_with(|| Box::new(create()));
+        match item {
+            RecordedItem::Baseline(baseline) => sink.begin(&baseline).unwrap(),
+            RecordedItem::Frame(frame) => {
+                frame.ingest(&mut set).unwrap();
+                curves = set.clone().map(Arc::new);
+            }
+            RecordedItem::Verdict(verdict) if verdict.report.seq == 2 => {}
+            RecordedItem::Verdict(verdict) => {
+                let progress = verdict.progress;
+                let record = FrameRecord {
+                    curves: curves.take(),
+                    report: Arc::new(verdict.report),
+                    verified: progress.verified,
+                    skipped: progress.skipped,
+                    rejected: progress.rejected,
+                    check: progress.check,
+                    work: progress.work,
+                    received: SystemTime::now(),
+                };
+                sink.frame(&record).unwrap();
+            }
+        }
+    }
+    sink.unwrap().finish().unwrap();
+    let replayed = replay(&gappy);
+    assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
+    assert_eq!(replayed.reports().len(), 4);
+    assert!(
+        replayed.stderr.contains("1 frame missing"),
+        "{}",
+        replayed.stderr
+    );
+    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+}
+
 /// Contact in the first frame once hid every later one, and asked the simulator to stop in each frame.
 #[test]
 fn contact_in_the_first_frame_hides_nothing_that_comes_later() {
@@ -507,6 +572,12 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
     let first = Watch::start(folder.path(), "first", &service, &record);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
     assert_eq!(step(&mut sim, 5, 0.1), Verdict::Intact);
+    // The verdict comes first, the file of the recording after it.
+    let start = Instant::now();
+    while !recording.exists() {
+        assert!(start.elapsed() < PATIENCE, "no recording");
+        std::thread::sleep(Duration::from_millis(5));
+    }
     first.signal("KILL");
     drop(first);
     let replayed = replay(&recording);
@@ -751,15 +822,322 @@ fn a_replay_keeps_the_policy_of_the_recording() {
     assert_eq!(replayed.reports(), live.reports());
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
     assert_eq!(replayed.summary()["rejected"], 2);
-    let over = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .args(["replay", "--record"])
-        .args([&recording, &recording])
-        .output()
-        .unwrap();
-    assert_eq!(over.status.code(), Some(2));
-    assert_eq!(
-        replay(&recording).code,
-        Some(1),
-        "the recording is still whole"
+}
+
+/// Before, each of these left less of the recording than there was, or the wrong thing under its name.
+#[test]
+fn a_replay_replaces_no_file_that_it_reads_or_that_is_there() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let recording = recordings().join("squares.mcap");
+    let before = std::fs::read(&recording).unwrap();
+    std::fs::write(at("run.mcap"), &before).unwrap();
+    std::fs::hard_link(at("run.mcap"), at("hard.rrd")).unwrap();
+    std::fs::hard_link(at("run.mcap"), at("hard.mcap")).unwrap();
+    std::fs::write(at("other.mcap"), "mine").unwrap();
+    let refused = |args: &[&str], says: &str| {
+        let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+            .current_dir(folder.path())
+            .args(["replay", "run.mcap"])
+            .args(args)
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8(run.stderr).unwrap();
+        assert_eq!(run.status.code(), Some(2), "{args:?}: {stderr}");
+        assert!(stderr.contains(says), "{args:?}: {stderr}");
+        assert!(std::fs::read(at("run.mcap")).unwrap() == before, "{args:?}");
+        assert_eq!(std::fs::read(at("other.mcap")).unwrap(), b"mine");
+    };
+    for force in [&[][..], &["--force"]] {
+        let with = |args: &[&'static str]| [args, force].concat();
+        refused(
+            &with(&["--record", "run.mcap"]),
+            "same file as the input run.mcap",
+        );
+        refused(
+            &with(&["--record", "./hard.mcap"]),
+            "same file as the input run.mcap",
+        );
+        refused(
+            &with(&["--rrd", "hard.rrd"]),
+            "same file as the input run.mcap",
+        );
+        refused(&with(&["--rrd", "run.mcap"]), "--record writes a recording");
+        refused(
+            &with(&["--record", "new.rrd"]),
+            "--rrd writes a file for the viewer",
+        );
+        refused(
+            &with(&["--record", "new.mcap", "--rrd", "new.mcap"]),
+            "--record writes",
+        );
+        refused(&with(&["--record", "."]), "an .mcap file");
+    }
+    refused(
+        &["--record", "other.mcap"],
+        "the file exists; --force overwrites it",
     );
+    assert!(!at("new.rrd").exists() && !at("new.mcap").exists());
+}
+
+/// Opening a pipe waits for its other end.
+#[test]
+#[cfg(unix)]
+fn a_pipe_is_neither_recorded_to_nor_replayed() {
+    let folder = TempDir::new().unwrap();
+    let pipe = folder.path().join("pipe.mcap");
+    assert!(
+        Command::new("mkfifo")
+            .arg(&pipe)
+            .status()
+            .unwrap()
+            .success()
+    );
+    let other = folder.path().join("pipe.rrd");
+    assert!(
+        Command::new("mkfifo")
+            .arg(&other)
+            .status()
+            .unwrap()
+            .success()
+    );
+    for (option, path) in [("--record", &pipe), ("--rrd", &other)] {
+        let args = [option, path.to_str().unwrap(), "--force", "--wait", "0.1"];
+        let ended = Watch::start(folder.path(), "watch", &service("pipe"), &args).end();
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains("not a regular file"),
+            "{}",
+            ended.stderr
+        );
+    }
+    let replayed = replay(&pipe);
+    assert_eq!(replayed.code, Some(2), "{}", replayed.stderr);
+    assert!(
+        replayed.stderr.contains("regular file"),
+        "{}",
+        replayed.stderr
+    );
+}
+
+#[test]
+fn a_recording_is_created_at_the_first_frame_and_replaces_none() {
+    let folder = TempDir::new().unwrap();
+    let service = service("first-frame");
+    let recording = folder.path().join("run.mcap");
+    let record = ["--record", recording.to_str().unwrap()];
+    let nobody = [&record[..], &["--wait", "0.2"]].concat();
+    let ended = Watch::start(folder.path(), "nobody", &service, &nobody).end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(!recording.exists(), "a recording of nothing");
+
+    std::fs::write(&recording, "mine").unwrap();
+    let ended = Watch::start(folder.path(), "refused", &service, &nobody).end();
+    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("--force overwrites it"),
+        "{}",
+        ended.stderr
+    );
+    let forced = [&nobody[..], &["--force"]].concat();
+    let ended = Watch::start(folder.path(), "forced", &service, &forced).end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert_eq!(std::fs::read(&recording).unwrap(), b"mine", "no frame came");
+
+    let forced = [&record[..], &["--force"]].concat();
+    let watch = Watch::start(folder.path(), "recorded", &service, &forced);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    sim.finish().unwrap();
+    assert_eq!(watch.end().code, Some(0));
+    assert_eq!(replay(&recording).code, Some(0));
+
+    // One that turns up meanwhile is not overwritten either.
+    std::fs::remove_file(&recording).unwrap();
+    let watch = Watch::start(folder.path(), "late", &service, &record);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    std::fs::write(&recording, "mine").unwrap();
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    sim.finish().unwrap();
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("recording failed"),
+        "{}",
+        ended.stderr
+    );
+    assert_eq!(std::fs::read(&recording).unwrap(), b"mine");
+}
+
+/// A stream that takes nothing.
+#[cfg(target_os = "linux")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Broken {
+    /// `/dev/full`: every write fails, as on a full disk.
+    Full,
+    /// Its reader went away.
+    Closed,
+    /// A full pipe that nobody reads: every write blocks.
+    Blocked,
+}
+
+#[cfg(target_os = "linux")]
+impl Broken {
+    /// The stream, and what keeps it in this state.
+    fn open(self) -> (Stdio, Option<std::io::PipeReader>) {
+        if self == Broken::Full {
+            let full = std::fs::File::options().write(true).open("/dev/full");
+            return (full.unwrap().into(), None);
+        }
+        let (reader, mut writer) = std::io::pipe().unwrap();
+        if self == Broken::Closed {
+            return (writer.into(), None);
+        }
+        // As much as a pipe holds.
+        std::io::Write::write_all(&mut writer, &[b'\n'; 1 << 16]).unwrap();
+        (writer.into(), Some(reader))
+    }
+}
+
+/// Before: an abort of the watcher (a log on a full disk), its end (standard output), or a wait without end (a pipe).
+#[test]
+#[cfg(target_os = "linux")]
+fn no_broken_stream_stops_the_verdicts_or_the_recording() {
+    use Broken::{Blocked, Closed, Full};
+    let folder = TempDir::new().unwrap();
+    for (k, (out, err, code)) in [
+        (None, Some(Full), 0),
+        (None, Some(Closed), 0),
+        (None, Some(Blocked), 0),
+        (Some(Full), None, 3),
+        (Some(Closed), None, 0),
+        (Some(Blocked), None, 3),
+        (Some(Full), Some(Full), 3),
+        (Some(Blocked), Some(Blocked), 3),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let case = format!("stdout {out:?}, stderr {err:?}");
+        let service = service(&format!("broken-{k}"));
+        let recording = folder.path().join(format!("{k}.mcap"));
+        let args = ["--record", recording.to_str().unwrap()];
+        let [(out_stream, _held_out), (err_stream, _held_err)] = [out, err].map(|broken| {
+            broken.map_or((None, None), |broken| {
+                let (stream, held) = broken.open();
+                (Some(stream), held)
+            })
+        });
+        let command = Command::new(env!("CARGO_BIN_EXE_linkwatch"));
+        let streams = [out_stream, err_stream];
+        let name = k.to_string();
+        let watch = Watch::start_with(folder.path(), &name, &service, &args, command, streams);
+        let mut sim = client(&service);
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap(), "{case}");
+        for frame in 0..30 {
+            assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact, "{case}");
+        }
+        sim.finish().unwrap();
+        let ended = watch.end();
+        let last = ended.lines.last();
+        assert_eq!(ended.code, Some(code), "{case}: {last:?} {}", ended.stderr);
+        if out.is_none() {
+            assert_eq!(ended.reports().len(), 30, "{case}");
+        }
+        if code == 3 && err.is_none() {
+            let told = ended.stderr.matches("error: standard output: ").count();
+            assert_eq!(told, 1, "{case}: {}", ended.stderr);
+            assert!(ended.stderr.contains("31 lines lost"), "{}", ended.stderr);
+        }
+        let replayed = replay(&recording);
+        assert_eq!(replayed.code, Some(0), "{case}: {}", replayed.stderr);
+        assert_eq!(replayed.reports().len(), 30, "{case}");
+    }
+}
+
+/// A limit on the size of files stands for the end of the disk: it takes no privileges. It leaves room for the shared
+/// memory of the watcher, and for a few hundred frames.
+#[test]
+#[cfg(unix)]
+fn a_full_disk_ends_the_recording_and_nothing_else() {
+    let folder = TempDir::new().unwrap();
+    let service = service("full-disk");
+    let recording = folder.path().join("run.mcap");
+    let args = ["--record", recording.to_str().unwrap()];
+    let mut command = Command::new("sh");
+    command.args(["-c", "ulimit -f 400; exec \"$0\" \"$@\""]);
+    command.arg(env!("CARGO_BIN_EXE_linkwatch"));
+    let streams = [Some(Stdio::null()), None];
+    let watch = Watch::start_with(folder.path(), "watch", &service, &args, command, streams);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    for frame in 0..2000 {
+        assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
+    }
+    let last = sim.finish_within(PATIENCE).unwrap().expect("goodbye");
+    assert_eq!(last.counters.verified, 2000);
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    let told = ended.stderr.contains("recording is incomplete: ");
+    assert!(
+        told && ended.stderr.contains("run.mcap: "),
+        "{}",
+        ended.stderr
+    );
+    // What was written is there, and nobody is said to have been killed.
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
+    assert!(
+        replayed.stderr.contains("cut off at byte"),
+        "{}",
+        replayed.stderr
+    );
+    assert!(!replayed.stderr.contains("killed"), "{}", replayed.stderr);
+    assert!(
+        replayed.reports().len() > 50,
+        "{}",
+        replayed.reports().len()
+    );
+    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+}
+
+/// Before: "intact" and exit code 0, whatever the share.
+#[test]
+fn the_share_of_skipped_frames_is_told_and_may_be_limited() {
+    let folder = TempDir::new().unwrap();
+    for (limit, code) in [("0.5", 3), ("79%", 3), ("0.8", 0), ("100%", 0)] {
+        let service = service(&format!("skipped-{code}-{}", limit.len()));
+        let mut sim = client(&service);
+        for frame in 0..4 {
+            let squares = squares(0.0);
+            sim.publish(frame.into(), Positions::F32(&squares)).unwrap();
+        }
+        let args = ["--max-skipped", limit];
+        let watch = Watch::start(folder.path(), limit, &service, &args);
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        assert_eq!(step(&mut sim, 4, 0.0), Verdict::Intact);
+        sim.finish().unwrap();
+        let ended = watch.end();
+        let share = ended.summary()["skipped_share"].as_f64().unwrap();
+        // The newest frame of before may have been verified, too.
+        if share == 0.8 {
+            assert_eq!(ended.code, Some(code), "{limit}: {}", ended.stderr);
+            let told = "80.00 % of the frames were skipped, more than";
+            assert_eq!(ended.stderr.contains(told), code == 3, "{}", ended.stderr);
+        } else {
+            assert_eq!(share, 0.6);
+        }
+    }
+    for share in ["1.5", "-1", "nan", "101%", "many"] {
+        let args = [&format!("--max-skipped={share}")[..]];
+        let ended = Watch::start(folder.path(), "bad", "unused", &args).end();
+        assert_eq!(ended.code, Some(2), "{share}");
+    }
+    for wait in ["nan", "-1", "inf"] {
+        let args = [&format!("--wait={wait}")[..]];
+        let ended = Watch::start(folder.path(), "bad", "unused", &args).end();
+        assert_eq!(ended.code, Some(2), "{wait}");
+    }
 }

@@ -42,12 +42,12 @@ fn certificates_equal_the_expected_ones() {
 #[test]
 fn rolfsen_links_have_their_linking_numbers() {
     for (file, expected) in [
-        ("2.2.1.vect", "2\n0,1,1\n"),
-        ("4.2.1.vect", "2\n0,1,-2\n"),
-        ("5.2.1.vect", "2\n"),
-        ("6.3.2.vect", "3\n"),
-        ("3.1.vect", "1\n"),
-        ("4.1.vect", "1\n"),
+        ("2.2.1.vect", "2 # lines: 1\n0,1,1\n"),
+        ("4.2.1.vect", "2 # lines: 1\n0,1,-2\n"),
+        ("5.2.1.vect", "2 # lines: 0\n"),
+        ("6.3.2.vect", "3 # lines: 0\n"),
+        ("3.1.vect", "1 # lines: 0\n"),
+        ("4.1.vect", "1 # lines: 0\n"),
     ] {
         if let Some(found) = certify(file) {
             assert_eq!(found.to_string(), expected, "{file}");

@@ -73,7 +73,11 @@ fn a_model_and_the_scene_that_it_was_written_from_have_one_plan() {
 #[test]
 fn scenes_are_certified_like_models() {
     let (code, stdout, stderr) = linkwatch(&["certify", "ribbon:segments=2000,lambda=-12"]);
-    assert_eq!((code, stdout.as_str()), (0, "2\n0,1,-12\n"), "{stderr}");
+    assert_eq!(
+        (code, stdout.as_str()),
+        (0, "2 # lines: 1\n0,1,-12\n"),
+        "{stderr}"
+    );
     let (code, stdout, _) = linkwatch(&["certify", "ribbon:segments=2000", "--repeat", "1"]);
     assert_eq!(code, 0);
     assert!(

@@ -190,8 +190,12 @@ fn file(name: &str, removed: &Path) -> PathBuf {
 fn a_broken_run_becomes_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = file("mail.rrd", folder.path());
-    let sink = ViewerSink::open(&ViewerTarget::File(path.clone()), "chainmail").unwrap();
-    let queue = SinkQueue::spawn(Box::new(sink), 4, Overflow::Wait).unwrap();
+    let target = ViewerTarget::File(path.clone());
+    let patience = Overflow::Wait(Duration::from_secs(60));
+    let queue = SinkQueue::spawn("viewer", 4, patience, move || {
+        Ok(Box::new(ViewerSink::open(&target, "chainmail")?))
+    })
+    .unwrap();
     queue.begin(baseline());
     for seq in 1..=FRAMES {
         queue.frame(record(seq, mail(seq, SIDE, POINTS)));
@@ -274,8 +278,12 @@ fn a_viewer_that_never_answers_holds_nobody_up() {
     // The system accepts connections for a listener that does not; nothing is ever read from them.
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let sink = ViewerSink::open(&ViewerTarget::Connect(address), "deaf").unwrap();
-    let queue = SinkQueue::spawn(Box::new(sink), 2, Overflow::DropOldest).unwrap();
+    let target = ViewerTarget::Connect(address);
+    let queue = SinkQueue::spawn("viewer", 2, Overflow::DropOldest, move || {
+        Ok(Box::new(ViewerSink::open(&target, "deaf")?))
+    })
+    .unwrap();
+    queue.open(Duration::from_secs(60)).unwrap();
     for seq in 1..=FRAMES {
         queue.frame(record(seq, mail(seq, SIDE, POINTS)));
     }

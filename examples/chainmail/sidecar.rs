@@ -25,7 +25,8 @@ impl Sidecar {
         let program = program()?;
         let mut command = Command::new(&program);
         command.args(["watch", "--service", service, "--wait", "60", "--events"]);
-        command.arg("--record").arg(&recording);
+        // The example's own files, of an earlier run.
+        command.arg("--force").arg("--record").arg(&recording);
         match &rrd {
             Some(path) => command.arg("--rrd").arg(path),
             None => command.arg("--view"),

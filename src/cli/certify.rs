@@ -1,5 +1,6 @@
 //! `linkwatch certify`: models in, certificates out.
 
+use super::files::{Content, Files, Overwrite, write_text};
 use super::kernel::KernelArgs;
 use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, input, measure, output::with_progress};
@@ -20,6 +21,8 @@ pub struct Args {
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// How splines become polylines
     #[arg(long, value_enum, default_value_t, conflicts_with = "method")]
     discretize: Discretize,
@@ -29,7 +32,7 @@ pub struct Args {
     #[arg(long, value_name = "R", conflicts_with_all = ["discretize", "method"])]
     noise: Option<f64>,
     /// Certify each model so many times, and give the median times of all stages
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "method", "noise"])]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "method", "noise", "output"])]
     repeat: Option<u32>,
 }
 
@@ -119,6 +122,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             args.models.len()
         )));
     }
+    let mut files = Files::new(args.overwrite);
+    args.models.iter().for_each(|path| files.reads(path));
+    if let Some(file) = &args.output {
+        files.writes("-o", file, Content::Text)?;
+    }
     let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
     let mut outcome = Outcome::Fine;
     for path in &args.models {
@@ -163,16 +171,16 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 "kernel": args.kernel.method,
                 "ladder": c.ladder,
                 "ms": c.took.as_secs_f64() * 1e3,
-            }))?;
+            }));
         }
         match &args.output {
             Some(file) => {
-                c.certificate.write(file)?;
+                write_text(file, args.overwrite, &c.certificate.to_text()?)?;
                 tracing::info!("{}: written", file.display());
             }
             None if json => {}
-            None if args.models.len() == 1 => output::line(c.certificate.to_string().trim_end())?,
-            None => output::line(format_args!("{}: {}", path.display(), summary(&c)))?,
+            None if args.models.len() == 1 => output::line(c.certificate.to_string().trim_end()),
+            None => output::line(format_args!("{}: {}", path.display(), summary(&c))),
         }
     }
     Ok(outcome)

@@ -1,9 +1,11 @@
 //! `linkwatch check`: models against a certificate.
 
 use super::Outcome;
+use super::files::{Content, Files, Overwrite, write_text};
 use super::kernel::KernelArgs;
 use super::look_for::LookFor;
 use super::output::{self, plural, with_progress};
+use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, Certificate, Error, Report, Result, Verifier, model};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -30,10 +32,27 @@ pub struct Args {
     /// Write the curves that take part in a difference, a line each
     #[arg(long, value_name = "FILE")]
     diff_curves: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let mut files = Files::new(args.overwrite);
+    args.models.iter().for_each(|path| files.reads(path));
+    files.reads(&args.against);
+    for (option, file) in [
+        ("--diff-pairs", &args.diff_pairs),
+        ("--diff-curves", &args.diff_curves),
+    ] {
+        if let Some(file) = file {
+            files.writes(option, file, Content::Text)?;
+        }
+    }
+    if args.early_exit && !matches!(args.kernel.device, Device::Auto | Device::Cpu) {
+        let why = "--early-exit computes few pairs at a time, on the processor: leave --device out";
+        return Err(Error::Usage(why.into()));
+    }
     let expected = Certificate::read(&args.against)?;
     let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
     verifier.set_early_exit(args.early_exit);
@@ -62,27 +81,28 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         pairs.extend(changes.map(|c| (c.i, c.j, c.expected, c.found)));
         outcome = outcome.max(Outcome::of(report.verdict));
         if json {
-            output::json(&serde_json::json!({ "model": path, "report": report }))?;
+            output::json(&serde_json::json!({ "model": path, "report": report }));
             continue;
         }
-        output::line(format_args!("{}: {}", path.display(), report.verdict))?;
+        output::line(format_args!("{}: {}", path.display(), report.verdict));
         for finding in report.findings() {
-            output::line(format_args!("  {finding}"))?;
+            output::line(format_args!("  {finding}"));
         }
         if report.stats.unchecked > 0 {
             let unchecked = plural(report.stats.unchecked, "pair");
-            output::line(format_args!("  {unchecked} left unchecked"))?;
+            output::line(format_args!("  {unchecked} left unchecked"));
         }
     }
     if let Some(file) = &args.diff_pairs {
         let lines = pairs
             .iter()
             .map(|(i, j, expected, found)| format!("{i},{j},{expected},{found}"));
-        write_lines(file, lines)?;
+        write_text(file, args.overwrite, &text(lines))?;
     }
     if let Some(file) = &args.diff_curves {
         let curves: BTreeSet<u32> = pairs.iter().flat_map(|p| [p.0, p.1]).collect();
-        write_lines(file, curves.iter().map(u32::to_string))?;
+        let lines = curves.iter().map(u32::to_string);
+        write_text(file, args.overwrite, &text(lines))?;
     }
     failed.map_or(Ok(outcome), Err)
 }
@@ -97,10 +117,6 @@ fn judge(verifier: &mut Verifier, frame: usize, path: &Path) -> Result<Report> {
     Ok(report)
 }
 
-fn write_lines(file: &Path, lines: impl Iterator<Item = String>) -> Result<()> {
-    let text: String = lines.map(|line| line + "\n").collect();
-    std::fs::write(file, text).map_err(|source| Error::File {
-        path: file.to_owned(),
-        source,
-    })
+fn text(lines: impl Iterator<Item = String>) -> String {
+    lines.map(|line| line + "\n").collect()
 }

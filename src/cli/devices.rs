@@ -11,23 +11,30 @@ use std::path::PathBuf;
 /// `linkwatch devices --calibrate --measure` measures all there is to measure of one: what kernels cost there and here, kept for
 /// `--device auto`, and the sizes of scenes from which on each of them is faster there.
 #[derive(Debug, clap::Args)]
+#[command(group(clap::ArgGroup::new("measured").multiple(true)))]
 pub struct Args {
     /// Measure every kernel on these models or scenes, whole frames and frames that are on the device already, beside
     /// the processor; on scenes of growing size where none is named, and say from where on the device is faster
-    #[arg(long, value_name = "MODEL|SCENE", num_args = 0..)]
+    #[arg(long, value_name = "MODEL|SCENE", num_args = 0.., group = "measured")]
     measure: Option<Vec<PathBuf>>,
     /// Measure what counting crossings, direct sums and Barnes-Hut cost there and here, and keep it: `--device auto` goes
     /// by that
-    #[arg(long)]
+    #[arg(long, group = "measured")]
     calibrate: bool,
     /// The one to measure: gpu, or the name of an adapter
-    #[arg(long, value_name = "DEVICE", default_value_t = Device::Gpu)]
+    #[arg(long, value_name = "DEVICE", default_value_t = Device::Gpu, requires = "measured")]
     device: Device,
     /// Runs of each kernel, for a median
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..), requires = "measure")]
     repeat: u32,
     /// Leave out sums on the processor that would take longer than this
-    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 30.0,
+        value_parser = positive,
+        requires = "measure"
+    )]
     limit: f64,
 }
 
@@ -45,17 +52,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let all = devices();
     if json {
         for device in &all {
-            output::json(&serde_json::json!(device))?;
+            output::json(&serde_json::json!(device));
         }
         return Ok(Outcome::Fine);
     }
     if all.is_empty() {
-        output::line("no adapters: everything runs on the processor")?;
+        output::line("no adapters: everything runs on the processor");
     }
     for device in &all {
-        output::line(&device.name)?;
+        output::line(&device.name);
         for line in lines(device) {
-            output::line(format_args!("  {line}"))?;
+            output::line(format_args!("  {line}"));
         }
     }
     Ok(Outcome::Fine)
@@ -184,14 +191,15 @@ mod measured {
         let c = linkwatch::plan::calibrate(device)?;
         let file = c.keep()?;
         if json {
-            return output::json(&json!({ "calibration": c, "file": file }));
+            output::json(&json!({ "calibration": c, "file": file }));
+            return Ok(());
         }
         output::line(format_args!(
             "{}, beside the processor on {}; kept in {}",
             c.adapter,
             output::plural(c.threads as u64, "thread"),
             file.display(),
-        ))?;
+        ));
         let sum = |name: &str, unit: &str, cost: SumCost| {
             let from = match cost.break_even() {
                 Some(n) => format!("faster from {} on", output::count(n)),
@@ -200,16 +208,17 @@ mod measured {
             output::line(format_args!(
                 "  {name}: {:.3} ms and {:.4} ns a {unit}; the processor {:.4} ns; {from}",
                 cost.round_trip_ms, cost.adapter_ns, cost.processor_ns,
-            ))
+            ));
         };
-        sum("direct sums", "pair of segments", c.direct)?;
-        sum("Barnes-Hut", "segment of a pair of curves", c.barnes_hut)?;
+        sum("direct sums", "pair of segments", c.direct);
+        sum("Barnes-Hut", "segment of a pair of curves", c.barnes_hut);
         let k = c.crossings;
         output::line(format_args!(
             "  counting crossings: {:.3} ms and {:.2} ns a segment, {:.1} ns a potential link, {:.2} ns a test, \
              give or take a factor of {:.1}; the processor {:.2} times its plan",
             k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.misfit, k.processor_factor,
-        ))
+        ));
+        Ok(())
     }
 
     /// Measures what is named, or else each kernel on scenes of growing size.
@@ -232,7 +241,7 @@ mod measured {
                 "  resident:    the same with the vertices there already".into(),
                 format!("  processor:   the same kernel on {threads} of the processor"),
             ] {
-                output::line(line)?;
+                output::line(line);
             }
             output::line(format_args!(
                 "  {:12} {:9} {:>12} {:>10} {:>10} {:>14} {:>10}",
@@ -243,7 +252,7 @@ mod measured {
                 "processor",
                 "largest error",
                 "undecided"
-            ))?;
+            ));
         }
         let mut outcome = Outcome::Fine;
         for input in inputs {
@@ -283,7 +292,7 @@ mod measured {
             if json {
                 output::json(
                     &json!({ "kernel": kernel, "scene": scene, "faster_from_segments": from }),
-                )?;
+                );
                 continue;
             }
             output::line(match from {
@@ -294,7 +303,7 @@ mod measured {
                 None => {
                     format!("{kernel}: the device is never faster among these sizes of {scene}")
                 }
-            })?;
+            });
         }
         Ok(outcome)
     }
@@ -311,7 +320,7 @@ mod measured {
         let times = measure_device(&args.device, &set, kernels, args.repeat, args.limit)?;
         let segments = set.segments() as u64;
         if json {
-            output::json(&json!({ "model": input, "segments": segments, "kernels": times }))?;
+            output::json(&json!({ "model": input, "segments": segments, "kernels": times }));
         } else {
             output::line(format_args!(
                 "{}: {}, {}",
@@ -321,7 +330,7 @@ mod measured {
                     times.first().map_or(0, |t| t.links as u64),
                     "potential link"
                 ),
-            ))?;
+            ));
         }
         let mut outcome = Outcome::Fine;
         for t in &times {
@@ -341,7 +350,7 @@ mod measured {
                     t.largest_error,
                     t.undecided,
                     if t.equal { "equal" } else { "DIFFERS" },
-                ))?;
+                ));
             }
         }
         Ok(Measured {

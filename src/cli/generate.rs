@@ -1,11 +1,12 @@
 //! `linkwatch generate`: scenes whose linking numbers are known, as model files.
 
 use super::Outcome;
+use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::output::{self, count, millis, plural};
 use linkwatch::scenes::{KINDS, Kind, Scene};
-use linkwatch::{Error, Result, model};
+use linkwatch::{Result, model};
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Generate a scene of any size, with its exact certificate
@@ -23,6 +24,8 @@ pub struct Args {
     /// Write the certificate that follows from the construction
     #[arg(long, value_name = "CERT", requires = "scene")]
     certificate: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// List all scenes with their parameters
     #[arg(long, conflicts_with = "scene")]
     list: bool,
@@ -31,19 +34,21 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let (Some(scene), Some(path)) = (&args.scene, &args.output) else {
-        list(as_json)?;
+        list(as_json);
         return Ok(Outcome::Fine);
     };
-    let extension = path.extension().unwrap_or_default();
-    if !extension.eq_ignore_ascii_case("bcc") {
-        let what = format!("{}: scenes are written as .bcc", path.display());
-        return Err(Error::Usage(what));
+    let mut files = Files::new(args.overwrite);
+    files.writes("-o", path, Content::Model)?;
+    if let Some(file) = &args.certificate {
+        files.writes("--certificate", file, Content::Text)?;
     }
     let start = Instant::now();
     let generated = scene.build()?;
-    write_whole(path, |part| model::write_bcc(part, &generated.curves))?;
+    write_whole(path, args.overwrite, |part| {
+        model::write_bcc(part, &generated.curves)
+    })?;
     if let Some(file) = &args.certificate {
-        write_whole(file, |part| generated.certificate.write(part))?;
+        write_text(file, args.overwrite, &generated.certificate.to_text()?)?;
     }
     let (curves, links) = (&generated.curves, &generated.certificate.links);
     tracing::info!(
@@ -67,12 +72,12 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "links": links.len(),
             "certificate": args.certificate,
             "ms": start.elapsed().as_secs_f64() * 1e3,
-        }))?;
+        }));
     }
     Ok(Outcome::Fine)
 }
 
-fn list(as_json: bool) -> Result<()> {
+fn list(as_json: bool) {
     for Kind {
         name,
         purpose,
@@ -94,10 +99,10 @@ fn list(as_json: bool) -> Result<()> {
                     })
                 })
                 .collect();
-            output::json(&json!({ "name": name, "purpose": purpose, "parameters": parameters }))?;
+            output::json(&json!({ "name": name, "purpose": purpose, "parameters": parameters }));
             continue;
         }
-        output::line(format_args!("{name}: {purpose}"))?;
+        output::line(format_args!("{name}: {purpose}"));
         for p in *parameters {
             let default = format!("{}={}", p.name, p.default);
             let (min, max) = match p.integer {
@@ -107,33 +112,13 @@ fn list(as_json: bool) -> Result<()> {
             output::line(format_args!(
                 "  {default:20} {} ({min} to {max})",
                 p.meaning
-            ))?;
+            ));
         }
     }
-    Ok(())
 }
 
 /// An integer with separators, `-1,000,000`.
 fn signed(x: f64) -> String {
     let sign = if x < 0.0 { "-" } else { "" };
     format!("{sign}{}", count(x.abs() as u64))
-}
-
-/// Writes a file under another name first: its own name never stands for half of it.
-fn write_whole(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    let written = write(&part).and_then(|()| Ok(std::fs::rename(&part, path)?));
-    written.map_err(|e| {
-        // There may be none to remove.
-        std::fs::remove_file(&part).ok();
-        match e {
-            Error::File { source, .. } | Error::Io(source) => Error::File {
-                path: path.to_owned(),
-                source,
-            },
-            other => other,
-        }
-    })
 }

@@ -1,8 +1,8 @@
 //! `--kernel` and how finely it sums, of every command that computes linking numbers.
 
 use super::number::positive;
-use linkwatch::Verifier;
 use linkwatch::kernels::{Accuracy, Device, Method};
+use linkwatch::{Error, Verifier};
 
 /// Which kernel computes linking numbers.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -31,6 +31,15 @@ pub struct KernelArgs {
 impl KernelArgs {
     /// Lets a verifier use it.
     pub fn set(&self, verifier: &mut Verifier) -> linkwatch::Result<()> {
+        let of_barnes_hut = [("--beta", self.beta.is_some()), ("--dipole", self.dipole)];
+        let options = of_barnes_hut.map(|(name, given)| (name, given, Method::BarnesHut));
+        let order = ("--order", self.order.is_some(), Method::Fmm);
+        for (name, _, method) in options.into_iter().chain([order]).filter(|o| o.1) {
+            if self.method != method {
+                let why = format!("{name} is for --kernel {method}, not for {}", self.method);
+                return Err(Error::Usage(why));
+            }
+        }
         let accuracy = Accuracy {
             beta: self.beta,
             target: self.target,

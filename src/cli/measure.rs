@@ -83,14 +83,14 @@ pub fn run(name: &Path, n: u32, device: &Device, as_json: bool) -> Result<Outcom
             "stats": stats,
             "exact_share": stats.exact_share(),
             "peak_mb": peak_mb(),
-        }))?;
+        }));
     } else {
         output::line(format_args!(
             "{}, median of {n}, {threads} threads",
             name.display()
-        ))?;
-        output::line(format_args!("  first  {first}"))?;
-        output::line(format_args!("  later  {later}"))?;
+        ));
+        output::line(format_args!("  first  {first}"));
+        output::line(format_args!("  later  {later}"));
         let ratio = stats.tests as f64 / stats.crossings.max(1) as f64;
         output::line(format_args!(
             "  {} potential links ({} separated), {} tests, {} crossings ({ratio:.2} tests each), {} exact ({})",
@@ -100,7 +100,7 @@ pub fn run(name: &Path, n: u32, device: &Device, as_json: bool) -> Result<Outcom
             count(stats.crossings),
             count(stats.exact),
             percent(stats.exact_share()),
-        ))?;
+        ));
     }
     Ok(match undefined == 0 {
         true => Outcome::Fine,

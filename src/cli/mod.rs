@@ -3,6 +3,7 @@
 mod certify;
 mod check;
 mod devices;
+mod files;
 mod generate;
 mod input;
 mod kernel;
@@ -17,13 +18,20 @@ mod plan;
 mod replay;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod session;
+#[cfg_attr(
+    not(any(feature = "bus", feature = "mcap")),
+    expect(dead_code, reason = "no command detaches its streams")
+)]
+mod stream;
 mod study;
 #[cfg(feature = "bus")]
 mod watch;
 
 use clap::{Parser, Subcommand};
-use linkwatch::Verdict;
+use linkwatch::{Error, Result, Verdict};
 use std::process::ExitCode;
+#[cfg(unix)]
+use std::sync::Arc;
 
 /// Watches a simulation of yarn, chainmail or any loopy structure: verifies the linking numbers of every frame.
 #[derive(Debug, Parser)]
@@ -35,12 +43,15 @@ struct Cli {
     #[arg(long, global = true)]
     json: bool,
     /// Threads to compute with [default: one a core]
-    #[arg(long, global = true, value_name = "N")]
-    threads: Option<usize>,
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    threads: Option<u16>,
     /// Say less on stderr (warnings and errors only)
     #[arg(short, long, global = true)]
     quiet: bool,
 }
+
+/// Threads that --threads may ask for: more than any machine that this was made for has cores, and few enough to start.
+const MOST_THREADS: i64 = 1024;
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 intact or done, 1 topology changed, 2 bad arguments or bad input, \
@@ -96,16 +107,28 @@ impl Outcome {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     output::init(cli.quiet);
-    if let Some(n) = cli.threads {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(n)
-            .build_global();
-        if let Err(e) = pool {
-            eprintln!("error: --threads {n}: {e}");
-            return ExitCode::from(2);
+    let code = match run(&cli) {
+        Ok(outcome) => outcome.code(),
+        Err(e) => {
+            output::error(e);
+            2
         }
+    };
+    let all_written = output::finish();
+    ExitCode::from(match code {
+        0 if !all_written => Outcome::Undecided.code(),
+        code => code,
+    })
+}
+
+fn run(cli: &Cli) -> Result<Outcome> {
+    survive_file_size_limit()?;
+    if let Some(n) = cli.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n.into());
+        pool.build_global()
+            .map_err(|e| Error::Usage(format!("--threads {n}: {e}")))?;
     }
-    let result = match &cli.command {
+    match &cli.command {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
         Command::Devices(args) => devices::run(args, cli.json),
@@ -116,12 +139,12 @@ pub fn main() -> ExitCode {
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]
         Command::Replay(args) => replay::run(args, cli.json),
-    };
-    match result {
-        Ok(outcome) => ExitCode::from(outcome.code()),
-        Err(e) => {
-            eprintln!("error: {e}");
-            ExitCode::from(2)
-        }
     }
+}
+
+/// Turns the signal that ends a process which writes beyond `ulimit -f` into an error of that write.
+fn survive_file_size_limit() -> Result<()> {
+    #[cfg(unix)]
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
+    Ok(())
 }

@@ -20,3 +20,16 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
         _ => Err("expected seconds, a finite number from 0 on".into()),
     }
 }
+
+/// A share: `0.05` or `5%`.
+#[cfg(feature = "bus")]
+pub fn share(text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.strip_suffix('%') {
+        Some(number) => (number.trim_end(), 100.0),
+        None => (text, 1.0),
+    };
+    match number.parse::<f64>() {
+        Ok(x) if (0.0..=unit).contains(&x) => Ok(x / unit),
+        _ => Err("expected a number from 0 to 1, or from 0% to 100%".into()),
+    }
+}

@@ -1,12 +1,16 @@
 //! What a person or a program sees: results on stdout, everything else on stderr.
 
+use super::stream::{self, Lost, Target};
 use indicatif::{ProgressBar, ProgressStyle};
 use linkwatch::Progress;
-use std::io::Write;
+use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::mpsc;
 use std::time::Duration;
 use tracing_subscriber::EnvFilter;
+
+/// Time that results have at the end while nobody reads them.
+const FINISH: Duration = Duration::from_secs(5);
 
 /// Sends log messages to stderr. `RUST_LOG` overrides the level.
 pub fn init(quiet: bool) {
@@ -15,25 +19,65 @@ pub fn init(quiet: bool) {
         .unwrap_or_else(|_| EnvFilter::new(format!("warn,linkwatch={level}")));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        .with_writer(|| Log)
         .with_ansi(console_on_stderr())
         .without_time()
         .with_target(false)
         .init();
 }
 
-/// Writes a line to stdout. Where the reader went away (`linkwatch .. | head`) nobody is left to tell, but the
-/// work goes on: a watched simulation still needs its verdicts, and the exit code still tells the outcome.
-pub fn line(text: impl std::fmt::Display) -> linkwatch::Result<()> {
-    match writeln!(std::io::stdout().lock(), "{text}") {
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        other => Ok(other?),
+/// Takes log messages, each in one piece. Never fails: the subscriber would tell stderr of an error, and panic if that cannot
+/// be written either.
+struct Log;
+
+impl Write for Log {
+    fn write(&mut self, message: &[u8]) -> io::Result<usize> {
+        stream::put(Target::Err, message.to_vec());
+        Ok(message.len())
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
+/// Writes a line to stdout. If it is lost, [`finish`] says so: the work goes on, since a watched simulation still needs its
+/// verdicts, and the exit code still tells the outcome.
+pub fn line(text: impl std::fmt::Display) {
+    stream::put(Target::Out, format!("{text}\n").into_bytes());
+}
+
 /// Writes a value as one line of JSON to stdout.
-pub fn json(value: &serde_json::Value) -> linkwatch::Result<()> {
-    line(value)
+pub fn json(value: &serde_json::Value) {
+    line(value);
+}
+
+/// Writes the error that ends the command to stderr.
+pub fn error(e: impl std::fmt::Display) {
+    stream::put(Target::Err, format!("error: {e}\n").into_bytes());
+}
+
+/// From here on, no line waits for stdout or stderr for longer than that.
+#[cfg(any(feature = "bus", feature = "mcap"))]
+pub fn detach(overflow: linkwatch::Overflow) -> linkwatch::Result<()> {
+    Ok(stream::detach(overflow)?)
+}
+
+/// Replaces the status line below the results, on a terminal.
+#[cfg(any(feature = "bus", feature = "mcap"))]
+pub fn status(text: String) {
+    stream::status(text);
+}
+
+/// Writes what still waits. False if results were lost; then it has said so.
+pub fn finish() -> bool {
+    stream::status(String::new());
+    let lost = stream::finish(Target::Out, FINISH);
+    if let Some(Lost { lines, why }) = &lost {
+        let lines = plural(*lines, "line");
+        error(format_args!("standard output: {why}; {lines} lost"));
+    }
+    stream::finish(Target::Err, FINISH);
+    lost.is_none()
 }
 
 /// Runs `work` with a progress bar on the terminal once it lasts longer than a moment.
@@ -83,7 +127,7 @@ pub fn bar(length: u64, of: &str) -> ProgressBar {
 
 /// Whether stderr is a terminal.
 pub fn console_on_stderr() -> bool {
-    std::io::IsTerminal::is_terminal(&std::io::stderr())
+    stream::is_terminal()
 }
 
 /// A count with separators, `211,680`.
@@ -120,7 +164,7 @@ pub fn plural_of(n: u64, one: &str, many: &str) -> String {
     }
 }
 
-/// Says which curves are left out, where some are.
+/// Says which curves are left out, if some are.
 pub fn warn_of_open_curves(name: &str, stats: &linkwatch::Stats) {
     if stats.open_curves > 0 {
         tracing::warn!(

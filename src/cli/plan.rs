@@ -32,15 +32,15 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             .transpose()?;
         if as_json {
             let measured = measured.map(|m| m.later.to_json());
-            output::json(&json!({ "model": name, "plan": plan, "measured": measured }))?;
+            output::json(&json!({ "model": name, "plan": plan, "measured": measured }));
             continue;
         }
-        output::line(name.display())?;
+        output::line(name.display());
         for line in plan.to_string().lines() {
-            output::line(format_args!("  {line}"))?;
+            output::line(format_args!("  {line}"));
         }
         if let Some(Measured { later, .. }) = measured {
-            output::line(format_args!("  measured: {later}"))?;
+            output::line(format_args!("  measured: {later}"));
         }
     }
     Ok(Outcome::Fine)

@@ -1,15 +1,20 @@
 //! `linkwatch replay`: a recording in, the same verdicts out.
 
 use super::Outcome;
-use super::output::plural;
-use super::session::{Ingested, Judge, Judged, MOTION_LIMIT, Session, Sinks, Tally};
+use super::output::{count, plural};
+use super::session::{Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks, Tally};
 use linkwatch::{
-    AbortOn, Ending, Error, Events, RecordedItem, RecordedVerdict, RecordingReader, Report, Result,
-    Verdict,
+    AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
+    Report, Result, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
+
+/// How long a replay waits for a sink or for standard output that takes nothing. Then frames or lines are dropped and
+/// counted.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Verify a recording again, frame by frame, and compare with the verdicts that were given live
 #[derive(Debug, clap::Args)]
@@ -55,17 +60,18 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         abort_on: args.judge.abort_on.or(recorded),
         ..args.judge.clone()
     };
-    args.sinks.refuse_to_overwrite(&args.recording)?;
     let mut replay = Replay {
-        session: Session::new(
-            &judge,
-            &args.sinks,
+        session: Session::new(Run {
+            judge: &judge,
+            sinks: &args.sinks,
+            recording: Some(&args.recording),
             baseline,
-            (looked_for, limit),
-            &title,
+            look_for: (looked_for, limit),
+            title: &title,
             metadata,
+            overflow: Overflow::WaitForProgress(PATIENCE),
             json,
-        )?,
+        })?,
         // Another policy or baseline gives other verdicts, and is meant to.
         compare: judge.abort_on.unwrap_or_default() == recorded.unwrap_or_default()
             && judge.baseline.is_none()
@@ -76,6 +82,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         waiting: VecDeque::new(),
         last: None,
         unlike: 0,
+        answered: 0,
+        missing: 0,
+        motion: looked_for != Events::Off,
     };
     replay
         .session
@@ -97,12 +106,23 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         mut session,
         tally,
         unlike,
+        missing,
         ..
     } = replay;
-    if let Some(Ending::Cut { .. }) = reader.ending() {
+    if let Some(Ending::Cut { at, what }) = reader.ending() {
         tracing::warn!(
-            "{}: the recording was cut off (the recorder was killed); everything complete was replayed",
-            args.recording.display()
+            "{}: the recording is cut off at byte {}, in {what}: the recorder was stopped, or its disk was full; \
+             the frames that are complete were replayed",
+            args.recording.display(),
+            count(*at),
+        );
+        session.data_lost();
+    }
+    if missing > 0 {
+        tracing::warn!(
+            "{}: {} missing: verified, but not recorded, since the disk of the recorder was too slow",
+            args.recording.display(),
+            plural(missing, "frame"),
         );
         session.data_lost();
     }
@@ -110,7 +130,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         tracing::error!("{} unlike those given live", plural(unlike, "verdict"));
         session.data_lost();
     }
-    session.finish(tally)
+    Ok(session.finish(tally))
 }
 
 /// A frame, or what was said of it live.
@@ -141,6 +161,12 @@ struct Replay {
     last: Option<Arc<Report>>,
     /// Verdicts unlike the recorded ones.
     unlike: u64,
+    /// Frames that had their verdict when the last one was recorded.
+    answered: u64,
+    /// Frames that the recorder dropped.
+    missing: u64,
+    /// Whether the recorded verdicts depend on the frame before.
+    motion: bool,
 }
 
 impl Replay {
@@ -181,7 +207,7 @@ impl Replay {
                     let judged = self.session.judge(seq, time, cuts, frame)?;
                     self.count(judged.report.verdict);
                     self.last = Some(Arc::clone(&judged.report));
-                    self.session.publish(judged, self.tally)?;
+                    self.session.publish(judged, self.tally);
                 }
                 Waiting::Verdict(recorded) => self.compare(*recorded)?,
             }
@@ -203,8 +229,14 @@ impl Replay {
             progress,
         } = recorded;
         self.tally.skipped = progress.skipped;
+        let answered = progress.verified + progress.rejected;
+        let gap = answered.saturating_sub(self.answered + 1);
+        self.answered = answered;
+        self.missing += gap;
+        // Since another frame came before it, the motion is another.
+        let compare = self.compare && !(gap > 0 && self.motion);
         match self.last.take().filter(|r| r.seq == report.seq) {
-            Some(found) if self.compare && !alike(&found, &report) => {
+            Some(found) if compare && !alike(&found, &report) => {
                 tracing::error!("live:   {}", report.headline());
                 tracing::error!("replay: {}", found.headline());
                 self.unlike += 1;
@@ -226,7 +258,7 @@ impl Replay {
                     curves: None,
                     cuts: 0,
                 };
-                self.session.publish(judged, self.tally)?;
+                self.session.publish(judged, self.tally);
             }
             None => {
                 tracing::error!("frame {}: a verdict without its frame", report.seq);

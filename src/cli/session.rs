@@ -1,22 +1,21 @@
 //! Frames to verdicts to sinks: what `watch` and `replay` share.
 
 use super::Outcome;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use super::files::{Content, claim};
+use super::files::{Files, Overwrite};
 use super::kernel::KernelArgs;
 use super::live::Live;
 use super::look_for::LookFor;
-use super::output::{self, count, millis, plural};
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-use linkwatch::Overflow;
+use super::output::{self, count, millis, percent, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, Change, CurveSet, Defect, DefectKind, Error, Events,
-    FrameRecord, PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
+    FrameRecord, Overflow, PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
 };
 #[cfg(feature = "rerun")]
 use linkwatch::{ViewerSink, ViewerTarget};
 use std::collections::{BTreeMap, BTreeSet};
-#[cfg(feature = "mcap")]
-use std::path::Path;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -32,8 +31,16 @@ const SENTENCES: usize = 8;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 const WAITING: usize = 8;
 
-/// Time that the sinks have to finish when the run is over.
+/// Points of frames that may wait for a file beyond that: some 50 MB.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+const SMALL: usize = 1_000_000;
+
+/// Time that the sinks have together to finish when the run is over.
 const FINISH: Duration = Duration::from_secs(30);
+
+/// Time that a viewer has to open before the run begins; after that it goes on by itself.
+#[cfg(feature = "rerun")]
+const OPEN: Duration = Duration::from_secs(10);
 
 /// What frames are compared with, what is looked for, and what to do about it.
 #[derive(Clone, Debug, clap::Args)]
@@ -90,60 +97,97 @@ pub struct Sinks {
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "URL", group = "shown")]
     connect: Option<String>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 impl Sinks {
-    /// Fails where a sink would overwrite the file that is being read.
-    #[cfg(feature = "mcap")]
-    pub fn refuse_to_overwrite(&self, input: &Path) -> Result<()> {
-        let same = |path: &PathBuf| {
-            let real = |p: &Path| p.canonicalize().ok();
-            real(path).is_some() && real(path) == real(input)
-        };
-        if self.record.as_ref().is_some_and(same) {
-            return Err(Error::Usage(format!(
-                "--record {} would overwrite the recording that is replayed",
-                input.display()
-            )));
+    /// The files that are written, which must not be among the inputs.
+    fn check_files(&self, inputs: &[&PathBuf]) -> Result<()> {
+        let mut files = Files::new(self.overwrite);
+        inputs.iter().for_each(|path| files.reads(path));
+        #[cfg(feature = "mcap")]
+        if let Some(path) = &self.record {
+            files.writes("--record", path, Content::Recording)?;
+        }
+        #[cfg(feature = "rerun")]
+        if let Some(path) = &self.rrd {
+            files.writes("--rrd", path, Content::Viewer)?;
         }
         Ok(())
     }
 
-    /// Opens what was asked for. `title` names the run in the viewer.
-    fn open(&self, title: &str, metadata: &BTreeMap<String, String>) -> Result<Vec<SinkQueue>> {
-        let queues = [self.open_recording(metadata)?, self.open_viewer(title)?];
+    /// Prepares what was asked for. Files are created at the first frame. `title` names the run in the viewer.
+    fn open(
+        &self,
+        title: &str,
+        metadata: &BTreeMap<String, String>,
+        overflow: Overflow,
+    ) -> Result<Vec<SinkQueue>> {
+        let queues = [
+            self.open_recording(metadata, overflow)?,
+            self.open_viewer(title, overflow)?,
+        ];
         Ok(queues.into_iter().flatten().collect())
     }
 
     #[cfg(feature = "mcap")]
-    fn open_recording(&self, metadata: &BTreeMap<String, String>) -> Result<Option<SinkQueue>> {
-        let Some(path) = &self.record else {
+    fn open_recording(
+        &self,
+        metadata: &BTreeMap<String, String>,
+        overflow: Overflow,
+    ) -> Result<Option<SinkQueue>> {
+        let Some(path) = self.record.clone() else {
             return Ok(None);
         };
-        let sink = Box::new(linkwatch::RecordingSink::create(path, metadata)?);
-        SinkQueue::spawn(sink, WAITING, Overflow::Wait).map(Some)
+        let (metadata, overwrite) = (metadata.clone(), self.overwrite);
+        let queue = SinkQueue::spawn("recording", WAITING, overflow, move || {
+            claim(&path, overwrite)?;
+            Ok(Box::new(linkwatch::RecordingSink::create(
+                &path, &metadata,
+            )?))
+        })?;
+        Ok(Some(queue.with_points(SMALL)))
     }
 
     #[cfg(not(feature = "mcap"))]
-    fn open_recording(&self, _: &BTreeMap<String, String>) -> Result<Option<SinkQueue>> {
+    fn open_recording(
+        &self,
+        _: &BTreeMap<String, String>,
+        _: Overflow,
+    ) -> Result<Option<SinkQueue>> {
         Ok(None)
     }
 
     #[cfg(feature = "rerun")]
-    fn open_viewer(&self, title: &str) -> Result<Option<SinkQueue>> {
-        // A file is complete or it misleads; a viewer on the screen may miss a frame.
-        let (target, overflow) = match (&self.rrd, &self.connect) {
-            (Some(path), _) => (ViewerTarget::File(path.clone()), Overflow::Wait),
-            (_, Some(url)) => (ViewerTarget::Connect(url.clone()), Overflow::DropOldest),
-            _ if self.view => (ViewerTarget::Spawn, Overflow::DropOldest),
-            _ => return Ok(None),
+    fn open_viewer(&self, title: &str, overflow: Overflow) -> Result<Option<SinkQueue>> {
+        let (title, overwrite) = (title.to_owned(), self.overwrite);
+        if let Some(path) = self.rrd.clone() {
+            let queue = SinkQueue::spawn("viewer", WAITING, overflow, move || {
+                claim(&path, overwrite)?;
+                Ok(Box::new(ViewerSink::open(
+                    &ViewerTarget::File(path),
+                    &title,
+                )?))
+            });
+            return Ok(Some(queue?.with_points(SMALL)));
+        }
+        let target = match &self.connect {
+            Some(url) => ViewerTarget::Connect(url.clone()),
+            None if self.view => ViewerTarget::Spawn,
+            None => return Ok(None),
         };
-        let sink = Box::new(ViewerSink::open(&target, title)?);
-        SinkQueue::spawn(sink, WAITING, overflow).map(Some)
+        // A file is complete or it misleads; a viewer on the screen may miss a frame.
+        let queue = SinkQueue::spawn("viewer", WAITING, Overflow::DropOldest, move || {
+            Ok(Box::new(ViewerSink::open(&target, &title)?))
+        })?;
+        // A viewer that is not there is an error of the command, and not of its first frame.
+        queue.open(OPEN)?;
+        Ok(Some(queue))
     }
 
     #[cfg(not(feature = "rerun"))]
-    fn open_viewer(&self, _: &str) -> Result<Option<SinkQueue>> {
+    fn open_viewer(&self, _: &str, _: Overflow) -> Result<Option<SinkQueue>> {
         Ok(None)
     }
 }
@@ -172,6 +216,32 @@ pub struct Tally {
     pub verified: u64,
     pub skipped: u64,
     pub rejected: u64,
+}
+
+impl Tally {
+    /// The share of all frames that was skipped.
+    pub fn skipped_share(self) -> f64 {
+        let all = self.verified + self.skipped + self.rejected;
+        self.skipped as f64 / all.max(1) as f64
+    }
+}
+
+/// What is verified against what, and where it goes.
+pub struct Run<'a> {
+    pub judge: &'a Judge,
+    pub sinks: &'a Sinks,
+    /// The recording that is read, if it is one.
+    pub recording: Option<&'a PathBuf>,
+    /// Baseline, events and motion limit if the user names none.
+    pub baseline: Option<(Certificate, String)>,
+    pub look_for: (Events, f64),
+    /// Names the run in the viewer.
+    pub title: &'a str,
+    /// What a recording should say of the run.
+    pub metadata: BTreeMap<String, String>,
+    /// What happens if stdout or a sink is slower than the frames.
+    pub overflow: Overflow,
+    pub json: bool,
 }
 
 /// A finding that lasts: a change by its curves and number, a defect by its curves and kind.
@@ -246,22 +316,28 @@ pub struct Session {
 }
 
 impl Session {
-    /// Prepares a run. `default_baseline`, the events and the motion limit serve where the user names none.
-    pub fn new(
-        judge: &Judge,
-        sinks: &Sinks,
-        default_baseline: Option<(Certificate, String)>,
-        (default_events, default_limit): (Events, f64),
-        title: &str,
-        mut metadata: BTreeMap<String, String>,
-        json: bool,
-    ) -> Result<Session> {
+    /// Prepares a run.
+    pub fn new(run: Run<'_>) -> Result<Session> {
+        let Run {
+            judge,
+            sinks,
+            mut metadata,
+            look_for: (default_events, default_limit),
+            ..
+        } = run;
+        let baseline = match &judge.baseline {
+            Some(Baseline::File(path)) => Some(path),
+            _ => None,
+        };
+        let inputs: Vec<&PathBuf> = run.recording.into_iter().chain(baseline).collect();
+        sinks.check_files(&inputs)?;
+        output::detach(run.overflow)?;
         let given = match &judge.baseline {
             Some(Baseline::File(path)) => {
                 Some((Certificate::read(path)?, path.display().to_string()))
             }
             Some(Baseline::FirstFrame) => None,
-            None => default_baseline,
+            None => run.baseline,
         };
         let abort_on = judge.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
@@ -282,10 +358,10 @@ impl Session {
             verifier,
             cuts: 0,
             origin,
-            queues: sinks.open(title, &metadata)?,
+            queues: sinks.open(run.title, &metadata, run.overflow)?,
             begun: false,
             pool: Vec::new(),
-            json,
+            json: run.json,
             live: Live::new(),
             outcome: Outcome::Fine,
             last_verdict: None,
@@ -380,7 +456,7 @@ impl Session {
     }
 
     /// Hands a frame to the sinks and tells the user what is new.
-    pub fn publish(&mut self, judged: Judged, tally: Tally) -> Result<()> {
+    pub fn publish(&mut self, judged: Judged, tally: Tally) {
         let Judged {
             report,
             check,
@@ -409,7 +485,7 @@ impl Session {
             self.checks.add(check);
             self.routes[work.route as usize] += 1;
         }
-        self.tell(&report, check, &work, offload)?;
+        self.tell(&report, check, &work, offload);
         let record = Arc::new(FrameRecord {
             curves,
             cuts,
@@ -424,17 +500,10 @@ impl Session {
         self.queues
             .iter()
             .for_each(|q| q.frame(Arc::clone(&record)));
-        Ok(())
     }
 
     /// Says what this frame brought that was not said before.
-    fn tell(
-        &mut self,
-        report: &Report,
-        check: Duration,
-        work: &Work,
-        offload: Offload,
-    ) -> Result<()> {
+    fn tell(&mut self, report: &Report, check: Duration, work: &Work, offload: Offload) {
         if self.json {
             output::json(&serde_json::json!({
                 "report": report,
@@ -444,7 +513,7 @@ impl Session {
                 "verified": self.tally.verified,
                 "skipped": self.tally.skipped,
                 "rejected": self.tally.rejected,
-            }))?;
+            }));
         }
         self.live.status(format_args!(
             "frame {}: {}, {} ({}); {} verified, {} skipped",
@@ -474,7 +543,7 @@ impl Session {
         if !(fresh || turned || first_and_bad) {
             // Findings that ended are news if they come back.
             self.told = lasting.into_iter().map(|(told, _)| told).collect();
-            return Ok(());
+            return;
         }
         let new = |changes: bool| {
             let mine = lasting
@@ -497,7 +566,7 @@ impl Session {
             self.first_violation = Some(format!("frame {}{detail}", report.seq));
         }
         if self.json {
-            return Ok(());
+            return;
         }
         let mut lines = vec![format!(
             "{} (checked in {})",
@@ -511,7 +580,7 @@ impl Session {
         if report.abort {
             lines.push("  abort sent: the simulator is asked to stop".into());
         }
-        lines.iter().try_for_each(|line| self.live.result(line))
+        lines.iter().for_each(output::line);
     }
 
     /// Something else happened that makes the run less than complete.
@@ -520,26 +589,35 @@ impl Session {
     }
 
     /// Closes the sinks and sums up. `tally` is the last word on all frames.
-    pub fn finish(mut self, tally: Tally) -> Result<Outcome> {
+    pub fn finish(mut self, tally: Tally) -> Outcome {
         self.tally = tally;
         let mut kept = Vec::new();
+        let mut summaries = Vec::new();
+        let start = Instant::now();
         for queue in std::mem::take(&mut self.queues) {
-            let summary = queue.finish(FINISH);
+            let complete = queue.is_to_be_complete();
+            let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
+            let all = plural(summary.written + summary.dropped, "frame");
             match &summary.failed {
-                Some(why) => {
-                    // The sink has logged why when it happened.
-                    tracing::error!("{} is incomplete: {why}", summary.name);
-                    self.outcome = self.outcome.max(Outcome::Undecided);
-                }
+                // The sink has logged why when it happened.
+                Some(why) => tracing::error!(
+                    "{} is incomplete: at least {} of {all} are in it: {why}",
+                    summary.name,
+                    count(summary.written),
+                ),
                 None if summary.dropped > 0 => {
+                    let missed = count(summary.dropped);
                     kept.push(format!(
-                        "{} missed {}",
-                        summary.name,
-                        plural(summary.dropped, "frame")
+                        "{} missed {missed} of {all}: it is too slow",
+                        summary.name
                     ));
                 }
                 None => {}
             }
+            if summary.failed.is_some() || complete && summary.dropped > 0 {
+                self.data_lost();
+            }
+            summaries.push(summary);
         }
         if tally.verified == 0 {
             self.outcome = self.outcome.max(Outcome::Undecided);
@@ -559,12 +637,14 @@ impl Session {
                     "verdict": word,
                     "verified": tally.verified,
                     "skipped": tally.skipped,
+                    "skipped_share": tally.skipped_share(),
                     "rejected": tally.rejected,
                     "median_ms": median.as_secs_f64() * 1e3,
                     "max_ms": slowest.as_secs_f64() * 1e3,
                     "first_violation": self.first_violation,
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
                     "open_curves": self.open_curves,
+                    "sinks": summaries,
                     "unresolved": {
                         "pull_throughs": self.unresolved.count,
                         "frames": self.unresolved.frames,
@@ -572,13 +652,16 @@ impl Session {
                         "limit": self.motion_limit,
                     },
                 }
-            }))?;
-            return Ok(self.outcome);
+            }));
+            return self.outcome;
         }
+        let skipped = match tally.skipped {
+            0 => "0 skipped".to_owned(),
+            n => format!("{} skipped ({})", count(n), percent(tally.skipped_share())),
+        };
         let mut line = format!(
-            "{word}: {} verified, {} skipped, {} rejected; a check took {} (median), {} at most",
+            "{word}: {} verified, {skipped}, {} rejected; a check took {} (median), {} at most",
             plural(tally.verified, "frame"),
-            count(tally.skipped),
             count(tally.rejected),
             millis(median),
             millis(slowest),
@@ -615,8 +698,8 @@ impl Session {
         for note in kept {
             line += &format!("\n{note}");
         }
-        output::line(line)?;
-        Ok(self.outcome)
+        output::line(line);
+        self.outcome
     }
 }
 

@@ -1,10 +1,10 @@
 //! `linkwatch watch`: a live simulation in, verdicts back to it.
 
 use super::Outcome;
-use super::number::seconds;
-use super::output::plural;
-use super::session::{Judge, Session, Sinks, Tally};
-use linkwatch::{Counters, Event, Events, Result, Sidecar, SidecarOptions, Verifier};
+use super::number::{seconds, share};
+use super::output::{percent, plural};
+use super::session::{Judge, Run, Session, Sinks, Tally};
+use linkwatch::{Counters, Event, Events, Overflow, Result, Sidecar, SidecarOptions, Verifier};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,6 +12,10 @@ use std::time::{Duration, Instant};
 
 /// Time between two looks at the signals.
 const TICK: Duration = Duration::from_millis(200);
+
+/// How long a sink or standard output may hold up the verdicts in total until it has caught up. Then frames or lines are
+/// dropped and counted.
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Watch a live simulation: verify its frames and tell it to stop when its topology breaks
 ///
@@ -24,6 +28,9 @@ pub struct Args {
     /// Give up when no simulator has come after this time [default: wait for ever]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
+    /// Exit code 3 if a larger share of the frames was skipped: 0 to 1, or a percentage (`5%`) [default: any may be]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    max_skipped: Option<f64>,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
@@ -33,17 +40,20 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let stop = stop_on_signals()?;
-    let mut sidecar = Sidecar::open(&args.service, &SidecarOptions::default())?;
     let metadata = BTreeMap::from([("service".to_owned(), args.service.clone())]);
-    let mut session = Session::new(
-        &args.judge,
-        &args.sinks,
-        None,
-        (Events::Off, Verifier::MOTION_LIMIT),
-        &args.service,
+    // Before simulators know of a watcher: a viewer may take a while to open.
+    let mut session = Session::new(Run {
+        judge: &args.judge,
+        sinks: &args.sinks,
+        recording: None,
+        baseline: None,
+        look_for: (Events::Off, Verifier::MOTION_LIMIT),
+        title: &args.service,
         metadata,
+        overflow: Overflow::Wait(PATIENCE),
         json,
-    )?;
+    })?;
+    let mut sidecar = Sidecar::open(&args.service, &SidecarOptions::default())?;
     session.live().note(format_args!(
         "waiting for a simulator on service '{}'",
         args.service
@@ -53,10 +63,20 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         Ok(counters) => *counters,
         Err(_) => sidecar.counters(),
     };
-    // The simulator learns at once that nobody watches any more, not after the sinks have finished.
+    // Says goodbye: a simulator does not wait for the sinks to finish.
     drop(sidecar);
+    let tally = tally(counters);
+    let share = tally.skipped_share();
+    if let Some(most) = args.max_skipped.filter(|&most| share > most) {
+        tracing::error!(
+            "{} of the frames were skipped, more than the {} of --max-skipped",
+            percent(share),
+            percent(most),
+        );
+        session.data_lost();
+    }
     // Whatever happened, what was verified so far is kept and summed up.
-    let outcome = session.finish(tally(counters))?;
+    let outcome = session.finish(tally);
     ended.map(|_| outcome)
 }
 
@@ -94,7 +114,7 @@ fn watch(
                 drop(frame);
                 let judged = session.judge(seq, time, cuts, ingested)?;
                 let sent = sidecar.send_verdict(&judged.report, judged.check);
-                session.publish(judged, tally(sidecar.counters()))?;
+                session.publish(judged, tally(sidecar.counters()));
                 sent?;
             }
             Event::Unreadable(why) => {

@@ -1,7 +1,7 @@
 //! Where verified frames go: a recording, a viewer. Each may fail without stopping the others or the watch.
 //!
 //! A [`Sink`] is plain, single-threaded code. [`SinkQueue`] gives it a thread, a bounded queue and a deadline, so
-//! that a slow disk or a viewer that hangs costs the verdict nothing.
+//! that a slow disk or a viewer that hangs delays no verdict.
 
 mod queue;
 #[cfg(feature = "mcap")]
@@ -20,6 +20,8 @@ pub use viewer::{ViewerSink, ViewerTarget};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use crate::error::Error;
 use crate::error::Result;
 use crate::incremental::Work;
 use crate::verdict::Report;
@@ -78,4 +80,14 @@ pub trait Sink: Send {
 
     /// Closes the destination properly. Dropping a sink without it may leave an unfinished file.
     fn finish(self: Box<Self>) -> Result<()>;
+}
+
+/// Creates a regular file, or empties it. Refuses anything else: opening a pipe that nobody reads would block for ever.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
+    if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
+        let source = std::io::Error::other("not a regular file");
+        return Err(Error::file(path)(source));
+    }
+    std::fs::File::create(path).map_err(Error::file(path))
 }

@@ -2,11 +2,12 @@
 //!
 //! The caller hands over a frame by cloning an `Arc`. What happens when the sink is slower than the frames is the
 //! caller's choice ([`Overflow`]); what happens when it fails is not: it stays failed, says so once, and costs
-//! nothing from then on. The sink lives and dies on its own thread: dropping a stream to a viewer that has
-//! stopped reading can block for good, so a thread that does not finish in time is left behind, never joined.
+//! nothing from then on. The sink lives and dies on its own thread, which also opens it: a frozen disk blocks the
+//! creation of a file as well as a write, and dropping a stream to a viewer that has stopped reading can block for
+//! good. So a thread that does not finish in time is left behind, never joined.
 
 use super::{BaselineRecord, FrameRecord, Sink};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::verdict::Verdict;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -16,24 +17,43 @@ use std::time::{Duration, Instant};
 /// Time between flushes while all frames are intact: what a crash may cost at most.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
+/// Time that passes in silence while something waits for the sink.
+const SILENCE: Duration = Duration::from_secs(2);
+
 /// What happens to a frame when the queue is full.
+///
+/// If there is no room in the end, the oldest waiting frame is dropped and counted; frames at which the verdict turns
+/// are kept longest. The baseline is never dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overflow {
-    /// The caller waits: nothing is lost. For recordings.
-    Wait,
-    /// The oldest waiting frame is given up, and counted; frames at which the verdict turns are kept longest.
-    /// For viewers.
+    /// The caller waits for room, but no longer than this in total until the sink has caught up. For a recording of a
+    /// live simulation: a short hiccup of the disk costs no frame, and a frozen disk costs the watch this time once.
+    Wait(Duration),
+    /// The caller waits for room as long as the sink takes a frame within this time. For a replay, which nobody waits
+    /// for: a slow disk costs no frame.
+    WaitForProgress(Duration),
+    /// The caller never waits. For viewers.
     DropOldest,
 }
 
+impl Overflow {
+    /// How long the caller may wait while the sink takes nothing.
+    pub fn patience(self) -> Duration {
+        match self {
+            Overflow::Wait(limit) | Overflow::WaitForProgress(limit) => limit,
+            Overflow::DropOldest => Duration::ZERO,
+        }
+    }
+}
+
 /// What became of a sink.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct SinkSummary {
     /// Which sink.
     pub name: &'static str,
-    /// Frames that it took.
+    /// Frames that it took; of a sink that failed, those that were safe by then.
     pub written: u64,
-    /// Frames that it never saw: given up for newer ones, or come after it had failed.
+    /// Frames that it missed: dropped for newer ones, not yet safe when it failed, or come after that.
     pub dropped: u64,
     /// Why it failed, if it did.
     pub failed: Option<String>,
@@ -49,22 +69,42 @@ enum Event {
 struct State {
     events: VecDeque<Event>,
     frames: usize,
+    /// Points and findings of the waiting frames.
+    points: usize,
     /// Frames that the sink has taken and not yet written: none or one.
     in_flight: u64,
+    /// How long the caller may still wait for room.
+    patience: Duration,
+    opening: Opening,
     last_verdict: Option<Verdict>,
     written: u64,
+    /// Frames that were written when the sink was flushed last.
+    flushed: u64,
     dropped: u64,
     failed: Option<String>,
     closing: bool,
     done: bool,
 }
 
+/// Where the sink is between nothing and open.
+#[derive(Default)]
+enum Opening {
+    /// It is opened at the first event.
+    #[default]
+    AtFirstEvent,
+    /// Somebody waits for it to be opened.
+    Now,
+    /// What came of it; an error goes to the one who waits.
+    Done(Result<()>),
+}
+
 struct Shared {
+    overflow: Overflow,
     name: &'static str,
     state: Mutex<State>,
     /// The queue has an event, or is closing.
     filled: Condvar,
-    /// The queue has room, or its thread has ended.
+    /// The queue has room, the sink is open, or its thread has ended.
     drained: Condvar,
 }
 
@@ -74,20 +114,56 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Waits while a condition holds, at most `limit`.
+    fn wait_while<'a>(
+        &'a self,
+        state: MutexGuard<'a, State>,
+        limit: Duration,
+        holds: impl Fn(&State) -> bool,
+    ) -> MutexGuard<'a, State> {
+        let wait = self
+            .drained
+            .wait_timeout_while(state, limit, |state| holds(state));
+        wait.unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    /// [`Shared::wait_while`], with a warning if that takes long: `word` says what the sink does not do.
+    fn wait_aloud<'a>(
+        &'a self,
+        mut state: MutexGuard<'a, State>,
+        limit: Duration,
+        holds: impl Fn(&State) -> bool,
+        word: &str,
+    ) -> MutexGuard<'a, State> {
+        let (silent, more) = (limit.min(SILENCE), limit.saturating_sub(SILENCE));
+        state = self.wait_while(state, silent, &holds);
+        if holds(&state) && !more.is_zero() {
+            let name = self.name;
+            tracing::warn!("{name} {word} for {SILENCE:?}; waiting at most {more:.0?} more");
+            state = self.wait_while(state, more, &holds);
+        }
+        state
+    }
+
     /// Marks the sink as failed: what waits for it is lost, and nobody waits any more.
     fn fail(&self, why: String) {
-        let mut state = self.lock();
+        let state = self.lock();
+        if state.failed.is_none() {
+            tracing::error!("{} failed and stays off: {why}", self.name);
+        }
+        self.give_up(state, why);
+    }
+
+    /// [`Shared::fail`] without a word.
+    fn give_up(&self, mut state: MutexGuard<'_, State>, why: String) {
         if state.failed.is_some() {
             return;
         }
-        tracing::error!(
-            sink = self.name,
-            "{} failed and stays off: {why}",
-            self.name
-        );
-        state.dropped += state.frames as u64 + state.in_flight;
+        let unflushed = state.written - state.flushed;
+        state.dropped += state.frames as u64 + state.in_flight + unflushed;
+        state.written = state.flushed;
         state.events.clear();
-        (state.frames, state.in_flight) = (0, 0);
+        (state.frames, state.points, state.in_flight) = (0, 0, 0);
         state.failed = Some(why);
         drop(state);
         self.drained.notify_all();
@@ -99,30 +175,75 @@ pub struct SinkQueue {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     capacity: usize,
-    overflow: Overflow,
+    points: usize,
 }
 
 impl SinkQueue {
-    /// Starts a thread for the sink. At most `capacity` frames (at least one) wait for it.
-    pub fn spawn(sink: Box<dyn Sink>, capacity: usize, overflow: Overflow) -> Result<SinkQueue> {
+    /// Starts a thread for a sink, which `open` opens there when the first event comes. At most `capacity` frames (at
+    /// least one) wait for it.
+    pub fn spawn(
+        name: &'static str,
+        capacity: usize,
+        overflow: Overflow,
+        open: impl FnOnce() -> Result<Box<dyn Sink>> + Send + 'static,
+    ) -> Result<SinkQueue> {
         let shared = Arc::new(Shared {
-            name: sink.name(),
+            overflow,
+            name,
             state: Mutex::default(),
             filled: Condvar::new(),
             drained: Condvar::new(),
         });
+        shared.lock().patience = overflow.patience();
         let worker = Worker {
             shared: Arc::clone(&shared),
         };
         let thread = std::thread::Builder::new()
-            .name(format!("linkwatch-{}", sink.name()))
-            .spawn(move || worker.run(sink))?;
+            .name(format!("linkwatch-{name}"))
+            .spawn(move || worker.run(open))?;
         Ok(SinkQueue {
             shared,
             thread: Some(thread),
             capacity: capacity.max(1),
-            overflow,
+            points: 0,
         })
+    }
+
+    /// Lets more frames wait than the capacity, as long as all that wait have fewer points than that: a disk that does
+    /// nothing for a second costs small frames nothing.
+    pub fn with_points(mut self, points: usize) -> SinkQueue {
+        self.points = points;
+        self
+    }
+
+    fn is_full(&self, state: &State) -> bool {
+        state.frames >= self.capacity && state.points >= self.points
+    }
+
+    /// Opens the sink now, before any event, and waits for that at most `limit`: then it goes on by itself.
+    ///
+    /// Errors: why it could not be opened.
+    pub fn open(&self, limit: Duration) -> Result<()> {
+        let mut state = self.shared.lock();
+        if let Opening::AtFirstEvent = state.opening {
+            state.opening = Opening::Now;
+            self.shared.filled.notify_one();
+        }
+        let opening = |s: &State| matches!(s.opening, Opening::Now) && s.failed.is_none();
+        state = self.shared.wait_while(state, limit, opening);
+        match &mut state.opening {
+            Opening::Done(outcome) => std::mem::replace(outcome, Ok(())),
+            // The thread reports an error itself from here on.
+            other => {
+                *other = Opening::AtFirstEvent;
+                Ok(())
+            }
+        }
+    }
+
+    /// Whether every frame should arrive: one that was dropped makes the sink incomplete.
+    pub fn is_to_be_complete(&self) -> bool {
+        self.shared.overflow != Overflow::DropOldest
     }
 
     /// The name of the sink.
@@ -139,35 +260,44 @@ impl SinkQueue {
         }
     }
 
-    /// Hands over a frame. Waits for room under [`Overflow::Wait`] only, and never for a sink that has failed.
+    /// Hands over a frame. May wait for room, as [`Overflow`] says, and never for a sink that has failed.
     pub fn frame(&self, record: Arc<FrameRecord>) {
-        let mut state = self.shared.lock();
-        while self.overflow == Overflow::Wait
-            && state.frames >= self.capacity
-            && state.failed.is_none()
-        {
-            let wait = self.shared.drained.wait(state);
-            state = wait.unwrap_or_else(PoisonError::into_inner);
-        }
+        let mut state = self.wait_for_room(self.shared.lock());
         if state.failed.is_some() {
             state.dropped += 1;
             return;
         }
-        if state.frames >= self.capacity {
+        if self.is_full(&state) {
             make_room(&mut state);
             if state.dropped == 1 {
                 tracing::warn!(
-                    sink = self.shared.name,
-                    "{} is slower than the frames: it skips some",
+                    "{} is slower than the frames: it misses some",
                     self.shared.name
                 );
             }
         }
         let turn = state.last_verdict != Some(record.report.verdict);
         state.last_verdict = Some(record.report.verdict);
-        state.events.push_back(Event::Frame(record, turn));
         state.frames += 1;
+        state.points += points(&record);
+        state.events.push_back(Event::Frame(record, turn));
         self.shared.filled.notify_one();
+    }
+
+    /// Waits until there is room, the sink has failed, or patience is at its end.
+    fn wait_for_room<'a>(&'a self, mut state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
+        let full = |s: &State| self.is_full(s) && s.failed.is_none();
+        let start = Instant::now();
+        let patience = state.patience;
+        state = self
+            .shared
+            .wait_aloud(state, patience, full, "has taken no frame");
+        if full(&state) {
+            state.patience = Duration::ZERO;
+        } else if let Overflow::Wait(_) = self.shared.overflow {
+            state.patience = state.patience.saturating_sub(start.elapsed());
+        }
+        state
     }
 
     /// What became of the sink up to now.
@@ -184,18 +314,13 @@ impl SinkQueue {
     /// Lets the sink take what waits, closes it, and says what became of it. After `limit` its thread is left
     /// to itself: the process may exit, and what the sink still held is lost and reported.
     pub fn finish(mut self, limit: Duration) -> SinkSummary {
-        let deadline = Instant::now() + limit;
         let mut state = self.shared.lock();
         state.closing = true;
         self.shared.filled.notify_one();
-        while !state.done && state.failed.is_none() {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                break;
-            }
-            let wait = self.shared.drained.wait_timeout(state, left);
-            state = wait.unwrap_or_else(PoisonError::into_inner).0;
-        }
+        let working = |s: &State| !s.done && s.failed.is_none();
+        state = self
+            .shared
+            .wait_aloud(state, limit, working, "has not finished");
         let late = !state.done && state.failed.is_none();
         let done = state.done;
         drop(state);
@@ -221,6 +346,16 @@ impl Drop for SinkQueue {
     }
 }
 
+/// Points that take as much memory as a frame without any.
+const FRAME_POINTS: usize = 100;
+
+/// What a frame takes in memory, in points; a finding counts as one.
+fn points(record: &FrameRecord) -> usize {
+    let report = &record.report;
+    let points = record.curves.as_ref().map_or(0, |set| set.points());
+    points + report.changes.len() + report.defects.len() + report.events.len() + FRAME_POINTS
+}
+
 /// Gives up the oldest frame that is no turn of the verdict; where all are, the oldest.
 fn make_room(state: &mut State) {
     let find = |turns: bool| {
@@ -229,9 +364,10 @@ fn make_room(state: &mut State) {
             .iter()
             .position(|e| matches!(e, Event::Frame(_, turn) if turns || !turn))
     };
-    if let Some(at) = find(false).or_else(|| find(true)) {
-        state.events.remove(at);
+    let at = find(false).or_else(|| find(true));
+    if let Some(Event::Frame(record, _)) = at.and_then(|at| state.events.remove(at)) {
         state.frames -= 1;
+        state.points -= points(&record);
         state.dropped += 1;
     }
 }
@@ -242,16 +378,50 @@ struct Worker {
 }
 
 impl Worker {
-    fn run(self, mut sink: Box<dyn Sink>) {
-        match self.feed(sink.as_mut()) {
-            Ok(true) => {
-                if let Err(e) = sink.finish() {
-                    self.shared.fail(e.to_string());
-                }
-            }
+    fn run(self, open: impl FnOnce() -> Result<Box<dyn Sink>>) {
+        if !self.is_wanted() {
+            return;
+        }
+        let sink = match open() {
+            Ok(sink) => sink,
+            Err(e) => return self.could_not_open(e),
+        };
+        self.shared.lock().opening = Opening::Done(Ok(()));
+        self.shared.drained.notify_all();
+        let mut sink = sink;
+        let outcome = match self.feed(sink.as_mut()) {
+            Ok(true) => sink.finish(),
             // Failed from outside (too late): the sink is dropped here, on its own thread.
-            Ok(false) => {}
-            Err(e) => self.shared.fail(e.to_string()),
+            Ok(false) => Ok(()),
+            Err(e) => Err(e),
+        };
+        if let Err(e) = outcome {
+            self.shared.fail(e.to_string());
+        }
+    }
+
+    /// Waits until the sink is to be opened (true), or the queue closes without an event (false).
+    fn is_wanted(&self) -> bool {
+        let idle = |s: &mut State| {
+            let now = matches!(s.opening, Opening::Now);
+            s.events.is_empty() && !now && !s.closing && s.failed.is_none()
+        };
+        let wait = self.shared.filled.wait_while(self.shared.lock(), idle);
+        let state = wait.unwrap_or_else(PoisonError::into_inner);
+        let now = matches!(state.opening, Opening::Now);
+        state.failed.is_none() && (now || !state.events.is_empty())
+    }
+
+    /// Tells the one who waits for it, or else the log.
+    fn could_not_open(&self, e: Error) {
+        let mut state = self.shared.lock();
+        let why = e.to_string();
+        if let Opening::Now = state.opening {
+            state.opening = Opening::Done(Err(e));
+            self.shared.give_up(state, why);
+        } else {
+            drop(state);
+            self.shared.fail(why);
         }
     }
 
@@ -283,8 +453,9 @@ impl Worker {
                 let wait = self.shared.filled.wait_timeout(state, left);
                 state = wait.unwrap_or_else(PoisonError::into_inner).0;
             };
-            if let Some(Event::Frame(..)) = event {
+            if let Some(Event::Frame(record, _)) = &event {
                 state.frames -= 1;
+                state.points -= points(record);
                 state.in_flight = 1;
                 self.shared.drained.notify_all();
             }
@@ -296,6 +467,13 @@ impl Worker {
                     sink.frame(&record)?;
                     let mut state = self.shared.lock();
                     state.written += std::mem::take(&mut state.in_flight);
+                    let caught_up = match self.shared.overflow {
+                        Overflow::Wait(_) => state.frames == 0,
+                        Overflow::WaitForProgress(_) | Overflow::DropOldest => true,
+                    };
+                    if caught_up {
+                        state.patience = self.shared.overflow.patience();
+                    }
                     urgent = record.report.verdict != Verdict::Intact;
                 }
                 None => {}
@@ -303,6 +481,9 @@ impl Worker {
             dirty = true;
             if urgent || flushed.elapsed() >= FLUSH_EVERY {
                 sink.flush()?;
+                let mut state = self.shared.lock();
+                state.flushed = state.written;
+                drop(state);
                 flushed = Instant::now();
                 dirty = false;
             }

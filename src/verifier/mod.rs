@@ -98,7 +98,8 @@ impl Verifier {
     /// Whether [`Verifier::step`] stops at the first change that it finds, and leaves the other pairs unchecked.
     ///
     /// Pairs are computed in the order in which they are likely to have changed, so a broken frame is told from an
-    /// intact one long before all is known. An intact frame takes as long as ever.
+    /// intact one long before all is known. An intact frame takes as long as ever. It goes together neither with
+    /// [`Verifier::set_incremental`] nor with [`Verifier::set_events`], which need all linking numbers.
     pub fn set_early_exit(&mut self, early_exit: bool) {
         self.early_exit = early_exit;
     }
@@ -144,7 +145,6 @@ impl Verifier {
     /// A frame with one is [`Verdict::Changed`], whatever its linking numbers. The sum of the signs of the
     /// pull-throughs of two closed curves is always compared with the change of their linking number; where these differ,
     /// the frame has a defect ([`DefectKind::Unaccounted`]). The first frame has no frame before it, and no pull-throughs.
-    /// With [`Verifier::set_early_exit`], which leaves linking numbers unknown, none are looked for.
     pub fn set_events(&mut self, events: Events) {
         let limit = self.steps.motion_limit();
         self.steps = Steps::new(events);
@@ -298,6 +298,11 @@ impl Verifier {
                 model: set.len(),
             });
         }
+        if self.early_exit && (self.incremental || self.steps.events() != Events::Off) {
+            let what = "early exit leaves linking numbers unknown: neither incremental verification nor the \
+                        search for pull-throughs can go on from there";
+            return Err(Error::Usage(what.into()));
+        }
         let closed = set.open_curves() < set.len();
         if !closed && self.steps.events() == Events::Off {
             return Err(Error::NothingClosed { curves: set.len() });
@@ -310,10 +315,7 @@ impl Verifier {
         let (mut comparison, stats) = self.compare(set)?;
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();
-        let (events, unresolved) = match self.early_exit {
-            true => Default::default(),
-            false => self.look_for_events(set, &comparison, &mut defects),
-        };
+        let (events, unresolved) = self.look_for_events(set, &comparison, &mut defects);
         let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
         let verdict = if !(comparison.changes.is_empty() && events.is_empty()) {
             Verdict::Changed

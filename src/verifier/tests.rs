@@ -83,6 +83,30 @@ fn a_kernel_that_sums_changes_the_work_and_no_report() {
 }
 
 #[test]
+fn early_exit_is_refused_beside_what_needs_all_linking_numbers() {
+    for (incremental, events) in [
+        (true, Events::Off),
+        (false, Events::Between),
+        (true, Events::All),
+        (false, Events::Off),
+    ] {
+        let mut verifier = Verifier::new(AbortOn::Any);
+        verifier.set_events(events);
+        verifier.set_incremental(incremental);
+        verifier.set_early_exit(true);
+        match verifier.step(0, 0.0, &squares(0.0)) {
+            Ok(report) => {
+                assert!(!incremental && events == Events::Off);
+                assert_eq!(report.verdict, Verdict::Intact);
+            }
+            Err(e) => assert!(e.to_string().starts_with("early exit"), "{e}"),
+        }
+        verifier.set_early_exit(false);
+        assert!(verifier.step(1, 0.0, &squares(0.0)).is_ok());
+    }
+}
+
+#[test]
 fn the_first_frame_has_no_pull_throughs() {
     // The first frame has no frame before: with a baseline of its own it has a change, and no pull-through.
     let baseline = Verifier::new(AbortOn::Any).certify(&squares(0.0)).0.clone();

@@ -9,6 +9,7 @@ use super::row::{Effort, FIELDS, HEADER, Row, Subject};
 use super::setting::Setting;
 use super::sizes;
 use super::slopes::Slope;
+use crate::cli::files::{Content, Files, Overwrite};
 use crate::cli::kernel::beta;
 use crate::cli::number::positive;
 use crate::cli::output::{self, count, plural, plural_of};
@@ -56,10 +57,29 @@ pub struct Args {
     /// Write plots into a folder, as PNG and SVG: error against time and against beta, time against size
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
+
+/// Plots in the folder of --plot, each as PNG and SVG.
+const PLOTS: [&str; 3] = ["error-time", "error-beta", "time-size"];
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
+    let mut files = Files::new(args.overwrite);
+    files.reads(Path::new(&args.input));
+    if let Some(file) = &args.csv {
+        files.writes("--csv", file, Content::Text)?;
+    }
+    if let Some(folder) = &args.plot {
+        create_folder(folder)?;
+        for name in PLOTS {
+            for extension in ["png", "svg"] {
+                let file = folder.join(name).with_extension(extension);
+                files.writes("--plot", &file, Content::Plot)?;
+            }
+        }
+    }
     // Open from here on, so that no run pays for it.
     let mut on_device = Verifier::new(AbortOn::Never);
     on_device.set_device(&args.device)?;
@@ -76,11 +96,8 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         _ => Vec::new(),
     };
     let mut csv = Csv::create(args.csv.as_deref(), FIELDS)?;
-    if let Some(folder) = &args.plot {
-        create_folder(folder)?;
-    }
     let say = |line: &dyn std::fmt::Display| match as_json {
-        true => Ok(()),
+        true => {}
         false => output::line(line),
     };
     let threads = rayon::current_num_threads();
@@ -100,8 +117,8 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             .as_ref()
             .map_or(String::new(), |d| format!(", {}", d.name)),
         args.repeat,
-    ))?;
-    say(&HEADER)?;
+    ));
+    say(&HEADER);
     let (settings, at_sizes) = (Setting::all(&args.betas), Setting::for_sizes());
     let effort = Effort {
         device: args.device.clone(),
@@ -118,7 +135,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             bar.set_message(setting.to_string());
             let row = Row::measure(setting, subject, &effort)?;
             bar.inc(1);
-            bar.suspend(|| say(&row.line()))?;
+            bar.suspend(|| say(&row.line()));
             csv.row(&row.json())?;
             rows.push(row);
         }
@@ -128,13 +145,13 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     measure(&subject, &settings, &mut rows)?;
     let slopes = Slope::all(&rows);
     for slope in &slopes {
-        say(slope)?;
+        say(slope);
     }
     let mut resized = Vec::new();
     for scene in others {
         let subject = Subject::new(scene.build()?.curves)?;
         let segments = subject.set.segments() as u64;
-        bar.suspend(|| say(&format_args!("{} segments:", count(segments))))?;
+        bar.suspend(|| say(&format_args!("{} segments:", count(segments))));
         measure(&subject, &at_sizes, &mut resized)?;
     }
     bar.finish_and_clear();
@@ -151,15 +168,16 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "device": device,
             "slopes": Slope::json(&slopes),
             "sizes": resized.iter().map(Row::json).collect::<Vec<_>>(),
-        }))?;
+        }));
     }
     if let Some(folder) = &args.plot {
-        figures::error_against_time(&args.input, &rows).write(&folder.join("error-time"))?;
-        figures::error_against_beta(&args.input, &rows).write(&folder.join("error-beta"))?;
+        let [error_time, error_beta, time_size] = PLOTS.map(|name| folder.join(name));
+        figures::error_against_time(&args.input, &rows).write(&error_time)?;
+        figures::error_against_beta(&args.input, &rows).write(&error_beta)?;
         if !resized.is_empty() {
             let own = rows.iter().filter(|row| at_sizes.contains(&row.setting));
             let plot = figures::time_against_size(&args.input, own.chain(&resized));
-            plot.write(&folder.join("time-size"))?;
+            plot.write(&time_size)?;
         }
     }
     let mut outcome = Outcome::Fine;

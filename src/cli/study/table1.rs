@@ -5,6 +5,7 @@ use super::published::{MACHINE, Published, Source, TABLE_1};
 use super::row::{Effort, Measured, Row, Subject, brief};
 use super::setting::Setting;
 use crate::cli::Outcome;
+use crate::cli::files::{Content, Files, Overwrite};
 use crate::cli::number::positive;
 use crate::cli::output::{self, count, plural};
 use linkwatch::kernels::{Device, Method};
@@ -47,6 +48,8 @@ pub struct Args {
     /// Write the table to a file, a line for each model and kernel
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 /// A kernel, with what was published of it.
@@ -131,20 +134,29 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         let method = c.setting.method;
         method == Method::Crossings || args.kernels.contains(&method)
     });
+    let mut files = Files::new(args.overwrite);
+    for published in &chosen {
+        if let (Source::File(name), Some(folder)) = (published.source, &args.models) {
+            files.reads(&folder.join(name));
+        }
+    }
+    if let Some(file) = &args.csv {
+        files.writes("--csv", file, Content::Text)?;
+    }
     let mut csv = Csv::create(args.csv.as_deref(), FIELDS)?;
     let say = |line: &dyn std::fmt::Display| match as_json {
-        true => Ok(()),
+        true => {}
         false => output::line(line),
     };
     let threads = plural(rayon::current_num_threads() as u64, "thread");
-    say(&format_args!("here: {threads}, median of {}", args.repeat))?;
+    say(&format_args!("here: {threads}, median of {}", args.repeat));
     say(&format_args!(
         "published (Qu & James 2021, table 1): {MACHINE}"
-    ))?;
+    ));
     say(
         &"other machines, other programs: compare orders of magnitude. Times in seconds; errors are the largest of a linking number",
-    )?;
-    say(&header(&columns))?;
+    );
+    say(&header(&columns));
     let effort = Effort {
         device: Device::Cpu,
         fast_device: false,
@@ -165,7 +177,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
                         .push(Row::measure(column.setting, &m.subject, &effort)?);
                     bar.inc(1);
                 }
-                bar.suspend(|| say(&m.line(&columns)))?;
+                bar.suspend(|| say(&m.line(&columns)));
                 if !m.as_constructed || m.rows.iter().any(Row::differs) {
                     tracing::error!("{}: a certificate is not the exact one", published.model);
                     outcome = Outcome::Changed;
@@ -179,11 +191,11 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             Err(why) => {
                 bar.inc(columns.len() as u64);
                 let text = format!("{:38}here: {why}", published.model);
-                bar.suspend(|| say(&text))?;
+                bar.suspend(|| say(&text));
                 (Map::new(), Some(why))
             }
         };
-        bar.suspend(|| say(&published_line(published, &columns)))?;
+        bar.suspend(|| say(&published_line(published, &columns)));
         object.insert("model".into(), published.model.into());
         object.insert("left_out".into(), json!(left_out));
         object.insert("published".into(), json!(published));
@@ -196,7 +208,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             "repeat": args.repeat,
             "published_machine": MACHINE,
             "models": models,
-        }))?;
+        }));
     }
     Ok(outcome)
 }

@@ -85,7 +85,7 @@ fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
             rejected: None,
             stats: Default::default(),
         }),
-        verified: 0,
+        verified: seq,
         skipped: 0,
         rejected: 0,
         check: Duration::ZERO,
@@ -95,6 +95,12 @@ fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
 }
 
 const LONG: Duration = Duration::from_secs(60);
+
+const WAIT: Overflow = Overflow::Wait(LONG);
+
+fn spawn(sink: Box<Probe>, capacity: usize, overflow: Overflow) -> SinkQueue {
+    SinkQueue::spawn("probe", capacity, overflow, move || Ok(sink)).unwrap()
+}
 
 /// Waits until the sink holds the first frame, so that the queue behind it is empty.
 fn hold(queue: &SinkQueue, verdict: Verdict) {
@@ -107,7 +113,7 @@ fn hold(queue: &SinkQueue, verdict: Verdict) {
 #[test]
 fn the_oldest_frames_give_way_and_are_counted_but_turns_stay() {
     let (sink, handle) = probe(None);
-    let queue = SinkQueue::spawn(sink, 3, Overflow::DropOldest).unwrap();
+    let queue = spawn(sink, 3, Overflow::DropOldest);
     hold(&queue, Verdict::Intact);
     for seq in 2..=9 {
         let verdict = if seq < 4 {
@@ -131,7 +137,7 @@ fn the_oldest_frames_give_way_and_are_counted_but_turns_stay() {
 #[test]
 fn a_recording_waits_and_loses_nothing() {
     let (sink, handle) = probe(None);
-    let queue = SinkQueue::spawn(sink, 2, Overflow::Wait).unwrap();
+    let queue = spawn(sink, 2, WAIT);
     for _ in 0..100 {
         handle.permits.send(()).unwrap();
     }
@@ -148,19 +154,20 @@ fn a_recording_waits_and_loses_nothing() {
 fn a_failed_sink_stays_failed_and_holds_nobody_up() {
     let (sink, handle) = probe(Some(3));
     drop(handle.permits);
-    let queue = SinkQueue::spawn(sink, 1, Overflow::Wait).unwrap();
+    let queue = spawn(sink, 1, WAIT);
     for seq in 1..=50 {
         queue.frame(frame(seq, Verdict::Intact));
     }
     let summary = queue.finish(LONG);
-    assert_eq!((summary.written, summary.dropped), (2, 48));
+    // Two were taken, and not flushed.
+    assert_eq!((summary.written, summary.dropped), (0, 50));
     assert_eq!(summary.failed.as_deref(), Some("probe: disk full"));
 }
 
 #[test]
 fn a_sink_that_hangs_is_left_behind() {
     let (sink, handle) = probe(None);
-    let queue = SinkQueue::spawn(sink, 4, Overflow::DropOldest).unwrap();
+    let queue = spawn(sink, 4, Overflow::DropOldest);
     hold(&queue, Verdict::Intact);
     queue.frame(frame(2, Verdict::Intact));
     let summary = queue.finish(Duration::from_millis(20));
@@ -173,11 +180,239 @@ fn a_sink_that_hangs_is_left_behind() {
 fn a_broken_frame_is_flushed_at_once() {
     let (sink, handle) = probe(None);
     drop(handle.permits);
-    let queue = SinkQueue::spawn(sink, 4, Overflow::Wait).unwrap();
+    let queue = spawn(sink, 4, WAIT);
     queue.frame(frame(1, Verdict::Changed));
     assert!(handle.flushes.recv_timeout(LONG).is_ok());
     // And an intact one within about a second, with no frame after it.
     queue.frame(frame(2, Verdict::Intact));
     assert!(handle.flushes.recv_timeout(LONG).is_ok());
     queue.finish(LONG);
+}
+
+/// Before, the caller waited for as long as the sink took nothing.
+#[test]
+fn a_frozen_sink_holds_the_caller_up_once_and_for_a_limited_time() {
+    let (sink, handle) = probe(None);
+    let limit = Duration::from_millis(100);
+    let queue = spawn(sink, 4, Overflow::Wait(limit));
+    hold(&queue, Verdict::Intact);
+    let start = Instant::now();
+    for seq in 2..=200 {
+        queue.frame(frame(seq, Verdict::Intact));
+    }
+    let took = start.elapsed();
+    assert!(took >= limit, "{took:?}");
+    assert!(took < 20 * limit, "199 frames waited {took:?} together");
+    // It thaws: the newest frames are there, and patience is back.
+    let dropped = queue.summary().dropped;
+    assert_eq!(dropped, 195);
+    (0..6).for_each(|_| handle.permits.send(()).unwrap());
+    let seen: Vec<u64> = (0..5)
+        .map(|_| handle.seen.recv_timeout(LONG).unwrap().0)
+        .collect();
+    assert_eq!(seen[1..], [197, 198, 199, 200]);
+    while queue.shared.lock().patience < limit {
+        std::thread::yield_now();
+    }
+    drop(handle.permits);
+    let summary = queue.finish(LONG);
+    assert_eq!((summary.written, summary.dropped), (5, 195));
+}
+
+/// Frames without curves.
+#[test]
+fn small_frames_wait_beyond_the_capacity() {
+    let (sink, handle) = probe(None);
+    let queue = spawn(sink, 2, Overflow::Wait(Duration::ZERO)).with_points(10 * FRAME_POINTS);
+    hold(&queue, Verdict::Intact);
+    (2..=13).for_each(|seq| queue.frame(frame(seq, Verdict::Intact)));
+    assert_eq!(queue.summary().dropped, 2);
+    drop(handle.permits);
+    assert_eq!(queue.finish(LONG).written, 11);
+}
+
+#[test]
+fn a_replay_waits_for_a_slow_sink_and_not_for_a_frozen_one() {
+    let limit = Duration::from_millis(200);
+    let (sink, handle) = probe(None);
+    let queue = spawn(sink, 1, Overflow::WaitForProgress(limit));
+    let slow = std::thread::spawn(move || {
+        // Each frame takes half of the limit; together they take far longer.
+        for _ in 0..12 {
+            std::thread::sleep(limit / 2);
+            handle.permits.send(()).unwrap();
+        }
+        handle
+    });
+    (1..=12).for_each(|seq| queue.frame(frame(seq, Verdict::Intact)));
+    let handle = slow.join().unwrap();
+    while queue.summary().written < 12 {
+        std::thread::yield_now();
+    }
+    assert_eq!(queue.summary().dropped, 0);
+    let start = Instant::now();
+    (13..=100).for_each(|seq| queue.frame(frame(seq, Verdict::Intact)));
+    assert!(start.elapsed() < 20 * limit);
+    assert!(queue.summary().dropped > 80);
+    drop(handle.permits);
+    queue.finish(LONG);
+}
+
+#[test]
+fn a_sink_is_opened_on_its_own_thread_and_only_when_something_comes() {
+    let (sink, handle) = probe(None);
+    drop(handle.permits);
+    let (opened, open) = channel::<()>();
+    let queue = SinkQueue::spawn("probe", 4, Overflow::Wait(LONG), move || {
+        open.recv().unwrap();
+        Ok(sink)
+    })
+    .unwrap();
+    // Opening hangs, and nobody waits for it: neither before the first event nor after.
+    let start = Instant::now();
+    (1..=3).for_each(|seq| queue.frame(frame(seq, Verdict::Intact)));
+    assert!(start.elapsed() < LONG / 2);
+    opened.send(()).unwrap();
+    assert_eq!(queue.finish(LONG).written, 3);
+
+    let queue = SinkQueue::spawn("probe", 4, Overflow::Wait(LONG), || {
+        panic!("opened for nothing")
+    })
+    .unwrap();
+    let summary = queue.finish(LONG);
+    assert_eq!((summary.written, summary.failed), (0, None));
+}
+
+#[test]
+fn an_error_of_opening_goes_to_the_one_who_waits_for_it_or_else_into_the_summary() {
+    let fails = || {
+        let what = "nobody there".into();
+        Err(Error::Sink {
+            sink: "probe",
+            what,
+        })
+    };
+    let queue = SinkQueue::spawn("probe", 4, Overflow::DropOldest, fails).unwrap();
+    let e = queue.open(LONG).unwrap_err().to_string();
+    assert_eq!(e, "probe: nobody there");
+    let queue = SinkQueue::spawn("probe", 4, Overflow::DropOldest, fails).unwrap();
+    queue.frame(frame(1, Verdict::Intact));
+    let summary = queue.finish(LONG);
+    assert_eq!((summary.written, summary.dropped), (0, 1));
+    assert_eq!(summary.failed.as_deref(), Some("probe: nobody there"));
+    // A viewer that takes its time goes on by itself.
+    let (sink, handle) = probe(None);
+    drop(handle.permits);
+    let (opened, open) = channel::<()>();
+    let queue = SinkQueue::spawn("probe", 4, Overflow::DropOldest, move || {
+        open.recv().unwrap();
+        Ok(sink)
+    })
+    .unwrap();
+    queue.open(Duration::from_millis(10)).unwrap();
+    queue.frame(frame(1, Verdict::Intact));
+    opened.send(()).unwrap();
+    assert_eq!(queue.finish(LONG).written, 1);
+}
+
+/// How a disk behaves at a frame.
+#[derive(Clone, Copy, Debug)]
+enum Disk {
+    Quick,
+    Slow,
+    Frozen,
+    Full,
+}
+
+/// A recording on a disk that behaves in its own way at every frame.
+struct Recording {
+    disk: Vec<Disk>,
+    seen: Sender<String>,
+}
+
+impl Recording {
+    fn take(&mut self, what: String) -> Result<()> {
+        match self.disk.pop().unwrap_or(Disk::Quick) {
+            Disk::Quick => {}
+            Disk::Slow => std::thread::sleep(Duration::from_millis(2)),
+            Disk::Frozen => std::thread::sleep(Duration::from_millis(60)),
+            Disk::Full => return Err(std::io::Error::from(std::io::ErrorKind::StorageFull).into()),
+        }
+        self.seen.send(what).ok();
+        Ok(())
+    }
+}
+
+impl Sink for Recording {
+    fn name(&self) -> &'static str {
+        "recording"
+    }
+    fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
+        self.take(baseline.origin.clone())
+    }
+    fn frame(&mut self, record: &FrameRecord) -> Result<()> {
+        self.take(record.report.seq.to_string())
+    }
+    fn flush(&mut self) -> Result<()> {
+        Ok(())
+    }
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Full, slow and frozen disks: the caller never waits beyond its patience, every frame is written or counted, the order
+/// stays, and the baseline comes first.
+#[test]
+fn no_disk_delays_the_caller_or_loses_a_frame_in_silence() {
+    use proptest::prelude::*;
+    let disk = prop_oneof![
+        8 => Just(Disk::Quick),
+        4 => Just(Disk::Slow),
+        1 => Just(Disk::Frozen),
+        1 => Just(Disk::Full),
+    ];
+    let case = (
+        proptest::collection::vec(disk, 0..40),
+        1_usize..6,
+        0_u64..8,
+        any::<bool>(),
+    );
+    proptest!(ProptestConfig::with_cases(48), |((disk, capacity, patience, opened) in case)| {
+        let patience = Duration::from_millis(patience);
+        let (saw, seen) = channel();
+        let full = disk.iter().any(|d| matches!(d, Disk::Full));
+        let frames = 40;
+        let queue = SinkQueue::spawn("recording", capacity, Overflow::Wait(patience), move || {
+            Ok(Box::new(Recording { disk, seen: saw }))
+        })
+        .unwrap();
+        if opened {
+            queue.open(LONG).unwrap();
+        }
+        queue.begin(Arc::new(BaselineRecord {
+            certificate: Arc::default(),
+            origin: "baseline".into(),
+        }));
+        let start = Instant::now();
+        for seq in 1..=frames {
+            let verdict = [Verdict::Intact, Verdict::Changed][(seq / 7 % 2) as usize];
+            queue.frame(frame(seq, verdict));
+        }
+        // Once for each time that the sink caught up; a frozen disk by itself is waited for no longer.
+        prop_assert!(start.elapsed() < frames as u32 * patience + Duration::from_secs(2));
+        let summary = queue.finish(LONG);
+        let seen: Vec<String> = seen.iter().collect();
+        prop_assert_eq!(summary.written + summary.dropped, frames);
+        prop_assert!(summary.failed.is_none() || full);
+        let numbers: Vec<u64> = seen.iter().skip(1).map(|s| s.parse().unwrap()).collect();
+        prop_assert!(numbers.is_sorted());
+        prop_assert!(numbers.len() as u64 == summary.written || full);
+        if let Some(first) = seen.first() {
+            prop_assert_eq!(first, "baseline");
+        }
+        if summary.failed.is_none() {
+            prop_assert_eq!(numbers.last(), Some(&frames));
+        }
+    });
 }

@@ -150,11 +150,13 @@ pub struct RecordingReader<R> {
 impl RecordingReader<BufReader<File>> {
     /// Opens a file. One that is still being written is read up to its present end.
     pub fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(Error::file(path))?;
-        if !file.metadata().map_err(Error::file(path))?.is_file() {
+        // Asked before opening, which would wait for the writer of a pipe.
+        let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
+        if !metadata.is_file() {
             let why = "a recording is read from a regular file";
             return Err(Error::file(path)(std::io::Error::other(why)));
         }
+        let file = File::open(path).map_err(Error::file(path))?;
         RecordingReader::new(BufReader::new(file))
     }
 }
@@ -181,7 +183,7 @@ impl<R: Read + Seek> RecordingReader<R> {
         self.skipped
     }
 
-    /// How the recording ended, once it has; none where damage ended it.
+    /// How the recording ended, once it has: finished or cut; none where damage ended it.
     pub fn ending(&self) -> Option<&Ending> {
         self.container.ending()
     }

@@ -1,5 +1,10 @@
 //! Writes a recording.
 //!
+//! A chunk is made in memory and written as a whole, and nothing is written any more after the first error. So the file
+//! is at any moment a prefix of the finished one, which the reader accepts up to the last complete record: after a kill, and
+//! after a full disk. (Chunks that are written in pieces get their length at the end, by going back. If that is done
+//! after an error, as the crate does when a writer is dropped, the length covers half a record.)
+//!
 //! Chunks are closed at 768 KiB, so that with one small message on top they stay below 1 MiB; one frame that is
 //! larger makes its chunk larger. They are not compressed: LZ4 was measured to save nothing on coordinates and to
 //! cost 1.4 ms for a frame of 2.5 MB. Each chunk has a checksum, so damage is found all the same.
@@ -10,12 +15,13 @@ use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 use prost::Message;
 use prost::bytes::Bytes;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -27,7 +33,7 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 /// Writes an MCAP recording; see [`crate::RecordingReader`] for the way back.
 pub struct RecordingSink {
     path: PathBuf,
-    writer: Writer<BufWriter<File>>,
+    writer: Writer<NoSeek<BufWriter<Prefix>>>,
     frames: u16,
     verdicts: u16,
     baseline: u16,
@@ -37,17 +43,29 @@ pub struct RecordingSink {
 }
 
 impl RecordingSink {
-    /// Creates (or overwrites) the file. `metadata` says what a later reader should know of this run: the
-    /// service, the abort policy; the version of linkwatch is added.
+    /// Creates the file, or overwrites it; it must be a regular one. `metadata` says what a later reader should know of
+    /// this run: the service, the abort policy; the version of linkwatch is added.
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingSink> {
-        let file = File::create(path).map_err(Error::file(path))?;
+        let file = crate::sinks::create_file(path)?;
+        RecordingSink::on(path, Box::new(file), metadata)
+    }
+
+    fn on(
+        path: &Path,
+        output: Box<dyn Output>,
+        metadata: &BTreeMap<String, String>,
+    ) -> Result<RecordingSink> {
         let version = env!("CARGO_PKG_VERSION");
         let failed = |e| sink_error(path, e);
         let mut writer = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
+            .disable_seeking(true)
             .library(format!("linkwatch {version}"))
-            .create(BufWriter::new(file))
+            .create(NoSeek::new(BufWriter::new(Prefix {
+                output,
+                failed: false,
+            })))
             .map_err(failed)?;
         let mut metadata = metadata.clone();
         metadata.insert("version".into(), version.into());
@@ -153,12 +171,45 @@ impl Sink for RecordingSink {
         self.writer
             .finish()
             .map_err(|e| sink_error(&self.path, e))?;
-        let file = self
-            .writer
-            .into_inner()
+        let buffer = self.writer.into_inner().into_inner();
+        let prefix = buffer
             .into_inner()
             .map_err(|e| Error::file(&self.path)(e.into_error()))?;
-        file.sync_all().map_err(Error::file(&self.path))
+        prefix.output.sync().map_err(Error::file(&self.path))
+    }
+}
+
+/// What a recording is written to.
+trait Output: Write + Send {
+    /// Makes all of it safe from a crash of the machine.
+    fn sync(&self) -> io::Result<()>;
+}
+
+impl Output for File {
+    fn sync(&self) -> io::Result<()> {
+        self.sync_all()
+    }
+}
+
+/// Writes nothing any more after an error: what is written stays a prefix of what should have been.
+struct Prefix {
+    output: Box<dyn Output>,
+    failed: bool,
+}
+
+impl Write for Prefix {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.failed {
+            return Err(io::Error::other("nothing is written after an error"));
+        }
+        let written = self.output.write(bytes);
+        let interrupted = |e: &io::Error| e.kind() == io::ErrorKind::Interrupted;
+        self.failed = written.as_ref().is_err_and(|e| !interrupted(e));
+        written
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.output.flush()
     }
 }
 
@@ -175,5 +226,133 @@ fn sink_error(path: &Path, error: McapError) -> Error {
             sink: "recording",
             what: format!("{}: {other}", path.display()),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Basis, Positions};
+    use crate::sinks::{Ending, RecordedItem, RecordingReader};
+    use crate::verdict::Verdict;
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
+
+    /// A disk that takes so many bytes, the last of them in a write that is cut short.
+    #[derive(Clone)]
+    struct Disk {
+        bytes: Arc<Mutex<Vec<u8>>>,
+        room: usize,
+    }
+
+    impl Write for Disk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let mut disk = self.bytes.lock().unwrap();
+            let n = bytes.len().min(self.room - disk.len());
+            if n == 0 && !bytes.is_empty() {
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            disk.extend(&bytes[..n]);
+            Ok(n)
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Output for Disk {
+        fn sync(&self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn frame(seq: u64, curves: usize) -> FrameRecord {
+        let xyz: Vec<f32> = (0..9 * curves).map(|k| k as f32 + seq as f32).collect();
+        let counts = vec![-3; curves];
+        let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
+        FrameRecord {
+            curves: Some(Arc::new(set)),
+            report: Arc::new(Report {
+                seq,
+                time: 0.0,
+                verdict: Verdict::Intact,
+                abort: false,
+                changes: Vec::new(),
+                events: Vec::new(),
+                unresolved: Vec::new(),
+                adopted: Vec::new(),
+                defects: Vec::new(),
+                rejected: None,
+                stats: Default::default(),
+            }),
+            verified: seq,
+            skipped: 0,
+            rejected: 0,
+            check: Duration::ZERO,
+            work: Default::default(),
+            received: UNIX_EPOCH,
+        }
+    }
+
+    /// Records frames until the disk is full, or to the end; the error, and what is on the disk then.
+    fn record(frames: &[FrameRecord], flush: bool, room: usize) -> (Result<()>, Vec<u8>) {
+        let disk = Disk {
+            bytes: Arc::default(),
+            room,
+        };
+        let outcome = (|| {
+            let output = Box::new(disk.clone());
+            let mut sink = RecordingSink::on(Path::new("run.mcap"), output, &BTreeMap::new())?;
+            for frame in frames {
+                sink.frame(frame)?;
+                if flush {
+                    sink.flush()?;
+                }
+            }
+            Box::new(sink).finish()
+        })();
+        let bytes = std::mem::take(&mut *disk.bytes.lock().unwrap());
+        (outcome, bytes)
+    }
+
+    fn read(bytes: &[u8]) -> (Vec<RecordedItem>, Option<Ending>) {
+        let mut reader = RecordingReader::new(io::Cursor::new(bytes)).unwrap();
+        let mut items = Vec::new();
+        while let Some(item) = reader.next_item().unwrap() {
+            items.push(item);
+        }
+        (items, reader.ending().cloned())
+    }
+
+    /// At every byte for small frames, and at every few thousand for frames that share chunks or exceed them.
+    #[test]
+    fn what_was_written_before_the_disk_was_full_stays_readable() {
+        for (curves, frames, step) in [(1, 3, 1), (2000, 14, 3001), (30_000, 2, 20_011)] {
+            let frames: Vec<_> = (1..=frames).map(|seq| frame(seq, curves)).collect();
+            for flush in [false, true] {
+                let (outcome, whole) = record(&frames, flush, usize::MAX);
+                outcome.unwrap();
+                let (all, ending) = read(&whole);
+                assert_eq!(
+                    (all.len(), ending),
+                    (2 * frames.len(), Some(Ending::Finished))
+                );
+                let mut most = 0;
+                let rooms = (0..whole.len()).step_by(step);
+                for room in rooms.chain([whole.len() - 1]) {
+                    let (outcome, bytes) = record(&frames, flush, room);
+                    let e = outcome.unwrap_err().to_string();
+                    assert!(e.starts_with("run.mcap: "), "{room}: {e}");
+                    assert!(whole.starts_with(&bytes), "full at {room}");
+                    let (items, ending) = read(&bytes);
+                    assert!(items.len() >= most, "full at {room}");
+                    assert_eq!(items[..], all[..items.len()], "full at {room}");
+                    let at_end = ending == Some(Ending::Finished);
+                    assert!(!at_end || items.len() == all.len(), "full at {room}");
+                    most = items.len();
+                }
+                assert_eq!(most, all.len());
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Where the viewer is: a file for later, a running viewer, or one to start.
 
 use super::{APPLICATION, failed};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use rerun::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ impl ViewerTarget {
         match self {
             ViewerTarget::File(path) => {
                 // Created here first: an error of ours names the file.
-                std::fs::File::create(path).map_err(Error::file(path))?;
+                crate::sinks::create_file(path)?;
                 builder.save(path).map_err(failed)
             }
             ViewerTarget::Connect(address) => {

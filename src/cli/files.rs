@@ -1,0 +1,327 @@
+//! Files that a command reads and writes: no output replaces an input, another output, or (without `--force`) any file.
+
+use linkwatch::{Error, Result};
+use std::fs::{File, OpenOptions};
+use std::path::{Path, PathBuf};
+
+/// `--force`, of every command that writes files.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct Overwrite {
+    /// Overwrite output files that exist
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// What a file holds. The extension of an output must not promise something else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Lines of text. It may also be a pipe or a device.
+    Text,
+    Model,
+    #[cfg(feature = "mcap")]
+    Recording,
+    #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
+    Viewer,
+    Plot,
+}
+
+impl Content {
+    /// What is wrong with the extension of such a file.
+    fn refuse_extension(self, extension: &str) -> Option<&'static str> {
+        match (self, extension) {
+            (Content::Text, "bcc" | "obj" | "vect") => Some("that is a model; the output is text"),
+            (Content::Text, "mcap") => Some("that is a recording; the output is text"),
+            (Content::Text, "rrd") => Some("that is a file of the viewer; the output is text"),
+            (Content::Model, other) if other != "bcc" => Some("scenes are written as .bcc"),
+            #[cfg(feature = "mcap")]
+            (Content::Recording, "rrd") => {
+                Some("a recording is an .mcap file; --rrd writes a file for the viewer (.rrd)")
+            }
+            #[cfg(feature = "mcap")]
+            (Content::Recording, other) if other != "mcap" => Some("a recording is an .mcap file"),
+            #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
+            (Content::Viewer, "mcap") => {
+                Some("a file for the viewer is an .rrd file; --record writes a recording (.mcap)")
+            }
+            #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
+            (Content::Viewer, other) if other != "rrd" => {
+                Some("a file for the viewer is an .rrd file")
+            }
+            _ => None,
+        }
+    }
+}
+
+/// All files of a command, checked one by one before its work begins.
+pub struct Files {
+    force: bool,
+    /// Inputs and outputs, with their names in messages.
+    known: Vec<(Identity, String)>,
+}
+
+impl Files {
+    pub fn new(overwrite: Overwrite) -> Files {
+        Files {
+            force: overwrite.force,
+            known: Vec::new(),
+        }
+    }
+
+    /// Takes note of an input. It need not exist: a scene does not.
+    pub fn reads(&mut self, path: &Path) {
+        if let Ok(metadata) = std::fs::metadata(path) {
+            if is_pipe(&metadata) {
+                tracing::info!("{}: a pipe; waiting for its writer", path.display());
+            }
+            if metadata.is_file() {
+                let name = format!("the input {}", path.display());
+                self.known.push((Identity::of(path), name));
+            }
+        }
+    }
+
+    /// Makes sure that an output can be written, and that it replaces nothing that is to be kept.
+    pub fn writes(&mut self, option: &str, path: &Path, content: Content) -> Result<()> {
+        let name = format!("{option} {}", path.display());
+        let refuse = |why: &str| Err(Error::Usage(format!("{name}: {why}")));
+        let extension = path.extension().unwrap_or_default().to_string_lossy();
+        if let Some(why) = content.refuse_extension(&extension.to_lowercase()) {
+            return refuse(why);
+        }
+        let found = std::fs::metadata(path);
+        match &found {
+            _ if content == Content::Text && is_stream(path) => return Ok(()),
+            Ok(m) if m.is_dir() => return refuse("that is a folder"),
+            Ok(m) if !m.is_file() && content == Content::Text => return Ok(()),
+            Ok(m) if !m.is_file() => return refuse("not a regular file"),
+            _ => {}
+        }
+        let identity = Identity::of(path);
+        if let Some((_, other)) = self.known.iter().find(|(known, _)| *known == identity) {
+            return refuse(&format!("the same file as {other}"));
+        }
+        if found.is_ok() && !self.force {
+            return refuse("the file exists; --force overwrites it");
+        }
+        try_to_write(path)?;
+        self.known.push((identity, name));
+        Ok(())
+    }
+}
+
+/// Creates a file and leaves it empty. Fails if it exists, unless it may be overwritten.
+#[cfg(any(feature = "mcap", all(feature = "rerun", feature = "bus")))]
+pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
+    if !overwrite.force {
+        File::create_new(path).map_err(failed(path))?;
+    }
+    Ok(())
+}
+
+/// Writes a file under another name first: its own name never stands for half of it. Pipes and devices are written as they
+/// are.
+pub fn write_whole(
+    path: &Path,
+    overwrite: Overwrite,
+    write: impl FnOnce(&Path) -> Result<()>,
+) -> Result<()> {
+    let found = std::fs::metadata(path);
+    if is_stream(path) || found.as_ref().is_ok_and(|m| !m.is_file()) {
+        if found.is_ok_and(|m| is_pipe(&m)) {
+            tracing::info!("{}: a pipe; waiting for its reader", path.display());
+        }
+        return write(path);
+    }
+    // A link stays one: the file that it names is replaced.
+    let file = resolve(path);
+    let part = part_of(&file);
+    let written = write(&part).and_then(|()| {
+        if file.exists() && !overwrite.force {
+            let kept = part.display();
+            let why = format!("came to exist meanwhile; the output was kept as {kept}");
+            return Err(Error::Usage(format!("{}: {why}", path.display())));
+        }
+        std::fs::rename(&part, &file).map_err(failed(path))
+    });
+    written.map_err(|e| match e {
+        Error::File { source, .. } | Error::Io(source) => {
+            // There may be none to remove.
+            std::fs::remove_file(&part).ok();
+            failed(path)(source)
+        }
+        other => other,
+    })
+}
+
+/// [`write_whole`] of a text.
+pub fn write_text(path: &Path, overwrite: Overwrite, text: &str) -> Result<()> {
+    write_whole(path, overwrite, |part| {
+        let mut options = OpenOptions::new();
+        // Standard output may be a file: what stands there stays.
+        match is_stream(part) {
+            true => options.append(true),
+            false => options.write(true).create(true).truncate(true),
+        };
+        let file = options.open(part).map_err(failed(part));
+        file.and_then(|mut f| Ok(std::io::Write::write_all(&mut f, text.as_bytes())?))
+    })
+}
+
+/// Creates the file and removes it again, or opens the one that is there.
+fn try_to_write(path: &Path) -> Result<()> {
+    let file = resolve(path);
+    if file.exists() {
+        let opened = OpenOptions::new().append(true).open(&file);
+        opened.map_err(failed(path))?;
+    }
+    let part = part_of(&file);
+    File::create_new(&part).map_err(failed(path))?;
+    std::fs::remove_file(&part).map_err(failed(path))
+}
+
+/// The name under which a file is written: beside it, and no other process takes it.
+fn part_of(file: &Path) -> PathBuf {
+    let mut part = file.as_os_str().to_owned();
+    part.push(format!(".{}.part", std::process::id()));
+    part.into()
+}
+
+fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
+    let path = path.to_owned();
+    move |source| Error::File { path, source }
+}
+
+/// What makes two names those of one file.
+#[derive(Debug, PartialEq, Eq)]
+enum Identity {
+    /// Device and number on it: hard links have them in common.
+    #[cfg(unix)]
+    Inode(u64, u64),
+    /// Of a file that is not there yet.
+    Path(PathBuf),
+}
+
+impl Identity {
+    fn of(path: &Path) -> Identity {
+        #[cfg(unix)]
+        if let Ok(m) = std::fs::metadata(path) {
+            use std::os::unix::fs::MetadataExt;
+            return Identity::Inode(m.dev(), m.ino());
+        }
+        Identity::Path(resolve(path))
+    }
+}
+
+/// The one path of a file that need not exist: without links and detours.
+fn resolve(path: &Path) -> PathBuf {
+    /// As many links in a row as systems follow.
+    const LINKS: usize = 40;
+    let mut path = path.to_owned();
+    for _ in 0..LINKS {
+        match std::fs::read_link(&path) {
+            Ok(target) => path = folder_of(&path).join(target),
+            Err(_) => break,
+        }
+    }
+    match (folder_of(&path).canonicalize(), path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path,
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Whether a path names a stream of this process: what stands behind it is not ours to refuse or to replace.
+fn is_stream(path: &Path) -> bool {
+    let folder = path.parent().and_then(Path::to_str);
+    matches!(path.to_str(), Some("/dev/stdout" | "/dev/stderr"))
+        || matches!(folder, Some("/dev/fd" | "/proc/self/fd"))
+}
+
+#[cfg(unix)]
+fn is_pipe(metadata: &std::fs::Metadata) -> bool {
+    std::os::unix::fs::FileTypeExt::is_fifo(&metadata.file_type())
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: &std::fs::Metadata) -> bool {
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One file under all its names, with inputs and outputs that exist or not.
+    #[test]
+    #[cfg(unix)]
+    fn one_file_is_known_under_all_its_names() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("inner")).unwrap();
+        std::fs::write(at("there.txt"), "x").unwrap();
+        std::fs::hard_link(at("there.txt"), at("hard.txt")).unwrap();
+        symlink(at("there.txt"), at("soft.txt")).unwrap();
+        symlink(folder.path(), at("inner/up")).unwrap();
+        symlink("missing.txt", at("dangling.txt")).unwrap();
+        let there = [
+            "there.txt",
+            "hard.txt",
+            "soft.txt",
+            "./inner/../there.txt",
+            "inner/up/there.txt",
+        ];
+        let missing = [
+            "missing.txt",
+            "dangling.txt",
+            "inner/../missing.txt",
+            "inner/up/missing.txt",
+        ];
+        for (names, other) in [(&there[..], "missing.txt"), (&missing[..], "there.txt")] {
+            for a in names {
+                assert_ne!(Identity::of(&at(a)), Identity::of(&at(other)), "{a}");
+                for b in names {
+                    assert_eq!(Identity::of(&at(a)), Identity::of(&at(b)), "{a}, {b}");
+                }
+            }
+        }
+        for a in there {
+            let mut files = Files::new(Overwrite { force: true });
+            files.reads(&at("there.txt"));
+            let e = files
+                .writes("-o", &at(a), Content::Text)
+                .unwrap_err()
+                .to_string();
+            assert!(
+                e.contains(a) && e.contains("the same file as the input"),
+                "{e}"
+            );
+            assert!(e.contains("there.txt"), "{e}");
+        }
+        for a in missing {
+            let mut files = Files::new(Overwrite::default());
+            files
+                .writes("-o", &at("missing.txt"), Content::Text)
+                .unwrap();
+            let e = files
+                .writes("--csv", &at(a), Content::Text)
+                .unwrap_err()
+                .to_string();
+            assert!(e.contains("the same file as -o"), "{e}");
+        }
+        assert!(!at("missing.txt").exists(), "a check leaves nothing behind");
+        assert_eq!(std::fs::read(at("there.txt")).unwrap(), b"x");
+        // A link is written through.
+        write_text(&at("dangling.txt"), Overwrite::default(), "y").unwrap();
+        assert_eq!(std::fs::read(at("missing.txt")).unwrap(), b"y");
+        let e = write_text(&at("soft.txt"), Overwrite::default(), "y").unwrap_err();
+        assert!(e.to_string().contains("came to exist"), "{e}");
+        assert_eq!(std::fs::read(at("there.txt")).unwrap(), b"x");
+    }
+}

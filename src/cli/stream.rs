@@ -1,0 +1,336 @@
+//! Standard output and standard error, which may be full, closed, or a pipe that nobody reads.
+//!
+//! A write that fails is no error of the command: its work goes on, and what was lost is counted. A write may also
+//! block for ever. So `watch` and `replay` detach both streams: from then on the text waits in a bounded queue for a
+//! thread that writes it, under the contract of a sink ([`Overflow`]).
+
+use linkwatch::Overflow;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Text that may wait for the thread: a pager that reads slowly loses nothing for a while.
+const WAITING_BYTES: usize = 16 << 20;
+
+/// Time until a pipe that does not block is tried again.
+const AGAIN: Duration = Duration::from_millis(10);
+
+/// Removes the status line, at whose end the cursor stands.
+const ERASE: &str = "\r\x1b[2K";
+
+/// Where text goes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Target {
+    Out,
+    Err,
+}
+
+/// What was lost of the results.
+pub struct Lost {
+    pub lines: u64,
+    pub why: String,
+}
+
+struct Text {
+    target: Target,
+    bytes: Vec<u8>,
+    lines: u64,
+}
+
+/// A stream, and the thread that writes it once it was detached.
+pub struct Stream {
+    state: Mutex<State>,
+    filled: Condvar,
+    drained: Condvar,
+}
+
+struct State {
+    waiting: VecDeque<Text>,
+    bytes: usize,
+    /// Lines of results that the thread is writing.
+    writing: Option<u64>,
+    /// Texts written, or lost on the way.
+    done: u64,
+    /// None while the caller writes.
+    overflow: Option<Overflow>,
+    patience: Duration,
+    lost: u64,
+    why: String,
+    /// What stands in the last line of a terminal.
+    status: String,
+}
+
+/// Standard output, and standard error. If both are terminals, they are the same one: all text takes the
+/// way of standard error then, so that it stays in order.
+static OUT: Stream = Stream::new();
+static ERR: Stream = Stream::new();
+
+/// Whether stderr is a terminal.
+pub fn is_terminal() -> bool {
+    static IS: LazyLock<bool> = LazyLock::new(|| io::stderr().is_terminal());
+    *IS
+}
+
+fn stream_of(target: Target) -> &'static Stream {
+    static SAME: LazyLock<bool> = LazyLock::new(|| is_terminal() && io::stdout().is_terminal());
+    match target {
+        Target::Out if !*SAME => &OUT,
+        _ => &ERR,
+    }
+}
+
+/// Writes a text of whole lines, or hands it to the thread that does.
+pub fn put(target: Target, bytes: Vec<u8>) {
+    let lines = match target {
+        Target::Out => bytes.iter().filter(|&&b| b == b'\n').count() as u64,
+        Target::Err => 0,
+    };
+    stream_of(target).put(Text {
+        target,
+        bytes,
+        lines,
+    });
+}
+
+/// Replaces the status line of the terminal, if stderr is one.
+pub fn status(text: String) {
+    let mut state = ERR.lock();
+    if is_terminal() && state.overflow.is_some() {
+        state.status = text;
+        // A terminal that does not keep up shows the newest status later.
+        if state.waiting.is_empty() {
+            state.push(Text {
+                target: Target::Err,
+                bytes: Vec::new(),
+                lines: 0,
+            });
+            ERR.filled.notify_one();
+        }
+    }
+}
+
+/// Lets a thread write each stream from here on.
+pub fn detach(overflow: Overflow) -> io::Result<()> {
+    for stream in [&OUT, &ERR] {
+        let mut state = stream.lock();
+        if state.overflow.replace(overflow).is_none() {
+            state.patience = overflow.patience();
+            let thread = std::thread::Builder::new().name("linkwatch-output".into());
+            thread.spawn(|| stream.work())?;
+        }
+    }
+    Ok(())
+}
+
+/// Waits until a stream is written, as long as that makes progress within `limit`. What is not written then is lost.
+pub fn finish(target: Target, limit: Duration) -> Option<Lost> {
+    stream_of(target).finish(limit)
+}
+
+impl Stream {
+    const fn new() -> Stream {
+        Stream {
+            state: Mutex::new(State {
+                waiting: VecDeque::new(),
+                bytes: 0,
+                writing: None,
+                done: 0,
+                overflow: None,
+                patience: Duration::ZERO,
+                lost: 0,
+                why: String::new(),
+                status: String::new(),
+            }),
+            filled: Condvar::new(),
+            drained: Condvar::new(),
+        }
+    }
+
+    /// The state is plain data that is valid at every step, so a panic elsewhere does not spoil it.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn put(&self, text: Text) {
+        let mut state = self.lock();
+        let Some(overflow) = state.overflow else {
+            let outcome = write(text.target, &text.bytes);
+            return state.note(text.lines, outcome);
+        };
+        let start = Instant::now();
+        let full = |s: &mut State| s.bytes >= WAITING_BYTES;
+        // A log is not worth a wait.
+        let patience = match text.target {
+            Target::Out => state.patience,
+            Target::Err => Duration::ZERO,
+        };
+        let wait = self.drained.wait_timeout_while(state, patience, full);
+        state = wait.unwrap_or_else(PoisonError::into_inner).0;
+        let full = full(&mut state);
+        if text.target == Target::Out {
+            state.patience = match overflow {
+                _ if full => Duration::ZERO,
+                Overflow::Wait(_) => state.patience.saturating_sub(start.elapsed()),
+                _ => state.patience,
+            };
+        }
+        if full {
+            let why = "nobody reads it".to_owned();
+            return state.lose(text.lines, why);
+        }
+        state.push(text);
+        self.filled.notify_one();
+    }
+
+    /// Writes what comes, for as long as the process lives.
+    fn work(&self) {
+        let mut shown = String::new();
+        loop {
+            let idle = |s: &mut State| s.waiting.is_empty();
+            let wait = self.filled.wait_while(self.lock(), idle);
+            let mut state = wait.unwrap_or_else(PoisonError::into_inner);
+            let Some(text) = state.waiting.pop_front() else {
+                continue;
+            };
+            state.bytes -= text.bytes.len();
+            state.writing = Some(text.lines);
+            let status = state.status.clone();
+            drop(state);
+            let outcome = self.write(&text, &status, &mut shown);
+            let mut state = self.lock();
+            state.writing = None;
+            state.note(text.lines, outcome);
+            let overflow = state.overflow.unwrap_or(Overflow::DropOldest);
+            if state.waiting.is_empty() || !matches!(overflow, Overflow::Wait(_)) {
+                state.patience = overflow.patience();
+            }
+            drop(state);
+            self.drained.notify_all();
+        }
+    }
+
+    /// Writes a text above the status line.
+    fn write(&self, text: &Text, status: &str, shown: &mut String) -> io::Result<()> {
+        if shown.is_empty() && status.is_empty() {
+            return write(text.target, &text.bytes);
+        }
+        if shown != status || !text.bytes.is_empty() {
+            write(Target::Err, ERASE.as_bytes()).ok();
+            let outcome = write(text.target, &text.bytes);
+            // Without a line break at the right margin: it could not be removed.
+            let line = format!("\x1b[?7l{status}\x1b[?7h");
+            write(Target::Err, line.as_bytes()).ok();
+            status.clone_into(shown);
+            return outcome;
+        }
+        Ok(())
+    }
+
+    fn finish(&self, limit: Duration) -> Option<Lost> {
+        let mut state = self.lock();
+        loop {
+            let before = state.done;
+            let same = |s: &mut State| s.is_busy() && s.done == before;
+            let wait = self.drained.wait_timeout_while(state, limit, same);
+            state = wait.unwrap_or_else(PoisonError::into_inner).0;
+            if state.done == before {
+                break;
+            }
+        }
+        if state.is_busy() {
+            let waiting: u64 = state.waiting.iter().map(|text| text.lines).sum();
+            let lines = state.writing.unwrap_or(0) + waiting;
+            state.waiting.clear();
+            state.lose(lines, "nobody reads it".to_owned());
+        }
+        (state.lost > 0).then(|| Lost {
+            lines: state.lost,
+            why: state.why.clone(),
+        })
+    }
+}
+
+impl State {
+    fn push(&mut self, text: Text) {
+        self.bytes += text.bytes.len();
+        self.waiting.push_back(text);
+    }
+
+    fn is_busy(&self) -> bool {
+        self.writing.is_some() || !self.waiting.is_empty()
+    }
+
+    fn note(&mut self, lines: u64, outcome: io::Result<()>) {
+        self.done += 1;
+        match outcome {
+            Ok(()) => {}
+            // The reader went away (`linkwatch .. | head`): nobody misses anything.
+            Err(e) if e.kind() == ErrorKind::BrokenPipe => {}
+            Err(e) => self.lose(lines, e.to_string()),
+        }
+    }
+
+    fn lose(&mut self, lines: u64, why: String) {
+        if lines > 0 {
+            self.lost += lines;
+            self.why = why;
+        }
+    }
+}
+
+/// Writes bytes, however long that takes.
+fn write(target: Target, mut bytes: &[u8]) -> io::Result<()> {
+    static FILES: [LazyLock<io::Result<File>>; 2] = [
+        LazyLock::new(|| file(Target::Out)),
+        LazyLock::new(|| file(Target::Err)),
+    ];
+    // Whether half a line was written before an error: the next one starts in a line of its own.
+    static TORN: [AtomicBool; 2] = [AtomicBool::new(false), AtomicBool::new(false)];
+    let torn = &TORN[target as usize];
+    let mut file = match &*FILES[target as usize] {
+        Ok(file) => file,
+        Err(e) => return Err(e.kind().into()),
+    };
+    if torn.load(Ordering::Relaxed) {
+        file.write_all(b"\n")?;
+        torn.store(false, Ordering::Relaxed);
+    }
+    let length = bytes.len();
+    while !bytes.is_empty() {
+        match file.write(bytes) {
+            Ok(0) => return Err(ErrorKind::WriteZero.into()),
+            Ok(n) => bytes = &bytes[n..],
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Err(e) if e.kind() == ErrorKind::WouldBlock => std::thread::sleep(AGAIN),
+            Err(e) => {
+                torn.store(bytes.len() < length, Ordering::Relaxed);
+                return Err(e);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The stream itself, without the buffer and the lock of the standard library: whoever holds that lock may wait for ever.
+#[cfg(unix)]
+fn file(target: Target) -> io::Result<File> {
+    use std::os::fd::AsFd;
+    let fd = match target {
+        Target::Out => io::stdout().as_fd().try_clone_to_owned(),
+        Target::Err => io::stderr().as_fd().try_clone_to_owned(),
+    };
+    fd.map(File::from)
+}
+
+#[cfg(windows)]
+fn file(target: Target) -> io::Result<File> {
+    use std::os::windows::io::AsHandle;
+    let handle = match target {
+        Target::Out => io::stdout().as_handle().try_clone_to_owned(),
+        Target::Err => io::stderr().as_handle().try_clone_to_owned(),
+    };
+    handle.map(File::from)
+}
