@@ -62,7 +62,7 @@ use crate::discretize::MovingSeparation;
 /// Motion in a step up to which pull-throughs that cancel count, unless the user says otherwise, in segment lengths.
 ///
 /// Measured on melts of bead-spring chains that cannot cross, with frames every 100 to 5,000 steps
-/// (`examples/bead_spring.py`): of all pull-throughs that frames far apart feign, the least moved by 1.7 lengths. Where
+/// (`examples/bead_spring.py`): of all pull-throughs that frames far apart feign, the least moved by 1.65 lengths. Where
 /// strands keep a distance of about a segment length, one has to get from one side of the other to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
 
