@@ -88,6 +88,7 @@ fn report(seq: u64, set: &CurveSet) -> Report {
             fraction: 0.25,
             sign: -1,
             point: place(set, i, j).point,
+            lengths: 0.5,
         }
     };
     let events = match seq {
@@ -116,6 +117,8 @@ fn report(seq: u64, set: &CurveSet) -> Report {
         changes,
         defects,
         events,
+        unresolved: Vec::new(),
+        adopted: Vec::new(),
         rejected: None,
         stats: Stats {
             curves: set.len() as u64,

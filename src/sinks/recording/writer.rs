@@ -234,7 +234,7 @@ mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
     use crate::sinks::{Ending, RecordedItem, RecordingReader};
-    use crate::verdict::Verdict;
+    use crate::verdict::{Report, Verdict};
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
 
@@ -271,6 +271,7 @@ mod tests {
         let counts = vec![-3; curves];
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
         FrameRecord {
+            cuts: 0,
             curves: Some(Arc::new(set)),
             report: Arc::new(Report {
                 seq,
