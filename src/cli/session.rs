@@ -280,9 +280,21 @@ impl Unresolved {
         self.lengths = lengths.fold(self.lengths, f64::max);
     }
 
-    /// How many times closer together frames would have to be for all of them to be within the limit.
-    fn closer(&self, limit: f64) -> f64 {
-        (self.lengths / limit).ceil()
+    /// How many there were, and how close together frames would have to be for all of them to be within the limit.
+    fn words(&self, limit: f64) -> String {
+        let remedy = match limit {
+            0.0 => "none is resolved".to_owned(),
+            limit => {
+                let closer = (self.lengths / limit).ceil();
+                format!("frames {closer} times closer together would resolve them")
+            }
+        };
+        format!(
+            "unresolved: {} in {}, with motions of up to {:.1} segment lengths a frame; {remedy} (--motion-limit {limit})",
+            plural(self.count, "pull-through"),
+            plural(self.frames, "frame"),
+            self.lengths,
+        )
     }
 }
 
@@ -524,40 +536,29 @@ impl Session {
             count(self.tally.verified),
             count(self.tally.skipped),
         ));
-        let changes = report
-            .changes
-            .iter()
-            .map(|c| (Told::from(c), c.to_string()));
-        let defects = report
-            .defects
-            .iter()
-            .map(|d| (Told::from(d), report.defect(d)));
-        let lasting: Vec<(Told, String)> = changes.chain(defects).collect();
-        let is_new = |told: &Told| !self.told.contains(told);
+        self.unresolved.add(report);
+        let changes = report.changes.iter().map(Told::from);
+        let lasting: BTreeSet<Told> = changes
+            .chain(report.defects.iter().map(Told::from))
+            .collect();
+        // Findings that ended are news if they come back.
+        let told = std::mem::replace(&mut self.told, lasting);
         let fresh = !(report.events.is_empty() && report.unresolved.is_empty())
-            || lasting.iter().any(|(told, _)| is_new(told));
+            || self.told.difference(&told).next().is_some();
         let turned = self.last_verdict.is_some_and(|v| v != report.verdict);
         let first_and_bad = self.last_verdict.is_none() && report.verdict != Verdict::Intact;
         self.last_verdict = Some(report.verdict);
-        self.unresolved.add(report);
         if !(fresh || turned || first_and_bad) {
-            // Findings that ended are news if they come back.
-            self.told = lasting.into_iter().map(|(told, _)| told).collect();
             return;
         }
-        let new = |changes: bool| {
-            let mine = lasting
-                .iter()
-                .filter(move |(told, _)| matches!(told, Told::Change(..)) == changes);
-            mine.filter(|(told, _)| is_new(told))
-                .map(|(_, text)| text.clone())
-        };
-        let sentences: Vec<String> = new(true)
+        let changes = report.changes.iter().filter(|&c| !told.contains(&c.into()));
+        let defects = report.defects.iter().filter(|&d| !told.contains(&d.into()));
+        let sentences: Vec<String> = changes
+            .map(Change::to_string)
             .chain(report.events.iter().map(PullThrough::to_string))
-            .chain(new(false))
+            .chain(defects.map(|d| report.defect(d)))
             .chain(report.unresolved_findings())
             .collect();
-        self.told = lasting.iter().map(|(told, _)| *told).collect();
         if self.first_violation.is_none() && report.verdict != Verdict::Intact {
             let detail = sentences
                 .first()
@@ -678,19 +679,7 @@ impl Session {
             line += &format!("\nfirst: {first}");
         }
         if self.unresolved.count > 0 {
-            let Unresolved {
-                count,
-                frames,
-                lengths,
-            } = self.unresolved;
-            line += &format!(
-                "\nunresolved: {} in {}, with motions of up to {lengths:.1} segment lengths a frame; frames {} times \
-                 closer together would resolve them (--motion-limit {})",
-                plural(count, "pull-through"),
-                plural(frames, "frame"),
-                self.unresolved.closer(self.motion_limit),
-                self.motion_limit,
-            );
+            line += &format!("\n{}", self.unresolved.words(self.motion_limit));
         }
         if let Some(n @ 1..) = self.open_curves {
             line += &format!("\nnot verified: {}", plural(n, "open curve"));
