@@ -482,6 +482,7 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
                 let progress = verdict.progress;
                 let record = FrameRecord {
                     curves: curves.take(),
+                    cuts: 0,
                     report: Arc::new(verdict.report),
                     verified: progress.verified,
                     skipped: progress.skipped,
