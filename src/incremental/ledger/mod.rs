@@ -38,6 +38,7 @@
 
 mod net;
 mod pair;
+mod pieces;
 #[cfg(test)]
 pub(super) mod planted;
 #[cfg(test)]

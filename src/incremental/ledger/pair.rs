@@ -1,11 +1,12 @@
 //! The passages of one pair of curves, or of a curve and itself.
 
 use super::net::{Found, cancel};
+use super::pieces::{self, Vertex};
 use super::{Counts, PullThrough};
 use crate::certificate::Link;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Point, Portable, point_at};
+use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Portable, point_at};
 use crate::discretize::{Halving, MovingSeparation, Separation};
 use crate::exact::{Decided, Edges, Ties, passages};
 use crate::pairs::{
@@ -13,7 +14,7 @@ use crate::pairs::{
     overlapping,
 };
 use crate::verdict::{Defect, DefectKind};
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Pieces of a spline segment, at least.
@@ -40,6 +41,14 @@ const GRAIN: usize = 1 << 12;
 /// Candidates of one pair of curves at which it counts as too close: where everything may have passed through
 /// everything, a list of passages helps nobody. Half a second.
 const MAX_CANDIDATES: u64 = 1 << 24;
+
+/// Pairs of pieces of splines that were split further than all are, of one pair of curves, at which it counts as too
+/// close. Half a second.
+const MAX_PIECES: u64 = 1 << 23;
+
+/// Tests of one pair of curves that exact arithmetic decides, at which it counts as too close: a number for any pair, and
+/// a number for each segment. Exact tests of strands that are as close as rounding take about 100 us.
+const MAX_EXACT: [u64; 2] = [1 << 12, 4];
 
 /// A step from one frame to the next.
 #[derive(Clone, Copy)]
@@ -123,7 +132,15 @@ impl<'a> Step<'a> {
             // A closed curve of two segments has each of them after the other.
             near.dedup();
             let split = cuts.fill(&task, near);
-            split.map(|()| task.add_splines_shared(cuts, near, found))
+            split.and_then(|()| {
+                task.add_splines_shared(cuts, near, found);
+                let (s, t) = near[0];
+                if task.entangled() {
+                    Err([s, t])
+                } else {
+                    Ok(())
+                }
+            })
         };
         task.settle(done, found, part);
     }
@@ -146,7 +163,7 @@ impl<'a> Step<'a> {
         let all: Vec<_> = all.filter(|&(s, t)| !task.own() || s <= t).collect();
         let done = if task.splines() {
             let split = cuts.fill(&task, near);
-            split.map(|()| task.add_splines(&cuts, &all, found))
+            split.map(|()| task.add_all_pieces(&cuts, &all, found))
         } else {
             let different = all.iter().filter(|&&(s, t)| !task.own() || s != t);
             different.for_each(|&(s, t)| task.add_edges(s, t, found));
@@ -169,8 +186,10 @@ struct Task<'a> {
     step: Step<'a>,
     curves: [usize; 2],
     separation: MovingSeparation<'a>,
-    /// Of all tasks of the pair.
+    /// Work of all tasks of the pair.
     candidates: AtomicU64,
+    pieces: AtomicU64,
+    exact: AtomicU64,
 }
 
 impl<'a> Task<'a> {
@@ -181,6 +200,8 @@ impl<'a> Task<'a> {
             curves,
             separation: MovingSeparation::new(step.frames, curves),
             candidates: AtomicU64::new(0),
+            pieces: AtomicU64::new(0),
+            exact: AtomicU64::new(0),
         }
     }
 
@@ -193,9 +214,26 @@ impl<'a> Task<'a> {
         !self.step.frames[0].basis().is_polyline()
     }
 
-    /// Whether there are more candidates than are looked at. Some are lost then.
+    /// Whether the pair asks for more work than is done for one. Something is left out then, which depends on the
+    /// order of the work; whether it is so does not.
     fn entangled(&self) -> bool {
-        self.candidates.load(Ordering::Relaxed) > MAX_CANDIDATES
+        let segments = self.curves.map(|i| self.step.frames[0].curve(i).segments);
+        let segments: u64 = segments.into_iter().map(u64::from).sum();
+        let over = |count: &AtomicU64, most: u64| count.load(Ordering::Relaxed) > most;
+        over(&self.candidates, MAX_CANDIDATES)
+            || over(&self.pieces, MAX_PIECES)
+            || over(&self.exact, MAX_EXACT[0] + MAX_EXACT[1] * segments)
+    }
+
+    /// Counts exact tests. Breaks if they are too many.
+    fn count_exact(&self, more: u64) -> ControlFlow<()> {
+        if more > 0 {
+            self.exact.fetch_add(more, Ordering::Relaxed);
+            if self.entangled() {
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
     }
 
     fn tree(&self, side: usize) -> CurveTree<'a> {
@@ -288,6 +326,9 @@ impl<'a> Task<'a> {
             Visit::Along(blocks) => {
                 for block in blocks {
                     self.visit_block(simd, block, gathered);
+                    if self.entangled() {
+                        return;
+                    }
                 }
             }
         }
@@ -387,7 +428,11 @@ impl<'a> Task<'a> {
                 continue;
             }
             if !self.splines() {
+                let exact = found.counts.exact;
                 self.add_edges(s, t, found);
+                if self.count_exact(found.counts.exact - exact).is_break() {
+                    break;
+                }
             } else if !self.separation.apart(s, t) {
                 near.push((s, t));
             }
@@ -474,22 +519,65 @@ impl<'a> Task<'a> {
                 cuts.vertices(self, 0, s, &mut p);
                 last = Some(s);
             }
+            let itself = self.own() && s == t;
+            if !itself {
+                cuts.vertices(self, 1, t, &mut q);
+            }
+            // What every pair of segments takes counts as a candidate.
+            let split = p.len().max(q.len()) > PIECES as usize + 1;
+            let mut pieces = 0;
+            let mut test = |a: &[Vertex], b: &[Vertex]| {
+                let exact = found.counts.exact;
+                self.add_pieces([s, t], [a, b], found);
+                pieces += u64::from(split);
+                if pieces == BATCH as u64 {
+                    self.pieces.fetch_add(pieces, Ordering::Relaxed);
+                    pieces = 0;
+                    if self.entangled() {
+                        return ControlFlow::Break(());
+                    }
+                }
+                self.count_exact(found.counts.exact - exact)
+            };
+            let done = match itself {
+                true => pieces::within(&p, &mut test),
+                false => pieces::between(&p, &q, &mut test),
+            };
+            self.pieces.fetch_add(pieces, Ordering::Relaxed);
+            if done.is_break() {
+                return;
+            }
+        }
+    }
+
+    /// [`Task::add_splines`] with all pairs of pieces.
+    #[cfg(test)]
+    fn add_all_pieces(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Tally) {
+        let (mut p, mut q) = (Vec::new(), Vec::new());
+        for &(s, t) in near {
+            cuts.vertices(self, 0, s, &mut p);
             cuts.vertices(self, 1, t, &mut q);
             for (k, a) in p.windows(2).enumerate() {
                 // A segment with itself: every two pieces once.
                 let first = if self.own() && s == t { k + 1 } else { 0 };
                 for b in q.windows(2).skip(first) {
-                    let edges = |f: usize| [a, b].map(|piece| [0, 1].map(|k| piece[k].points[f]));
-                    let along = |at: [f64; 2]| {
-                        let mix = |piece: &[Vertex], at: f64| {
-                            piece[0].at + at * (piece[1].at - piece[0].at)
-                        };
-                        [f64::from(s) + mix(a, at[0]), f64::from(t) + mix(b, at[1])]
-                    };
-                    self.add_passages(&edges(0), &edges(1), [s, t], along, found);
+                    self.add_pieces([s, t], [a, b], found);
                 }
             }
         }
+    }
+
+    /// Adds the passages of two pieces of spline segments.
+    fn add_pieces(&self, [s, t]: [u32; 2], pieces: [&[Vertex]; 2], found: &mut Tally) {
+        let edges = |f: usize| pieces.map(|piece| [0, 1].map(|k| piece[k].points[f]));
+        let along = |at: [f64; 2]| {
+            let mix = |k: usize| {
+                let [start, end] = [0, 1].map(|end| pieces[k][end].at);
+                start + at[k] * (end - start)
+            };
+            [f64::from(s) + mix(0), f64::from(t) + mix(1)]
+        };
+        self.add_passages(&edges(0), &edges(1), [s, t], along, found);
     }
 }
 
@@ -520,15 +608,6 @@ fn above_the_leaves(tree: CurveTree<'_>, agenda: &mut Agenda) {
             agenda.extend(later.map(|l| (node.child(k), node.child(l))));
         }
     }
-}
-
-/// A vertex of a polyline that stands for a spline.
-#[derive(Clone, Copy, Debug)]
-struct Vertex {
-    /// Its parameter in the segment.
-    at: f64,
-    /// Where it is in both frames.
-    points: [Point; 2],
 }
 
 /// Where the segments of both curves are split, beyond the even split of all.
