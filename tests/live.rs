@@ -447,6 +447,64 @@ fn a_signal_ends_the_watch_properly() {
     assert!(!replayed.stderr.contains("cut off"), "{}", replayed.stderr);
 }
 
+/// Curves through one another everywhere, which take minutes to verify.
+fn tangle(curves: usize, segments: usize) -> Vec<f32> {
+    let mut x = 88172645463325252u64;
+    let coordinate = || {
+        x ^= x << 13;
+        x ^= x >> 7;
+        x ^= x << 17;
+        (x >> 40) as f32 / (1 << 24) as f32
+    };
+    std::iter::repeat_with(coordinate)
+        .take(3 * curves * segments)
+        .collect()
+}
+
+/// It was deaf until the check had ended: minutes later, here.
+#[test]
+fn a_signal_ends_a_watch_in_the_middle_of_a_long_check() {
+    const CURVES: usize = 400;
+    const SEGMENTS: usize = 1000;
+    let folder = TempDir::new().unwrap();
+    let service = service("deaf");
+    let recording = folder.path().join("run.mcap");
+    let args = ["--record", recording.to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+    sim.describe(
+        Basis::Polyline,
+        Precision::F32,
+        &[-(SEGMENTS as i32); CURVES],
+    )
+    .unwrap();
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    let seq = sim
+        .publish(0.0, Positions::F32(&tangle(CURVES, SEGMENTS)))
+        .unwrap();
+    assert_eq!(
+        sim.wait(seq, Duration::from_secs(4)).unwrap(),
+        Outcome::Stale
+    );
+    watch.signal("TERM");
+    let start = Instant::now();
+    let ended = watch.end();
+    assert!(
+        start.elapsed() < Duration::from_secs(10),
+        "{:?}",
+        start.elapsed()
+    );
+    assert!(
+        ended.stderr.contains("the check of frame 0 was cancelled"),
+        "{}",
+        ended.stderr
+    );
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    let counts = ["verified", "skipped", "rejected"].map(|n| ended.summary()[n].clone());
+    assert_eq!(counts, [0, 1, 0]);
+    assert_eq!(ended.reports(), Vec::<&Value>::new());
+}
+
 #[test]
 fn a_watch_without_a_simulator_gives_up_when_told_to() {
     let folder = TempDir::new().unwrap();

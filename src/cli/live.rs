@@ -5,6 +5,7 @@ use indicatif::ProgressBar;
 use std::time::Duration;
 
 /// A status line on a terminal, with results above it. Without a terminal, results only.
+#[derive(Clone)]
 pub struct Live(Option<ProgressBar>);
 
 impl Live {

@@ -16,6 +16,8 @@ mod plan;
 mod replay;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod session;
+#[cfg(any(feature = "bus", feature = "mcap"))]
+mod signals;
 mod study;
 #[cfg(feature = "bus")]
 mod watch;

@@ -9,7 +9,7 @@ use super::output::{self, count, millis, plural};
 use linkwatch::Overflow;
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, Events, FrameRecord,
+    AbortOn, BaselineRecord, Certificate, Change, CurveSet, Error, Events, FrameRecord, Progress,
     PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
 };
 #[cfg(feature = "rerun")]
@@ -24,6 +24,14 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Sentences printed about one frame; the rest is counted.
 const SENTENCES: usize = 8;
+
+/// Segments of a frame that no motion makes long to verify.
+#[cfg(feature = "bus")]
+const SMALL: usize = 1024;
+
+/// Time beside which handing a frame to another thread does not count.
+#[cfg(feature = "bus")]
+const MOMENT: Duration = Duration::from_millis(1);
 
 /// Frames that may wait for a sink.
 #[cfg(any(feature = "mcap", feature = "rerun"))]
@@ -186,6 +194,8 @@ pub struct Session {
     first_violation: Option<String>,
     tally: Tally,
     checks: Durations,
+    /// Of the last frame that was judged.
+    last_check: Option<Duration>,
     /// Frames that took the full, the quiet and the partial way.
     routes: [u64; 3],
     /// Curves left out of every verdict, once a frame was verified.
@@ -236,9 +246,23 @@ impl Session {
             first_violation: None,
             tally: Tally::default(),
             checks: Durations::default(),
+            last_check: None,
             routes: [0; 3],
             open_curves: None,
         })
+    }
+
+    /// How far the frame in work is.
+    pub fn progress(&self) -> Arc<Progress> {
+        self.verifier.progress()
+    }
+
+    /// Whether a frame takes no longer than it takes to hand it to another thread, many times over: it is small, and the
+    /// one before it took a moment.
+    #[cfg(feature = "bus")]
+    pub fn is_quick(&self, frame: &Ingested) -> bool {
+        let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
+        segments <= SMALL && self.last_check.is_some_and(|check| check < MOMENT)
     }
 
     /// What is printed while the run lasts.
@@ -270,6 +294,8 @@ impl Session {
     }
 
     /// Verifies one frame.
+    ///
+    /// Errors: [`Error::CertificateMismatch`], and [`Error::Cancelled`] of a frame of which nothing is known.
     pub fn judge(&mut self, seq: u64, time: f64, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
         let Ingested { curves, took } = frame;
@@ -279,11 +305,12 @@ impl Session {
         });
         let (report, curves) = match outcome {
             Ok(verified) => verified,
-            // Not this frame's fault: no frame of this simulator would fit.
-            Err(e @ Error::CertificateMismatch { .. }) => return Err(e),
+            // Not this frame's fault: no frame of this simulator would fit, or nobody waits for it any more.
+            Err(e @ (Error::CertificateMismatch { .. } | Error::Cancelled)) => return Err(e),
             Err(e) => (self.verifier.reject(seq, time, &e), None),
         };
         let check = took + start.elapsed();
+        self.last_check = Some(check);
         let (work, offload) = match report.verdict {
             Verdict::Rejected => Default::default(),
             _ => (self.verifier.work(), self.verifier.offload()),

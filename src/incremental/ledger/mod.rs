@@ -46,6 +46,7 @@ mod tests;
 
 use self::pair::{Part, Step, Workspace};
 use super::Cover;
+use crate::cancel::Cancel;
 use crate::certificate::{Comparison, Link};
 use crate::curve::{BoxGroup, Curve, CurveSet, Point};
 use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
@@ -172,9 +173,18 @@ pub(crate) struct Ledger {
     search: LinkSearch,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
+    cancel: Cancel,
 }
 
 impl Ledger {
+    /// A ledger whose steps end early once they are cancelled; what they tell then means nothing.
+    pub fn new(cancel: Cancel) -> Self {
+        Ledger {
+            cancel,
+            ..Ledger::default()
+        }
+    }
+
     /// All passages between two frames.
     ///
     /// With `pairs`, sorted, those of these pairs of curves only (`(i, i)`: of a curve and itself); the caller knows
@@ -210,6 +220,7 @@ impl Ledger {
         let step = Step {
             frames,
             trees: &self.trees,
+            cancel: &self.cancel,
         };
         let pairs = &self.pairs[..];
         // Parts small enough to share out, large enough to be worth it. A large pair shares itself out.

@@ -3,6 +3,7 @@
 use super::net::{Found, cancel};
 use super::pieces::{self, Vertex};
 use super::{Counts, PullThrough};
+use crate::cancel::Cancel;
 use crate::certificate::Link;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
@@ -56,6 +57,7 @@ pub(super) struct Step<'a> {
     pub frames: [&'a CurveSet; 2],
     /// Of swept boxes.
     pub trees: &'a Trees,
+    pub cancel: &'a Cancel,
 }
 
 /// What one task found.
@@ -214,13 +216,14 @@ impl<'a> Task<'a> {
         !self.step.frames[0].basis().is_polyline()
     }
 
-    /// Whether the pair asks for more work than is done for one. Something is left out then, which depends on the
-    /// order of the work; whether it is so does not.
+    /// Whether the pair asks for more work than is done for one, or the step was cancelled. Something is left out then,
+    /// which depends on the order of the work; whether the work is too much does not.
     fn entangled(&self) -> bool {
         let segments = self.curves.map(|i| self.step.frames[0].curve(i).segments);
         let segments: u64 = segments.into_iter().map(u64::from).sum();
         let over = |count: &AtomicU64, most: u64| count.load(Ordering::Relaxed) > most;
-        over(&self.candidates, MAX_CANDIDATES)
+        self.step.cancel.is_set()
+            || over(&self.candidates, MAX_CANDIDATES)
             || over(&self.pieces, MAX_PIECES)
             || over(&self.exact, MAX_EXACT[0] + MAX_EXACT[1] * segments)
     }

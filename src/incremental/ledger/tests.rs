@@ -234,6 +234,7 @@ fn the_search_finds_what_all_pairs_of_segments_have() {
             let step = Step {
                 frames: [&before, &after],
                 trees: &ledger.trees,
+                cancel: &ledger.cancel,
             };
             let mut part = Part::default();
             let n = before.len() as u32;
@@ -532,6 +533,7 @@ fn doubled_splines_have_the_passages_of_all_their_pieces() {
             let step = Step {
                 frames: [&before, &after],
                 trees: &ledger.trees,
+                cancel: &ledger.cancel,
             };
             let mut part = Part::default();
             step.pair_by_brute_force((0, 0), &mut part);

@@ -70,6 +70,9 @@ impl Tally {
             );
             return self.merge(&other);
         }
+        if task.scene.cancelled() {
+            return;
+        }
         #[cfg(target_arch = "x86_64")]
         if Avx2::detect().is_some() {
             #[expect(unsafe_code, reason = "vector instructions")]
@@ -179,6 +182,9 @@ impl Tally {
         let set = task.scene.set;
         let mut last = None;
         tests.retain(|&(s, t)| {
+            if task.scene.cancelled() {
+                return false;
+            }
             if !splits[0].splits(s) && !splits[1].splits(t) {
                 return true;
             }
