@@ -486,6 +486,10 @@ fn a_signal_ends_a_watch_in_the_middle_of_a_long_check() {
         sim.wait(seq, Duration::from_secs(4)).unwrap(),
         Outcome::Stale
     );
+    // The watcher was heard meanwhile.
+    while sim.poll().unwrap().is_some() {}
+    let silent = sim.silent_for().unwrap();
+    assert!(silent < Duration::from_secs(3), "{silent:?}");
     watch.signal("TERM");
     let start = Instant::now();
     let ended = watch.end();
@@ -580,4 +584,43 @@ fn a_replay_keeps_the_policy_of_the_recording() {
         Some(1),
         "the recording is still whole"
     );
+}
+
+/// `cargo test --release --test live round_trips -- --ignored --nocapture`.
+#[test]
+#[ignore = "a measurement"]
+fn round_trips_of_small_and_larger_frames() {
+    let folder = TempDir::new().unwrap();
+    for (curves, segments) in [(2, 4), (100, 10), (100, 20), (400, 50)] {
+        let service = service(&format!("trips-{curves}-{segments}"));
+        let watch = Watch::start(folder.path(), "watch", &service, &[]);
+        let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+        let counts = vec![-segments; curves];
+        sim.describe(Basis::Polyline, Precision::F32, &counts)
+            .unwrap();
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        let points = (0..curves).flat_map(|i| {
+            (0..segments).flat_map(move |k| {
+                let t = std::f32::consts::TAU * k as f32 / segments as f32;
+                [3.0 * i as f32 + t.cos(), t.sin(), 0.1 * (2.0 * t).sin()]
+            })
+        });
+        let points: Vec<f32> = points.collect();
+        let mut trips: Vec<Duration> = (0..2000)
+            .map(|frame| {
+                let start = Instant::now();
+                let seq = sim
+                    .publish(f64::from(frame), Positions::F32(&points))
+                    .unwrap();
+                let outcome = sim.wait(seq, PATIENCE).unwrap();
+                assert!(matches!(outcome, Outcome::Verdict(m) if m.verdict == Verdict::Intact));
+                start.elapsed()
+            })
+            .collect();
+        trips.sort();
+        let [median, slow] = [trips[1000], trips[1900]];
+        println!("{curves} curves of {segments} segments: {median:?}, {slow:?} for one in 20");
+        sim.finish().unwrap();
+        watch.end();
+    }
 }
