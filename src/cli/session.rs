@@ -195,6 +195,7 @@ pub struct Session {
     tally: Tally,
     checks: Durations,
     /// Of the last frame that was judged.
+    #[cfg(feature = "bus")]
     last_check: Option<Duration>,
     /// Frames that took the full, the quiet and the partial way.
     routes: [u64; 3],
@@ -246,6 +247,7 @@ impl Session {
             first_violation: None,
             tally: Tally::default(),
             checks: Durations::default(),
+            #[cfg(feature = "bus")]
             last_check: None,
             routes: [0; 3],
             open_curves: None,
@@ -310,7 +312,10 @@ impl Session {
             Err(e) => (self.verifier.reject(seq, time, &e), None),
         };
         let check = took + start.elapsed();
-        self.last_check = Some(check);
+        #[cfg(feature = "bus")]
+        {
+            self.last_check = Some(check);
+        }
         let (work, offload) = match report.verdict {
             Verdict::Rejected => Default::default(),
             _ => (self.verifier.work(), self.verifier.offload()),

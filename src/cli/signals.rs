@@ -1,8 +1,8 @@
 //! What ends a long run properly: the first SIGINT or SIGTERM.
 
-use linkwatch::{Progress, Result};
+use linkwatch::Result;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// Time between two looks at the signals.
@@ -21,7 +21,8 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>> {
 
 /// Cancels the verification on the first SIGINT or SIGTERM, from a thread that lasts as long as the process.
 #[cfg(feature = "mcap")]
-pub fn cancel_on_signals(progress: Arc<Progress>) -> Result<()> {
+pub fn cancel_on_signals(progress: Arc<linkwatch::Progress>) -> Result<()> {
+    use std::sync::atomic::Ordering;
     let stop = stop_on_signals()?;
     let look = move || {
         while !stop.load(Ordering::Relaxed) {

@@ -38,7 +38,6 @@
 
 mod net;
 mod pair;
-mod pieces;
 #[cfg(test)]
 pub(super) mod planted;
 #[cfg(test)]

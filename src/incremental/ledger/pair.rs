@@ -1,14 +1,15 @@
 //! The passages of one pair of curves, or of a curve and itself.
 
 use super::net::{Found, cancel};
-use super::pieces::{self, Vertex};
 use super::{Counts, PullThrough};
 use crate::cancel::Cancel;
 use crate::certificate::Link;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Portable, point_at};
-use crate::discretize::{Halving, MovingSeparation, Separation};
+use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Point, Portable, point_at};
+use crate::discretize::{
+    Halving, MovingSeparation, Separation, Sieve, pieces_between, pieces_within,
+};
 use crate::exact::{Decided, Edges, Ties, passages};
 use crate::pairs::{
     Agenda, CurveTree, Node, Pair, Query, SegmentPairs, Trees, closest_of_segments, descend,
@@ -543,8 +544,8 @@ impl<'a> Task<'a> {
                 self.count_exact(found.counts.exact - exact)
             };
             let done = match itself {
-                true => pieces::within(&p, &mut test),
-                false => pieces::between(&p, &q, &mut test),
+                true => pieces_within(&p, &Motion, &mut test),
+                false => pieces_between(&p, &q, &Motion, &mut test),
             };
             self.pieces.fetch_add(pieces, Ordering::Relaxed);
             if done.is_break() {
@@ -610,6 +611,44 @@ fn above_the_leaves(tree: CurveTree<'_>, agenda: &mut Agenda) {
             let later = (k + 1..BLOCK).filter(|l| lanes >> l & 1 != 0);
             agenda.extend(later.map(|l| (node.child(k), node.child(l))));
         }
+    }
+}
+
+/// A vertex of a polyline that stands for a spline.
+#[derive(Clone, Copy, Debug)]
+struct Vertex {
+    /// Its parameter in the segment.
+    at: f64,
+    /// Where it is in both frames.
+    points: [Point; 2],
+}
+
+/// Keeps parts of polylines apart whose vertices move from one frame to the next: by a coordinate, on the same side in
+/// both frames, and hence at all times between. It is what the first test of two pieces asks for.
+struct Motion;
+
+impl Sieve<Vertex> for Motion {
+    /// The box in each frame: least and largest coordinates.
+    type Bounds = [[Point; 2]; 2];
+
+    fn bounds(&self, vertices: &[Vertex]) -> Self::Bounds {
+        [0, 1].map(|frame| {
+            let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+            for vertex in vertices {
+                for (x, v) in vertex.points[frame].into_iter().enumerate() {
+                    lo[x] = if v < lo[x] { v } else { lo[x] };
+                    hi[x] = if v > hi[x] { v } else { hi[x] };
+                }
+            }
+            [lo, hi]
+        })
+    }
+
+    fn apart(&self, first: &Self::Bounds, second: &Self::Bounds) -> bool {
+        let below = |a: &Self::Bounds, b: &Self::Bounds, x: usize| {
+            (0..2).all(|frame| a[frame][1][x] < b[frame][0][x])
+        };
+        (0..3).any(|x| below(first, second, x) || below(second, first, x))
     }
 }
 
