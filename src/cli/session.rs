@@ -27,7 +27,7 @@ const SENTENCES: usize = 8;
 
 /// Segments of a frame that no motion makes long to verify.
 #[cfg(feature = "bus")]
-const SMALL: usize = 1024;
+const SMALL: usize = 4096;
 
 /// Time beside which handing a frame to another thread does not count.
 #[cfg(feature = "bus")]
