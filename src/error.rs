@@ -154,6 +154,9 @@ pub enum Error {
     /// There is no such device, or none that can be used.
     #[error("device: {0}")]
     Device(String),
+    /// The work was cancelled ([`crate::Progress::cancel`]): nothing is known of the frame.
+    #[error("cancelled")]
+    Cancelled,
     /// The bus failed.
     #[error("bus: {0}")]
     Bus(String),

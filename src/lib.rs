@@ -10,6 +10,7 @@
 
 #[cfg(feature = "bus")]
 mod bus;
+mod cancel;
 mod certificate;
 mod curve;
 mod discretize;

@@ -557,8 +557,9 @@ fn devices_are_listed_and_unknown_ones_refused() {
     let scene = "chainmail:rows=2,columns=2";
     let run = linkwatch(&["certify", scene, "--device", "no such adapter"]);
     assert_eq!(run.code, 2);
-    for name in &names {
-        assert!(run.stderr.contains(name), "{}", run.stderr);
+    for (index, name) in names.iter().enumerate() {
+        let listed = format!("{index}: {name}");
+        assert!(run.stderr.contains(&listed), "{}", run.stderr);
     }
     let certify = |device: &str| linkwatch(&["certify", scene, "--device", device]);
     let expected = certify("cpu");
@@ -569,6 +570,10 @@ fn devices_are_listed_and_unknown_ones_refused() {
         true => assert_eq!(on_adapter.code, 2),
         false => assert_eq!(on_adapter.stdout, expected.stdout),
     }
+    for index in 0..names.len() {
+        assert_eq!(certify(&index.to_string()).stdout, expected.stdout);
+    }
+    assert_eq!(certify(&names.len().to_string()).code, 2);
 }
 
 /// Runs the command with other streams than those of [`linkwatch`].

@@ -759,6 +759,68 @@ fn times_that_are_none_are_refused() {
     }
 }
 
+/// Curves through one another everywhere, which take minutes to verify.
+fn tangle(curves: usize, segments: usize) -> Vec<f32> {
+    let mut x = 88172645463325252u64;
+    let coordinate = || {
+        x ^= x << 13;
+        x ^= x >> 7;
+        x ^= x << 17;
+        (x >> 40) as f32 / (1 << 24) as f32
+    };
+    std::iter::repeat_with(coordinate)
+        .take(3 * curves * segments)
+        .collect()
+}
+
+/// It was deaf until the check had ended: minutes later, here.
+#[test]
+fn a_signal_ends_a_watch_in_the_middle_of_a_long_check() {
+    const CURVES: usize = 400;
+    const SEGMENTS: usize = 1000;
+    let folder = TempDir::new().unwrap();
+    let service = service("deaf");
+    let recording = folder.path().join("run.mcap");
+    let args = ["--record", recording.to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+    sim.describe(
+        Basis::Polyline,
+        Precision::F32,
+        &[-(SEGMENTS as i32); CURVES],
+    )
+    .unwrap();
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    let seq = sim
+        .publish(0.0, Positions::F32(&tangle(CURVES, SEGMENTS)))
+        .unwrap();
+    assert_eq!(
+        sim.wait(seq, Duration::from_secs(4)).unwrap(),
+        Outcome::Stale
+    );
+    // The watcher was heard meanwhile.
+    while sim.poll().unwrap().is_some() {}
+    let silent = sim.silent_for().unwrap();
+    assert!(silent < Duration::from_secs(3), "{silent:?}");
+    watch.signal("TERM");
+    let start = Instant::now();
+    let ended = watch.end();
+    assert!(
+        start.elapsed() < Duration::from_secs(10),
+        "{:?}",
+        start.elapsed()
+    );
+    assert!(
+        ended.stderr.contains("the check of frame 0 was cancelled"),
+        "{}",
+        ended.stderr
+    );
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    let counts = ["verified", "skipped", "rejected"].map(|n| ended.summary()[n].clone());
+    assert_eq!(counts, [0, 1, 0]);
+    assert_eq!(ended.reports(), Vec::<&Value>::new());
+}
+
 #[test]
 fn a_watch_without_a_simulator_gives_up_when_told_to() {
     let folder = TempDir::new().unwrap();
@@ -1140,5 +1202,44 @@ fn the_share_of_skipped_frames_is_told_and_may_be_limited() {
         let args = [&format!("--wait={wait}")[..]];
         let ended = Watch::start(folder.path(), "bad", "unused", &args).end();
         assert_eq!(ended.code, Some(2), "{wait}");
+    }
+}
+
+/// `cargo test --release --test live round_trips -- --ignored --nocapture`.
+#[test]
+#[ignore = "a measurement"]
+fn round_trips_of_small_and_larger_frames() {
+    let folder = TempDir::new().unwrap();
+    for (curves, segments) in [(2, 4), (100, 10), (100, 20), (400, 50)] {
+        let service = service(&format!("trips-{curves}-{segments}"));
+        let watch = Watch::start(folder.path(), "watch", &service, &[]);
+        let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+        let counts = vec![-segments; curves];
+        sim.describe(Basis::Polyline, Precision::F32, &counts)
+            .unwrap();
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        let points = (0..curves).flat_map(|i| {
+            (0..segments).flat_map(move |k| {
+                let t = std::f32::consts::TAU * k as f32 / segments as f32;
+                [3.0 * i as f32 + t.cos(), t.sin(), 0.1 * (2.0 * t).sin()]
+            })
+        });
+        let points: Vec<f32> = points.collect();
+        let mut trips: Vec<Duration> = (0..2000)
+            .map(|frame| {
+                let start = Instant::now();
+                let seq = sim
+                    .publish(f64::from(frame), Positions::F32(&points))
+                    .unwrap();
+                let outcome = sim.wait(seq, PATIENCE).unwrap();
+                assert!(matches!(outcome, Outcome::Verdict(m) if m.verdict == Verdict::Intact));
+                start.elapsed()
+            })
+            .collect();
+        trips.sort();
+        let [median, slow] = [trips[1000], trips[1900]];
+        println!("{curves} curves of {segments} segments: {median:?}, {slow:?} for one in 20");
+        sim.finish().unwrap();
+        watch.end();
     }
 }

@@ -428,6 +428,13 @@ impl Sidecar {
         self.send(wire)
     }
 
+    /// Counts the frame that [`wait`](Sidecar::wait) gave last as skipped: it will have no verdict.
+    pub fn skip(&mut self) {
+        if let Some(session) = &mut self.session {
+            session.counters.skipped += 1;
+        }
+    }
+
     /// Says that the watcher is there, and repeats the last abort of the session. [`wait`](Sidecar::wait)
     /// does so about once a second; to be called from checks that take long.
     pub fn heartbeat(&mut self) -> Result<()> {

@@ -21,7 +21,7 @@ pub struct Args {
     /// by that
     #[arg(long, group = "measured")]
     calibrate: bool,
-    /// The one to measure: gpu, or the name of an adapter
+    /// The one to measure: gpu, or the index or name of an adapter
     #[arg(long, value_name = "DEVICE", default_value_t = Device::Gpu, requires = "measured")]
     device: Device,
     /// Runs of each kernel, for a median
@@ -60,7 +60,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         output::line("no adapters: everything runs on the processor");
     }
     for device in &all {
-        output::line(&device.name);
+        output::line(format_args!("{}: {}", device.index, device.name));
         for line in lines(device) {
             output::line(format_args!("  {line}"));
         }

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 const EVERY: Duration = Duration::from_millis(100);
 
 /// A status line on a terminal, with results above it. Without a terminal, results only.
+#[derive(Clone)]
 pub struct Live {
     changed: Cell<Option<Instant>>,
 }

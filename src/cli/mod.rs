@@ -18,6 +18,8 @@ mod plan;
 mod replay;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod session;
+#[cfg(any(feature = "bus", feature = "mcap"))]
+mod signals;
 #[cfg_attr(
     not(any(feature = "bus", feature = "mcap")),
     expect(dead_code, reason = "no command detaches its streams")

@@ -90,18 +90,30 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         .session
         .live()
         .note(format_args!("replaying {}", args.recording.display()));
-    for item in before {
-        replay.take(item)?;
-    }
-    let ended = loop {
-        match reader.next_item().map_err(in_recording) {
-            Ok(Some(item)) => replay.take(item)?,
-            Ok(None) => break Ok(()),
-            Err(e) => break Err(e),
+    super::signals::cancel_on_signals(replay.session.progress())?;
+    let mut read = None;
+    let all = || -> Result<()> {
+        for item in before {
+            replay.take(item)?;
         }
+        loop {
+            match reader.next_item().map_err(in_recording) {
+                Ok(Some(item)) => replay.take(item)?,
+                Ok(None) => break,
+                // The frames before are still worth their verdicts.
+                Err(e) => break read = Some(e),
+            }
+        }
+        replay.finish_waiting()
     };
-    replay.finish_waiting()?;
-    ended?;
+    match all() {
+        Err(Error::Cancelled) => {
+            replay.session.live().note("stopped by a signal");
+            replay.session.data_lost();
+        }
+        all => all?,
+    }
+    read.map_or(Ok(()), Err)?;
     let Replay {
         mut session,
         tally,

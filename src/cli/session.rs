@@ -11,7 +11,8 @@ use super::output::{self, count, millis, percent, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, Change, CurveSet, Defect, DefectKind, Error, Events,
-    FrameRecord, Overflow, PullThrough, Report, Result, Route, SinkQueue, Verdict, Verifier, Work,
+    FrameRecord, Overflow, Progress, PullThrough, Report, Result, Route, SinkQueue, Verdict,
+    Verifier, Work,
 };
 #[cfg(feature = "rerun")]
 use linkwatch::{ViewerSink, ViewerTarget};
@@ -26,6 +27,14 @@ pub const MOTION_LIMIT: &str = "motion_limit";
 
 /// Sentences printed about one frame; the rest is counted.
 const SENTENCES: usize = 8;
+
+/// Segments of a frame that no motion makes long to verify.
+#[cfg(feature = "bus")]
+const SMALL: usize = 4096;
+
+/// Time beside which handing a frame to another thread does not count.
+#[cfg(feature = "bus")]
+const MOMENT: Duration = Duration::from_millis(1);
 
 /// Frames that may wait for a sink.
 #[cfg(any(feature = "mcap", feature = "rerun"))]
@@ -321,6 +330,9 @@ pub struct Session {
     first_violation: Option<String>,
     tally: Tally,
     checks: Durations,
+    /// Of the last frame that was judged.
+    #[cfg(feature = "bus")]
+    last_check: Option<Duration>,
     /// Frames that took the full, the quiet and the partial way.
     routes: [u64; 3],
     /// Curves left out of every verdict, once a frame was verified.
@@ -383,9 +395,24 @@ impl Session {
             first_violation: None,
             tally: Tally::default(),
             checks: Durations::default(),
+            #[cfg(feature = "bus")]
+            last_check: None,
             routes: [0; 3],
             open_curves: None,
         })
+    }
+
+    /// How far the frame in work is.
+    pub fn progress(&self) -> Arc<Progress> {
+        self.verifier.progress()
+    }
+
+    /// Whether a frame takes no longer than it takes to hand it to another thread, many times over: it is small, and the
+    /// one before it took a moment.
+    #[cfg(feature = "bus")]
+    pub fn is_quick(&self, frame: &Ingested) -> bool {
+        let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
+        segments <= SMALL && self.last_check.is_some_and(|check| check < MOMENT)
     }
 
     /// What is printed while the run lasts.
@@ -417,6 +444,8 @@ impl Session {
     }
 
     /// Verifies one frame. If `cuts` is another number than for the last one, it does not continue that one.
+    ///
+    /// Errors: [`Error::CertificateMismatch`], and [`Error::Cancelled`] of a frame of which nothing is known.
     pub fn judge(&mut self, seq: u64, time: f64, cuts: u32, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
         let Ingested { curves, took } = frame;
@@ -429,11 +458,15 @@ impl Session {
         });
         let (report, curves) = match outcome {
             Ok(verified) => verified,
-            // Not this frame's fault: no frame of this simulator would fit.
-            Err(e @ Error::CertificateMismatch { .. }) => return Err(e),
+            // Not this frame's fault: no frame of this simulator would fit, or nobody waits for it any more.
+            Err(e @ (Error::CertificateMismatch { .. } | Error::Cancelled)) => return Err(e),
             Err(e) => (self.verifier.reject(seq, time, &e), None),
         };
         let check = took + start.elapsed();
+        #[cfg(feature = "bus")]
+        {
+            self.last_check = Some(check);
+        }
         let (work, offload) = match report.verdict {
             Verdict::Rejected => Default::default(),
             _ => (self.verifier.work(), self.verifier.offload()),

@@ -2,16 +2,19 @@
 
 use super::Outcome;
 use super::number::{seconds, share};
-use super::output::{percent, plural};
-use super::session::{Judge, Run, Session, Sinks, Tally};
-use linkwatch::{Counters, Event, Events, Overflow, Result, Sidecar, SidecarOptions, Verifier};
+use super::output::{count, percent, plural};
+use super::session::{Ingested, Judge, Judged, Run, Session, Sinks, Tally};
+use super::signals::{TICK, stop_on_signals};
+use linkwatch::{
+    Counters, Error, Event, Events, Overflow, Result, Sidecar, SidecarOptions, Verifier,
+};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// Time between two looks at the signals.
-const TICK: Duration = Duration::from_millis(200);
+/// Time between two heartbeats during a long check.
+const HEARTBEAT: Duration = Duration::from_secs(1);
 
 /// How long a sink or standard output may hold up the verdicts in total until it has caught up. Then frames or lines are
 /// dropped and counted.
@@ -58,7 +61,27 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         "waiting for a simulator on service '{}'",
         args.service
     ));
-    let ended = watch(args, &mut sidecar, &mut session, &stop);
+    let ended = std::thread::scope(|scope| {
+        let (to, frames) = mpsc::channel::<Work<'_>>();
+        let (verdicts, from) = mpsc::channel();
+        let judge = move || {
+            for (session, seq, time, cuts, frame) in frames {
+                let judged = session.judge(seq, time, cuts, frame);
+                // Nobody waits for it if the watch has failed.
+                let _ = verdicts.send((session, judged));
+            }
+        };
+        std::thread::Builder::new()
+            .name("linkwatch-check".into())
+            .spawn_scoped(scope, judge)?;
+        watch(
+            args,
+            &mut sidecar,
+            &mut session,
+            &Checker { to, from },
+            &stop,
+        )
+    });
     let counters = match &ended {
         Ok(counters) => *counters,
         Err(_) => sidecar.counters(),
@@ -80,11 +103,65 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     ended.map(|_| outcome)
 }
 
+/// A frame to judge, and who judges it.
+type Work<'s> = (&'s mut Session, u64, f64, u32, Ingested);
+
+/// A thread that judges frames while this one looks at the signals and sends heartbeats.
+struct Checker<'s> {
+    to: mpsc::Sender<Work<'s>>,
+    from: mpsc::Receiver<(&'s mut Session, Result<Judged>)>,
+}
+
+impl<'s> Checker<'s> {
+    /// Judges a frame. A signal cancels that.
+    fn judge(
+        &self,
+        work: Work<'s>,
+        sidecar: &mut Sidecar,
+        stop: &AtomicBool,
+    ) -> (&'s mut Session, Result<Judged>) {
+        let (session, seq, ..) = &work;
+        let (progress, live, seq) = (session.progress(), session.live().clone(), *seq);
+        let start = Instant::now();
+        let mut beat = start;
+        let mut failed = None;
+        self.to
+            .send(work)
+            .expect("the thread lasts as long as this end");
+        loop {
+            match self.from.recv_timeout(TICK) {
+                Ok((session, judged)) => return (session, failed.map_or(judged, Err)),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => panic!("the check panicked"),
+            }
+            if stop.load(Ordering::Relaxed) {
+                progress.cancel();
+            }
+            let (done, total) = progress.pairs();
+            live.status(format_args!(
+                "frame {seq}: {} of {} in {:.0} s",
+                count(done),
+                plural(total, "pair"),
+                start.elapsed().as_secs_f64()
+            ));
+            if beat.elapsed() >= HEARTBEAT {
+                beat = Instant::now();
+                // Without a bus the verdict is of no use either.
+                if let Err(e) = sidecar.heartbeat() {
+                    progress.cancel();
+                    failed.get_or_insert(e);
+                }
+            }
+        }
+    }
+}
+
 /// Watches one session to its end; returns what became of its frames.
-fn watch(
+fn watch<'s>(
     args: &Args,
     sidecar: &mut Sidecar,
-    session: &mut Session,
+    mut session: &'s mut Session,
+    checker: &Checker<'s>,
     stop: &AtomicBool,
 ) -> Result<Counters> {
     let start = Instant::now();
@@ -112,7 +189,24 @@ fn watch(
                 let ingested = session.ingest(|set| frame.ingest(set));
                 // The simulator may have its memory back.
                 drop(frame);
-                let judged = session.judge(seq, time, cuts, ingested)?;
+                let judged = if session.is_quick(&ingested) {
+                    session.judge(seq, time, cuts, ingested)
+                } else {
+                    let work = (session, seq, time, cuts, ingested);
+                    let judged;
+                    (session, judged) = checker.judge(work, sidecar, stop);
+                    judged
+                };
+                let judged = match judged {
+                    Err(Error::Cancelled) => {
+                        sidecar.skip();
+                        session.live().note(format_args!(
+                            "stopped by a signal; the check of frame {seq} was cancelled"
+                        ));
+                        return Ok(sidecar.counters());
+                    }
+                    judged => judged?,
+                };
                 let sent = sidecar.send_verdict(&judged.report, judged.check);
                 session.publish(judged, tally(sidecar.counters()));
                 sent?;
@@ -162,15 +256,4 @@ fn tally(c: Counters) -> Tally {
         skipped: c.skipped,
         rejected: c.rejected,
     }
-}
-
-/// A flag that the first SIGINT or SIGTERM sets. The second one ends the process at once.
-fn stop_on_signals() -> Result<Arc<AtomicBool>> {
-    use signal_hook::consts::{SIGINT, SIGTERM};
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop))?;
-        signal_hook::flag::register(signal, Arc::clone(&stop))?;
-    }
-    Ok(stop)
 }

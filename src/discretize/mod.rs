@@ -16,11 +16,13 @@ mod global;
 mod halving;
 mod hulls;
 mod pair;
+mod pieces;
 
 pub use global::{Polylines, homotopic_polylines};
 pub(crate) use halving::{Halving, Splits};
 pub(crate) use hulls::Hull;
 pub(crate) use pair::{MovingSeparation, Separation};
+pub(crate) use pieces::{Sieve, pieces_between, pieces_within};
 
 /// Halvings of a segment after which a pair counts as too close: pieces are then `2^-30` of a segment, and
 /// their hulls, which flatten with the square of their length, thinner than coordinates can resolve.

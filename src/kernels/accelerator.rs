@@ -68,7 +68,7 @@ impl Accelerator {
     pub fn open(device: &Device) -> Result<Accelerator> {
         match device {
             Device::Cpu => Ok(Accelerator::default()),
-            Device::Gpu | Device::Named(_) => {
+            Device::Gpu | Device::Named(_) | Device::Index(_) => {
                 let opened = Gpu::shared(device);
                 let gpu = opened.map_err(|trouble| Error::Device(trouble.to_string()))?;
                 let info = gpu.info();
@@ -100,7 +100,7 @@ impl Accelerator {
     pub fn open(device: &Device) -> Result<Accelerator> {
         match device {
             Device::Auto | Device::Cpu => Ok(Accelerator::default()),
-            Device::Gpu | Device::Named(_) => Err(Error::Device(
+            Device::Gpu | Device::Named(_) | Device::Index(_) => Err(Error::Device(
                 "this build has no kernels for graphics processors".into(),
             )),
         }
@@ -112,19 +112,18 @@ impl Accelerator {
         let opened = self.gpu.get_or_init(|| {
             let calibration = self.calibration.as_ref()?;
             let name = &calibration.adapter;
-            match Gpu::shared(&Device::Named(name.clone())) {
-                Ok(gpu) if calibration.is_of(&gpu.info()) => Some(gpu),
-                Ok(_) => {
-                    tracing::info!(
-                        "{name} is not as it was measured (linkwatch devices --calibrate)"
-                    );
-                    None
-                }
-                Err(trouble) => {
+            let Some(device) = gpu::find(|info| calibration.is_of(info)) else {
+                tracing::info!(
+                    "{name} is not there as it was measured (linkwatch devices --calibrate)"
+                );
+                return None;
+            };
+            let opened = Gpu::shared(&device);
+            opened
+                .inspect_err(|trouble| {
                     tracing::info!("{name}, which was measured, cannot be used: {trouble}");
-                    None
-                }
-            }
+                })
+                .ok()
         });
         opened.as_ref().filter(|gpu| !gpu.is_lost())
     }

@@ -16,6 +16,8 @@ use std::path::{Path, PathBuf};
 pub struct Calibration {
     /// The adapter's name.
     pub adapter: String,
+    /// The interface that it is reached by: one GPU has other figures by another one.
+    pub backend: String,
     /// Its driver: another one is another adapter.
     pub driver: String,
     /// Threads of the processor.
@@ -116,7 +118,7 @@ impl CountingCost {
 impl Calibration {
     /// Whether it is of this adapter, as it is now, and of the threads there are.
     pub fn is_of(&self, info: &DeviceInfo) -> bool {
-        (&self.adapter, &self.driver) == (&info.name, &info.driver)
+        (&self.adapter, &self.backend, &self.driver) == (&info.name, &info.backend, &info.driver)
             && self.threads == rayon::current_num_threads()
     }
 
@@ -146,7 +148,8 @@ impl Calibration {
     fn keep_in(&self, file: &Path) -> Result<()> {
         // What cannot be read is of no use.
         let mut all = read(file).unwrap_or_default();
-        all.retain(|c| (&c.adapter, c.threads) != (&self.adapter, self.threads));
+        let key = |c: &Calibration| (c.adapter.clone(), c.backend.clone(), c.threads);
+        all.retain(|c| key(c) != key(self));
         all.push(self.clone());
         let folder = file.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
@@ -219,6 +222,7 @@ impl Calibration {
         };
         Calibration {
             adapter: "made up".into(),
+            backend: "Vulkan".into(),
             driver: "1".into(),
             threads: rayon::current_num_threads(),
             direct: sum(1.0),
@@ -305,7 +309,13 @@ mod tests {
             ..first.clone()
         };
         second.keep_in(&file).unwrap();
-        assert_eq!(read(&file).unwrap(), [first.clone(), second]);
+        // The same adapter by another interface has figures of its own.
+        let third = Calibration {
+            backend: "Dx12".into(),
+            ..first.clone()
+        };
+        third.keep_in(&file).unwrap();
+        assert_eq!(read(&file).unwrap(), [first.clone(), second, third]);
         let mut text = String::new();
         if cfg!(unix) {
             reader.read_to_string(&mut text).unwrap();

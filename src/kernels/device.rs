@@ -13,8 +13,11 @@ pub enum Device {
     Cpu,
     /// On the first graphics processor that there is, of the fastest kind; software Vulkan counts as one.
     Gpu,
-    /// On the graphics processor whose name has these words in it.
+    /// On the graphics processor whose name is this, or else on the one whose name has these words in it. If several have
+    /// the name, or none and several have the words, that is an error, and they have an index each.
     Named(String),
+    /// On the graphics processor of this index in the list of [`devices`].
+    Index(usize),
 }
 
 impl fmt::Display for Device {
@@ -24,6 +27,7 @@ impl fmt::Display for Device {
             Device::Cpu => "cpu",
             Device::Gpu => "gpu",
             Device::Named(name) => name,
+            Device::Index(index) => return index.fmt(f),
         })
     }
 }
@@ -32,19 +36,68 @@ impl FromStr for Device {
     type Err = String;
     fn from_str(s: &str) -> Result<Self, String> {
         Ok(match s {
-            "" => return Err("expected auto, cpu, gpu or the name of an adapter".into()),
+            "" => return Err("expected auto, cpu, gpu, or the index or name of an adapter".into()),
             "auto" => Device::Auto,
             "cpu" => Device::Cpu,
             "gpu" => Device::Gpu,
-            name => Device::Named(name.into()),
+            // Not a name, however large: `1` is in many of them.
+            text => match text.parse() {
+                Ok(index) => Device::Index(index),
+                Err(_) => Device::Named(text.into()),
+            },
         })
+    }
+}
+
+#[cfg_attr(
+    not(feature = "gpu"),
+    expect(dead_code, reason = "there is no list to choose from")
+)]
+impl Device {
+    /// Which of all adapters this is, given in the order of their index. The first one where any will do.
+    ///
+    /// On `Err`, why it is none, or not one, in words.
+    pub(crate) fn choose(&self, all: &[DeviceInfo]) -> Result<usize, String> {
+        if all.is_empty() {
+            return Err("no adapter found (Vulkan, Metal or DX12)".into());
+        }
+        let list = |indices: &mut dyn Iterator<Item = usize>| {
+            let names = indices.map(|k| format!("{k}: {} ({})", all[k].name, all[k].backend));
+            names.collect::<Vec<_>>().join(", ")
+        };
+        let there_are = || format!("there are: {}", list(&mut (0..all.len())));
+        let words = match self {
+            Device::Auto | Device::Cpu | Device::Gpu => return Ok(0),
+            Device::Index(index) if *index < all.len() => return Ok(*index),
+            Device::Index(index) => return Err(format!("no adapter {index}; {}", there_are())),
+            Device::Named(words) => words.to_lowercase(),
+        };
+        let with = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
+            let fits = |k: &usize| fits(&all[*k].name.to_lowercase());
+            (0..all.len()).filter(fits).collect()
+        };
+        let mut found = with(&|name| name == words);
+        if found.is_empty() {
+            found = with(&|name| name.contains(&words));
+        }
+        match found[..] {
+            [one] => Ok(one),
+            [] => Err(format!("no adapter is called {self}; {}", there_are())),
+            _ => Err(format!(
+                "several adapters are called {self}; give the index of one: {}",
+                list(&mut found.into_iter())
+            )),
+        }
     }
 }
 
 /// An adapter, and what it can do.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct DeviceInfo {
-    /// Its name, as [`Device::Named`] takes it.
+    /// Its index, as [`Device::Index`] takes it: from 0, the fastest kinds first. It is the same in every process until an
+    /// adapter or a driver comes or goes.
+    pub index: usize,
+    /// Its name, as [`Device::Named`] takes it. Others may have the same.
     pub name: String,
     /// The interface that it is reached by: `Vulkan`, `Metal` or `Dx12`.
     pub backend: String,
@@ -83,9 +136,81 @@ mod tests {
             Device::Cpu,
             Device::Gpu,
             Device::Named("H100".into()),
+            Device::Index(1),
         ] {
             assert_eq!(device.to_string().parse(), Ok(device));
         }
         assert!("".parse::<Device>().is_err());
+    }
+
+    fn adapters(names: &[(&str, &str)]) -> Vec<DeviceInfo> {
+        let names = names.iter().enumerate();
+        let info = |(index, &(name, backend)): (usize, &(&str, &str))| DeviceInfo {
+            index,
+            name: name.into(),
+            backend: backend.into(),
+            kind: "DiscreteGpu".into(),
+            driver: "1".into(),
+            software: false,
+            double_precision: true,
+            max_buffer_bytes: 1 << 30,
+            max_binding_bytes: 1 << 30,
+            trouble: None,
+        };
+        names.map(info).collect()
+    }
+
+    fn choose(all: &[DeviceInfo], text: &str) -> Result<usize, String> {
+        text.parse::<Device>().unwrap().choose(all)
+    }
+
+    #[test]
+    fn an_adapter_whose_name_begins_like_another_one_can_be_named() {
+        let names = ["RTX 3080 Ti", "RTX 3080", "llvmpipe"].map(|name| (name, "Vulkan"));
+        let all = adapters(&names);
+        assert_eq!(choose(&all, "RTX 3080"), Ok(1));
+        assert_eq!(choose(&all, "rtx 3080 ti"), Ok(0));
+        assert_eq!(choose(&all, "pipe"), Ok(2));
+        assert_eq!(choose(&all, "gpu"), Ok(0));
+        let none = "no adapter is called RTX 4090; there are: 0: RTX 3080 Ti (Vulkan), \
+                    1: RTX 3080 (Vulkan), 2: llvmpipe (Vulkan)";
+        assert_eq!(choose(&all, "RTX 4090"), Err(none.into()));
+        // A number is an index, and no part of a name.
+        assert_eq!(choose(&all, "1"), Ok(1));
+        assert!(
+            choose(&all, "3080")
+                .unwrap_err()
+                .contains("no adapter 3080")
+        );
+    }
+
+    /// The second one was never used.
+    #[test]
+    fn adapters_of_one_name_are_told_apart_by_their_index() {
+        let all = adapters(&[
+            ("RTX 3080", "Vulkan"),
+            ("RTX 3080", "Vulkan"),
+            ("RTX 3080", "Dx12"),
+            ("llvmpipe", "Vulkan"),
+        ]);
+        for index in 0..4 {
+            assert_eq!(choose(&all, &index.to_string()), Ok(index));
+        }
+        for name in ["RTX 3080", "rtx"] {
+            assert_eq!(
+                choose(&all, name),
+                Err(format!(
+                    "several adapters are called {name}; give the index of one: \
+                     0: RTX 3080 (Vulkan), 1: RTX 3080 (Vulkan), 2: RTX 3080 (Dx12)"
+                ))
+            );
+        }
+        assert_eq!(choose(&all, "llvm"), Ok(3));
+        assert!(
+            choose(&all, "4")
+                .unwrap_err()
+                .contains("no adapter 4; there are: 0:")
+        );
+        assert!(choose(&[], "0").unwrap_err().contains("no adapter found"));
     }
 }

@@ -21,8 +21,13 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
     let mut stack = vec![(0.0, first.root(), second.root())];
     let (mut room_a, mut room_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
     let mut next: Vec<(f64, Node, Node)> = Vec::new();
+    // Squares of distances that overflow or underflow prune nothing that is nearer than the best.
+    let farther = |bound_sq: f64, best: &Place| {
+        let best_sq = best.distance * best.distance;
+        bound_sq > best_sq.max(f64::MIN_POSITIVE)
+    };
     while let Some((bound_sq, a, b)) = stack.pop() {
-        if bound_sq > best.distance * best.distance {
+        if farther(bound_sq, &best) {
             continue;
         }
         next.clear();
@@ -46,7 +51,7 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
             for k in 0..8 {
                 for l in 0..8 {
                     let gap = group_a.lane(k).dist_sq_below(&group_b.lane(l));
-                    if gap.is_infinite() || gap > best.distance * best.distance {
+                    if gap.is_infinite() || farther(gap, &best) {
                         continue;
                     }
                     if a.level > 0 {
@@ -109,13 +114,62 @@ fn chords<'a>(set: &CurveSet, i: usize, s: u32, room: &'a mut [Point; CHORDS + 1
 /// Middle and length of the shortest connection of two straight segments.
 fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
     let [a, b] = closest_points(p0, p1, q0, q1);
+    // Not half the sum: that may overflow.
+    let middle = [0, 1, 2].map(|x| 0.5 * a[x] + 0.5 * b[x]);
+    (middle, distance(a, b))
+}
+
+/// The distance of two points.
+fn distance(a: Point, b: Point) -> f64 {
+    let scale = Scale::of([a, b].into_iter());
+    let [a, b] = [a, b].map(|p| scale.apply(p));
     let c = [0, 1, 2].map(|x| a[x] - b[x]);
-    let distance = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt();
-    ([0, 1, 2].map(|x| 0.5 * (a[x] + b[x])), distance)
+    scale.undo((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt())
+}
+
+/// A power of two that brings points to a size at which products of four differences neither overflow nor underflow: 1 for
+/// all but extreme ones. Multiplying by it rounds nothing that matters beside the largest difference.
+#[derive(Clone, Copy)]
+struct Scale([f64; 2]);
+
+impl Scale {
+    /// Exponents of differences that need no scale.
+    const ORDINARY: std::ops::RangeInclusive<i32> = -200..=200;
+
+    fn of(points: impl Iterator<Item = Point> + Clone) -> Scale {
+        let first = points.clone().next().unwrap_or_default();
+        // Halves, since the difference of two finite numbers may overflow.
+        let halves = |p: Point| [0, 1, 2].map(|x| (0.5 * p[x] - 0.5 * first[x]).abs());
+        let largest = points
+            .flat_map(halves)
+            .fold(0.0, |m: f64, x| if x > m { x } else { m });
+        let biased = (largest.to_bits() >> 52) as i32;
+        let exponent = (biased - 1023).clamp(-1022, 1022);
+        if largest == 0.0 || Scale::ORDINARY.contains(&exponent) {
+            return Scale([1.0; 2]);
+        }
+        let power = |k: i32| f64::from_bits(((1023 + k) as u64) << 52);
+        Scale([power(-exponent), power(exponent)])
+    }
+
+    fn apply(self, p: Point) -> Point {
+        p.map(|x| x * self.0[0])
+    }
+
+    fn undo(self, x: f64) -> f64 {
+        x * self.0[1]
+    }
 }
 
 /// The ends of the shortest connection of two straight segments, in floating point.
 pub(crate) fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
+    let scale = Scale::of([p0, p1, q0, q1].into_iter());
+    let [p0, p1, q0, q1] = [p0, p1, q0, q1].map(|p| scale.apply(p));
+    closest_points_scaled(p0, p1, q0, q1).map(|p| p.map(|x| scale.undo(x)))
+}
+
+/// [`closest_points`] of segments of ordinary size.
+fn closest_points_scaled(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
     let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let along = |a: Point, d: Point, t: f64| [0, 1, 2].map(|x| a[x] + t * d[x]);
@@ -181,6 +235,69 @@ mod tests {
             }
             assert_eq!(found.distance, want, "{basis:?}");
             assert_eq!(closest_of_segments(&set, [0, 1], found.segments), found);
+        }
+    }
+
+    /// Squares overflowed: the place was the origin, the distance infinite. Or they underflowed: the distance was 0.
+    #[test]
+    fn extreme_coordinates_have_their_place_and_distance() {
+        for k in [1e200, 1e300, 1e-200, 1e-300, 1e150, 1e-150, 1.0] {
+            let v = |p: [f64; 3]| p.map(|x| x * k);
+            let (point, distance) = closest_place(
+                v([-1., 0.25, 0.]),
+                v([1., 0.25, 0.]),
+                v([0.5, -1., 0.25]),
+                v([0.5, 1., 0.25]),
+            );
+            let near = |found: f64, want: f64| (found / k - want).abs() < 1e-15;
+            assert!(near(distance, 0.25), "{k:e}: {distance:e}");
+            let want = [0.5, 0.25, 0.125];
+            assert!((0..3).all(|x| near(point[x], want[x])), "{k:e}: {point:?}");
+        }
+        // Mixed: a tiny segment beside a huge one, and both far from the origin.
+        let (point, distance) = closest_place(
+            [-1e200, 0.0, 0.0],
+            [1e200, 0.0, 0.0],
+            [1e-200, 3e-200, 0.0],
+            [1e-200, 3e-200, 1e199],
+        );
+        assert!(
+            distance < 1e185 && point[0].abs() < 1e185,
+            "{point:?} {distance:e}"
+        );
+        let far = [f64::MAX, -f64::MAX].map(|x| [x, 0.0, 0.0]);
+        let (point, distance) = closest_place(far[0], far[0], far[1], far[1]);
+        assert_eq!((point, distance), ([0.0; 3], f64::INFINITY));
+        let tiny = f64::from_bits(4);
+        let (point, distance) = closest_place([tiny; 3], [tiny; 3], [0.0; 3], [0.0; 3]);
+        assert_eq!(point, [tiny / 2.0; 3]);
+        assert!(distance > tiny && distance < 2.0 * tiny, "{distance:e}");
+    }
+
+    #[test]
+    fn curves_of_any_size_have_the_place_of_those_of_size_1() {
+        let n = 37;
+        let ring = |k: f64, phase: f64, shift: f64| {
+            (0..n).flat_map(move |m| {
+                let t = f64::from(m) / f64::from(n) * std::f64::consts::TAU;
+                [t.cos() + shift, t.sin(), (t + phase).sin() + shift].map(|x| x * k)
+            })
+        };
+        let place = |k: f64| {
+            let xyz: Vec<f64> = ring(k, 0.0, 0.0).chain(ring(k, 1.0, 0.7)).collect();
+            let positions = Positions::F64(&xyz);
+            let set = CurveSet::from_counts(Basis::Polyline, &[-n, -n], positions).unwrap();
+            let mut trees = Trees::default();
+            trees.refit(&set);
+            closest_approach(&set, &trees, 0, 1)
+        };
+        let want = place(1.0);
+        for exponent in [660, 900, 1000, -660, -900] {
+            let k = 2f64.powi(exponent);
+            let found = place(k);
+            assert_eq!(found.segments, want.segments, "2^{exponent}");
+            assert_eq!(found.distance, want.distance * k, "2^{exponent}");
+            assert_eq!(found.point, want.point.map(|x| x * k), "2^{exponent}");
         }
     }
 

@@ -98,6 +98,7 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
     }
     usable(Calibration {
         adapter: info.name,
+        backend: info.backend,
         driver: info.driver,
         threads: rayon::current_num_threads(),
         direct,

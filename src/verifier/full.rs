@@ -75,6 +75,11 @@ impl FullRun {
         stats
     }
 
+    /// Whether what is computed from here on ends early once the progress is cancelled; it is incomplete then.
+    pub fn heed_cancel(&mut self, heed: bool) {
+        self.workspaces.cancel = heed.then(|| self.progress.cancel.clone());
+    }
+
     fn scene<'a>(&'a self, set: &'a CurveSet) -> Scene<'a> {
         Scene {
             set,
@@ -313,6 +318,9 @@ fn compute_links(
         let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
         let mut workspace = scene.workspaces.take();
         for &pair in pairs {
+            if scene.cancelled() {
+                break;
+            }
             part.add(pair, linking_number(scene, pair, None, &mut workspace));
         }
         part.stats = workspace.take_stats();

@@ -14,6 +14,7 @@ pub use ladder::Ladder;
 
 use self::full::{FullRun, sizes};
 use self::steps::Steps;
+use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
@@ -28,11 +29,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// How far a long run is. Shared with whoever shows it.
+/// How far a long run is, and a way to end it early. Shared with whoever shows it.
 #[derive(Debug, Default)]
 pub struct Progress {
     done: AtomicU64,
     total: AtomicU64,
+    cancel: Cancel,
 }
 
 impl Progress {
@@ -42,6 +44,27 @@ impl Progress {
             self.done.load(Ordering::Relaxed),
             self.total.load(Ordering::Relaxed),
         )
+    }
+
+    /// Ends the step in work as soon as possible, usually within a tenth of a second: it fails with
+    /// [`Error::Cancelled`], and so does every later step of the verifier. Certificates
+    /// ([`Verifier::certify`]) are computed to their end.
+    ///
+    /// Sums and work on a GPU are not interrupted; the step ends after them.
+    pub fn cancel(&self) {
+        self.cancel.set();
+    }
+
+    /// Whether [`Progress::cancel`] was called.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancel.is_set()
+    }
+
+    fn check(&self) -> Result<()> {
+        match self.is_cancelled() {
+            true => Err(Error::Cancelled),
+            false => Ok(()),
+        }
     }
 }
 
@@ -147,7 +170,7 @@ impl Verifier {
     /// the frame has a defect ([`DefectKind::Unaccounted`]). The first frame has no frame before it, and no pull-throughs.
     pub fn set_events(&mut self, events: Events) {
         let limit = self.steps.motion_limit();
-        self.steps = Steps::new(events);
+        self.steps = Steps::new(events, self.full.progress.cancel.clone());
         self.steps.set_motion_limit(limit);
         self.monitor = Monitor::new(self.steps.cover());
     }
@@ -221,6 +244,7 @@ impl Verifier {
     /// All linking numbers of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
         let start = Instant::now();
+        self.full.heed_cancel(false);
         let stats = self.full.certify(set);
         self.full.timings.total = start.elapsed();
         (&self.full.certificate, stats)
@@ -241,6 +265,7 @@ impl Verifier {
             return Err(Error::Usage(what));
         }
         let start = Instant::now();
+        self.full.heed_cancel(false);
         let stats = self.full.certify_noisy(set, noise);
         self.full.timings.total = start.elapsed();
         Ok((&self.full.certificate, stats))
@@ -258,7 +283,8 @@ impl Verifier {
     ///
     /// Errors: [`Error::CertificateMismatch`] where the baseline is of another number of curves;
     /// [`Error::NothingClosed`] where no curve is closed and no pull-throughs are looked for: nothing was verified then,
-    /// so nothing is intact; [`Error::LayoutChanged`] where pull-throughs are looked for between other curves than before.
+    /// so nothing is intact; [`Error::LayoutChanged`] where pull-throughs are looked for between other curves than before;
+    /// [`Error::Cancelled`] after [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         let verified = self.verify(seq, time, set);
         self.full.accelerator.end_frame(set);
@@ -309,6 +335,7 @@ impl Verifier {
         }
         self.steps.check_layout(set)?;
         let start = Instant::now();
+        self.full.heed_cancel(true);
         self.work = Work::default();
         // Not every frame is computed in full, and starts there.
         self.full.accelerator.start_frame();
@@ -316,6 +343,8 @@ impl Verifier {
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();
         let (events, unresolved) = self.look_for_events(set, &comparison, &mut defects);
+        // Nothing that a cancelled loop left out goes into a report.
+        self.full.progress.check()?;
         let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
         let verdict = if !(comparison.changes.is_empty() && events.is_empty()) {
             Verdict::Changed
@@ -352,7 +381,7 @@ impl Verifier {
     /// Compares a frame with the baseline, in the way that was asked for.
     fn compare(&mut self, set: &CurveSet) -> Result<(Comparison, Stats)> {
         let Some(baseline) = self.baseline.take() else {
-            let stats = self.certify_fully(set);
+            let stats = self.certify_fully(set)?;
             let baseline = self.full.certificate.clone();
             let comparison = baseline.compare(&baseline);
             self.baseline = Some(baseline);
@@ -388,16 +417,17 @@ impl Verifier {
         set: &CurveSet,
         baseline: &Certificate,
     ) -> Result<(Comparison, Stats)> {
-        let stats = self.certify_fully(set);
+        let stats = self.certify_fully(set)?;
         Ok((self.full.certificate.compare(baseline)?, stats))
     }
 
     /// Computes everything, and notes who decided.
-    fn certify_fully(&mut self, set: &CurveSet) -> Stats {
+    fn certify_fully(&mut self, set: &CurveSet) -> Result<Stats> {
         let stats = self.full.certify(set);
+        self.full.progress.check()?;
         self.work.recomputed = stats.potential_links;
         self.work.summed = self.full.ladder.summed;
-        stats
+        Ok(stats)
     }
 
     /// Compares a frame with the baseline, computing only what is not known from the reference frame.
@@ -418,6 +448,7 @@ impl Verifier {
             [] => comparison.clone(),
             pairs => {
                 let anew = self.full.certify_pairs(set, pairs);
+                self.full.progress.check()?;
                 let fresh = anew.compare(&baseline.of_pairs(pairs))?;
                 let comparison = comparison.patched(pairs, fresh);
                 if self.monitor.wants_reference(&self.work) {
@@ -430,6 +461,7 @@ impl Verifier {
         };
         if self.paranoid {
             let stats = self.full.certify(set);
+            self.full.progress.check()?;
             let full = self.full.certificate.compare(baseline)?;
             if full != comparison {
                 self.disagree();
@@ -465,7 +497,11 @@ impl Verifier {
             self.full.refit(set, &pairs);
         }
         let trees = self.full.trees();
+        let cancel = &self.full.progress.cancel;
         comparison.changes.par_iter_mut().for_each(|c| {
+            if cancel.is_set() {
+                return;
+            }
             let (i, j) = (c.i as usize, c.j as usize);
             // An open curve has no tree; it has no number either, and so no change but a lost one.
             if set.curve(i).closed && set.curve(j).closed {

@@ -1,5 +1,6 @@
 //! From one frame to the next: what passed through what, and whether that accounts for the linking numbers.
 
+use crate::cancel::Cancel;
 use crate::certificate::Comparison;
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
@@ -29,9 +30,11 @@ struct Last {
 }
 
 impl Steps {
-    pub fn new(events: Events) -> Self {
+    /// `cancel` ends a search for pull-throughs early.
+    pub fn new(events: Events, cancel: Cancel) -> Self {
         Steps {
             events,
+            ledger: Ledger::new(cancel),
             ..Steps::default()
         }
     }

@@ -354,6 +354,55 @@ fn a_pair_takes_its_number_from_the_first_frame_that_has_one() {
     }
 }
 
+/// Random closed polylines in one place, which take long to verify.
+fn tangle(curves: usize, segments: usize, seed: u64) -> CurveSet {
+    let mut x = seed;
+    let coordinate = || {
+        x ^= x << 13;
+        x ^= x >> 7;
+        x ^= x << 17;
+        (x >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let xyz: Vec<f64> = std::iter::repeat_with(coordinate)
+        .take(3 * curves * segments)
+        .collect();
+    let counts = vec![-(segments as i32); curves];
+    CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap()
+}
+
+#[test]
+fn a_cancelled_step_ends_early_and_tells_nothing() {
+    // Linking numbers first, then the search for pull-throughs between frames with few of them.
+    let frames = [tangle(60, 1000, 1), tangle(60, 1000, 2)];
+    for early_exit in [false, true] {
+        let mut verifier = Verifier::new(AbortOn::Any);
+        verifier.set_events(Events::All);
+        verifier.set_early_exit(early_exit);
+        let progress = verifier.progress();
+        let start = Instant::now();
+        let ended = std::thread::scope(|scope| {
+            let step = scope.spawn(|| verifier.step(0, 0.0, &frames[0]).err());
+            std::thread::sleep(Duration::from_millis(300));
+            progress.cancel();
+            step.join().unwrap()
+        });
+        assert!(
+            matches!(ended, Some(Error::Cancelled)),
+            "{ended:?} {:?}",
+            start.elapsed()
+        );
+        assert!(
+            start.elapsed() < Duration::from_secs(5),
+            "{:?}",
+            start.elapsed()
+        );
+        assert_eq!(verifier.baseline(), None, "a certificate of a part");
+        // So does every later one.
+        let again = verifier.step(1, 0.0, &frames[1]);
+        assert!(matches!(again, Err(Error::Cancelled)));
+    }
+}
+
 #[test]
 fn a_curve_that_was_degenerate_in_the_first_frame_takes_its_numbers_later() {
     let collapsed = squares_with(|[_, y, z]| [1.0, y, 0.0 * z]);
@@ -369,4 +418,41 @@ fn a_curve_that_was_degenerate_in_the_first_frame_takes_its_numbers_later() {
         use Verdict::*;
         assert_eq!(verdicts, [Undecided, Undecided, Intact, Changed]);
     }
+}
+
+#[test]
+fn a_cancelled_search_for_pull_throughs_tells_nothing() {
+    let still = tangle(12, 1000, 3);
+    let moved = tangle(12, 1000, 4);
+    let mut verifier = Verifier::new(AbortOn::Never);
+    verifier.set_events(Events::All);
+    verifier.step(0, 0.0, &still).unwrap();
+    let progress = verifier.progress();
+    // All numbers are known, or nearly so.
+    let ended = std::thread::scope(|scope| {
+        let step = scope.spawn(|| verifier.step(1, 0.0, &moved).err());
+        let computed = || {
+            let (done, total) = progress.pairs();
+            done == total
+        };
+        // They are all known before the step begins, too.
+        for known in [true, false] {
+            while computed() == known && !step.is_finished() {
+                std::thread::sleep(Duration::from_micros(100));
+            }
+        }
+        progress.cancel();
+        step.join().unwrap()
+    });
+    assert!(matches!(ended, Some(Error::Cancelled)), "{ended:?}");
+}
+
+#[test]
+fn a_certificate_is_complete_even_if_steps_are_cancelled() {
+    let set = squares(0.0);
+    let mut verifier = Verifier::new(AbortOn::Never);
+    let whole = verifier.certify(&set).0.clone();
+    verifier.progress().cancel();
+    assert!(matches!(verifier.step(0, 0.0, &set), Err(Error::Cancelled)));
+    assert_eq!(*verifier.certify(&set).0, whole);
 }

@@ -183,11 +183,11 @@ impl Search<'_> {
         let (lo, hi) = ((time - width).max(0.0), (time + width).min(1.0));
         let direction = certain(piece.volume[3], bound);
         let bracketed = certain(value(&piece.volume, lo), bound) == -direction
-            && certain(value(&piece.volume, hi), bound) == direction
-            && (hi - lo) * (piece.to - piece.from) < WIDEST;
+            && certain(value(&piece.volume, hi), bound) == direction;
         if !bracketed {
             return false;
         }
+        let narrow = (hi - lo) * (piece.to - piece.from) < WIDEST;
         // The root is between `lo` and `hi`; a side changes by its derivative there at most.
         let side = |k: usize| {
             let [g0, g1, g2] = piece.sides[k];
@@ -199,8 +199,9 @@ impl Search<'_> {
         };
         let [a, b, c, d] = [0, 1, 2, 3].map(side);
         match (a.1 * b.1, c.1 * d.1) {
+            // Apart at the root, wherever between `lo` and `hi` it is.
             (1, _) | (_, 1) => true,
-            (-1, -1) => {
+            (-1, -1) if narrow => {
                 let time = piece.from + (piece.to - piece.from) * time;
                 let at = [a.0 / (a.0 - b.0), c.0 / (c.0 - d.0)];
                 self.found[self.count] = Some(Passage {

@@ -48,6 +48,7 @@ pub(crate) use self::contact::Contacts;
 use self::contact::{Contact, Touching};
 use self::pair::{Part, Step, Workspace};
 use super::Cover;
+use crate::cancel::Cancel;
 use crate::certificate::{Comparison, Link};
 use crate::curve::{BoxGroup, Curve, CurveSet, Point};
 use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
@@ -192,6 +193,7 @@ pub(crate) struct Ledger {
     search: LinkSearch,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
+    cancel: Cancel,
 }
 
 impl Default for Ledger {
@@ -202,11 +204,20 @@ impl Default for Ledger {
             search: LinkSearch::default(),
             pairs: Vec::new(),
             parts: Vec::new(),
+            cancel: Cancel::default(),
         }
     }
 }
 
 impl Ledger {
+    /// A ledger whose steps end early once they are cancelled; what they tell then means nothing.
+    pub fn new(cancel: Cancel) -> Self {
+        Ledger {
+            cancel,
+            ..Ledger::default()
+        }
+    }
+
     /// All passages between two frames.
     ///
     /// `contacts` are those of the first frame, as the step before found them. With `pairs`, sorted, only these pairs of
@@ -291,6 +302,7 @@ impl Ledger {
             frames,
             trees: &self.trees,
             motion_limit: self.motion_limit,
+            cancel: &self.cancel,
         };
         let pairs = &self.pairs[..];
         // Parts small enough to share out, large enough to be worth it. A large pair shares itself out.

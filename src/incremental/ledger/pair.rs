@@ -3,18 +3,21 @@
 use super::contact::Contact;
 use super::net::{Found, cancel};
 use super::{Counts, PullThrough};
+use crate::cancel::Cancel;
 use crate::certificate::Link;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
 use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Point, Portable, point_at};
-use crate::discretize::{Halving, MovingSeparation, Separation};
+use crate::discretize::{
+    Halving, MovingSeparation, Separation, Sieve, pieces_between, pieces_within,
+};
 use crate::exact::{Decided, Edges, Moment, Passage, Predicates, Ties, passages, segments_touch};
 use crate::pairs::{
     Agenda, CurveTree, Node, Pair, Query, SegmentPairs, Trees, closest_of_segments, descend,
     overlapping,
 };
 use crate::verdict::{Defect, DefectKind};
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Pieces of a spline segment, at least.
@@ -42,6 +45,14 @@ const GRAIN: usize = 1 << 12;
 /// everything, a list of passages helps nobody. Half a second.
 const MAX_CANDIDATES: u64 = 1 << 24;
 
+/// Pairs of pieces of splines that were split further than all are, of one pair of curves, at which it counts as too
+/// close. Half a second.
+const MAX_PIECES: u64 = 1 << 23;
+
+/// Tests of one pair of curves that exact arithmetic decides, at which it counts as too close: a number for any pair, and
+/// a number for each segment. Exact tests of strands that are as close as rounding take about 100 us.
+const MAX_EXACT: [u64; 2] = [1 << 12, 4];
+
 /// A step from one frame to the next.
 #[derive(Clone, Copy)]
 pub(super) struct Step<'a> {
@@ -50,6 +61,7 @@ pub(super) struct Step<'a> {
     pub trees: &'a Trees,
     /// In segment lengths.
     pub motion_limit: f64,
+    pub cancel: &'a Cancel,
 }
 
 /// What one task found.
@@ -134,7 +146,15 @@ impl<'a> Step<'a> {
             // A closed curve of two segments has each of them after the other.
             near.dedup();
             let split = cuts.fill(&task, near);
-            split.map(|()| task.add_splines_shared(cuts, near, found))
+            split.and_then(|()| {
+                task.add_splines_shared(cuts, near, found);
+                let (s, t) = near[0];
+                if task.entangled() {
+                    Err([s, t])
+                } else {
+                    Ok(())
+                }
+            })
         };
         task.settle(done, found, part);
     }
@@ -157,7 +177,7 @@ impl<'a> Step<'a> {
         let all: Vec<_> = all.filter(|&(s, t)| !task.own() || s <= t).collect();
         let done = if task.splines() {
             let split = cuts.fill(&task, near);
-            split.map(|()| task.add_splines(&cuts, &all, found))
+            split.map(|()| task.add_all_pieces(&cuts, &all, found))
         } else {
             let joined = |s: u32, t: u32| task.own() && task.adjacent(s, t);
             let different = all.iter().filter(|&&(s, t)| !joined(s, t));
@@ -181,8 +201,10 @@ struct Task<'a> {
     step: Step<'a>,
     curves: [usize; 2],
     separation: MovingSeparation<'a>,
-    /// Of all tasks of the pair.
+    /// Work of all tasks of the pair.
     candidates: AtomicU64,
+    pieces: AtomicU64,
+    exact: AtomicU64,
 }
 
 impl<'a> Task<'a> {
@@ -193,6 +215,8 @@ impl<'a> Task<'a> {
             curves,
             separation: MovingSeparation::new(step.frames, curves),
             candidates: AtomicU64::new(0),
+            pieces: AtomicU64::new(0),
+            exact: AtomicU64::new(0),
         }
     }
 
@@ -205,9 +229,27 @@ impl<'a> Task<'a> {
         !self.step.frames[0].basis().is_polyline()
     }
 
-    /// Whether there are more candidates than are looked at. Some are lost then.
+    /// Whether the pair asks for more work than is done for one, or the step was cancelled. Something is left out then,
+    /// which depends on the order of the work; whether the work is too much does not.
     fn entangled(&self) -> bool {
-        self.candidates.load(Ordering::Relaxed) > MAX_CANDIDATES
+        let segments = self.curves.map(|i| self.step.frames[0].curve(i).segments);
+        let segments: u64 = segments.into_iter().map(u64::from).sum();
+        let over = |count: &AtomicU64, most: u64| count.load(Ordering::Relaxed) > most;
+        self.step.cancel.is_set()
+            || over(&self.candidates, MAX_CANDIDATES)
+            || over(&self.pieces, MAX_PIECES)
+            || over(&self.exact, MAX_EXACT[0] + MAX_EXACT[1] * segments)
+    }
+
+    /// Counts exact tests. Breaks if they are too many.
+    fn count_exact(&self, more: u64) -> ControlFlow<()> {
+        if more > 0 {
+            self.exact.fetch_add(more, Ordering::Relaxed);
+            if self.entangled() {
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
     }
 
     fn tree(&self, side: usize) -> CurveTree<'a> {
@@ -310,6 +352,9 @@ impl<'a> Task<'a> {
             Visit::Along(blocks) => {
                 for block in blocks {
                     self.visit_block(simd, block, gathered);
+                    if self.entangled() {
+                        return;
+                    }
                 }
             }
         }
@@ -409,7 +454,11 @@ impl<'a> Task<'a> {
                 continue;
             }
             if !self.splines() {
+                let exact = found.counts.exact;
                 self.add_edges(s, t, found);
+                if self.count_exact(found.counts.exact - exact).is_break() {
+                    break;
+                }
             } else if !self.separation.apart(s, t) {
                 near.push((s, t));
             }
@@ -568,22 +617,65 @@ impl<'a> Task<'a> {
                 cuts.vertices(self, 0, s, &mut p);
                 last = Some(s);
             }
+            let itself = self.own() && s == t;
+            if !itself {
+                cuts.vertices(self, 1, t, &mut q);
+            }
+            // What every pair of segments takes counts as a candidate.
+            let split = p.len().max(q.len()) > PIECES as usize + 1;
+            let mut pieces = 0;
+            let mut test = |a: &[Vertex], b: &[Vertex]| {
+                let exact = found.counts.exact;
+                self.add_pieces([s, t], [a, b], found);
+                pieces += u64::from(split);
+                if pieces == BATCH as u64 {
+                    self.pieces.fetch_add(pieces, Ordering::Relaxed);
+                    pieces = 0;
+                    if self.entangled() {
+                        return ControlFlow::Break(());
+                    }
+                }
+                self.count_exact(found.counts.exact - exact)
+            };
+            let done = match itself {
+                true => pieces_within(&p, &Motion, &mut test),
+                false => pieces_between(&p, &q, &Motion, &mut test),
+            };
+            self.pieces.fetch_add(pieces, Ordering::Relaxed);
+            if done.is_break() {
+                return;
+            }
+        }
+    }
+
+    /// [`Task::add_splines`] with all pairs of pieces.
+    #[cfg(test)]
+    fn add_all_pieces(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Tally) {
+        let (mut p, mut q) = (Vec::new(), Vec::new());
+        for &(s, t) in near {
+            cuts.vertices(self, 0, s, &mut p);
             cuts.vertices(self, 1, t, &mut q);
             for (k, a) in p.windows(2).enumerate() {
                 // A segment with itself: every two pieces once.
                 let first = if self.own() && s == t { k + 1 } else { 0 };
                 for b in q.windows(2).skip(first) {
-                    let edges = |f: usize| [a, b].map(|piece| [0, 1].map(|k| piece[k].points[f]));
-                    let along = |at: [f64; 2]| {
-                        let mix = |piece: &[Vertex], at: f64| {
-                            piece[0].at + at * (piece[1].at - piece[0].at)
-                        };
-                        [f64::from(s) + mix(a, at[0]), f64::from(t) + mix(b, at[1])]
-                    };
-                    self.add_passages(&edges(0), &edges(1), [s, t], along, found);
+                    self.add_pieces([s, t], [a, b], found);
                 }
             }
         }
+    }
+
+    /// Adds the passages of two pieces of spline segments.
+    fn add_pieces(&self, [s, t]: [u32; 2], pieces: [&[Vertex]; 2], found: &mut Tally) {
+        let edges = |f: usize| pieces.map(|piece| [0, 1].map(|k| piece[k].points[f]));
+        let along = |at: [f64; 2]| {
+            let mix = |k: usize| {
+                let [start, end] = [0, 1].map(|end| pieces[k][end].at);
+                start + at[k] * (end - start)
+            };
+            [f64::from(s) + mix(0), f64::from(t) + mix(1)]
+        };
+        self.add_passages(&edges(0), &edges(1), [s, t], along, found);
     }
 }
 
@@ -655,6 +747,35 @@ struct Vertex {
     at: f64,
     /// Where it is in both frames.
     points: [Point; 2],
+}
+
+/// Keeps parts of polylines apart whose vertices move from one frame to the next: by a coordinate, on the same side in
+/// both frames, and hence at all times between. It is what the first test of two pieces asks for.
+struct Motion;
+
+impl Sieve<Vertex> for Motion {
+    /// The box in each frame: least and largest coordinates.
+    type Bounds = [[Point; 2]; 2];
+
+    fn bounds(&self, vertices: &[Vertex]) -> Self::Bounds {
+        [0, 1].map(|frame| {
+            let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+            for vertex in vertices {
+                for (x, v) in vertex.points[frame].into_iter().enumerate() {
+                    lo[x] = if v < lo[x] { v } else { lo[x] };
+                    hi[x] = if v > hi[x] { v } else { hi[x] };
+                }
+            }
+            [lo, hi]
+        })
+    }
+
+    fn apart(&self, first: &Self::Bounds, second: &Self::Bounds) -> bool {
+        let below = |a: &Self::Bounds, b: &Self::Bounds, x: usize| {
+            (0..2).all(|frame| a[frame][1][x] < b[frame][0][x])
+        };
+        (0..3).any(|x| below(first, second, x) || below(second, first, x))
+    }
 }
 
 /// Where the segments of both curves are split, beyond the even split of all.

@@ -4,9 +4,10 @@ use super::gather::Task;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
 use crate::curve::{Knots, Point, ReadKnots};
-use crate::discretize::Splits;
+use crate::discretize::{Sieve, Splits, pieces_between};
 use crate::exact::{Batch, Crossing, Predicates, crossing, segments_touch};
 use crate::verdict::Stats;
+use std::ops::ControlFlow;
 
 /// Candidates that are worth a task of their own.
 const GRAIN: usize = 1 << 14;
@@ -69,6 +70,9 @@ impl Tally {
                 || other.add_shared(task, right),
             );
             return self.merge(&other);
+        }
+        if task.scene.cancelled() {
+            return;
         }
         #[cfg(target_arch = "x86_64")]
         if Avx2::detect().is_some() {
@@ -179,6 +183,9 @@ impl Tally {
         let set = task.scene.set;
         let mut last = None;
         tests.retain(|&(s, t)| {
+            if task.scene.cancelled() {
+                return false;
+            }
             if !splits[0].splits(s) && !splits[1].splits(t) {
                 return true;
             }
@@ -187,15 +194,15 @@ impl Tally {
                 last = Some(s);
             }
             splits[1].polyline(set, task.curves[1], t, lower);
-            for p in upper.windows(2) {
-                for q in lower.windows(2) {
-                    let (p, q) = ((p[0], p[1]), (q[0], q[1]));
-                    if may_cross(p, q, task.axis) {
-                        self.stats.tests += 1;
-                        self.add_edges(p, q, task.axis, [s, t]);
-                    }
+            let sieve = Shadows { axis: task.axis };
+            let _ = pieces_between(upper, lower, &sieve, &mut |p, q| {
+                let [a, b] = [p, q].map(|piece| sieve.bounds(piece));
+                if !sieve.apart(&a, &b) {
+                    self.stats.tests += 1;
+                    self.add_edges((p[0], p[1]), (q[0], q[1]), task.axis, [s, t]);
                 }
-            }
+                ControlFlow::Continue(())
+            });
             false
         });
         let added = splits[0].len() + splits[1].len();
@@ -217,13 +224,34 @@ impl Tally {
     }
 }
 
-/// Whether the shadows' boxes overlap and the upper edge is not wholly below.
+/// Keeps parts of an upper and a lower polyline apart that have no crossing: where their shadows' boxes do not overlap, or
+/// the upper one is wholly below.
 ///
 /// Ties count as overlap: the translation that breaks them is smaller than every gap.
-fn may_cross(p: (Point, Point), q: (Point, Point), w: usize) -> bool {
-    let (u, v) = ((w + 1) % 3, (w + 2) % 3);
-    let overlap = |x: usize| {
-        p.0[x].min(p.1[x]) <= q.0[x].max(q.1[x]) && q.0[x].min(q.1[x]) <= p.0[x].max(p.1[x])
-    };
-    overlap(u) && overlap(v) && p.0[w].max(p.1[w]) >= q.0[w].min(q.1[w])
+struct Shadows {
+    axis: usize,
+}
+
+impl Sieve<Point> for Shadows {
+    /// Least and largest coordinates.
+    type Bounds = [Point; 2];
+
+    #[inline(always)]
+    fn bounds(&self, vertices: &[Point]) -> [Point; 2] {
+        let mut bounds = [vertices[0]; 2];
+        for p in vertices {
+            for x in 0..3 {
+                bounds[0][x] = bounds[0][x].min(p[x]);
+                bounds[1][x] = bounds[1][x].max(p[x]);
+            }
+        }
+        bounds
+    }
+
+    #[inline(always)]
+    fn apart(&self, [lo, hi]: &[Point; 2], [other_lo, other_hi]: &[Point; 2]) -> bool {
+        let (u, v, w) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
+        let overlap = |x: usize| lo[x] <= other_hi[x] && other_lo[x] <= hi[x];
+        !(overlap(u) && overlap(v) && hi[w] >= other_lo[w])
+    }
 }

@@ -136,6 +136,9 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
             tally.add(task, &found.all);
             found.all.clear();
         }
+        if task.scene.cancelled() {
+            agenda.clear();
+        }
         if agenda.is_empty() {
             return;
         }

@@ -30,6 +30,7 @@ pub(crate) use self::gather::shares_out;
 pub(crate) use self::remainder::conclude;
 pub(crate) use self::sample::sample;
 use super::Linking;
+use crate::cancel::Cancel;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
 use crate::curve::{CurveSet, Lanes, Portable};
@@ -80,10 +81,20 @@ pub(crate) struct Scene<'a> {
     pub workspaces: &'a Workspaces,
 }
 
+impl Scene<'_> {
+    /// Whether the numbers are not wanted any more. Those that are computed from here on are wrong.
+    #[inline(always)]
+    pub fn cancelled(&self) -> bool {
+        self.workspaces.cancel.as_ref().is_some_and(Cancel::is_set)
+    }
+}
+
 /// Buffers that wait for a task. They serve every pair of every frame.
 #[derive(Debug, Default)]
 pub(crate) struct Workspaces {
     idle: Mutex<Idle>,
+    /// What ends the work of all tasks early.
+    pub cancel: Option<Cancel>,
 }
 
 /// Boxed: they come and go with every task, and a pointer moves faster than all buffers.

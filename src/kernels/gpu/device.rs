@@ -2,7 +2,7 @@
 
 use super::commands::{Binding, Buffer, Command, Stage, grid};
 use super::error::Trouble;
-use crate::kernels::device::DeviceInfo;
+use crate::kernels::device::{Device as Choice, DeviceInfo};
 use std::collections::HashMap;
 use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -46,15 +46,20 @@ fn instance() -> wgpu::Instance {
     })
 }
 
+/// All adapters, in the order of their index.
 fn adapters() -> Vec<wgpu::Adapter> {
     let enumerated = instance().enumerate_adapters(wgpu::Backends::all());
-    block_on(enumerated)
+    let mut found = block_on(enumerated);
+    // The sort is stable.
+    found.sort_by_key(|a| rank(a.get_info().device_type));
+    found
 }
 
-fn info(adapter: &wgpu::Adapter) -> DeviceInfo {
+fn info((index, adapter): (usize, &wgpu::Adapter)) -> DeviceInfo {
     let about = adapter.get_info();
     let limits = adapter.limits();
     DeviceInfo {
+        index,
         name: about.name,
         backend: format!("{:?}", about.backend),
         kind: format!("{:?}", about.device_type),
@@ -69,23 +74,16 @@ fn info(adapter: &wgpu::Adapter) -> DeviceInfo {
 
 /// All adapters.
 pub(super) fn list() -> Vec<DeviceInfo> {
-    adapters().iter().map(info).collect()
+    adapters().iter().enumerate().map(info).collect()
 }
 
 impl Device {
-    /// Opens an adapter: the one whose name has these words in it, or the first of the fastest kind.
-    /// It computes in double precision where it can and `double` says so.
-    pub fn open(name: Option<&str>, double: bool) -> Result<Device, Trouble> {
-        let mut found = adapters();
-        found.sort_by_key(|a| rank(a.get_info().device_type));
-        let names: Vec<String> = found.iter().map(|a| a.get_info().name).collect();
-        let Some(at) = wanted(&names, name.unwrap_or_default()) else {
-            return Err(Trouble::NoAdapter {
-                wanted: name.map(Into::into),
-                found: names,
-            });
-        };
-        let adapter = &found[at];
+    /// Opens an adapter. It computes in double precision where it can and `double` says so.
+    pub fn open(choice: &Choice, double: bool) -> Result<Device, Trouble> {
+        let found = adapters();
+        let mut all: Vec<DeviceInfo> = found.iter().enumerate().map(info).collect();
+        let at = choice.choose(&all).map_err(Trouble::NoAdapter)?;
+        let (adapter, mut info) = (&found[at], all.swap_remove(at));
         // Only what is used: buffers as large as they come, nothing else beyond what every adapter has.
         let has = adapter.limits();
         let limits = wgpu::Limits {
@@ -96,7 +94,6 @@ impl Device {
             max_compute_workgroups_per_dimension: has.max_compute_workgroups_per_dimension,
             ..wgpu::Limits::downlevel_defaults()
         };
-        let mut info = info(adapter);
         info.double_precision &= double;
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("linkwatch"),
@@ -379,15 +376,6 @@ impl Device {
     }
 }
 
-/// Which of these names is wanted: the one that is no more and no less, so that what is listed can be had, or else the first
-/// that has these words in it.
-fn wanted(names: &[String], words: &str) -> Option<usize> {
-    let words = words.to_lowercase();
-    let names = || names.iter().map(|name| name.to_lowercase());
-    let same = names().position(|name| name == words);
-    same.or_else(|| names().position(|name| name.contains(&words)))
-}
-
 /// The fastest kinds first.
 fn rank(kind: wgpu::DeviceType) -> u32 {
     match kind {
@@ -419,20 +407,5 @@ fn block_on<F: Future>(future: F) -> F::Output {
             Poll::Ready(out) => return out,
             Poll::Pending => std::thread::park(),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_adapter_whose_name_begins_like_another_one_can_be_named() {
-        let names = ["RTX 3080 Ti", "RTX 3080", "llvmpipe"].map(String::from);
-        assert_eq!(wanted(&names, "RTX 3080"), Some(1));
-        assert_eq!(wanted(&names, "rtx 3080 ti"), Some(0));
-        assert_eq!(wanted(&names, "3080"), Some(0));
-        assert_eq!(wanted(&names, ""), Some(0));
-        assert_eq!(wanted(&names, "4090"), None);
     }
 }

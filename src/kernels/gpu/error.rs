@@ -5,13 +5,8 @@ use std::fmt;
 /// What went wrong. The caller goes on without the adapter, and says so once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Trouble {
-    /// There is no adapter, or none of that name; those there are.
-    NoAdapter {
-        /// The name asked for.
-        wanted: Option<String>,
-        /// Names of all adapters.
-        found: Vec<String>,
-    },
+    /// There is no adapter, or none or several of that name; in words.
+    NoAdapter(String),
     /// Its arithmetic is not what the bounds rest on.
     Arithmetic(String),
     /// More than the adapter can take.
@@ -41,21 +36,13 @@ impl Trouble {
 impl fmt::Display for Trouble {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Trouble::NoAdapter { found, .. } if found.is_empty() => {
-                f.write_str("no adapter found (Vulkan, Metal or DX12)")
-            }
-            Trouble::NoAdapter { wanted, found } => {
-                let wanted = wanted.as_deref().unwrap_or_default();
-                let names = found.join(", ");
-                write!(f, "no adapter is called {wanted}; there are: {names}")
-            }
             Trouble::Arithmetic(what) => write!(f, "its arithmetic cannot be relied on: {what}"),
             Trouble::Limit {
                 what,
                 needed,
                 limit,
             } => write!(f, "{needed} {what} needed, {limit} possible"),
-            Trouble::Failed(what) => f.write_str(what),
+            Trouble::NoAdapter(what) | Trouble::Failed(what) => f.write_str(what),
         }
     }
 }

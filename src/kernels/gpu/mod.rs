@@ -84,12 +84,18 @@ const MOST_WORK: [u64; 2] = [1 << 31, 1 << 28];
 pub(super) fn devices() -> Vec<DeviceInfo> {
     let mut all = device::list();
     for info in &mut all {
-        match Gpu::open(&Choice::Named(info.name.clone())) {
+        match Gpu::open(&Choice::Index(info.index)) {
             Ok(gpu) => info.double_precision = gpu.computes_in_double(),
             Err(trouble) => info.trouble = Some(trouble.to_string()),
         }
     }
     all
+}
+
+/// The first adapter that `is_wanted`, to be opened.
+pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Choice> {
+    let found = device::list().into_iter().find(|info| is_wanted(info));
+    found.map(|info| Choice::Index(info.index))
 }
 
 /// Linking numbers, in parts, and how many tests were left to the processor.
@@ -107,18 +113,14 @@ pub(crate) struct Gpu {
 impl Gpu {
     /// Opens an adapter and tests its arithmetic.
     pub fn open(choice: &Choice) -> Result<Gpu, Trouble> {
-        let name = match choice {
-            Choice::Named(name) => Some(&name[..]),
-            _ => None,
-        };
-        let mut engine = Engine::new(Device::open(name, true)?);
+        let mut engine = Engine::new(Device::open(choice, true)?);
         self_test::run::<f32>(&mut engine)?;
         if engine.device.info().double_precision
             && let Err(trouble) = self_test::run::<f64>(&mut engine)
         {
             tracing::warn!("no double precision on the adapter: {trouble}");
             // A program that it could not run may have taken it away.
-            engine = Engine::new(Device::open(name, false)?);
+            engine = Engine::new(Device::open(choice, false)?);
         }
         Ok(Gpu {
             engine: Mutex::new(engine),

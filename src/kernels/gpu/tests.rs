@@ -532,9 +532,15 @@ pub(super) fn two_frames() -> [Arc<CurveSet>; 2] {
 
 /// A calibration of this adapter, which was not measured: see [`Calibration::made_up`].
 fn made_up(round_trip_ms: f64, speed: f64) -> Calibration {
-    let DeviceInfo { name, driver, .. } = adapter().info();
+    let DeviceInfo {
+        name,
+        backend,
+        driver,
+        ..
+    } = adapter().info();
     Calibration {
         adapter: name,
+        backend,
         driver,
         ..Calibration::made_up(round_trip_ms, speed)
     }
