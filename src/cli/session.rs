@@ -42,7 +42,7 @@ const WAITING: usize = 8;
 
 /// Points of frames that may wait for a file beyond that: some 50 MB.
 #[cfg(any(feature = "mcap", feature = "rerun"))]
-const SMALL: usize = 1_000_000;
+const WAITING_POINTS: usize = 1_000_000;
 
 /// Time that the sinks have together to finish when the run is over.
 const FINISH: Duration = Duration::from_secs(30);
@@ -156,7 +156,7 @@ impl Sinks {
                 &path, &metadata,
             )?))
         })?;
-        Ok(Some(queue.with_points(SMALL)))
+        Ok(Some(queue.with_points(WAITING_POINTS)))
     }
 
     #[cfg(not(feature = "mcap"))]
@@ -179,7 +179,7 @@ impl Sinks {
                     &title,
                 )?))
             });
-            return Ok(Some(queue?.with_points(SMALL)));
+            return Ok(Some(queue?.with_points(WAITING_POINTS)));
         }
         let target = match &self.connect {
             Some(url) => ViewerTarget::Connect(url.clone()),

@@ -97,6 +97,8 @@ fn report(frame: &Frame, verdict: Verdict) -> Report {
         abort: verdict == Verdict::Changed,
         changes: Vec::new(),
         events: Vec::new(),
+        unresolved: Vec::new(),
+        adopted: Vec::new(),
         defects: Vec::new(),
         rejected: None,
         stats: Stats::default(),
