@@ -58,7 +58,7 @@ impl Liar {
     pub fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
         let mut header = Header {
             magic: u64::from_le_bytes(*b"LWFRAME\0"),
-            version: 2,
+            version: 3,
             flags: 0,
             session: 77,
             seq: self.seq,
@@ -178,7 +178,7 @@ fn what_is_no_frame_has_no_number() {
     liar.send(|h, _| h.magic = 0);
     let e = unreadable(&mut sidecar).to_string();
     assert!(e.contains("magic number"), "{e}");
-    liar.send(|h, _| h.version = 3);
+    liar.send(|h, _| h.version = 4);
     let e = unreadable(&mut sidecar);
     assert!(matches!(e, Error::Version { found: 3, .. }), "{e}");
     let seq = liar.honest();
