@@ -3,7 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A flag that long loops look at: a relaxed load, once in some thousand tests. Once set, it stays set.
+/// A flag that long loops look at: a relaxed load, once in some thousand tests. Once set, it stays
+/// set.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cancel(Arc<AtomicBool>);
 

@@ -1,5 +1,5 @@
-//! Curves that touch exactly in a frame: what passes through a contact is told over the frames on both sides of it, for
-//! open, closed and mixed pairs, and for a curve and itself.
+//! Curves that touch exactly in a frame: what passes through a contact is told over the frames on
+//! both sides of it, for open, closed and mixed pairs, and for a curve and itself.
 
 use linkwatch::{
     AbortOn, Basis, CurveSet, DefectKind, Events, Point, Positions, Report, Verdict, Verifier,
@@ -74,7 +74,8 @@ fn strands(meeting: Meeting, z: f64) -> [Vec<Point>; 2] {
 
 fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
     let [mut first, mut second] = strands(meeting, z);
-    // The way back of the moving strand is below all, or above; that of the resting one is beside it.
+    // The way back of the moving strand is below all, or above; that of the resting one is beside
+    // it.
     let under = [[0.5, 20.0, -30.0], [0.5, -20.0, -30.0]];
     let beside = [[20.0, -25.0, 3.0], [-20.0, -25.0, 3.0]];
     let mut counts = Vec::new();
@@ -118,8 +119,8 @@ fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap()
 }
 
-/// Reports on the frames with the moving strand at these heights: of an incremental verifier that is compared with a full
-/// one.
+/// Reports on the frames with the moving strand at these heights: of an incremental verifier that
+/// is compared with a full one.
 fn reports(curves: Curves, meeting: Meeting, heights: &[f64]) -> Vec<Report> {
     let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::Any));
     incremental.set_incremental(true);
@@ -163,7 +164,8 @@ fn signs(reports: &[Report]) -> Vec<Vec<i32>> {
         .collect()
 }
 
-/// The sign of the pull-through from above to below, without a contact. The strands of one curve run like open ones.
+/// The sign of the pull-through from above to below, without a contact. The strands of one curve
+/// run like open ones.
 fn sign(meeting: Meeting) -> i32 {
     let direct = signs(&reports(Curves::Open, meeting, &[1.0, -1.0]));
     let [sign] = direct[1][..] else {

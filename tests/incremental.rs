@@ -163,7 +163,8 @@ struct Movie {
     steady: bool,
     /// Frames since the motion began.
     age: u64,
-    /// Width of the lattice that all points are rounded to, so that curves touch exactly in many frames.
+    /// Width of the lattice that all points are rounded to, so that curves touch exactly in many
+    /// frames.
     lattice: Option<f64>,
     /// How far each curve has gone by itself, and how far it goes in a frame.
     ways: Vec<[Point; 2]>,
@@ -361,8 +362,9 @@ struct Both {
     balance: Option<Balance>,
 }
 
-/// Pull-throughs against linking numbers, over frames in which curves touch: between two frames in which a pair of closed
-/// curves has a linking number, it changes by the sum of the signs of their pull-throughs.
+/// Pull-throughs against linking numbers, over frames in which curves touch: between two frames in
+/// which a pair of closed curves has a linking number, it changes by the sum of the signs of their
+/// pull-throughs.
 struct Balance {
     numbers: Verifier,
     pairs: BTreeMap<(u32, u32), Since>,
@@ -416,8 +418,8 @@ impl Balance {
                 since.untold |= defects.any(|d| d.kind.is_of_step());
                 if let Some(missing) = certificate.undefined.iter().find(of_pair) {
                     since.touched |= missing.kind == DefectKind::Contact;
-                    // A loop without an inside, or splines that are too close: passages of polylines that do not stand
-                    // for them.
+                    // A loop without an inside, or splines that are too close: passages of
+                    // polylines that do not stand for them.
                     since.untold |= missing.kind != DefectKind::Contact;
                     continue;
                 }
@@ -528,7 +530,8 @@ impl Both {
     }
 }
 
-/// Polylines on a lattice: contact in most frames, of open and closed curves, that begins, lasts, moves and ends.
+/// Polylines on a lattice: contact in most frames, of open and closed curves, that begins, lasts,
+/// moves and ends.
 fn snapped_sequences(seeds: Range<u64>) {
     let (mut all, mut through_contact) = (Tally::default(), [0; 2]);
     for seed in seeds {

@@ -293,7 +293,8 @@ fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
 #[test]
 fn a_rollback_of_a_pull_through_is_aborted_once() {
     let folder = TempDir::new().unwrap();
-    // The simulator says that it went back; or it does not, and is told the way back as a pull-through.
+    // The simulator says that it went back; or it does not, and is told the way back as a
+    // pull-through.
     for (name, resumes) in [("resumed", true), ("unsaid", false)] {
         let service = service(name);
         let recording = folder.path().join(format!("{name}.mcap"));
@@ -328,7 +329,8 @@ fn a_rollback_of_a_pull_through_is_aborted_once() {
     }
 }
 
-/// The frame after the rollback is skipped, and so is a rejected one: the next frame that is verified continues none.
+/// The frame after the rollback is skipped, and so is a rejected one: the next frame that is
+/// verified continues none.
 #[test]
 fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
     let folder = TempDir::new().unwrap();
@@ -359,7 +361,8 @@ fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
         let last = skipped.last().copied().unwrap();
         assert_eq!(sim.wait(last, PATIENCE).unwrap(), Outcome::Stale);
         assert_eq!(first.events, if cut { 0 } else { 4 });
-        // The frame after the cut is rejected: the one after that does not continue the one before it.
+        // The frame after the cut is rejected: the one after that does not continue the one before
+        // it.
         if cut {
             sim.cut();
         }
@@ -410,7 +413,8 @@ fn a_simulation_that_became_nan_is_asked_to_stop() {
         assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
         assert_eq!(replayed.reports(), live.reports());
         assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
-        // Another policy is another answer, also for a frame of which nothing is left but its verdict.
+        // Another policy is another answer, also for a frame of which nothing is left but its
+        // verdict.
         let other = ["--abort-on", if stops { "never" } else { "any" }];
         let other = replay_with(&recording, &other);
         assert_eq!(other.reports()[1]["abort"], !stops);
@@ -461,7 +465,8 @@ fn kept_recordings_give_their_verdicts() {
     }
 }
 
-/// A recorder whose disk is too slow leaves frames out. The motion to the frame after such a gap is another than live.
+/// A recorder whose disk is too slow leaves frames out. The motion to the frame after such a gap is
+/// another than live.
 #[test]
 fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
     let folder = TempDir::new().unwrap();
@@ -507,7 +512,8 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
 }
 
-/// Contact in the first frame once hid every later one, and asked the simulator to stop in each frame.
+/// Contact in the first frame once hid every later one, and asked the simulator to stop in each
+/// frame.
 #[test]
 fn contact_in_the_first_frame_hides_nothing_that_comes_later() {
     let folder = TempDir::new().unwrap();
@@ -887,7 +893,8 @@ fn a_replay_keeps_the_policy_of_the_recording() {
     assert_eq!(replayed.summary()["rejected"], 2);
 }
 
-/// Before, each of these left less of the recording than there was, or the wrong thing under its name.
+/// Before, each of these left less of the recording than there was, or the wrong thing under its
+/// name.
 #[test]
 fn a_replay_replaces_no_file_that_it_reads_or_that_is_there() {
     let folder = TempDir::new().unwrap();
@@ -1064,7 +1071,8 @@ impl Broken {
     }
 }
 
-/// Before: an abort of the watcher (a log on a full disk), its end (standard output), or a wait without end (a pipe).
+/// Before: an abort of the watcher (a log on a full disk), its end (standard output), or a wait
+/// without end (a pipe).
 #[test]
 #[cfg(target_os = "linux")]
 fn no_broken_stream_stops_the_verdicts_or_the_recording() {
@@ -1120,8 +1128,8 @@ fn no_broken_stream_stops_the_verdicts_or_the_recording() {
     }
 }
 
-/// A limit on the size of files stands for the end of the disk: it takes no privileges. It leaves room for the shared
-/// memory of the watcher, and for a few hundred frames.
+/// A limit on the size of files stands for the end of the disk: it takes no privileges. It leaves
+/// room for the shared memory of the watcher, and for a few hundred frames.
 #[test]
 #[cfg(unix)]
 fn a_full_disk_ends_the_recording_and_nothing_else() {

@@ -25,8 +25,8 @@ const FRAMES_SET_ASIDE: usize = 16;
 /// How long a waiting client sleeps at most before it looks for itself.
 const TICK: Duration = Duration::from_millis(10);
 
-/// Silence after which a waiting client checks that the process of the watcher exists, and the time between
-/// two such checks: each takes a few dozen system calls.
+/// Silence after which a waiting client checks that the process of the watcher exists, and the time
+/// between two such checks: each takes a few dozen system calls.
 const LIVENESS: Duration = Duration::from_millis(250);
 
 /// How a simulator uses the bus.
@@ -337,8 +337,8 @@ impl Client {
         frame.publish()
     }
 
-    /// Connects to watchers that came since. To be called before anything is sent that a watcher may answer:
-    /// what one says before that is lost, also its goodbye.
+    /// Connects to watchers that came since. To be called before anything is sent that a watcher
+    /// may answer: what one says before that is lost, also its goodbye.
     pub(super) fn connect(&self) -> Result<()> {
         let connected = self.subscriber.update_connections();
         connected.map_err(bus("connect to a watcher"))
@@ -426,8 +426,8 @@ impl Client {
         mine
     }
 
-    /// Checks whether a watcher that has been silent for a while still exists. True if it was found dead by
-    /// this call; what it said last may still be unread.
+    /// Checks whether a watcher that has been silent for a while still exists. True if it was found
+    /// dead by this call; what it said last may still be unread.
     fn watcher_crashed(&mut self) -> bool {
         match self.watcher {
             Watcher::Here { heard, .. }
@@ -468,7 +468,8 @@ impl Client {
             if !self.hear(&message, port, node) {
                 continue;
             }
-            // Another program can slip frames into this session; the answers to them are not for this one.
+            // Another program can slip frames into this session; the answers to them are not for
+            // this one.
             let published = message.seq < self.next_seq;
             message.abort &= published;
             if message.abort && message.seq >= self.aborts_from && self.aborted.is_none() {
@@ -497,17 +498,17 @@ impl Client {
         self.aborted.as_ref()
     }
 
-    /// Forgets the abort, after a rollback: verdicts on the frames published so far do not count any more,
-    /// and the next frame does not continue them ([`Client::cut`]).
+    /// Forgets the abort, after a rollback: verdicts on the frames published so far do not count
+    /// any more, and the next frame does not continue them ([`Client::cut`]).
     pub fn resume(&mut self) {
         self.aborted = None;
         self.aborts_from = self.next_seq;
         self.cut();
     }
 
-    /// Says that the next frame does not continue the previous one: a restart from a checkpoint, another
-    /// scene of the same curves. No pull-throughs are looked for between the two; linking numbers are
-    /// compared with the baseline as ever.
+    /// Says that the next frame does not continue the previous one: a restart from a checkpoint,
+    /// another scene of the same curves. No pull-throughs are looked for between the two; linking
+    /// numbers are compared with the baseline as ever.
     ///
     /// To be called before [`Client::loan`]. Nothing is lost if the watcher skips the next frame.
     pub fn cut(&mut self) {
@@ -517,8 +518,9 @@ impl Client {
     /// Waits for the verdict on frame `seq`, at most for `deadline`. Verdicts on earlier frames are read on
     /// the way; their aborts are remembered.
     ///
-    /// Returns at once if the watcher said goodbye, and within a second if its process died (on this host;
-    /// over a bridge, after `deadline`). If none has come yet, one may come while this waits.
+    /// Returns at once if the watcher said goodbye, and within a second if its process died (on
+    /// this host; over a bridge, after `deadline`). If none has come yet, one may come while this
+    /// waits.
     pub fn wait(&mut self, seq: u64, deadline: Duration) -> Result<Outcome> {
         let start = Instant::now();
         loop {

@@ -25,8 +25,8 @@ pub enum Event {
     End {
         /// Its session.
         session: u64,
-        /// Frames that the simulator published; equals the sum of the counters. Frames that were rejected
-        /// for their sequence numbers come on top of it.
+        /// Frames that the simulator published; equals the sum of the counters. Frames that were
+        /// rejected for their sequence numbers come on top of it.
         published: u64,
         /// What became of them.
         counters: Counters,
@@ -79,10 +79,11 @@ impl Frame {
         self.header.session
     }
 
-    /// Cuts that the simulator made in its session before this frame ([`Client::cut`](crate::Client::cut)).
+    /// Cuts that the simulator made in its session before this frame
+    /// ([`Client::cut`](crate::Client::cut)).
     ///
-    /// If it is another number than that of the last frame that was verified, this frame does not continue
-    /// that one: call [`Verifier::cut`](crate::Verifier::cut) before this one is verified.
+    /// If it is another number than that of the last frame that was verified, this frame does not
+    /// continue that one: call [`Verifier::cut`](crate::Verifier::cut) before this one is verified.
     pub fn cuts(&self) -> u32 {
         self.header.cuts
     }

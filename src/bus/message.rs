@@ -23,8 +23,8 @@ pub enum MessageKind {
     Goodbye = 2,
 }
 
-/// Frames of the session so far. At its end, published = verified + skipped + rejected; frames with impossible
-/// sequence numbers are rejected on top of that.
+/// Frames of the session so far. At its end, published = verified + skipped + rejected; frames with
+/// impossible sequence numbers are rejected on top of that.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Frames that were checked, whatever came out.

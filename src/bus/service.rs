@@ -156,7 +156,8 @@ impl Endpoint {
         self.listener.timed_wait_all(|_| {}, time).is_ok()
     }
 
-    /// Whether the node, which once published to this end, died or left. Removes what it left behind.
+    /// Whether the node, which once published to this end, died or left. Removes what it left
+    /// behind.
     ///
     /// A node lives as long as its process holds a lock on a file: also if that is stopped or busy.
     pub fn node_is_gone(&self, id: NodeId) -> bool {

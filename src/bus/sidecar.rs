@@ -33,12 +33,12 @@ const RETIRED: usize = 16;
 /// Sequence numbers stay below this: a frame every 100 ns for 28 years, and exact in JSON.
 const MOST_FRAMES: u64 = 1 << 53;
 
-/// Frames that a simulator can publish per microsecond: more than the smallest ones that nobody reads, which
-/// were measured to take 0.2 us each, and 3 us with a watcher.
+/// Frames that a simulator can publish per microsecond: more than the smallest ones that nobody
+/// reads, which were measured to take 0.2 us each, and 3 us with a watcher.
 const FASTEST: u64 = 8;
 
-/// Frames by which a sequence number may be ahead beyond that: the clock is read a moment after the frame is
-/// received, and a bridge delivers in bursts.
+/// Frames by which a sequence number may be ahead beyond that: the clock is read a moment after the
+/// frame is received, and a bridge delivers in bursts.
 const AHEAD: u64 = 1 << 16;
 
 /// How the watcher uses the bus.
@@ -82,7 +82,8 @@ struct Seen {
 }
 
 impl Seen {
-    /// The first sequence number that can follow, and the last one that can have been reached by now.
+    /// The first sequence number that can follow, and the last one that can have been reached by
+    /// now.
     fn next(self) -> (u64, u64) {
         let micros = u64::try_from(self.at.elapsed().as_micros()).unwrap_or(u64::MAX);
         let most = micros.saturating_mul(FASTEST).saturating_add(AHEAD);
@@ -98,9 +99,9 @@ impl Seen {
 impl Session {
     /// Takes note of the sequence number of a frame, or says why it cannot be that.
     ///
-    /// A number that is not after the last one, or further ahead than a simulator can be, is taken for a
-    /// mistake. Two such numbers that follow one another are taken for the truth: then the mistake was the
-    /// one before them.
+    /// A number that is not after the last one, or further ahead than a simulator can be, is taken
+    /// for a mistake. Two such numbers that follow one another are taken for the truth: then the
+    /// mistake was the one before them.
     fn number(&mut self, seq: u64) -> Result<(), String> {
         let seen = Seen {
             seq,
@@ -121,7 +122,8 @@ impl Session {
         })
     }
 
-    /// Frames that were published, by what the end of the session says; and why that cannot be, if so.
+    /// Frames that were published, by what the end of the session says; and why that cannot be, if
+    /// so.
     fn published(&self, claimed: u64) -> (u64, Option<Error>) {
         let (seen, most) = self.last_seen.map_or((0, MOST_FRAMES), Seen::next);
         let why = (!(seen..=most).contains(&claimed)).then(|| {
@@ -419,7 +421,8 @@ impl Sidecar {
             session.counters.verified += 1;
         }
         let wire = VerdictWire::from_report(report, session.id, session.counters, check);
-        // What is repeated must reach the simulator: not an abort for a frame with an impossible number.
+        // What is repeated must reach the simulator: not an abort for a frame with an impossible
+        // number.
         let newest = session.last_seen.map_or(0, |last| last.seq);
         let newer = |kept: VerdictWire| kept.seq <= report.seq || kept.seq > newest;
         if report.abort && report.seq <= newest && session.abort.is_none_or(newer) {

@@ -53,8 +53,9 @@ pub(super) struct FrameHeader {
     pub basis: u32,
     /// 4 or 8.
     pub coordinate_bytes: u32,
-    /// Cuts in the session before this frame, wrapping. A frame with another number than the last one that
-    /// was verified does not continue it. A count, not a flag: the frame after a cut may be skipped.
+    /// Cuts in the session before this frame, wrapping. A frame with another number than the last
+    /// one that was verified does not continue it. A count, not a flag: the frame after a cut may
+    /// be skipped.
     pub cuts: u32,
 }
 

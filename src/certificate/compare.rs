@@ -85,8 +85,8 @@ impl Comparison {
 }
 
 impl Certificate {
-    /// Takes the linking numbers that this baseline lacks from the first frame that has them. `comparison` is that of all
-    /// pairs of the frame. Returns whether there are any.
+    /// Takes the linking numbers that this baseline lacks from the first frame that has them.
+    /// `comparison` is that of all pairs of the frame. Returns whether there are any.
     pub(crate) fn adopt(&mut self, comparison: &Comparison) -> bool {
         let (fresh, missing): (Vec<&Defect>, Vec<&Defect>) = comparison
             .defects

@@ -7,10 +7,10 @@
 //! 7,9,1
 //! ```
 //!
-//! The comment says how many lines belong to the file. Without it, a file that was cut at a line end would be a valid
-//! certificate with fewer links. It stands in the first line, because there a reader that was not made for it is most
-//! likely to skip it: verifycurves reads the number with `atoi`, tables are read with the first line skipped. Files
-//! without it are read as before.
+//! The comment says how many lines belong to the file. Without it, a file that was cut at a line
+//! end would be a valid certificate with fewer links. It stands in the first line, because there a
+//! reader that was not made for it is most likely to skip it: verifycurves reads the number with
+//! `atoi`, tables are read with the first line skipped. Files without it are read as before.
 
 use super::{Certificate, Link};
 use crate::error::{Error, Result};
@@ -35,8 +35,8 @@ impl fmt::Display for Certificate {
 }
 
 impl Certificate {
-    /// Reads the text of a certificate. Lines may come in any order. All of them must be there, if the first line says
-    /// how many there are.
+    /// Reads the text of a certificate. Lines may come in any order. All of them must be there, if
+    /// the first line says how many there are.
     pub fn parse(text: &str) -> Result<Certificate> {
         let bad = |line: usize, what: String| {
             Error::format("certificate", format_args!("line {}", line + 1), what)
@@ -125,7 +125,8 @@ impl Certificate {
 
     /// The text of a certificate file.
     ///
-    /// Errors: [`Error::Incomplete`] if a pair has no linking number: in the file it would read as 0.
+    /// Errors: [`Error::Incomplete`] if a pair has no linking number: in the file it would read as
+    /// 0.
     pub fn to_text(&self) -> Result<String> {
         if let Some(d) = self.undefined.first() {
             return Err(Error::Incomplete {
@@ -189,7 +190,8 @@ mod tests {
         );
     }
 
-    /// The algorithm of the published tool: numbers as `atoi` reads them, lines with fewer than three fields skipped.
+    /// The algorithm of the published tool: numbers as `atoi` reads them, lines with fewer than
+    /// three fields skipped.
     #[test]
     fn the_reader_of_verifycurves_is_not_disturbed() {
         fn atoi(text: &str) -> i64 {

@@ -1,4 +1,5 @@
-//! Files that a command reads and writes: no output replaces an input, another output, or (without `--force`) any file.
+//! Files that a command reads and writes: no output replaces an input, another output, or (without
+//! `--force`) any file.
 
 use linkwatch::{Error, Result};
 use std::fs::{File, OpenOptions};
@@ -118,8 +119,8 @@ pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
     Ok(())
 }
 
-/// Writes a file under another name first: its own name never stands for half of it. Pipes and devices are written as they
-/// are.
+/// Writes a file under another name first: its own name never stands for half of it. Pipes and
+/// devices are written as they are.
 pub fn write_whole(
     path: &Path,
     overwrite: Overwrite,
@@ -236,7 +237,8 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Whether a path names a stream of this process: what stands behind it is not ours to refuse or to replace.
+/// Whether a path names a stream of this process: what stands behind it is not ours to refuse or to
+/// replace.
 fn is_stream(path: &Path) -> bool {
     let folder = path.parent().and_then(Path::to_str);
     matches!(path.to_str(), Some("/dev/stdout" | "/dev/stderr"))

@@ -52,7 +52,8 @@ struct Cli {
     quiet: bool,
 }
 
-/// Threads that --threads may ask for: more than any machine that this was made for has cores, and few enough to start.
+/// Threads that --threads may ask for: more than any machine that this was made for has cores, and
+/// few enough to start.
 const MOST_THREADS: i64 = 1024;
 
 const EXIT_CODES: &str = "\
@@ -144,7 +145,8 @@ fn run(cli: &Cli) -> Result<Outcome> {
     }
 }
 
-/// Turns the signal that ends a process which writes beyond `ulimit -f` into an error of that write.
+/// Turns the signal that ends a process which writes beyond `ulimit -f` into an error of that
+/// write.
 fn survive_file_size_limit() -> Result<()> {
     #[cfg(unix)]
     signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;

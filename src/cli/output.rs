@@ -26,8 +26,8 @@ pub fn init(quiet: bool) {
         .init();
 }
 
-/// Takes log messages, each in one piece. Never fails: the subscriber would tell stderr of an error, and panic if that cannot
-/// be written either.
+/// Takes log messages, each in one piece. Never fails: the subscriber would tell stderr of an
+/// error, and panic if that cannot be written either.
 struct Log;
 
 impl Write for Log {
@@ -40,8 +40,8 @@ impl Write for Log {
     }
 }
 
-/// Writes a line to stdout. If it is lost, [`finish`] says so: the work goes on, since a watched simulation still needs its
-/// verdicts, and the exit code still tells the outcome.
+/// Writes a line to stdout. If it is lost, [`finish`] says so: the work goes on, since a watched
+/// simulation still needs its verdicts, and the exit code still tells the outcome.
 pub fn line(text: impl std::fmt::Display) {
     stream::put(Target::Out, format!("{text}\n").into_bytes());
 }

@@ -12,8 +12,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How long a replay waits for a sink or for standard output that takes nothing. Then frames or lines are dropped and
-/// counted.
+/// How long a replay waits for a sink or for standard output that takes nothing. Then frames or
+/// lines are dropped and counted.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Verify a recording again, frame by frame, and compare with the verdicts that were given live
@@ -255,9 +255,9 @@ impl Replay {
             }
             Some(_) => {}
             None if report.verdict == Verdict::Rejected => {
-                // There were no curves to record: the verdict is all that is left of the frame. Its abort flag
-                // stays too, unless another policy is given: the `any` of older recordings left out rejected
-                // frames.
+                // There were no curves to record: the verdict is all that is left of the frame. Its
+                // abort flag stays too, unless another policy is given: the `any` of older
+                // recordings left out rejected frames.
                 if let Some(policy) = self.policy {
                     report.abort = policy.aborts(&report, |_| false);
                 }
@@ -281,8 +281,8 @@ impl Replay {
     }
 }
 
-/// Whether a report says the same as a recorded one. The work that a verdict takes is no part of it, and neither are
-/// motions that were not recorded: the recording may be of an earlier version.
+/// Whether a report says the same as a recorded one. The work that a verdict takes is no part of
+/// it, and neither are motions that were not recorded: the recording may be of an earlier version.
 fn alike(found: &Report, recorded: &Report) -> bool {
     let mut found = Report {
         stats: recorded.stats,

@@ -126,7 +126,8 @@ impl Sinks {
         Ok(())
     }
 
-    /// Prepares what was asked for. Files are created at the first frame. `title` names the run in the viewer.
+    /// Prepares what was asked for. Files are created at the first frame. `title` names the run in
+    /// the viewer.
     fn open(
         &self,
         title: &str,
@@ -289,7 +290,8 @@ impl Unresolved {
         self.lengths = lengths.fold(self.lengths, f64::max);
     }
 
-    /// How many there were, and how close together frames would have to be for all of them to be within the limit.
+    /// How many there were, and how close together frames would have to be for all of them to be
+    /// within the limit.
     fn words(&self, limit: f64) -> String {
         let remedy = match limit {
             0.0 => "none is resolved".to_owned(),
@@ -312,7 +314,8 @@ pub struct Session {
     /// In segment lengths.
     motion_limit: f64,
     verifier: Verifier,
-    /// Cuts before the last frame that was verified: a frame with another number does not continue it.
+    /// Cuts before the last frame that was verified: a frame with another number does not continue
+    /// it.
     cuts: u32,
     /// Where the baseline comes from, in words.
     origin: String,
@@ -407,8 +410,8 @@ impl Session {
         self.verifier.progress()
     }
 
-    /// Whether a frame takes no longer than it takes to hand it to another thread, many times over: it is small, and the
-    /// one before it took a moment.
+    /// Whether a frame takes no longer than it takes to hand it to another thread, many times over:
+    /// it is small, and the one before it took a moment.
     #[cfg(feature = "bus")]
     pub fn is_quick(&self, frame: &Ingested) -> bool {
         let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
@@ -443,9 +446,11 @@ impl Session {
         }
     }
 
-    /// Verifies one frame. If `cuts` is another number than for the last one, it does not continue that one.
+    /// Verifies one frame. If `cuts` is another number than for the last one, it does not continue
+    /// that one.
     ///
-    /// Errors: [`Error::CertificateMismatch`], and [`Error::Cancelled`] of a frame of which nothing is known.
+    /// Errors: [`Error::CertificateMismatch`], and [`Error::Cancelled`] of a frame of which nothing
+    /// is known.
     pub fn judge(&mut self, seq: u64, time: f64, cuts: u32, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
         let Ingested { curves, took } = frame;
@@ -458,7 +463,8 @@ impl Session {
         });
         let (report, curves) = match outcome {
             Ok(verified) => verified,
-            // Not this frame's fault: no frame of this simulator would fit, or nobody waits for it any more.
+            // Not this frame's fault: no frame of this simulator would fit, or nobody waits for it
+            // any more.
             Err(e @ (Error::CertificateMismatch { .. } | Error::Cancelled)) => return Err(e),
             Err(e) => (self.verifier.reject(seq, time, &e), None),
         };

@@ -19,7 +19,8 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// Cancels the verification on the first SIGINT or SIGTERM, from a thread that lasts as long as the process.
+/// Cancels the verification on the first SIGINT or SIGTERM, from a thread that lasts as long as the
+/// process.
 #[cfg(feature = "mcap")]
 pub fn cancel_on_signals(progress: Arc<linkwatch::Progress>) -> Result<()> {
     use std::sync::atomic::Ordering;

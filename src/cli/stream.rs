@@ -1,8 +1,9 @@
 //! Standard output and standard error, which may be full, closed, or a pipe that nobody reads.
 //!
-//! A write that fails is no error of the command: its work goes on, and what was lost is counted. A write may also
-//! block for ever. So `watch` and `replay` detach both streams: from then on the text waits in a bounded queue for a
-//! thread that writes it, under the contract of a sink ([`Overflow`]).
+//! A write that fails is no error of the command: its work goes on, and what was lost is counted. A
+//! write may also block for ever. So `watch` and `replay` detach both streams: from then on the
+//! text waits in a bounded queue for a thread that writes it, under the contract of a sink
+//! ([`Overflow`]).
 
 use linkwatch::Overflow;
 use std::collections::VecDeque;
@@ -63,8 +64,8 @@ struct State {
     status: String,
 }
 
-/// Standard output, and standard error. If both are terminals, they are the same one: all text takes the
-/// way of standard error then, so that it stays in order.
+/// Standard output, and standard error. If both are terminals, they are the same one: all text
+/// takes the way of standard error then, so that it stays in order.
 static OUT: Stream = Stream::new();
 static ERR: Stream = Stream::new();
 
@@ -125,7 +126,8 @@ pub fn detach(overflow: Overflow) -> io::Result<()> {
     Ok(())
 }
 
-/// Waits until a stream is written, as long as that makes progress within `limit`. What is not written then is lost.
+/// Waits until a stream is written, as long as that makes progress within `limit`. What is not
+/// written then is lost.
 pub fn finish(target: Target, limit: Duration) -> Option<Lost> {
     stream_of(target).finish(limit)
 }
@@ -314,7 +316,8 @@ fn write(target: Target, mut bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// The stream itself, without the buffer and the lock of the standard library: whoever holds that lock may wait for ever.
+/// The stream itself, without the buffer and the lock of the standard library: whoever holds that
+/// lock may wait for ever.
 #[cfg(unix)]
 fn file(target: Target) -> io::Result<File> {
     use std::os::fd::AsFd;

@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 /// Time between two heartbeats during a long check.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
-/// How long a sink or standard output may hold up the verdicts in total until it has caught up. Then frames or lines are
-/// dropped and counted.
+/// How long a sink or standard output may hold up the verdicts in total until it has caught up.
+/// Then frames or lines are dropped and counted.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Watch a live simulation: verify its frames and tell it to stop when its topology breaks
@@ -31,7 +31,8 @@ pub struct Args {
     /// Give up when no simulator has come after this time [default: wait for ever]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
-    /// Exit code 3 if a larger share of the frames was skipped: 0 to 1, or a percentage (`5%`) [default: any may be]
+    /// Exit code 3 if a larger share of the frames was skipped: 0 to 1, or a percentage (`5%`)
+    /// [default: any may be]
     #[arg(long, value_name = "SHARE", value_parser = share)]
     max_skipped: Option<f64>,
     #[command(flatten)]

@@ -1,15 +1,17 @@
 //! Pairs of pieces of two polylines that are near each other.
 //!
-//! Splines that run near each other are split into thousands of pieces, and each piece is near a few others. Testing
-//! every piece with every other is quadratic in their number, so long polylines are halved as long as their parts are
-//! not apart. Near-linear in pieces for polylines that are spatially coherent.
+//! Splines that run near each other are split into thousands of pieces, and each piece is near a
+//! few others. Testing every piece with every other is quadratic in their number, so long polylines
+//! are halved as long as their parts are not apart. Near-linear in pieces for polylines that are
+//! spatially coherent.
 
 use std::ops::ControlFlow;
 
 /// Vertices of a part that is not halved any more.
 const FEW: usize = 5;
 
-/// What keeps parts of polylines apart, for vertices `V`: whatever keeps two parts apart must keep all their pieces apart.
+/// What keeps parts of polylines apart, for vertices `V`: whatever keeps two parts apart must keep
+/// all their pieces apart.
 pub(crate) trait Sieve<V> {
     /// What is known of a part.
     type Bounds;
@@ -19,7 +21,8 @@ pub(crate) trait Sieve<V> {
     fn apart(&self, first: &Self::Bounds, second: &Self::Bounds) -> bool;
 }
 
-/// Calls `test` for pairs of pieces, one of each polyline, until it breaks: for all but some that are apart.
+/// Calls `test` for pairs of pieces, one of each polyline, until it breaks: for all but some that
+/// are apart.
 pub(crate) fn pieces_between<V>(
     p: &[V],
     q: &[V],

@@ -13,8 +13,9 @@ pub enum Device {
     Cpu,
     /// On the first graphics processor that there is, of the fastest kind; software Vulkan counts as one.
     Gpu,
-    /// On the graphics processor whose name is this, or else on the one whose name has these words in it. If several have
-    /// the name, or none and several have the words, that is an error, and they have an index each.
+    /// On the graphics processor whose name is this, or else on the one whose name has these words
+    /// in it. If several have the name, or none and several have the words, that is an error, and
+    /// they have an index each.
     Named(String),
     /// On the graphics processor of this index in the list of [`devices`].
     Index(usize),
@@ -54,7 +55,8 @@ impl FromStr for Device {
     expect(dead_code, reason = "there is no list to choose from")
 )]
 impl Device {
-    /// Which of all adapters this is, given in the order of their index. The first one where any will do.
+    /// Which of all adapters this is, given in the order of their index. The first one where any
+    /// will do.
     ///
     /// On `Err`, why it is none, or not one, in words.
     pub(crate) fn choose(&self, all: &[DeviceInfo]) -> Result<usize, String> {
@@ -94,8 +96,8 @@ impl Device {
 /// An adapter, and what it can do.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct DeviceInfo {
-    /// Its index, as [`Device::Index`] takes it: from 0, the fastest kinds first. It is the same in every process until an
-    /// adapter or a driver comes or goes.
+    /// Its index, as [`Device::Index`] takes it: from 0, the fastest kinds first. It is the same in
+    /// every process until an adapter or a driver comes or goes.
     pub index: usize,
     /// Its name, as [`Device::Named`] takes it. Others may have the same.
     pub name: String,

@@ -127,8 +127,9 @@ fn distance(a: Point, b: Point) -> f64 {
     scale.undo((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt())
 }
 
-/// A power of two that brings points to a size at which products of four differences neither overflow nor underflow: 1 for
-/// all but extreme ones. Multiplying by it rounds nothing that matters beside the largest difference.
+/// A power of two that brings points to a size at which products of four differences neither
+/// overflow nor underflow: 1 for all but extreme ones. Multiplying by it rounds nothing that
+/// matters beside the largest difference.
 #[derive(Clone, Copy)]
 struct Scale([f64; 2]);
 
@@ -238,7 +239,8 @@ mod tests {
         }
     }
 
-    /// Squares overflowed: the place was the origin, the distance infinite. Or they underflowed: the distance was 0.
+    /// Squares overflowed: the place was the origin, the distance infinite. Or they underflowed:
+    /// the distance was 0.
     #[test]
     fn extreme_coordinates_have_their_place_and_distance() {
         for k in [1e200, 1e300, 1e-200, 1e-300, 1e150, 1e-150, 1.0] {

@@ -1,10 +1,11 @@
 //! A sink on a thread of its own, behind a bounded queue.
 //!
-//! The caller hands over a frame by cloning an `Arc`. What happens when the sink is slower than the frames is the
-//! caller's choice ([`Overflow`]); what happens when it fails is not: it stays failed, says so once, and costs
-//! nothing from then on. The sink lives and dies on its own thread, which also opens it: a frozen disk blocks the
-//! creation of a file as well as a write, and dropping a stream to a viewer that has stopped reading can block for
-//! good. So a thread that does not finish in time is left behind, never joined.
+//! The caller hands over a frame by cloning an `Arc`. What happens when the sink is slower than the
+//! frames is the caller's choice ([`Overflow`]); what happens when it fails is not: it stays
+//! failed, says so once, and costs nothing from then on. The sink lives and dies on its own thread,
+//! which also opens it: a frozen disk blocks the creation of a file as well as a write, and
+//! dropping a stream to a viewer that has stopped reading can block for good. So a thread that does
+//! not finish in time is left behind, never joined.
 
 use super::{BaselineRecord, FrameRecord, Sink};
 use crate::error::{Error, Result};
@@ -22,15 +23,16 @@ const SILENCE: Duration = Duration::from_secs(2);
 
 /// What happens to a frame when the queue is full.
 ///
-/// If there is no room in the end, the oldest waiting frame is dropped and counted; frames at which the verdict turns
-/// are kept longest. The baseline is never dropped.
+/// If there is no room in the end, the oldest waiting frame is dropped and counted; frames at which
+/// the verdict turns are kept longest. The baseline is never dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overflow {
-    /// The caller waits for room, but no longer than this in total until the sink has caught up. For a recording of a
-    /// live simulation: a short hiccup of the disk costs no frame, and a frozen disk costs the watch this time once.
+    /// The caller waits for room, but no longer than this in total until the sink has caught up.
+    /// For a recording of a live simulation: a short hiccup of the disk costs no frame, and a
+    /// frozen disk costs the watch this time once.
     Wait(Duration),
-    /// The caller waits for room as long as the sink takes a frame within this time. For a replay, which nobody waits
-    /// for: a slow disk costs no frame.
+    /// The caller waits for room as long as the sink takes a frame within this time. For a replay,
+    /// which nobody waits for: a slow disk costs no frame.
     WaitForProgress(Duration),
     /// The caller never waits. For viewers.
     DropOldest,
@@ -53,7 +55,8 @@ pub struct SinkSummary {
     pub name: &'static str,
     /// Frames that it took; of a sink that failed, those that were safe by then.
     pub written: u64,
-    /// Frames that it missed: dropped for newer ones, not yet safe when it failed, or come after that.
+    /// Frames that it missed: dropped for newer ones, not yet safe when it failed, or come after
+    /// that.
     pub dropped: u64,
     /// Why it failed, if it did.
     pub failed: Option<String>,
@@ -127,7 +130,8 @@ impl Shared {
         wait.unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// [`Shared::wait_while`], with a warning if that takes long: `word` says what the sink does not do.
+    /// [`Shared::wait_while`], with a warning if that takes long: `word` says what the sink does
+    /// not do.
     fn wait_aloud<'a>(
         &'a self,
         mut state: MutexGuard<'a, State>,
@@ -179,8 +183,8 @@ pub struct SinkQueue {
 }
 
 impl SinkQueue {
-    /// Starts a thread for a sink, which `open` opens there when the first event comes. At most `capacity` frames (at
-    /// least one) wait for it.
+    /// Starts a thread for a sink, which `open` opens there when the first event comes. At most
+    /// `capacity` frames (at least one) wait for it.
     pub fn spawn(
         name: &'static str,
         capacity: usize,
@@ -209,8 +213,8 @@ impl SinkQueue {
         })
     }
 
-    /// Lets more frames wait than the capacity, as long as all that wait have fewer points than that: a disk that does
-    /// nothing for a second costs small frames nothing.
+    /// Lets more frames wait than the capacity, as long as all that wait have fewer points than
+    /// that: a disk that does nothing for a second costs small frames nothing.
     pub fn with_points(mut self, points: usize) -> SinkQueue {
         self.points = points;
         self
@@ -220,7 +224,8 @@ impl SinkQueue {
         state.frames >= self.capacity && state.points >= self.points
     }
 
-    /// Opens the sink now, before any event, and waits for that at most `limit`: then it goes on by itself.
+    /// Opens the sink now, before any event, and waits for that at most `limit`: then it goes on by
+    /// itself.
     ///
     /// Errors: why it could not be opened.
     pub fn open(&self, limit: Duration) -> Result<()> {
@@ -260,7 +265,8 @@ impl SinkQueue {
         }
     }
 
-    /// Hands over a frame. May wait for room, as [`Overflow`] says, and never for a sink that has failed.
+    /// Hands over a frame. May wait for room, as [`Overflow`] says, and never for a sink that has
+    /// failed.
     pub fn frame(&self, record: Arc<FrameRecord>) {
         let mut state = self.wait_for_room(self.shared.lock());
         if state.failed.is_some() {

@@ -122,7 +122,8 @@ impl Report {
         format!("frame {}: {}{detail}", self.seq, self.verdict)
     }
 
-    /// Every finding of the frame, a sentence each: changes, events, defects, unresolved pull-throughs.
+    /// Every finding of the frame, a sentence each: changes, events, defects, unresolved
+    /// pull-throughs.
     pub fn findings(&self) -> impl Iterator<Item = String> + '_ {
         let changes = self.changes.iter().map(Change::to_string);
         let events = self.events.iter().map(PullThrough::to_string);

@@ -80,8 +80,8 @@ pub enum DefectKind {
     TooClose = 1,
     /// The loop has fewer than three distinct vertices; it bounds nothing.
     Degenerate = 2,
-    /// The pair has a linking number now, but had none in the baseline to compare with. It is expected from this frame
-    /// on.
+    /// The pair has a linking number now, but had none in the baseline to compare with. It is
+    /// expected from this frame on.
     NoBaseline = 3,
     /// Whether one was pulled through the other since the frame before cannot be told: they touched, or came too close.
     Untold = 4,
@@ -202,13 +202,14 @@ pub struct Report {
     /// Pull-throughs since the last frame that was verified, in the order in which they came; empty where they are not
     /// looked for ([`Events`](crate::Events)).
     pub events: Vec<PullThrough>,
-    /// Pull-throughs that the frames are too far apart to tell: they cancel within their pair, and moved further than
-    /// [the limit](crate::Verifier::set_motion_limit). In the order in which they came.
+    /// Pull-throughs that the frames are too far apart to tell: they cancel within their pair, and
+    /// moved further than [the limit](crate::Verifier::set_motion_limit). In the order in which
+    /// they came.
     pub unresolved: Vec<PullThrough>,
     /// What could not be decided or compared, sorted by pair.
     pub defects: Vec<Defect>,
-    /// Linking numbers that the baseline lacked, where they are not 0, sorted by pair: expected from this frame on
-    /// ([`DefectKind::NoBaseline`]).
+    /// Linking numbers that the baseline lacked, where they are not 0, sorted by pair: expected
+    /// from this frame on ([`DefectKind::NoBaseline`]).
     pub adopted: Vec<Link>,
     /// Why the frame was rejected, in words.
     pub rejected: Option<String>,

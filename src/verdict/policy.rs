@@ -9,7 +9,8 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AbortOn {
-    /// A linking number changed in any way, curves touch, one was pulled through, or a frame was rejected.
+    /// A linking number changed in any way, curves touch, one was pulled through, or a frame was
+    /// rejected.
     #[default]
     Any,
     /// A link was lost, or changed to another number.
@@ -38,8 +39,8 @@ impl AbortOn {
         AbortOn::Never,
     ];
 
-    /// Whether these findings ask the simulator to stop. Contacts that are `expected`, since the curves touch in the
-    /// baseline, do not.
+    /// Whether these findings ask the simulator to stop. Contacts that are `expected`, since the
+    /// curves touch in the baseline, do not.
     pub fn aborts(self, report: &Report, expected: impl Fn(&Defect) -> bool) -> bool {
         let mut contacts = report
             .defects

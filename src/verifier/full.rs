@@ -75,7 +75,8 @@ impl FullRun {
         stats
     }
 
-    /// Whether what is computed from here on ends early once the progress is cancelled; it is incomplete then.
+    /// Whether what is computed from here on ends early once the progress is cancelled; it is
+    /// incomplete then.
     pub fn heed_cancel(&mut self, heed: bool) {
         self.workspaces.cancel = heed.then(|| self.progress.cancel.clone());
     }

@@ -120,9 +120,10 @@ impl Verifier {
 
     /// Whether [`Verifier::step`] stops at the first change that it finds, and leaves the other pairs unchecked.
     ///
-    /// Pairs are computed in the order in which they are likely to have changed, so a broken frame is told from an
-    /// intact one long before all is known. An intact frame takes as long as ever. It goes together neither with
-    /// [`Verifier::set_incremental`] nor with [`Verifier::set_events`], which need all linking numbers.
+    /// Pairs are computed in the order in which they are likely to have changed, so a broken frame
+    /// is told from an intact one long before all is known. An intact frame takes as long as ever.
+    /// It goes together neither with [`Verifier::set_incremental`] nor with
+    /// [`Verifier::set_events`], which need all linking numbers.
     pub fn set_early_exit(&mut self, early_exit: bool) {
         self.early_exit = early_exit;
     }
@@ -175,13 +176,14 @@ impl Verifier {
         self.monitor = Monitor::new(self.steps.cover());
     }
 
-    /// Up to which motion between two frames a pull-through stands for what happened, in segment lengths
-    /// ([`PullThrough::lengths`]); [`Verifier::MOTION_LIMIT`] unless set.
+    /// Up to which motion between two frames a pull-through stands for what happened, in segment
+    /// lengths ([`PullThrough::lengths`]); [`Verifier::MOTION_LIMIT`] unless set.
     ///
-    /// Pull-throughs are those of points that move on straight lines from frame to frame. If frames are far apart in time,
-    /// curves that went around one another seem to pass through one another and back. Two pull-throughs that cancel
-    /// within their pair of curves and both of which moved further than the limit are therefore
-    /// [`Report::unresolved`]. With a limit of infinity there are none.
+    /// Pull-throughs are those of points that move on straight lines from frame to frame. If frames
+    /// are far apart in time, curves that went around one another seem to pass through one another
+    /// and back. Two pull-throughs that cancel within their pair of curves and both of which moved
+    /// further than the limit are therefore [`Report::unresolved`]. With a limit of infinity there
+    /// are none.
     ///
     /// Errors: [`Error::Usage`] for a limit that is negative or not a number.
     pub fn set_motion_limit(&mut self, lengths: f64) -> Result<()> {
@@ -282,9 +284,10 @@ impl Verifier {
     /// [`Verifier::step_shared`] needs no copy.
     ///
     /// Errors: [`Error::CertificateMismatch`] where the baseline is of another number of curves;
-    /// [`Error::NothingClosed`] where no curve is closed and no pull-throughs are looked for: nothing was verified then,
-    /// so nothing is intact; [`Error::LayoutChanged`] where pull-throughs are looked for between other curves than before;
-    /// [`Error::Cancelled`] after [`Progress::cancel`].
+    /// [`Error::NothingClosed`] where no curve is closed and no pull-throughs are looked for:
+    /// nothing was verified then, so nothing is intact; [`Error::LayoutChanged`] where
+    /// pull-throughs are looked for between other curves than before; [`Error::Cancelled`] after
+    /// [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         let verified = self.verify(seq, time, set);
         self.full.accelerator.end_frame(set);
@@ -302,8 +305,8 @@ impl Verifier {
         Ok(report)
     }
 
-    /// Says that the next frame does not continue the previous one: no pull-throughs are looked for between
-    /// the two. To be called after a rollback, a restart or a cut of the simulation.
+    /// Says that the next frame does not continue the previous one: no pull-throughs are looked for
+    /// between the two. To be called after a rollback, a restart or a cut of the simulation.
     ///
     /// Linking numbers are compared with the baseline as ever.
     pub fn cut(&mut self) {
@@ -510,8 +513,8 @@ impl Verifier {
         });
     }
 
-    /// Pull-throughs since the frame before, where they are looked for, and unresolved ones; adds what is not known of
-    /// the step to the defects.
+    /// Pull-throughs since the frame before, where they are looked for, and unresolved ones; adds
+    /// what is not known of the step to the defects.
     fn look_for_events(
         &mut self,
         set: &CurveSet,

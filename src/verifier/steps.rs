@@ -138,8 +138,8 @@ impl Steps {
         self.remember(copy, comparison);
     }
 
-    /// What happened since the frame before, of these pairs or of all; and how many pairs were searched. In a first
-    /// frame, the curves that touch.
+    /// What happened since the frame before, of these pairs or of all; and how many pairs were
+    /// searched. In a first frame, the curves that touch.
     ///
     /// # Panics
     /// If the frame before is of other curves.
@@ -177,9 +177,9 @@ impl Steps {
         j.is_some_and(|j| pairs.binary_search(&(i, j)).is_ok())
     }
 
-    /// Adds curves that touch, pairs of which it cannot be told what they did in the step, and those that did other
-    /// things than their linking numbers say, which are at some `place`. Of a pair only the first defect is kept, but for
-    /// a step that is undecided beside a contact.
+    /// Adds curves that touch, pairs of which it cannot be told what they did in the step, and
+    /// those that did other things than their linking numbers say, which are at some `place`. Of a
+    /// pair only the first defect is kept, but for a step that is undecided beside a contact.
     pub fn add_defects(
         &self,
         outcome: &Outcome,

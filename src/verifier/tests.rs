@@ -246,7 +246,8 @@ fn frames_that_the_monitor_did_not_see_are_not_taken_for_seen() {
     assert_eq!(told, [0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1]);
 }
 
-/// A finger of a closed curve, which is pushed past a long strand and so passes it twice, in one step.
+/// A finger of a closed curve, which is pushed past a long strand and so passes it twice, in one
+/// step.
 fn finger(y: f64) -> CurveSet {
     let loop_ = [
         [-0.5, y, 0.25],

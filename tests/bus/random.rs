@@ -1,4 +1,5 @@
-//! Random sessions: watchers that come, leave and are killed, hostile sequence numbers, cuts, in any order.
+//! Random sessions: watchers that come, leave and are killed, hostile sequence numbers, cuts, in
+//! any order.
 
 use super::death::Process;
 use super::hostile::Liar;
@@ -198,7 +199,8 @@ fn hundreds_of_random_sessions_in_lockstep_end_in_time() {
     }
 }
 
-/// Watchers of their own process are killed, stopped and started again while a simulator runs in lockstep.
+/// Watchers of their own process are killed, stopped and started again while a simulator runs in
+/// lockstep.
 fn killed_watchers(seed: u64, rounds: usize) {
     let mut random = Random::new(seed);
     let name = service();

@@ -110,8 +110,8 @@ impl Motion<BigInt> {
         }
     }
 
-    /// Proves that the edges, which lie in one plane at all times, are apart at all times of the interval but the ends of
-    /// the step; `false` if that is not proven.
+    /// Proves that the edges, which lie in one plane at all times, are apart at all times of the
+    /// interval but the ends of the step; `false` if that is not proven.
     fn always_apart(&self, interval: &Interval, depth: u32) -> bool {
         // Without a root inside and with signs at the ends, a polynomial has one sign.
         let one = Polynomial::new([BigInt::from(1)]);
@@ -169,8 +169,9 @@ pub(super) struct Event {
     pub moment: Moment,
 }
 
-/// All passages of a pair of edges, in their order in time. Edges that touch in a frame have an event at that
-/// end of the step, even if its sign is 0. Returns `None` if there are ties that are to be reported.
+/// All passages of a pair of edges, in their order in time. Edges that touch in a frame have an
+/// event at that end of the step, even if its sign is 0. Returns `None` if there are ties that are
+/// to be reported.
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
     let contact = [before, after].map(touch);
     let at_end = |end: usize, sign: i32| Event {
@@ -215,7 +216,8 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
             .get_or_insert_with(|| motion.translated(TRANSLATION))
             .net_passages(interval, 0)
     };
-    // The translated edges pass through one another next to the roots and next to a contact in a frame only.
+    // The translated edges pass through one another next to the roots and next to a contact in a
+    // frame only.
     let [start, end] = Interval::step().around(&roots);
     let mut found = Vec::new();
     if contact[0] {

@@ -51,13 +51,15 @@
 //! `e`, for the surroundings of that root. Where the edges lie in one plane at all times, the translated ones do
 //! infinitely near to the roots of the lowest coefficient of the volume as a polynomial in `e`.
 //!
-//! **Contact in a frame.** The faces of the first and the last moment are faces of the cube as well, so the
-//! translated edges do not touch in a frame in which the edges themselves do: each passage of the translated curves
-//! is in one step or in the other, never in both and never in none. A contact in a frame is an event of both steps
-//! that meet there ([`Moment::End`] of one, [`Moment::Start`] of the other). Over both, the signs add up to the
-//! passages of the motion through that contact; each by itself depends on the direction of the translation and means
-//! nothing. With the linking number of the translated curves in place of the one that is not defined, the sum over
-//! all passages of a step is the change of the linking number whether or not the curves touch in its frames.
+//! **Contact in a frame.** The faces of the first and the last moment are faces of the cube as
+//! well, so the translated edges do not touch in a frame in which the edges themselves do: each
+//! passage of the translated curves is in one step or in the other, never in both and never in
+//! none. A contact in a frame is an event of both steps that meet there ([`Moment::End`] of one,
+//! [`Moment::Start`] of the other). Over both, the signs add up to the passages of the motion
+//! through that contact; each by itself depends on the direction of the translation and means
+//! nothing. With the linking number of the translated curves in place of the one that is not
+//! defined, the sum over all passages of a step is the change of the linking number whether or not
+//! the curves touch in its frames.
 //!
 //! Touching without passing is nothing, at inner points and elsewhere: of the passages that the translation
 //! makes infinitely near to one time, within one pair of edges, the sum is told. Ties that belong to several
@@ -85,8 +87,9 @@ pub(crate) struct Passage {
     pub time: f64,
     /// Whether that is within the step, or in a frame.
     pub moment: Moment,
-    /// What it adds to the linking number of the two curves: 1 or -1 within the step. For a contact in a frame,
-    /// the part of the step in the passages that the translation makes of it: any number, 0 included.
+    /// What it adds to the linking number of the two curves: 1 or -1 within the step. For a contact
+    /// in a frame, the part of the step in the passages that the translation makes of it: any
+    /// number, 0 included.
     pub sign: i32,
     /// Where along either edge, 0 at its start and 1 at its end: for display, as is the point.
     pub at: [f64; 2],
@@ -99,7 +102,8 @@ pub(crate) struct Passage {
 pub(crate) enum Moment {
     /// The edges touch in the first frame of the step.
     Start,
-    /// Between the frames; at a `tie` only the translated edges are known to pass through one another.
+    /// Between the frames; at a `tie` only the translated edges are known to pass through one
+    /// another.
     Within { tie: bool },
     /// The edges touch in the last frame of the step.
     End,
@@ -128,11 +132,13 @@ pub(crate) enum Decided {
     Tie,
 }
 
-/// Calls `out` with every passage of a pair of edges and with every contact in a frame, in their order in time.
+/// Calls `out` with every passage of a pair of edges and with every contact in a frame, in their
+/// order in time.
 ///
-/// With [`Ties::Report`], contacts in a frame are decided by a translation, too; they mean something only if the
-/// caller can tell which other pairs of edges take part in the contact, and has the same curve first in all of them.
-/// With [`Decided::Tie`] there are none, and nothing is known.
+/// With [`Ties::Report`], contacts in a frame are decided by a translation, too; they mean
+/// something only if the caller can tell which other pairs of edges take part in the contact, and
+/// has the same curve first in all of them. With [`Decided::Tie`] there are none, and nothing is
+/// known.
 pub(crate) fn passages(
     before: &Edges,
     after: &Edges,

@@ -85,8 +85,8 @@ impl Interval {
         }
     }
 
-    /// Shortens this interval until it does not begin at the time 0 and does not end at 1, keeping the one simple
-    /// root of `f`, which is at neither.
+    /// Shortens this interval until it does not begin at the time 0 and does not end at 1, keeping
+    /// the one simple root of `f`, which is at neither.
     pub fn leave_the_ends<R: Ring>(&mut self, f: &Polynomial<R>) {
         let before = f.sign_at(&self.from);
         let ends = Interval::step();
@@ -100,8 +100,8 @@ impl Interval {
         }
     }
 
-    /// The parts of this interval before the first and after the last of some intervals inside of it, which are in
-    /// order; its halves if there are none.
+    /// The parts of this interval before the first and after the last of some intervals inside of
+    /// it, which are in order; its halves if there are none.
     pub fn around(&self, inner: &[Interval]) -> [Interval; 2] {
         let (Some(first), Some(last)) = (inner.first(), inner.last()) else {
             return self.halves().into();

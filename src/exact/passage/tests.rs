@@ -220,8 +220,8 @@ fn a_million_sums_are_the_change_of_the_linking_number() {
     });
 }
 
-/// Two steps with any frame between them, and the sum of the passages of both, against the oracle. Returns in how many
-/// cases the polygons touch in the frame between.
+/// Two steps with any frame between them, and the sum of the passages of both, against the oracle.
+/// Returns in how many cases the polygons touch in the frame between.
 fn compare_two_steps(count: u64, seed: u64) -> u64 {
     let mut r = Random::new(seed);
     let (mut done, mut touching) = (0, 0);
@@ -246,7 +246,8 @@ fn compare_two_steps(count: u64, seed: u64) -> u64 {
         ];
         let mut found = total(&i, &j, 1.0) + total(&p, &q, 1.0);
         assert_eq!(found, after - before, "seed {seed}: {i:?} {j:?} {last:?}");
-        // Each pair of edges has a unit of length of its own; the translation must be the same for all.
+        // Each pair of edges has a unit of length of its own; the translation must be the same for
+        // all.
         let scale = 2f64.powi(r.next(40) as i32 - 20);
         (p, q) = (q, p);
         found = total(&j, &i, scale) + total(&p, &q, scale);
@@ -571,8 +572,8 @@ fn a_touch_is_no_passage() {
     }
 }
 
-/// A passage exactly in a frame is in one of the steps beside it; one that touches there and goes back is in none, or in
-/// both and cancels.
+/// A passage exactly in a frame is in one of the steps beside it; one that touches there and goes
+/// back is in none, or in both and cancels.
 #[test]
 fn contact_in_a_frame_is_decided_over_both_steps() {
     let frame = |y: f64| [[[-1.0, y, 2.0], [3.0, y, 2.0]], POST];
@@ -633,8 +634,8 @@ fn motion_in_one_plane_is_a_tie_only_where_edges_meet() {
     let at = |x: f64, y: f64| [x, y, x + y];
     let first = [at(0.0, 0.0), at(4.0, 4.0)];
     let cases = [
-        // Boxes overlap and sides tell; on one line, apart along no axis at first sight; through each other; in contact
-        // in the first frame only.
+        // Boxes overlap and sides tell; on one line, apart along no axis at first sight; through
+        // each other; in contact in the first frame only.
         (
             [at(1.0, 0.0), at(3.0, 1.0)],
             [at(1.0, 0.0), at(3.0, 2.0)],

@@ -1,20 +1,23 @@
-//! Contacts in a frame: what passed through a contact is decided over the steps on both sides of it.
+//! Contacts in a frame: what passed through a contact is decided over the steps on both sides of
+//! it.
 //!
-//! Edges that touch exactly in a frame have passages in the steps before and after it that depend on an infinitesimal
-//! translation of one curve ([`crate::exact`]). Only their sum over both steps means something: 0 if the strands
-//! touched and went back, 1 or -1 if one passed through the other. So they are not events yet. They are kept until the
-//! contact ends.
+//! Edges that touch exactly in a frame have passages in the steps before and after it that depend
+//! on an infinitesimal translation of one curve ([`crate::exact`]). Only their sum over both steps
+//! means something: 0 if the strands touched and went back, 1 or -1 if one passed through the
+//! other. So they are not events yet. They are kept until the contact ends.
 //!
-//! **Components.** A contact at a vertex belongs to two or four pairs of edges, and the translation gives the passage to
-//! any of them; edges that overlap on a line belong to more. Pairs of edges whose contacts are connected make one
-//! component, and the sum of their signs is that of the component. A component goes on in the next frame in the
-//! components there that share a pair of segments with it or a neighbouring one; otherwise it ends, and its sum is an
-//! event at the start of the step in which it ends.
+//! **Components.** A contact at a vertex belongs to two or four pairs of edges, and the translation
+//! gives the passage to any of them; edges that overlap on a line belong to more. Pairs of edges
+//! whose contacts are connected make one component, and the sum of their signs is that of the
+//! component. A component goes on in the next frame in the components there that share a pair of
+//! segments with it or a neighbouring one; otherwise it ends, and its sum is an event at the start
+//! of the step in which it ends.
 //!
-//! **What is not known.** Curves that touch in the first frame have no side of one another from which they came: the end
-//! of such a contact is no event. Curves with a common vertex in both frames of a step are joined there. A *joint* that
-//! was there in the first frame (two rods at a node, say) is no contact to be reported. What passes while a joint moves is
-//! not counted: if one that formed during the run opens after it moved, the step is undecided.
+//! **What is not known.** Curves that touch in the first frame have no side of one another from
+//! which they came: the end of such a contact is no event. Curves with a common vertex in both
+//! frames of a step are joined there. A *joint* that was there in the first frame (two rods at a
+//! node, say) is no contact to be reported. What passes while a joint moves is not counted: if one
+//! that formed during the run opens after it moved, the step is undecided.
 
 use super::PullThrough;
 use crate::curve::{Curve, CurveSet};
@@ -26,13 +29,14 @@ use std::collections::BTreeMap;
 /// Two edges that touch in a frame of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Contact {
-    /// The pair of curves, the segments, the place; the fraction is 0 or 1. The sign is the net number of passages of
-    /// the translated edges next to this end of the step; those of the whole step, at its start, if the edges touch
-    /// at both ends.
+    /// The pair of curves, the segments, the place; the fraction is 0 or 1. The sign is the net
+    /// number of passages of the translated edges next to this end of the step; those of the whole
+    /// step, at its start, if the edges touch at both ends.
     pub event: PullThrough,
     /// Whether the edges share a vertex in both frames.
     pub joint: bool,
-    /// Whether the sign is known. That of a joint that moves is not; this is noted at the start of the step.
+    /// Whether the sign is known. That of a joint that moves is not; this is noted at the start of
+    /// the step.
     pub counted: bool,
 }
 
@@ -128,9 +132,9 @@ impl Contacts {
         pairs
     }
 
-    /// Follows the contacts of the first frame of a step to the last one. `found` has all contacts of the step, sorted
-    /// by pair. A pair that could not be decided in this step has none; its contacts are forgotten, and what is
-    /// found of them in the next step is not known.
+    /// Follows the contacts of the first frame of a step to the last one. `found` has all contacts
+    /// of the step, sorted by pair. A pair that could not be decided in this step has none; its
+    /// contacts are forgotten, and what is found of them in the next step is not known.
     pub(super) fn settle(&self, found: &[Contact], frames: [&CurveSet; 2]) -> Settled {
         let mut settled = Settled::default();
         for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
@@ -155,7 +159,8 @@ fn settle_pair(
     let mut starts = components(&start, frames[0]);
     let owners = owners(open);
     for component in &mut starts {
-        // The components of the frame are those of the step before, but for what was undecided in either.
+        // The components of the frame are those of the step before, but for what was undecided in
+        // either.
         let owner = component.segments.iter().find_map(|s| owners.get(s));
         component.passed = match owner.map(|&k| &open[k]) {
             Some(before) if before.passed == Passed::FromTheStart => Passed::FromTheStart,
@@ -215,7 +220,8 @@ fn around([s, t]: [u32; 2], [first, second]: [Curve; 2]) -> impl Iterator<Item =
     p.into_iter().flat_map(move |s| q.map(|t| [s, t]))
 }
 
-/// A contact of these components to be reported, if there is one: rather one that came during the run.
+/// A contact of these components to be reported, if there is one: rather one that came during the
+/// run.
 fn touching(components: &[Component], contacts: &[&Contact], set: &CurveSet) -> Option<Touching> {
     let owners = owners(components);
     let from_the_start = |c: &Contact| {
@@ -285,8 +291,8 @@ fn components(contacts: &[&Contact], set: &CurveSet) -> Vec<Component> {
     out
 }
 
-/// Whether the contacts of two pairs of edges of the same two curves, all of which touch, share a point: a common vertex
-/// of both edges of one curve that is also on both edges of the other.
+/// Whether the contacts of two pairs of edges of the same two curves, all of which touch, share a
+/// point: a common vertex of both edges of one curve that is also on both edges of the other.
 fn connected((i, j): Pair, a: [u32; 2], b: [u32; 2], set: &CurveSet) -> bool {
     let curves = [i, j].map(|i| i as usize);
     let knot = |side: usize, k: u32| set.knot(curves[side], k as usize);

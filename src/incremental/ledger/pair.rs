@@ -45,12 +45,13 @@ const GRAIN: usize = 1 << 12;
 /// everything, a list of passages helps nobody. Half a second.
 const MAX_CANDIDATES: u64 = 1 << 24;
 
-/// Pairs of pieces of splines that were split further than all are, of one pair of curves, at which it counts as too
-/// close. Half a second.
+/// Pairs of pieces of splines that were split further than all are, of one pair of curves, at which
+/// it counts as too close. Half a second.
 const MAX_PIECES: u64 = 1 << 23;
 
-/// Tests of one pair of curves that exact arithmetic decides, at which it counts as too close: a number for any pair, and
-/// a number for each segment. Exact tests of strands that are as close as rounding take about 100 us.
+/// Tests of one pair of curves that exact arithmetic decides, at which it counts as too close: a
+/// number for any pair, and a number for each segment. Exact tests of strands that are as close as
+/// rounding take about 100 us.
 const MAX_EXACT: [u64; 2] = [1 << 12, 4];
 
 /// A step from one frame to the next.
@@ -229,8 +230,9 @@ impl<'a> Task<'a> {
         !self.step.frames[0].basis().is_polyline()
     }
 
-    /// Whether the pair asks for more work than is done for one, or the step was cancelled. Something is left out then,
-    /// which depends on the order of the work; whether the work is too much does not.
+    /// Whether the pair asks for more work than is done for one, or the step was cancelled.
+    /// Something is left out then, which depends on the order of the work; whether the work is too
+    /// much does not.
     fn entangled(&self) -> bool {
         let segments = self.curves.map(|i| self.step.frames[0].curve(i).segments);
         let segments: u64 = segments.into_iter().map(u64::from).sum();
@@ -556,7 +558,8 @@ impl<'a> Task<'a> {
                 decided = Decided::Tie;
             } else {
                 if let [Some(start), Some(end)] = &mut in_frames {
-                    // In contact all along, as far as is known: what passes at ties belongs to the contact.
+                    // In contact all along, as far as is known: what passes at ties belongs to the
+                    // contact.
                     let at_ties = list.extract_if(first.., |f| f.tie);
                     start.sign += std::mem::take(&mut end.sign);
                     start.sign += at_ties.map(|f| f.event.sign).sum::<i32>();
@@ -576,9 +579,9 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Whether the contact of two edges of one curve in a frame may be connected with pairs of edges that are not tested,
-    /// or that are tested with the two strands in the other order: it is at a vertex that is next to the other edge,
-    /// or at the first vertex of a closed curve.
+    /// Whether the contact of two edges of one curve in a frame may be connected with pairs of
+    /// edges that are not tested, or that are tested with the two strands in the other order: it is
+    /// at a vertex that is next to the other edge, or at the first vertex of a closed curve.
     fn reaches_neighbours(&self, [[a, b], [c, d]]: &Edges, [s, t]: [u32; 2]) -> bool {
         let curve = self.step.frames[0].curve(self.curves[0]);
         let on = |p: &Point, [q, r]: [&Point; 2]| {
@@ -679,7 +682,8 @@ impl<'a> Task<'a> {
     }
 }
 
-/// Indices of passages that cancel, one with another, and moved further than the limit: those that moved furthest.
+/// Indices of passages that cancel, one with another, and moved further than the limit: those that
+/// moved furthest.
 fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
     let [forward, backward] = [1, -1].map(|sign| {
         let far = |k: &usize| passages[*k].sign == sign && passages[*k].lengths > limit;
@@ -691,7 +695,8 @@ fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
     pairs.flat_map(|(a, b)| [a, b]).collect()
 }
 
-/// How far points of two pieces moved relative to each other in a step, in lengths of the longer piece.
+/// How far points of two pieces moved relative to each other in a step, in lengths of the longer
+/// piece.
 fn relative_motion(frames: [&Edges; 2], at: [f64; 2]) -> f64 {
     let mix = |[a, b]: [Point; 2], t: f64| [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x]);
     let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
@@ -749,8 +754,9 @@ struct Vertex {
     points: [Point; 2],
 }
 
-/// Keeps parts of polylines apart whose vertices move from one frame to the next: by a coordinate, on the same side in
-/// both frames, and hence at all times between. It is what the first test of two pieces asks for.
+/// Keeps parts of polylines apart whose vertices move from one frame to the next: by a coordinate,
+/// on the same side in both frames, and hence at all times between. It is what the first test of
+/// two pieces asks for.
 struct Motion;
 
 impl Sieve<Vertex> for Motion {

@@ -500,7 +500,8 @@ fn speed() {
     }
 }
 
-/// A closed spline that runs round some random points several times, within `noise`, and is shaken by as much.
+/// A closed spline that runs round some random points several times, within `noise`, and is shaken
+/// by as much.
 fn doubled(r: &mut Random, basis: Basis, points: usize, turns: usize, noise: f64) -> [CurveSet; 2] {
     let ring: Vec<Point> = (0..points).map(|_| r.vector(1.0)).collect();
     [(); 2].map(|()| {
@@ -566,7 +567,8 @@ fn doubled_splines_have_the_passages_of_all_their_pieces() {
     assert!(events > 20, "{events}");
 }
 
-/// Strands as close as rounding, which floating point never decides: the step ends in time, and says so.
+/// Strands as close as rounding, which floating point never decides: the step ends in time, and
+/// says so.
 #[test]
 fn a_step_that_exact_arithmetic_would_decide_for_ever_is_too_close() {
     let mut r = Random::new(7);

@@ -361,8 +361,8 @@ impl Sink for Recording {
     }
 }
 
-/// Full, slow and frozen disks: the caller never waits beyond its patience, every frame is written or counted, the order
-/// stays, and the baseline comes first.
+/// Full, slow and frozen disks: the caller never waits beyond its patience, every frame is written
+/// or counted, the order stays, and the baseline comes first.
 #[test]
 fn no_disk_delays_the_caller_or_loses_a_frame_in_silence() {
     use proptest::prelude::*;
@@ -399,7 +399,8 @@ fn no_disk_delays_the_caller_or_loses_a_frame_in_silence() {
             let verdict = [Verdict::Intact, Verdict::Changed][(seq / 7 % 2) as usize];
             queue.frame(frame(seq, verdict));
         }
-        // Once for each time that the sink caught up; a frozen disk by itself is waited for no longer.
+        // Once for each time that the sink caught up; a frozen disk by itself is waited for no
+        // longer.
         prop_assert!(start.elapsed() < frames as u32 * patience + Duration::from_secs(2));
         let summary = queue.finish(LONG);
         let seen: Vec<String> = seen.iter().collect();

@@ -6,10 +6,11 @@
 //! from one that is corrupt. It still unpacks compressed chunks, which linkwatch does not write but other
 //! tools do.
 //!
-//! What was cut and what is corrupt: a finished file ends with the magic bytes. In such a file, whatever does not
-//! fit is corruption. In any other file a record that reaches past the end is where the writer was
-//! stopped or the disk was full; nothing is lost before it. Records of a whole chunk are given out after its checksum has been found
-//! right; the chunk that the end of a cut file falls into has none yet, and gives out what is complete.
+//! What was cut and what is corrupt: a finished file ends with the magic bytes. In such a file,
+//! whatever does not fit is corruption. In any other file a record that reaches past the end is
+//! where the writer was stopped or the disk was full; nothing is lost before it. Records of a whole
+//! chunk are given out after its checksum has been found right; the chunk that the end of a cut
+//! file falls into has none yet, and gives out what is complete.
 //!
 //! Memory: the largest chunk. Room is made only for what the file was seen to hold.
 
@@ -37,8 +38,8 @@ const UNPACKED_BYTES: u64 = 64 << 20;
 pub enum Ending {
     /// It was finished: everything that was recorded is there.
     Finished,
-    /// It was not finished: the writer was stopped, or could not write (a full disk). What was given out is right; what
-    /// came after it is lost.
+    /// It was not finished: the writer was stopped, or could not write (a full disk). What was
+    /// given out is right; what came after it is lost.
     Cut {
         /// The first byte of what is incomplete.
         at: u64,

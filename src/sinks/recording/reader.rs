@@ -68,8 +68,9 @@ pub struct RecordedFrame {
     pub precision: Precision,
     /// Control points of each curve, negative where it is closed.
     pub counts: Vec<i32>,
-    /// Cuts that the simulator made before this frame; 0 in recordings of earlier versions. If it is another
-    /// number than that of the frame before, this frame does not continue that one ([`crate::Verifier::cut`]).
+    /// Cuts that the simulator made before this frame; 0 in recordings of earlier versions. If it
+    /// is another number than that of the frame before, this frame does not continue that one
+    /// ([`crate::Verifier::cut`]).
     pub cuts: u32,
     /// Little-endian coordinates; as long as `counts` says or not.
     positions: Bytes,

@@ -1,9 +1,10 @@
 //! Writes a recording.
 //!
-//! A chunk is made in memory and written as a whole, and nothing is written any more after the first error. So the file
-//! is at any moment a prefix of the finished one, which the reader accepts up to the last complete record: after a kill, and
-//! after a full disk. (Chunks that are written in pieces get their length at the end, by going back. If that is done
-//! after an error, as the crate does when a writer is dropped, the length covers half a record.)
+//! A chunk is made in memory and written as a whole, and nothing is written any more after the
+//! first error. So the file is at any moment a prefix of the finished one, which the reader accepts
+//! up to the last complete record: after a kill, and after a full disk. (Chunks that are written in
+//! pieces get their length at the end, by going back. If that is done after an error, as the crate
+//! does when a writer is dropped, the length covers half a record.)
 //!
 //! Chunks are closed at 768 KiB, so that with one small message on top they stay below 1 MiB; one frame that is
 //! larger makes its chunk larger. They are not compressed: LZ4 was measured to save nothing on coordinates and to
@@ -43,8 +44,9 @@ pub struct RecordingSink {
 }
 
 impl RecordingSink {
-    /// Creates the file, or overwrites it; it must be a regular one. `metadata` says what a later reader should know of
-    /// this run: the service, the abort policy; the version of linkwatch is added.
+    /// Creates the file, or overwrites it; it must be a regular one. `metadata` says what a later
+    /// reader should know of this run: the service, the abort policy; the version of linkwatch is
+    /// added.
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingSink> {
         let file = crate::sinks::create_file(path)?;
         RecordingSink::on(path, Box::new(file), metadata)
@@ -295,7 +297,8 @@ mod tests {
         }
     }
 
-    /// Records frames until the disk is full, or to the end; the error, and what is on the disk then.
+    /// Records frames until the disk is full, or to the end; the error, and what is on the disk
+    /// then.
     fn record(frames: &[FrameRecord], flush: bool, room: usize) -> (Result<()>, Vec<u8>) {
         let disk = Disk {
             bytes: Arc::default(),
@@ -325,7 +328,8 @@ mod tests {
         (items, reader.ending().cloned())
     }
 
-    /// At every byte for small frames, and at every few thousand for frames that share chunks or exceed them.
+    /// At every byte for small frames, and at every few thousand for frames that share chunks or
+    /// exceed them.
     #[test]
     fn what_was_written_before_the_disk_was_full_stays_readable() {
         for (curves, frames, step) in [(1, 3, 1), (2000, 14, 3001), (30_000, 2, 20_011)] {
