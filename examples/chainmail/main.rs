@@ -53,7 +53,7 @@ struct Args {
     side: u16,
 }
 
-/// Reads a time; NaN, infinite and negative ones are refused.
+/// Parses a time in seconds. Rejects NaN, infinite and negative numbers.
 fn seconds(text: &str) -> Result<Duration, String> {
     match text.parse().map(Duration::try_from_secs_f64) {
         Ok(Ok(time)) => Ok(time),
@@ -179,7 +179,7 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
                 Outcome::Stale => {
                     println!("simulator: no verdict on frame {seq} within {DEADLINE:?}");
                 }
-                // Said once: the simulation goes on, and another watcher may come.
+                // Printed once: the simulation continues, and another watcher may start.
                 Outcome::NoWatcher(how) => {
                     if std::mem::replace(&mut watched, false) {
                         println!("simulator: {how}; nobody watches from frame {seq} on");

@@ -25,7 +25,7 @@ impl Sidecar {
         let program = program()?;
         let mut command = Command::new(&program);
         command.args(["watch", "--service", service, "--wait", "60", "--events"]);
-        // The example's own files, of an earlier run.
+        // These files belong to an earlier run of the example.
         command.arg("--force").arg("--record").arg(&recording);
         match &rrd {
             Some(path) => command.arg("--rrd").arg(path),

@@ -26,7 +26,7 @@ const FRAMES_SET_ASIDE: usize = 16;
 const TICK: Duration = Duration::from_millis(10);
 
 /// Silence after which a waiting client checks that the process of the watcher exists, and the time
-/// between two such checks: each takes a few dozen system calls.
+/// between two such checks. Each check takes a few dozen system calls.
 const LIVENESS: Duration = Duration::from_millis(250);
 
 /// How a simulator uses the bus.
@@ -49,7 +49,7 @@ impl ClientOptions {
 pub enum Outcome {
     /// The frame was checked; this was found.
     Verdict(Box<VerdictMessage>),
-    /// No verdict in time, or the watcher skipped the frame. It is not known to be intact.
+    /// No verdict in time, or the watcher skipped the frame. The frame is not known to be intact.
     Stale,
     /// No verdict, and none will come: the watcher left. The frame is not known to be intact.
     ///
@@ -57,12 +57,12 @@ pub enum Outcome {
     NoWatcher(Departure),
 }
 
-/// How the watcher left.
+/// Reason why the watcher left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Departure {
-    /// It said goodbye: it was asked to end, or another simulator took over.
+    /// The watcher said goodbye: it was asked to end, or another simulator took over.
     Goodbye,
-    /// Its process ended without a goodbye: it crashed or was killed.
+    /// The process of the watcher ended without a goodbye: it crashed or was killed.
     Crashed,
 }
 
@@ -75,16 +75,16 @@ impl fmt::Display for Departure {
     }
 }
 
-/// What is known of the watcher.
+/// State of the watcher, as far as the client knows.
 #[derive(Clone, Copy, Debug)]
 enum Watcher {
-    /// None has been heard.
+    /// No watcher has sent a message.
     Unknown,
     Here {
         port: UniquePublisherId,
         node: NodeId,
         heard: Instant,
-        /// Whether it spoke of this session, not only of its existence.
+        /// True if the watcher sent a message about this session, not only about its existence.
         met: bool,
     },
     Left {
@@ -132,7 +132,7 @@ pub struct Client {
     lockstep: bool,
     layout: Option<Layout>,
     next_seq: u64,
-    /// Cuts so far: frames with different numbers are not of one motion.
+    /// Number of cuts so far. Frames with different numbers do not belong to one motion.
     cuts: u32,
     watcher: Watcher,
     /// When the process of the watcher was last checked.
@@ -337,8 +337,8 @@ impl Client {
         frame.publish()
     }
 
-    /// Connects to watchers that came since. To be called before anything is sent that a watcher
-    /// may answer: what one says before that is lost, also its goodbye.
+    /// Connects to watchers that started since the last call. Call this before sending anything
+    /// that a watcher may answer: messages that it sends earlier are lost, including its goodbye.
     pub(super) fn connect(&self) -> Result<()> {
         let connected = self.subscriber.update_connections();
         connected.map_err(bus("connect to a watcher"))
@@ -379,7 +379,8 @@ impl Client {
         }
     }
 
-    /// How long ago the watcher last spoke of this session; `None` if it never did, or left.
+    /// Returns the time since the watcher's last message about this session; `None` if it never
+    /// sent one, or left.
     ///
     /// It speaks about once a second while it waits for frames, and with each verdict. During a long check
     /// it is silent: what silence means is for the simulator to decide.
@@ -392,10 +393,10 @@ impl Client {
         }
     }
 
-    /// Takes note of who sent a message. False if the message is not about this session.
+    /// Records the sender of a message. Returns false if the message is not about this session.
     fn hear(&mut self, message: &VerdictMessage, from: UniquePublisherId, node: NodeId) -> bool {
         let mine = message.session == self.session;
-        // Session 0: a watcher without a session says that it exists, or leaves.
+        // Session 0: a watcher without a session announces itself or leaves.
         if !mine && message.session != 0 {
             return false;
         }
@@ -403,10 +404,10 @@ impl Client {
         let (believed, met) = match self.watcher {
             Watcher::Unknown => (mine || !goodbye, mine),
             Watcher::Here { port, met, .. } if port == from => (true, met || mine),
-            // The messages of an earlier watcher are received before those of a later one.
+            // The messages of an earlier watcher arrive before those of a later one.
             Watcher::Here { .. } if goodbye => (false, false),
             Watcher::Here { node, .. } => (mine || self.endpoint.node_is_gone(node), mine),
-            // A watcher that is done with this session may stay for the next one.
+            // A watcher that has left this session may stay for the next one.
             Watcher::Left { port, .. } => (mine || !goodbye && port != from, mine),
         };
         if believed {
@@ -426,8 +427,8 @@ impl Client {
         mine
     }
 
-    /// Checks whether a watcher that has been silent for a while still exists. True if it was found
-    /// dead by this call; what it said last may still be unread.
+    /// Checks whether a watcher that has been silent for a while still exists. Returns true if this
+    /// call found it dead; its last messages may still be unread.
     fn watcher_crashed(&mut self) -> bool {
         match self.watcher {
             Watcher::Here { heard, .. }
@@ -439,7 +440,8 @@ impl Client {
         }
     }
 
-    /// As [`Client::watcher_crashed`], of a watcher that may have spoken a moment ago.
+    /// Like [`Client::watcher_crashed`], but also checks a watcher that sent a message a moment
+    /// ago.
     fn find_watcher_dead(&mut self) -> bool {
         let Watcher::Here { port, node, .. } = self.watcher else {
             return false;
@@ -468,8 +470,8 @@ impl Client {
             if !self.hear(&message, port, node) {
                 continue;
             }
-            // Another program can slip frames into this session; the answers to them are not for
-            // this one.
+            // Another program can publish frames into this session; the verdicts on them do not
+            // count.
             let published = message.seq < self.next_seq;
             message.abort &= published;
             if message.abort && message.seq >= self.aborts_from && self.aborted.is_none() {
@@ -498,19 +500,19 @@ impl Client {
         self.aborted.as_ref()
     }
 
-    /// Forgets the abort, after a rollback: verdicts on the frames published so far do not count
-    /// any more, and the next frame does not continue them ([`Client::cut`]).
+    /// Clears the abort after a rollback: verdicts on the frames published so far no longer count,
+    /// and the next frame does not continue them ([`Client::cut`]).
     pub fn resume(&mut self) {
         self.aborted = None;
         self.aborts_from = self.next_seq;
         self.cut();
     }
 
-    /// Says that the next frame does not continue the previous one: a restart from a checkpoint,
-    /// another scene of the same curves. No pull-throughs are looked for between the two; linking
-    /// numbers are compared with the baseline as ever.
+    /// Marks the next frame as not continuing the previous one: after a restart from a checkpoint,
+    /// or in another scene with the same curves. The watcher does not search for pull-throughs
+    /// between the two frames; it still compares linking numbers with the baseline.
     ///
-    /// To be called before [`Client::loan`]. Nothing is lost if the watcher skips the next frame.
+    /// Call this before [`Client::loan`]. The cut is not lost if the watcher skips the next frame.
     pub fn cut(&mut self) {
         self.cuts = self.cuts.wrapping_add(1);
     }
@@ -518,9 +520,9 @@ impl Client {
     /// Waits for the verdict on frame `seq`, at most for `deadline`. Verdicts on earlier frames are read on
     /// the way; their aborts are remembered.
     ///
-    /// Returns at once if the watcher said goodbye, and within a second if its process died (on
-    /// this host; over a bridge, after `deadline`). If none has come yet, one may come while this
-    /// waits.
+    /// Returns at once if the watcher said goodbye, and within a second if its process died on this
+    /// host; over a bridge, after `deadline`. If no watcher has connected yet, one may connect
+    /// during the wait.
     pub fn wait(&mut self, seq: u64, deadline: Duration) -> Result<Outcome> {
         let start = Instant::now();
         loop {
@@ -578,9 +580,9 @@ impl Client {
     /// Ends the session and waits, at most for `timeout`, until the watcher has checked what it had and
     /// said goodbye. Its last message counts all frames, and tells of the last abort.
     ///
-    /// `None` if the watcher said nothing in time, left before the end, or died.
+    /// Returns `None` if the watcher sent nothing in time, left before the end, or died.
     pub fn finish_within(mut self, timeout: Duration) -> Result<Option<VerdictMessage>> {
-        // A goodbye from before is that of a watcher that left early.
+        // A goodbye that arrived earlier means that the watcher left early.
         self.poll_all()?;
         self.goodbye = None;
         self.end()?;

@@ -26,7 +26,7 @@ pub enum Event {
         /// Its session.
         session: u64,
         /// Frames that the simulator published; equals the sum of the counters. Frames that were
-        /// rejected for their sequence numbers come on top of it.
+        /// rejected because of their sequence numbers are counted in addition.
         published: u64,
         /// What became of them.
         counters: Counters,
@@ -51,7 +51,7 @@ pub struct Frame {
     /// Copied once: in shared memory it could change under its reader.
     pub(super) header: FrameHeader,
     pub(super) max_bytes: usize,
-    /// What is wrong with its sequence number.
+    /// Error of the sequence number, if it is impossible.
     pub(super) fault: Option<String>,
 }
 
@@ -64,7 +64,8 @@ impl fmt::Debug for Frame {
 }
 
 impl Frame {
-    /// Sequence number, from 0 in each session. One that cannot be is found by [`Frame::ingest`].
+    /// Returns the sequence number, which starts at 0 in each session. [`Frame::ingest`] rejects an
+    /// impossible one.
     pub fn seq(&self) -> u64 {
         self.header.seq
     }
@@ -79,11 +80,11 @@ impl Frame {
         self.header.session
     }
 
-    /// Cuts that the simulator made in its session before this frame
+    /// Returns the number of cuts that the simulator made in its session before this frame
     /// ([`Client::cut`](crate::Client::cut)).
     ///
-    /// If it is another number than that of the last frame that was verified, this frame does not
-    /// continue that one: call [`Verifier::cut`](crate::Verifier::cut) before this one is verified.
+    /// If it differs from the number of the last verified frame, this frame does not continue that
+    /// one: call [`Verifier::cut`](crate::Verifier::cut) before verifying this one.
     pub fn cuts(&self) -> u32 {
         self.header.cuts
     }

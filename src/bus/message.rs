@@ -23,8 +23,8 @@ pub enum MessageKind {
     Goodbye = 2,
 }
 
-/// Frames of the session so far. At its end, published = verified + skipped + rejected; frames with
-/// impossible sequence numbers are rejected on top of that.
+/// Frames of the session so far. At its end, published = verified + skipped + rejected; rejected
+/// frames with impossible sequence numbers are counted in addition.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Frames that were checked, whatever came out.
@@ -71,7 +71,8 @@ pub struct VerdictMessage {
     pub events: u32,
     /// Pairs or curves without a number, or with an undecided step.
     pub defects: u32,
-    /// Pull-throughs that the frames are too far apart to tell ([`Report::unresolved`]).
+    /// Pull-throughs that cannot be resolved, because the frames are too far apart
+    /// ([`Report::unresolved`]).
     pub unresolved: u32,
     /// The first finding.
     pub first: Option<Finding>,

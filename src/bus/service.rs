@@ -156,10 +156,11 @@ impl Endpoint {
         self.listener.timed_wait_all(|_| {}, time).is_ok()
     }
 
-    /// Whether the node, which once published to this end, died or left. Removes what it left
-    /// behind.
+    /// Returns true if the node, which once published to this endpoint, died or left. Removes its
+    /// remains.
     ///
-    /// A node lives as long as its process holds a lock on a file: also if that is stopped or busy.
+    /// A node lives as long as its process holds a lock on a file, even if the process is stopped
+    /// or busy.
     pub fn node_is_gone(&self, id: NodeId) -> bool {
         let mut gone = true;
         let look = |state: NodeState<Ipc>| {

@@ -30,15 +30,15 @@ const BATCH: usize = 64;
 /// Sessions whose stragglers are recognised.
 const RETIRED: usize = 16;
 
-/// Sequence numbers stay below this: a frame every 100 ns for 28 years, and exact in JSON.
+/// Upper bound of the sequence numbers: a frame every 100 ns for 28 years, and exact in JSON.
 const MOST_FRAMES: u64 = 1 << 53;
 
-/// Frames that a simulator can publish per microsecond: more than the smallest ones that nobody
-/// reads, which were measured to take 0.2 us each, and 3 us with a watcher.
+/// Upper bound of the frames that a simulator can publish per microsecond. The smallest frames were
+/// measured to take 0.2 us each without a reader, and 3 us with a watcher.
 const FASTEST: u64 = 8;
 
-/// Frames by which a sequence number may be ahead beyond that: the clock is read a moment after the
-/// frame is received, and a bridge delivers in bursts.
+/// Number of frames by which a sequence number may exceed this rate: the clock is read a moment
+/// after the frame is received, and a bridge delivers in bursts.
 const AHEAD: u64 = 1 << 16;
 
 /// How the watcher uses the bus.
@@ -64,9 +64,9 @@ struct Session {
     node: Option<NodeId>,
     /// The last frame with a plausible sequence number, checked or not.
     last_seen: Option<Seen>,
-    /// The frame after it, if that had an implausible one.
+    /// The frame after `last_seen`, if its sequence number was implausible.
     stray: Option<Seen>,
-    /// Frames with a plausible sequence number that were handed out.
+    /// Number of frames with a plausible sequence number that were delivered.
     delivered: u64,
     counters: Counters,
     /// The last message that asked to stop; repeated in heartbeats, since it must not be lost.
@@ -74,7 +74,7 @@ struct Session {
     heard: Instant,
 }
 
-/// A sequence number, and when it was received.
+/// A sequence number and the time at which it was received.
 #[derive(Clone, Copy)]
 struct Seen {
     seq: u64,
@@ -82,8 +82,8 @@ struct Seen {
 }
 
 impl Seen {
-    /// The first sequence number that can follow, and the last one that can have been reached by
-    /// now.
+    /// Returns the first sequence number that can follow, and an upper bound of those that the
+    /// simulator can have reached by now.
     fn next(self) -> (u64, u64) {
         let micros = u64::try_from(self.at.elapsed().as_micros()).unwrap_or(u64::MAX);
         let most = micros.saturating_mul(FASTEST).saturating_add(AHEAD);
@@ -97,11 +97,12 @@ impl Seen {
 }
 
 impl Session {
-    /// Takes note of the sequence number of a frame, or says why it cannot be that.
+    /// Records the sequence number of a frame. Returns an error text if it is implausible.
     ///
-    /// A number that is not after the last one, or further ahead than a simulator can be, is taken
-    /// for a mistake. Two such numbers that follow one another are taken for the truth: then the
-    /// mistake was the one before them.
+    /// A number is implausible if it does not exceed the last one, or exceeds it by more frames
+    /// than a simulator can publish. A single such number is rejected as an error. If the next one
+    /// follows it, both are consistent, so the second one is accepted, and the number before them
+    /// is taken as the error.
     fn number(&mut self, seq: u64) -> Result<(), String> {
         let seen = Seen {
             seq,
@@ -122,8 +123,8 @@ impl Session {
         })
     }
 
-    /// Frames that were published, by what the end of the session says; and why that cannot be, if
-    /// so.
+    /// Returns the number of published frames, given the number that the end of the session claims,
+    /// and an error if that number is impossible.
     fn published(&self, claimed: u64) -> (u64, Option<Error>) {
         let (seen, most) = self.last_seen.map_or((0, MOST_FRAMES), Seen::next);
         let why = (!(seen..=most).contains(&claimed)).then(|| {
@@ -133,7 +134,7 @@ impl Session {
         (if claimed > most { seen } else { claimed }, why)
     }
 
-    /// Counts as skipped what was published before `next` and not handed out.
+    /// Counts the frames that were published before `next` and not delivered as skipped.
     fn skip_to(&mut self, next: u64) {
         self.counters.skipped = next.saturating_sub(self.delivered);
     }
@@ -421,8 +422,8 @@ impl Sidecar {
             session.counters.verified += 1;
         }
         let wire = VerdictWire::from_report(report, session.id, session.counters, check);
-        // What is repeated must reach the simulator: not an abort for a frame with an impossible
-        // number.
+        // The simulator must accept the repeated message, so it cannot be an abort for a frame with
+        // an impossible number.
         let newest = session.last_seen.map_or(0, |last| last.seq);
         let newer = |kept: VerdictWire| kept.seq <= report.seq || kept.seq > newest;
         if report.abort && report.seq <= newest && session.abort.is_none_or(newer) {
@@ -431,7 +432,7 @@ impl Sidecar {
         self.send(wire)
     }
 
-    /// Counts the frame that [`wait`](Sidecar::wait) gave last as skipped: it will have no verdict.
+    /// Counts the last frame that [`wait`](Sidecar::wait) returned as skipped: it gets no verdict.
     pub fn skip(&mut self) {
         if let Some(session) = &mut self.session {
             session.counters.skipped += 1;

@@ -53,9 +53,9 @@ pub(super) struct FrameHeader {
     pub basis: u32,
     /// 4 or 8.
     pub coordinate_bytes: u32,
-    /// Cuts in the session before this frame, wrapping. A frame with another number than the last
-    /// one that was verified does not continue it. A count, not a flag: the frame after a cut may
-    /// be skipped.
+    /// Number of cuts in the session before this frame, wrapping. If it differs from that of the
+    /// last verified frame, this frame does not continue that one. It is a count, not a flag,
+    /// because the frame after a cut may be skipped.
     pub cuts: u32,
 }
 
@@ -105,7 +105,7 @@ pub(super) struct VerdictWire {
     pub found: i64,
     pub point: [f64; 3],
     pub distance: f64,
-    /// Of a pull-through.
+    /// Relative motion of a pull-through; see `PullThrough::lengths`.
     pub lengths: f64,
     pub verified: u64,
     pub skipped: u64,

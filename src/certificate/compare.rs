@@ -61,7 +61,7 @@ pub struct Comparison {
     /// Pairs that could not be compared, sorted: what the frame leaves undefined, and what has a number now
     /// but had none in the baseline.
     pub defects: Vec<Defect>,
-    /// Linking numbers of those that had none in the baseline, where they are not 0, sorted.
+    /// Nonzero linking numbers of pairs that had none in the baseline, sorted.
     pub adopted: Vec<Link>,
 }
 
@@ -85,8 +85,8 @@ impl Comparison {
 }
 
 impl Certificate {
-    /// Takes the linking numbers that this baseline lacks from the first frame that has them.
-    /// `comparison` is that of all pairs of the frame. Returns whether there are any.
+    /// Adds the linking numbers that this baseline lacks, from the first frame that has them.
+    /// `comparison` covers all pairs of the frame. Returns true if any number was added.
     pub(crate) fn adopt(&mut self, comparison: &Comparison) -> bool {
         let (fresh, missing): (Vec<&Defect>, Vec<&Defect>) = comparison
             .defects
@@ -97,7 +97,7 @@ impl Certificate {
         }
         let has = |i: u32, j: Option<u32>| fresh.iter().any(|d| (d.i, d.j) == (i, j));
         self.undefined.retain(|d| !has(d.i, d.j));
-        // A curve that has numbers again may touch another one.
+        // A curve that has linking numbers again may still touch another one.
         let still = missing
             .into_iter()
             .filter(|d| d.j.is_some_and(|j| has(d.i, None) || has(j, None)));
@@ -110,7 +110,7 @@ impl Certificate {
         true
     }
 
-    /// Whether the pair, or one of its curves, has no linking number.
+    /// Returns true if the pair, or one of its curves, has no linking number in the baseline.
     pub(crate) fn lacks(&self, i: u32, j: Option<u32>) -> bool {
         let missing = |i, j| {
             let key = (i, j);
@@ -123,7 +123,7 @@ impl Certificate {
 
     /// Compares this frame with its baseline.
     ///
-    /// A pair without a linking number on either side is not compared, and reported.
+    /// A pair without a linking number on either side is not compared, but reported.
     /// [`Comparison::adopted`] has the numbers that the baseline lacks.
     pub fn compare(&self, baseline: &Certificate) -> Result<Comparison> {
         self.compare_except(baseline, &[])

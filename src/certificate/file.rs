@@ -7,10 +7,10 @@
 //! 7,9,1
 //! ```
 //!
-//! The comment says how many lines belong to the file. Without it, a file that was cut at a line
-//! end would be a valid certificate with fewer links. It stands in the first line, because there a
-//! reader that was not made for it is most likely to skip it: verifycurves reads the number with
-//! `atoi`, tables are read with the first line skipped. Files without it are read as before.
+//! The comment states how many lines the file has after the first. Without it, a file that was
+//! truncated at a line end would be a valid certificate with fewer links. It is in the first line,
+//! because readers that do not know it most likely ignore it there: verifycurves reads the number
+//! with `atoi`, and table readers skip the first line. Files without it are read as before.
 
 use super::{Certificate, Link};
 use crate::error::{Error, Result};
@@ -35,8 +35,8 @@ impl fmt::Display for Certificate {
 }
 
 impl Certificate {
-    /// Reads the text of a certificate. Lines may come in any order. All of them must be there, if
-    /// the first line says how many there are.
+    /// Parses the text of a certificate. Lines may be in any order. If the first line states their
+    /// number, all of them must be there.
     pub fn parse(text: &str) -> Result<Certificate> {
         let bad = |line: usize, what: String| {
             Error::format("certificate", format_args!("line {}", line + 1), what)
@@ -82,7 +82,7 @@ impl Certificate {
                 links.push(link);
             }
         }
-        // The last line may be cut within its number.
+        // The last line may be truncated within its number.
         let whole = comment.is_none_or(|c| text.ends_with('\n') && c.trim_end() == promise(found));
         if !whole {
             return Err(Error::format(
@@ -123,10 +123,10 @@ impl Certificate {
         std::fs::write(path, self.to_text()?).map_err(Error::file(path))
     }
 
-    /// The text of a certificate file.
+    /// Returns the text of a certificate file.
     ///
-    /// Errors: [`Error::Incomplete`] if a pair has no linking number: in the file it would read as
-    /// 0.
+    /// Errors: [`Error::Incomplete`] if a pair has no linking number, because the file would read
+    /// as 0.
     pub fn to_text(&self) -> Result<String> {
         if let Some(d) = self.undefined.first() {
             return Err(Error::Incomplete {
@@ -138,7 +138,7 @@ impl Certificate {
     }
 }
 
-/// The comment of the first line.
+/// Returns the comment of the first line.
 fn promise(lines: usize) -> String {
     format!("# lines: {lines}")
 }
@@ -158,7 +158,7 @@ mod tests {
         let c = Certificate::parse(text).unwrap();
         assert_eq!(c.curves, 39);
         assert_eq!(c.to_string(), text);
-        // As verifycurves and earlier versions write it.
+        // The format that verifycurves and earlier versions write.
         for plain in ["39\n5,6,-2\n7,9,1\n", "39\n 7, 9, 1\n5,6,-2\n1,2,0"] {
             assert_eq!(Certificate::parse(plain).unwrap(), c);
         }
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn a_certificate_that_was_cut_anywhere_is_refused() {
         for text in ["39 # lines: 2\n5,6,-2\n7,9,12\n", "70 # lines: 0\n"] {
-            // The number of curves alone is a whole file of an earlier version.
+            // The number of curves alone is a complete file of an earlier version.
             for end in 3..text.len() {
                 let cut = &text[..end];
                 let e = Certificate::parse(cut)
@@ -190,8 +190,8 @@ mod tests {
         );
     }
 
-    /// The algorithm of the published tool: numbers as `atoi` reads them, lines with fewer than
-    /// three fields skipped.
+    /// The algorithm of the published tool: it reads numbers with `atoi` and skips lines with fewer
+    /// than three fields.
     #[test]
     fn the_reader_of_verifycurves_is_not_disturbed() {
         fn atoi(text: &str) -> i64 {

@@ -21,7 +21,7 @@ pub struct Args {
     /// by that
     #[arg(long, group = "measured")]
     calibrate: bool,
-    /// The one to measure: gpu, or the index or name of an adapter
+    /// Adapter to measure: gpu, or the index or name of an adapter
     #[arg(long, value_name = "DEVICE", default_value_t = Device::Gpu, requires = "measured")]
     device: Device,
     /// Runs of each kernel, for a median

@@ -1,22 +1,22 @@
-//! Files that a command reads and writes: no output replaces an input, another output, or (without
-//! `--force`) any file.
+//! Files that a command reads and writes: an output replaces no input, no other output, and
+//! (without `--force`) no existing file.
 
 use linkwatch::{Error, Result};
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
 
-/// `--force`, of every command that writes files.
+/// The `--force` option of every command that writes files.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub struct Overwrite {
-    /// Overwrite output files that exist
+    /// Overwrite existing output files
     #[arg(long)]
     pub force: bool,
 }
 
-/// What a file holds. The extension of an output must not promise something else.
+/// Content of an output file. The extension must not suggest another content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
-    /// Lines of text. It may also be a pipe or a device.
+    /// Lines of text. The output may also be a pipe or a device.
     Text,
     Model,
     #[cfg(feature = "mcap")]
@@ -27,7 +27,7 @@ pub enum Content {
 }
 
 impl Content {
-    /// What is wrong with the extension of such a file.
+    /// Returns an error text if the extension does not fit the content.
     fn refuse_extension(self, extension: &str) -> Option<&'static str> {
         match (self, extension) {
             (Content::Text, "bcc" | "obj" | "vect") => Some("that is a model; the output is text"),
@@ -56,7 +56,7 @@ impl Content {
 /// All files of a command, checked one by one before its work begins.
 pub struct Files {
     force: bool,
-    /// Inputs and outputs, with their names in messages.
+    /// Inputs and outputs, with their names for messages.
     known: Vec<(Identity, String)>,
 }
 
@@ -68,7 +68,7 @@ impl Files {
         }
     }
 
-    /// Takes note of an input. It need not exist: a scene does not.
+    /// Registers an input. It need not exist: a scene is not a file.
     pub fn reads(&mut self, path: &Path) {
         if let Ok(metadata) = std::fs::metadata(path) {
             if is_pipe(&metadata) {
@@ -81,7 +81,8 @@ impl Files {
         }
     }
 
-    /// Makes sure that an output can be written, and that it replaces nothing that is to be kept.
+    /// Checks that an output can be written, and that it replaces no input, output or protected
+    /// file.
     pub fn writes(&mut self, option: &str, path: &Path, content: Content) -> Result<()> {
         let name = format!("{option} {}", path.display());
         let refuse = |why: &str| Err(Error::Usage(format!("{name}: {why}")));
@@ -110,7 +111,7 @@ impl Files {
     }
 }
 
-/// Creates a file and leaves it empty. Fails if it exists, unless it may be overwritten.
+/// Creates an empty file. Fails if the file exists, unless it may be overwritten.
 #[cfg(any(feature = "mcap", all(feature = "rerun", feature = "bus")))]
 pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
     if !overwrite.force {
@@ -119,8 +120,8 @@ pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
     Ok(())
 }
 
-/// Writes a file under another name first: its own name never stands for half of it. Pipes and
-/// devices are written as they are.
+/// Writes a file under a temporary name, then renames it, so that no partial file appears under its
+/// own name. Pipes and devices are written directly.
 pub fn write_whole(
     path: &Path,
     overwrite: Overwrite,
@@ -133,7 +134,7 @@ pub fn write_whole(
         }
         return write(path);
     }
-    // A link stays one: the file that it names is replaced.
+    // A symbolic link is kept: the file that it names is replaced.
     let file = resolve(path);
     let part = part_of(&file);
     let written = write(&part).and_then(|()| {
@@ -146,7 +147,7 @@ pub fn write_whole(
     });
     written.map_err(|e| match e {
         Error::File { source, .. } | Error::Io(source) => {
-            // There may be none to remove.
+            // The temporary file may not exist.
             std::fs::remove_file(&part).ok();
             failed(path)(source)
         }
@@ -154,11 +155,11 @@ pub fn write_whole(
     })
 }
 
-/// [`write_whole`] of a text.
+/// [`write_whole`] for a text.
 pub fn write_text(path: &Path, overwrite: Overwrite, text: &str) -> Result<()> {
     write_whole(path, overwrite, |part| {
         let mut options = OpenOptions::new();
-        // Standard output may be a file: what stands there stays.
+        // Standard output may be a file: its content is kept.
         match is_stream(part) {
             true => options.append(true),
             false => options.write(true).create(true).truncate(true),
@@ -168,7 +169,7 @@ pub fn write_text(path: &Path, overwrite: Overwrite, text: &str) -> Result<()> {
     })
 }
 
-/// Creates the file and removes it again, or opens the one that is there.
+/// Creates the file and removes it again, or opens the existing one.
 fn try_to_write(path: &Path) -> Result<()> {
     let file = resolve(path);
     if file.exists() {
@@ -180,7 +181,7 @@ fn try_to_write(path: &Path) -> Result<()> {
     std::fs::remove_file(&part).map_err(failed(path))
 }
 
-/// The name under which a file is written: beside it, and no other process takes it.
+/// Returns the temporary name of a file: in the same folder, and used by no other process.
 fn part_of(file: &Path) -> PathBuf {
     let mut part = file.as_os_str().to_owned();
     part.push(format!(".{}.part", std::process::id()));
@@ -192,13 +193,13 @@ fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
     move |source| Error::File { path, source }
 }
 
-/// What makes two names those of one file.
+/// Identity of a file: two names with equal identities are names of the same file.
 #[derive(Debug, PartialEq, Eq)]
 enum Identity {
-    /// Device and number on it: hard links have them in common.
+    /// Device and inode number: hard links share them.
     #[cfg(unix)]
     Inode(u64, u64),
-    /// Of a file that is not there yet.
+    /// Canonical path of a file that does not exist yet.
     Path(PathBuf),
 }
 
@@ -213,9 +214,9 @@ impl Identity {
     }
 }
 
-/// The one path of a file that need not exist: without links and detours.
+/// Returns the canonical path of a file that need not exist, with links resolved.
 fn resolve(path: &Path) -> PathBuf {
-    /// As many links in a row as systems follow.
+    /// Maximum length of a chain of links, as on common systems.
     const LINKS: usize = 40;
     let mut path = path.to_owned();
     for _ in 0..LINKS {
@@ -237,8 +238,8 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Whether a path names a stream of this process: what stands behind it is not ours to refuse or to
-/// replace.
+/// Returns true if a path names a stream of this process. Its target was opened by the user, so
+/// linkwatch neither rejects nor replaces it.
 fn is_stream(path: &Path) -> bool {
     let folder = path.parent().and_then(Path::to_str);
     matches!(path.to_str(), Some("/dev/stdout" | "/dev/stderr"))
@@ -259,7 +260,7 @@ fn is_pipe(_: &std::fs::Metadata) -> bool {
 mod tests {
     use super::*;
 
-    /// One file under all its names, with inputs and outputs that exist or not.
+    /// Recognises a file under all its names, for inputs and outputs that exist or not.
     #[test]
     #[cfg(unix)]
     fn one_file_is_known_under_all_its_names() {
@@ -319,7 +320,7 @@ mod tests {
         }
         assert!(!at("missing.txt").exists(), "a check leaves nothing behind");
         assert_eq!(std::fs::read(at("there.txt")).unwrap(), b"x");
-        // A link is written through.
+        // A dangling link is kept, and its target is written.
         write_text(&at("dangling.txt"), Overwrite::default(), "y").unwrap();
         assert_eq!(std::fs::read(at("missing.txt")).unwrap(), b"y");
         let e = write_text(&at("soft.txt"), Overwrite::default(), "y").unwrap_err();

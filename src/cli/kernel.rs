@@ -23,7 +23,7 @@ pub struct KernelArgs {
     /// The order of fmm's expansions, 2 to 20 [default: by the bound]
     #[arg(long, value_name = "P", value_parser = clap::value_parser!(u32).range(2..=20))]
     order: Option<u32>,
-    /// Where the kernel runs: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
+    /// Device that runs the kernel: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
     /// devices`)
     #[arg(long, value_name = "DEVICE", default_value_t)]
     pub device: Device,

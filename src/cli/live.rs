@@ -22,7 +22,7 @@ impl Live {
         }
     }
 
-    /// Replaces the status line, unless that was done just before.
+    /// Replaces the status line, unless it was replaced less than [`EVERY`] ago.
     pub fn status(&self, text: impl Display) {
         if output::console_on_stderr() && self.changed.get().is_none_or(|at| at.elapsed() >= EVERY)
         {

@@ -11,9 +11,9 @@ pub struct LookFor {
     /// Tell curves that are pulled through themselves, too (implies --events)
     #[arg(long = "self")]
     own: bool,
-    /// Motion from frame to frame, in segment lengths, beyond which two pull-throughs that cancel
-    /// count as unresolved: the frames are too far apart to tell whether they took place [default:
-    /// 1.5]
+    /// Motion between two frames, in segment lengths, beyond which two pull-throughs that cancel
+    /// count as unresolved: the frames are too far apart to decide whether they took place
+    /// [default: 1.5]
     #[arg(long, value_name = "LENGTHS")]
     pub motion_limit: Option<f64>,
 }

@@ -52,8 +52,8 @@ struct Cli {
     quiet: bool,
 }
 
-/// Threads that --threads may ask for: more than any machine that this was made for has cores, and
-/// few enough to start.
+/// Maximum of --threads: more than the cores of any machine that linkwatch targets, and few enough
+/// to start.
 const MOST_THREADS: i64 = 1024;
 
 const EXIT_CODES: &str = "\
@@ -145,8 +145,8 @@ fn run(cli: &Cli) -> Result<Outcome> {
     }
 }
 
-/// Turns the signal that ends a process which writes beyond `ulimit -f` into an error of that
-/// write.
+/// Catches the signal that would end a process which writes beyond `ulimit -f`, so that the write
+/// returns an error instead.
 fn survive_file_size_limit() -> Result<()> {
     #[cfg(unix)]
     signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;

@@ -1,9 +1,9 @@
-//! Numbers on the command line: NaN, infinities and numbers out of range are refused by the parser.
+//! Numbers on the command line. The parser rejects NaN, infinities and numbers out of range.
 
 #[cfg(feature = "bus")]
 use std::time::Duration;
 
-/// A number above 0.
+/// Parses a number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(x) if f64::is_finite(x) && x > 0.0 => Ok(x),
@@ -11,7 +11,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A time in seconds.
+/// Parses a time in seconds.
 #[cfg(feature = "bus")]
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let time = text.parse().map(Duration::try_from_secs_f64);
@@ -21,7 +21,7 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// A share: `0.05` or `5%`.
+/// Parses a share: `0.05` or `5%`.
 #[cfg(feature = "bus")]
 pub fn share(text: &str) -> Result<f64, String> {
     let (number, unit) = match text.strip_suffix('%') {

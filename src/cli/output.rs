@@ -9,7 +9,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 use tracing_subscriber::EnvFilter;
 
-/// Time that results have at the end while nobody reads them.
+/// Time limit at the end for results that nobody reads.
 const FINISH: Duration = Duration::from_secs(5);
 
 /// Sends log messages to stderr. `RUST_LOG` overrides the level.
@@ -26,8 +26,8 @@ pub fn init(quiet: bool) {
         .init();
 }
 
-/// Takes log messages, each in one piece. Never fails: the subscriber would tell stderr of an
-/// error, and panic if that cannot be written either.
+/// Writes log messages, each in one piece. Never fails, because the subscriber would report an
+/// error to stderr, and panic if stderr cannot be written either.
 struct Log;
 
 impl Write for Log {
@@ -40,8 +40,8 @@ impl Write for Log {
     }
 }
 
-/// Writes a line to stdout. If it is lost, [`finish`] says so: the work goes on, since a watched
-/// simulation still needs its verdicts, and the exit code still tells the outcome.
+/// Writes a line to stdout. If it is lost, [`finish`] reports that. The work continues, since a
+/// watched simulation still needs its verdicts, and the exit code still gives the outcome.
 pub fn line(text: impl std::fmt::Display) {
     stream::put(Target::Out, format!("{text}\n").into_bytes());
 }
@@ -56,7 +56,7 @@ pub fn error(e: impl std::fmt::Display) {
     stream::put(Target::Err, format!("error: {e}\n").into_bytes());
 }
 
-/// From here on, no line waits for stdout or stderr for longer than that.
+/// Limits how long a line may block on stdout or stderr from here on.
 #[cfg(any(feature = "bus", feature = "mcap"))]
 pub fn detach(overflow: linkwatch::Overflow) -> linkwatch::Result<()> {
     Ok(stream::detach(overflow)?)
@@ -68,7 +68,7 @@ pub fn status(text: String) {
     stream::status(text);
 }
 
-/// Writes what still waits. False if results were lost; then it has said so.
+/// Writes the pending text. Returns false, and reports it, if results were lost.
 pub fn finish() -> bool {
     stream::status(String::new());
     let lost = stream::finish(Target::Out, FINISH);
@@ -164,7 +164,7 @@ pub fn plural_of(n: u64, one: &str, many: &str) -> String {
     }
 }
 
-/// Says which curves are left out, if some are.
+/// Warns of open curves, which are skipped.
 pub fn warn_of_open_curves(name: &str, stats: &linkwatch::Stats) {
     if stats.open_curves > 0 {
         tracing::warn!(

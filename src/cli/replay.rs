@@ -12,8 +12,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How long a replay waits for a sink or for standard output that takes nothing. Then frames or
-/// lines are dropped and counted.
+/// Maximum wait for a sink or for standard output that takes nothing. After that, frames or lines
+/// are dropped and counted.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Verify a recording again, frame by frame, and compare with the verdicts that were given live
@@ -53,7 +53,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
     let looked_for = reader.metadata().get("events");
     let looked_for: Events = looked_for.and_then(|e| e.parse().ok()).unwrap_or_default();
-    // Earlier versions took every pull-through for one.
+    // Earlier versions had no limit.
     let limit = reader.metadata().get(MOTION_LIMIT);
     let limit: f64 = limit.and_then(|l| l.parse().ok()).unwrap_or(f64::INFINITY);
     let judge = Judge {
@@ -100,7 +100,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             match reader.next_item().map_err(in_recording) {
                 Ok(Some(item)) => replay.take(item)?,
                 Ok(None) => break,
-                // The frames before are still worth their verdicts.
+                // The frames before the error still get their verdicts.
                 Err(e) => break read = Some(e),
             }
         }
@@ -166,18 +166,18 @@ struct Replay {
     waiting: VecDeque<Waiting>,
     /// Whether verdicts must equal the recorded ones.
     compare: bool,
-    /// Another policy than that of the recording.
+    /// Policy of this replay, if it overrides that of the recording.
     policy: Option<AbortOn>,
     tally: Tally,
     /// The report on the frame before.
     last: Option<Arc<Report>>,
     /// Verdicts unlike the recorded ones.
     unlike: u64,
-    /// Frames that had their verdict when the last one was recorded.
+    /// Frames that had a verdict when the last recorded one was written.
     answered: u64,
     /// Frames that the recorder dropped.
     missing: u64,
-    /// Whether the recorded verdicts depend on the frame before.
+    /// True if the recorded verdicts depend on the previous frame.
     motion: bool,
 }
 
@@ -245,7 +245,8 @@ impl Replay {
         let gap = answered.saturating_sub(self.answered + 1);
         self.answered = answered;
         self.missing += gap;
-        // Since another frame came before it, the motion is another.
+        // Since the recorder dropped frames, the motion to this frame differs from the recorded
+        // one.
         let compare = self.compare && !(gap > 0 && self.motion);
         match self.last.take().filter(|r| r.seq == report.seq) {
             Some(found) if compare && !alike(&found, &report) => {
@@ -255,9 +256,9 @@ impl Replay {
             }
             Some(_) => {}
             None if report.verdict == Verdict::Rejected => {
-                // There were no curves to record: the verdict is all that is left of the frame. Its
-                // abort flag stays too, unless another policy is given: the `any` of older
-                // recordings left out rejected frames.
+                // A rejected frame has no recorded curves; only its verdict remains. Its abort flag
+                // is kept, too, unless another policy is given: in older recordings, `any` did not
+                // include rejected frames.
                 if let Some(policy) = self.policy {
                     report.abort = policy.aborts(&report, |_| false);
                 }
@@ -281,8 +282,8 @@ impl Replay {
     }
 }
 
-/// Whether a report says the same as a recorded one. The work that a verdict takes is no part of
-/// it, and neither are motions that were not recorded: the recording may be of an earlier version.
+/// Returns true if a report equals a recorded one. Work counters are not compared. Motions are not
+/// compared if the recording has none, as in earlier versions.
 fn alike(found: &Report, recorded: &Report) -> bool {
     let mut found = Report {
         stats: recorded.stats,
