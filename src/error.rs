@@ -154,7 +154,7 @@ pub enum Error {
     /// There is no such device, or none that can be used.
     #[error("device: {0}")]
     Device(String),
-    /// The work was cancelled ([`crate::Progress::cancel`]): nothing is known of the frame.
+    /// The work was cancelled ([`crate::Progress::cancel`]). The frame was not verified.
     #[error("cancelled")]
     Cancelled,
     /// The bus failed.

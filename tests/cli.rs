@@ -393,7 +393,7 @@ fn check_tells_pull_throughs_between_models() {
     };
     // Each model by itself is as it should be.
     assert_eq!(check(&[left, right], &[]).0, 0);
-    // The frames are too far apart to tell whether four pull-throughs that cancel took place.
+    // The frames are too far apart to decide whether four pull-throughs that cancel took place.
     let (code, out) = check(&[left, right], &["--events"]);
     assert_eq!(code, 3, "{out}");
     assert_eq!(out.matches("unresolved: ").count(), 4, "{out}");
@@ -576,7 +576,7 @@ fn devices_are_listed_and_unknown_ones_refused() {
     assert_eq!(certify(&names.len().to_string()).code, 2);
 }
 
-/// Runs the command with other streams than those of [`linkwatch`].
+/// Runs the command with other streams than [`linkwatch`] does.
 #[cfg(target_os = "linux")]
 fn with_streams(args: &[&str], stdout: Option<&str>, stderr: Option<&str>) -> Run {
     use std::process::Stdio;
@@ -596,14 +596,14 @@ fn with_streams(args: &[&str], stdout: Option<&str>, stderr: Option<&str>) -> Ru
         stderr,
     } = process.wait_with_output().unwrap();
     Run {
-        // Killed by a signal, as an abort does.
+        // The process was killed by a signal, as an abort does.
         code: status.code().unwrap_or(-1),
         stdout: String::from_utf8(stdout).unwrap(),
         stderr: String::from_utf8(stderr).unwrap(),
     }
 }
 
-/// Before: a panic with exit code 101 or 134, or 2 as for bad input.
+/// Regression test: a panic with exit code 101 or 134, or exit code 2 as for bad input.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_standard_output_loses_results_and_says_so() {
@@ -627,7 +627,7 @@ fn a_full_standard_output_loses_results_and_says_so() {
         assert_eq!(run.code, 0, "{args:?}");
         assert_eq!(run.stdout, linkwatch(args).stdout);
     }
-    // What was found is told by the exit code all the same.
+    // The exit code still reports the finding.
     let check = ["check", text(&broken), "--against", text(&certificate)];
     assert_eq!(with_streams(&check, Some("/dev/full"), None).code, 1);
     let none = ["certify", "no such model"];
@@ -637,7 +637,8 @@ fn a_full_standard_output_loses_results_and_says_so() {
     );
 }
 
-/// Each of these lines destroyed a file: under its own name, a hard link's or a symbolic link's.
+/// Regression test: each of these commands destroyed a file, under its own name, a hard link or a
+/// symbolic link.
 #[test]
 fn no_output_replaces_an_input_or_another_output() {
     let folder = TempDir::new().unwrap();
@@ -760,7 +761,7 @@ fn an_existing_output_is_overwritten_only_with_force() {
     assert_eq!(parts.count(), 0);
 }
 
-/// Text goes where it is sent: into a pipe, into nothing, and behind what stands in a file already.
+/// Text is written to its destination: a pipe, `/dev/null`, or appended to an existing file.
 #[test]
 #[cfg(target_os = "linux")]
 fn text_may_be_written_to_devices_and_to_standard_output() {
@@ -791,7 +792,7 @@ fn text_may_be_written_to_devices_and_to_standard_output() {
     assert_eq!(written, format!("before\n{expected}"));
 }
 
-/// The model does not exist either: the output is looked at first, since certifying may take hours.
+/// The model does not exist either: the output is checked first, since certifying may take hours.
 #[test]
 fn an_output_that_cannot_be_written_is_told_before_the_work() {
     for args in [
@@ -861,7 +862,7 @@ fn options_that_cancel_each_other_are_refused() {
     assert_eq!(linkwatch(&["--threads", "3", "certify", model]).code, 0);
 }
 
-/// Cut at a line end it was a certificate with fewer links.
+/// Regression test: a file truncated at a line end was read as a certificate with fewer links.
 #[test]
 fn a_cut_certificate_is_refused_by_check() {
     let folder = TempDir::new().unwrap();

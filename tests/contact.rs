@@ -1,20 +1,20 @@
-//! Curves that touch exactly in a frame: what passes through a contact is told over the frames on
-//! both sides of it, for open, closed and mixed pairs, and for a curve and itself.
+//! Curves that touch exactly in a frame. The frames on both sides of a contact decide what passes
+//! through it, for open, closed and mixed pairs, and for a curve and itself.
 
 use linkwatch::{
     AbortOn, Basis, CurveSet, DefectKind, Events, Point, Positions, Report, Verdict, Verifier,
 };
 
-/// How the strands meet in the frame of the contact.
+/// Kind of contact between the two strands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meeting {
-    /// Inner points of two edges.
+    /// Inner points of two edges touch.
     Edges,
-    /// A vertex of the moving strand on an edge.
+    /// A vertex of the moving strand touches an edge.
     VertexOnEdge,
-    /// A vertex of both.
+    /// A vertex of each strand touches.
     Vertices,
-    /// Two parallel edges that overlap.
+    /// Two parallel edges overlap.
     Overlap,
 }
 
@@ -25,14 +25,14 @@ const MEETINGS: [Meeting; 4] = [
     Meeting::Overlap,
 ];
 
-/// Which curves the two strands belong to.
+/// Kinds of curves that the two strands belong to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Curves {
     Open,
     Closed,
-    /// The moving strand is closed, or the other one.
+    /// One curve is closed: the moving strand if true, else the other one.
     Mixed(bool),
-    /// One curve, open or closed.
+    /// Both strands belong to one curve, open or closed.
     Itself {
         closed: bool,
     },
@@ -47,7 +47,7 @@ const CURVES: [Curves; 6] = [
     Curves::Itself { closed: true },
 ];
 
-/// A strand along x that rests, and one along y at height `z`.
+/// Returns a resting strand along x, and one along y at height `z`.
 fn strands(meeting: Meeting, z: f64) -> [Vec<Point>; 2] {
     let middle: &[f64] = match meeting {
         Meeting::Edges => &[-2.0, 2.0],
@@ -56,7 +56,7 @@ fn strands(meeting: Meeting, z: f64) -> [Vec<Point>; 2] {
         Meeting::Overlap => &[-1.0, 1.0],
     };
     let moving = |y: &f64| match meeting {
-        // Through the resting strand along x, from one side of it to the other.
+        // It moves through the resting strand along x, from one side to the other.
         Meeting::Overlap => [*y, 0.0, z],
         _ => [0.0, *y, z],
     };
@@ -74,8 +74,8 @@ fn strands(meeting: Meeting, z: f64) -> [Vec<Point>; 2] {
 
 fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
     let [mut first, mut second] = strands(meeting, z);
-    // The way back of the moving strand is below all, or above; that of the resting one is beside
-    // it.
+    // The return path of the moving strand is below, or above, everything; that of the resting one
+    // is beside it.
     let under = [[0.5, 20.0, -30.0], [0.5, -20.0, -30.0]];
     let beside = [[20.0, -25.0, 3.0], [-20.0, -25.0, 3.0]];
     let mut counts = Vec::new();
@@ -87,7 +87,7 @@ fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
     };
     match curves {
         Curves::Itself { closed } => {
-            // Two edges from one strand to the other, far from both.
+            // Two edges connect the strands, far from both.
             first.insert(0, [0.0, -9.0, -7.0]);
             first.extend([
                 [20.0, 20.0, -20.0],
@@ -119,8 +119,8 @@ fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap()
 }
 
-/// Reports on the frames with the moving strand at these heights: of an incremental verifier that
-/// is compared with a full one.
+/// Returns reports on the frames with the moving strand at these heights, from an incremental
+/// verifier that is compared with a full one.
 fn reports(curves: Curves, meeting: Meeting, heights: &[f64]) -> Vec<Report> {
     let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::Any));
     incremental.set_incremental(true);
@@ -164,8 +164,8 @@ fn signs(reports: &[Report]) -> Vec<Vec<i32>> {
         .collect()
 }
 
-/// The sign of the pull-through from above to below, without a contact. The strands of one curve
-/// run like open ones.
+/// Returns the sign of the pull-through from above to below, without a contact. The strands of one
+/// curve run in the same directions as open ones.
 fn sign(meeting: Meeting) -> i32 {
     let direct = signs(&reports(Curves::Open, meeting, &[1.0, -1.0]));
     let [sign] = direct[1][..] else {
@@ -183,7 +183,7 @@ fn a_pull_through_with_contact_in_a_frame_is_found_in_the_next_frame() {
             for (heights, sign) in [
                 (&[1.0, 0.0, -1.0][..], sign),
                 (&[-1.0, 0.0, 1.0], -sign),
-                // It rests there for a while.
+                // The strand rests in contact for a while.
                 (&[1.0, 0.0, 0.0, 0.0, -1.0], sign),
             ] {
                 let reports = reports(curves, meeting, heights);
@@ -244,7 +244,7 @@ fn curves_that_touch_in_the_first_frame_take_their_number_from_the_next() {
                 Verdict::Contact
             };
             assert_eq!(verdicts[..2], [first; 2], "{what}");
-            // What touched in the first frame is no reason to stop; that it touches again is one.
+            // A contact since the first frame does not ask to stop; a later contact does.
             assert_eq!(aborts, [false, false, false, false, true, true], "{what}");
             let third = if closed {
                 Verdict::Undecided

@@ -163,7 +163,7 @@ struct Movie {
     steady: bool,
     /// Frames since the motion began.
     age: u64,
-    /// Width of the lattice that all points are rounded to, so that curves touch exactly in many
+    /// Width of the lattice to which all points are rounded, so that curves touch exactly in many
     /// frames.
     lattice: Option<f64>,
     /// How far each curve has gone by itself, and how far it goes in a frame.
@@ -358,30 +358,30 @@ struct Both {
     incremental: Verifier,
     full: Verifier,
     tally: Tally,
-    /// Where pull-throughs are looked for.
+    /// Balance of the pull-throughs, if they are looked for.
     balance: Option<Balance>,
 }
 
-/// Pull-throughs against linking numbers, over frames in which curves touch: between two frames in
-/// which a pair of closed curves has a linking number, it changes by the sum of the signs of their
-/// pull-throughs.
+/// Checks pull-throughs against linking numbers, over frames in which curves touch. Between two
+/// frames in which a pair of closed curves has a linking number, it changes by the sum of the signs
+/// of their pull-throughs.
 struct Balance {
     numbers: Verifier,
     pairs: BTreeMap<(u32, u32), Since>,
-    /// Sums over frames in which the pair touched, and how many of these are not 0.
+    /// Number of sums over frames in which the pair touched, and how many of these are not 0.
     through_contact: [u64; 2],
 }
 
-/// What happened to a pair since the last frame in which it had a linking number.
+/// State of a pair since the last frame in which it had a linking number.
 #[derive(Clone, Copy)]
 struct Since {
-    /// That linking number; none if there was no such frame.
+    /// That linking number; `None` if there was no such frame.
     lambda: Option<i64>,
-    /// Of the signs of the pull-throughs.
+    /// Sum of the signs of the pull-throughs.
     sum: i64,
-    /// Whether a step was undecided.
+    /// True if a step was undecided.
     untold: bool,
-    /// Whether the curves touched.
+    /// True if the curves touched.
     touched: bool,
 }
 
@@ -418,8 +418,8 @@ impl Balance {
                 since.untold |= defects.any(|d| d.kind.is_of_step());
                 if let Some(missing) = certificate.undefined.iter().find(of_pair) {
                     since.touched |= missing.kind == DefectKind::Contact;
-                    // A loop without an inside, or splines that are too close: passages of
-                    // polylines that do not stand for them.
+                    // A loop of fewer than three points, or splines that are too close: the
+                    // polylines do not represent the curves.
                     since.untold |= missing.kind != DefectKind::Contact;
                     continue;
                 }
@@ -530,8 +530,8 @@ impl Both {
     }
 }
 
-/// Polylines on a lattice: contact in most frames, of open and closed curves, that begins, lasts,
-/// moves and ends.
+/// Polylines on a lattice: contacts in most frames, of open and closed curves, which begin, last,
+/// move and end.
 fn snapped_sequences(seeds: Range<u64>) {
     let (mut all, mut through_contact) = (Tally::default(), [0; 2]);
     for seed in seeds {
@@ -565,7 +565,7 @@ fn polylines_that_touch_on_a_lattice() {
     snapped_sequences(100_000..100_150);
 }
 
-/// The same, 100 times as many.
+/// The same test with 100 times as many sequences.
 #[test]
 #[ignore = "takes half an hour"]
 fn very_many_sequences_on_a_lattice() {

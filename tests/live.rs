@@ -32,7 +32,7 @@ impl Watch {
         Watch::start_with(folder, name, service, args, command, streams)
     }
 
-    /// Starts it by another command than its own name, or with other streams than files.
+    /// Starts a watch with another command, or with other streams than files.
     fn start_with(
         folder: &Path,
         name: &str,
@@ -63,7 +63,7 @@ impl Watch {
         let status = wait(&mut self.process);
         Ended {
             code: status.code(),
-            // A stream that is no file left none.
+            // A stream that is not a file leaves no lines.
             lines: json_lines(&std::fs::read_to_string(&self.stdout).unwrap_or_default()),
             stderr: std::fs::read_to_string(&self.stderr).unwrap_or_default(),
         }
@@ -258,7 +258,7 @@ fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
     assert_eq!((abort, live.code), (None, Some(0)), "{}", live.stderr);
 
     let record = ["--record", recording.to_str().unwrap()];
-    // Four lengths of its edges in one step: too far to be sure, unless the user says otherwise.
+    // The curve moves four edge lengths in one step, beyond the default limit.
     let policy = ["--abort-on", "event", "--paranoid", "--motion-limit", "5"];
     let (verdicts, abort, live) = run("seen", &[&record[..], &policy].concat());
     let changed = |k: usize| [Verdict::Intact, Verdict::Changed][usize::from(k == 3)];
@@ -289,11 +289,11 @@ fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
     keep("flight", &recording, &live);
 }
 
-/// A curve is pulled through, the simulator goes back to an earlier frame and goes on from there.
+/// A curve is pulled through; the simulator goes back to an earlier frame and continues from there.
 #[test]
 fn a_rollback_of_a_pull_through_is_aborted_once() {
     let folder = TempDir::new().unwrap();
-    // The simulator says that it went back; or it does not, and is told the way back as a
+    // The simulator reports the rollback with `resume`, or does not: then the way back is a
     // pull-through.
     for (name, resumes) in [("resumed", true), ("unsaid", false)] {
         let service = service(name);
@@ -329,8 +329,8 @@ fn a_rollback_of_a_pull_through_is_aborted_once() {
     }
 }
 
-/// The frame after the rollback is skipped, and so is a rejected one: the next frame that is
-/// verified continues none.
+/// The frame after the rollback is skipped, or it is rejected: the next verified frame does not
+/// continue the one before the rollback.
 #[test]
 fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
     let folder = TempDir::new().unwrap();
@@ -346,7 +346,7 @@ fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
         let publish = |sim: &mut Client, shift: f32| {
             sim.publish(0.5, Positions::F32(&squares(shift))).unwrap()
         };
-        // The watcher is stopped, and finds the newest frame when it goes on.
+        // The watcher is stopped, and takes the newest frame when it continues.
         watch.signal("STOP");
         std::thread::sleep(Duration::from_millis(50));
         if cut {
@@ -361,8 +361,8 @@ fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
         let last = skipped.last().copied().unwrap();
         assert_eq!(sim.wait(last, PATIENCE).unwrap(), Outcome::Stale);
         assert_eq!(first.events, if cut { 0 } else { 4 });
-        // The frame after the cut is rejected: the one after that does not continue the one before
-        // it.
+        // The frame after the cut is rejected: the one after that does not continue the frame
+        // before the cut.
         if cut {
             sim.cut();
         }
@@ -401,7 +401,7 @@ fn a_simulation_that_became_nan_is_asked_to_stop() {
         let abort = sim.aborted().map(|m| m.to_string());
         let words = "frame 1: rejected: curve 1, point 0: coordinate x is NaN. Stop or roll back";
         assert_eq!(abort, stops.then(|| words.into()));
-        // It goes back to the frame before.
+        // The simulator goes back to the previous frame.
         sim.resume();
         assert_eq!(step(&mut sim, 2, 0.0), Verdict::Intact);
         assert!(sim.aborted().is_none());
@@ -413,8 +413,8 @@ fn a_simulation_that_became_nan_is_asked_to_stop() {
         assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
         assert_eq!(replayed.reports(), live.reports());
         assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
-        // Another policy is another answer, also for a frame of which nothing is left but its
-        // verdict.
+        // Another policy gives another abort flag, also for a frame of which only the verdict
+        // remains.
         let other = ["--abort-on", if stops { "never" } else { "any" }];
         let other = replay_with(&recording, &other);
         assert_eq!(other.reports()[1]["abort"], !stops);
@@ -465,8 +465,8 @@ fn kept_recordings_give_their_verdicts() {
     }
 }
 
-/// A recorder whose disk is too slow leaves frames out. The motion to the frame after such a gap is
-/// another than live.
+/// A recorder with a slow disk drops frames. The motion to the frame after such a gap differs from
+/// that of the live run.
 #[test]
 fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
     let folder = TempDir::new().unwrap();
@@ -512,8 +512,8 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
 }
 
-/// Contact in the first frame once hid every later one, and asked the simulator to stop in each
-/// frame.
+/// Regression test: a contact in the first frame hid every later one, and asked the simulator to
+/// stop in each frame.
 #[test]
 fn contact_in_the_first_frame_hides_nothing_that_comes_later() {
     let folder = TempDir::new().unwrap();
@@ -558,7 +558,8 @@ fn contact_in_the_first_frame_hides_nothing_that_comes_later() {
     assert_eq!(wait(&mut process).code(), Some(3));
     let said = std::fs::read_to_string(&output).unwrap();
     let lines = |words: &str| said.lines().filter(|l| l.contains(words)).count();
-    // Once when it begins: in frames 0 and 6, in frame 2, and when there is a number in frame 4.
+    // Each is printed once when it begins: in frames 0 and 6, in frame 2, and the number in frame
+    // 4.
     assert_eq!(lines("  curves 0 and 1 touch"), 2, "{said}");
     assert_eq!(lines("  curves 2 and 3 touch"), 1, "{said}");
     assert_eq!(lines("is expected from here on"), 1, "{said}");
@@ -579,7 +580,7 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
     let first = Watch::start(folder.path(), "first", &service, &record);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
     assert_eq!(step(&mut sim, 5, 0.1), Verdict::Intact);
-    // The verdict comes first, the file of the recording after it.
+    // The verdict is sent first; the file of the recording is created after it.
     let start = Instant::now();
     while !recording.exists() {
         assert!(start.elapsed() < PATIENCE, "no recording");
@@ -715,7 +716,8 @@ fn a_signal_ends_the_watch_properly() {
     assert!(!replayed.stderr.contains("cut off"), "{}", replayed.stderr);
 }
 
-/// The goodbye comes with the signal: a simulator in lockstep waits for no watcher that ended.
+/// The watcher says goodbye on the signal, so that a simulator in lockstep does not wait for a
+/// watcher that ended.
 #[test]
 fn a_signal_to_the_watcher_frees_a_simulator_in_lockstep() {
     let folder = TempDir::new().unwrap();
@@ -726,7 +728,7 @@ fn a_signal_to_the_watcher_frees_a_simulator_in_lockstep() {
         let watch = Watch::start(folder.path(), signal, &service, &[]);
         assert!(sim.wait_for_watcher(PATIENCE).unwrap());
         for _ in 0..3 {
-            // The verdict on a frame that the watcher before did not see is no news.
+            // The previous watcher did not see this frame, so its verdict does not matter.
             step(&mut sim, frame, 0.0);
             frame += 1;
         }
@@ -765,7 +767,7 @@ fn times_that_are_none_are_refused() {
     }
 }
 
-/// Curves through one another everywhere, which take minutes to verify.
+/// Returns curves that pass through one another everywhere, which take minutes to verify.
 fn tangle(curves: usize, segments: usize) -> Vec<f32> {
     let mut x = 88172645463325252u64;
     let coordinate = || {
@@ -779,7 +781,7 @@ fn tangle(curves: usize, segments: usize) -> Vec<f32> {
         .collect()
 }
 
-/// It was deaf until the check had ended: minutes later, here.
+/// Regression test: the signal had no effect until the check had ended, here minutes later.
 #[test]
 fn a_signal_ends_a_watch_in_the_middle_of_a_long_check() {
     const CURVES: usize = 400;
@@ -804,7 +806,7 @@ fn a_signal_ends_a_watch_in_the_middle_of_a_long_check() {
         sim.wait(seq, Duration::from_secs(4)).unwrap(),
         Outcome::Stale
     );
-    // The watcher was heard meanwhile.
+    // The watcher sent heartbeats meanwhile.
     while sim.poll().unwrap().is_some() {}
     let silent = sim.silent_for().unwrap();
     assert!(silent < Duration::from_secs(3), "{silent:?}");
@@ -893,7 +895,7 @@ fn a_replay_keeps_the_policy_of_the_recording() {
     assert_eq!(replayed.summary()["rejected"], 2);
 }
 
-/// Before, each of these left less of the recording than there was, or the wrong thing under its
+/// Regression test: each of these lost part of the recording, or left the wrong content under its
 /// name.
 #[test]
 fn a_replay_replaces_no_file_that_it_reads_or_that_is_there() {
@@ -1023,7 +1025,7 @@ fn a_recording_is_created_at_the_first_frame_and_replaces_none() {
     assert_eq!(watch.end().code, Some(0));
     assert_eq!(replay(&recording).code, Some(0));
 
-    // One that turns up meanwhile is not overwritten either.
+    // A file that is created meanwhile is not overwritten either.
     std::fs::remove_file(&recording).unwrap();
     let watch = Watch::start(folder.path(), "late", &service, &record);
     let mut sim = client(&service);
@@ -1041,21 +1043,21 @@ fn a_recording_is_created_at_the_first_frame_and_replaces_none() {
     assert_eq!(std::fs::read(&recording).unwrap(), b"mine");
 }
 
-/// A stream that takes nothing.
+/// An output stream that accepts no data.
 #[cfg(target_os = "linux")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Broken {
     /// `/dev/full`: every write fails, as on a full disk.
     Full,
-    /// Its reader went away.
+    /// The reader closed the pipe.
     Closed,
-    /// A full pipe that nobody reads: every write blocks.
+    /// A full pipe without a reader: every write blocks.
     Blocked,
 }
 
 #[cfg(target_os = "linux")]
 impl Broken {
-    /// The stream, and what keeps it in this state.
+    /// Returns the stream, and the pipe end that keeps it in this state.
     fn open(self) -> (Stdio, Option<std::io::PipeReader>) {
         if self == Broken::Full {
             let full = std::fs::File::options().write(true).open("/dev/full");
@@ -1065,13 +1067,13 @@ impl Broken {
         if self == Broken::Closed {
             return (writer.into(), None);
         }
-        // As much as a pipe holds.
+        // Fills the pipe.
         std::io::Write::write_all(&mut writer, &[b'\n'; 1 << 16]).unwrap();
         (writer.into(), Some(reader))
     }
 }
 
-/// Before: an abort of the watcher (a log on a full disk), its end (standard output), or a wait
+/// Regression test: the watcher aborted (a log on a full disk), ended (standard output), or waited
 /// without end (a pipe).
 #[test]
 #[cfg(target_os = "linux")]
@@ -1128,8 +1130,8 @@ fn no_broken_stream_stops_the_verdicts_or_the_recording() {
     }
 }
 
-/// A limit on the size of files stands for the end of the disk: it takes no privileges. It leaves
-/// room for the shared memory of the watcher, and for a few hundred frames.
+/// A limit on the file size simulates a full disk, because it needs no privileges. It leaves space
+/// for the shared memory of the watcher, and for a few hundred frames.
 #[test]
 #[cfg(unix)]
 fn a_full_disk_ends_the_recording_and_nothing_else() {
@@ -1157,7 +1159,7 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
         "{}",
         ended.stderr
     );
-    // What was written is there, and nobody is said to have been killed.
+    // The written frames are there, and the message does not claim that a process was killed.
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
     assert!(
@@ -1174,7 +1176,7 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
 }
 
-/// Before: "intact" and exit code 0, whatever the share.
+/// Regression test: "intact" and exit code 0, whatever the share.
 #[test]
 fn the_share_of_skipped_frames_is_told_and_may_be_limited() {
     let folder = TempDir::new().unwrap();
@@ -1192,7 +1194,7 @@ fn the_share_of_skipped_frames_is_told_and_may_be_limited() {
         sim.finish().unwrap();
         let ended = watch.end();
         let share = ended.summary()["skipped_share"].as_f64().unwrap();
-        // The newest frame of before may have been verified, too.
+        // The newest earlier frame may have been verified, too.
         if share == 0.8 {
             assert_eq!(ended.code, Some(code), "{limit}: {}", ended.stderr);
             let told = "80.00 % of the frames were skipped, more than";
@@ -1213,7 +1215,7 @@ fn the_share_of_skipped_frames_is_told_and_may_be_limited() {
     }
 }
 
-/// `cargo test --release --test live round_trips -- --ignored --nocapture`.
+/// Run with `cargo test --release --test live round_trips -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement"]
 fn round_trips_of_small_and_larger_frames() {

@@ -28,11 +28,11 @@ pub const MOTION_LIMIT: &str = "motion_limit";
 /// Sentences printed about one frame; the rest is counted.
 const SENTENCES: usize = 8;
 
-/// Segments of a frame that no motion makes long to verify.
+/// Number of segments up to which any frame is verified quickly, whatever its motion.
 #[cfg(feature = "bus")]
 const SMALL: usize = 4096;
 
-/// Time beside which handing a frame to another thread does not count.
+/// Verification time from which the cost of handing a frame to another thread is negligible.
 #[cfg(feature = "bus")]
 const MOMENT: Duration = Duration::from_millis(1);
 
@@ -40,14 +40,14 @@ const MOMENT: Duration = Duration::from_millis(1);
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 const WAITING: usize = 8;
 
-/// Points of frames that may wait for a file beyond that: some 50 MB.
+/// Number of points of the frames that may wait for a file in addition: about 50 MB.
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 const WAITING_POINTS: usize = 1_000_000;
 
-/// Time that the sinks have together to finish when the run is over.
+/// Time limit for all sinks together to finish at the end of the run.
 const FINISH: Duration = Duration::from_secs(30);
 
-/// Time that a viewer has to open before the run begins; after that it goes on by itself.
+/// Time limit for a viewer to open before the run begins. After that it opens in the background.
 #[cfg(feature = "rerun")]
 const OPEN: Duration = Duration::from_secs(10);
 
@@ -57,8 +57,8 @@ pub struct Judge {
     /// What frames are compared with: `first-frame`, or a certificate file
     #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
-    /// What asks the simulator to stop: any, lost, gained, contact, event, rejected or never
-    /// [default: any]
+    /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected or
+    /// never [default: any]
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
@@ -111,7 +111,7 @@ pub struct Sinks {
 }
 
 impl Sinks {
-    /// The files that are written, which must not be among the inputs.
+    /// Checks the output files, which must differ from the inputs.
     fn check_files(&self, inputs: &[&PathBuf]) -> Result<()> {
         let mut files = Files::new(self.overwrite);
         inputs.iter().for_each(|path| files.reads(path));
@@ -126,7 +126,7 @@ impl Sinks {
         Ok(())
     }
 
-    /// Prepares what was asked for. Files are created at the first frame. `title` names the run in
+    /// Prepares verifier and sinks. Files are created at the first frame. `title` names the run in
     /// the viewer.
     fn open(
         &self,
@@ -187,11 +187,11 @@ impl Sinks {
             None if self.view => ViewerTarget::Spawn,
             None => return Ok(None),
         };
-        // A file is complete or it misleads; a viewer on the screen may miss a frame.
+        // A file must be complete, or it misleads; a live viewer may miss a frame.
         let queue = SinkQueue::spawn("viewer", WAITING, Overflow::DropOldest, move || {
             Ok(Box::new(ViewerSink::open(&target, &title)?))
         })?;
-        // A viewer that is not there is an error of the command, and not of its first frame.
+        // If the viewer cannot be reached, the command fails at once, not at its first frame.
         queue.open(OPEN)?;
         Ok(Some(queue))
     }
@@ -216,7 +216,7 @@ pub struct Judged {
     /// What a graphics processor was given.
     pub offload: Offload,
     pub curves: Option<Arc<CurveSet>>,
-    /// Cuts that the simulator made before this frame.
+    /// Number of cuts that the simulator made before this frame.
     pub cuts: u32,
 }
 
@@ -229,32 +229,33 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// The share of all frames that was skipped.
+    /// Returns the share of all frames that were skipped.
     pub fn skipped_share(self) -> f64 {
         let all = self.verified + self.skipped + self.rejected;
         self.skipped as f64 / all.max(1) as f64
     }
 }
 
-/// What is verified against what, and where it goes.
+/// Inputs of a [`Session`]: baseline, settings and outputs.
 pub struct Run<'a> {
     pub judge: &'a Judge,
     pub sinks: &'a Sinks,
-    /// The recording that is read, if it is one.
+    /// Recording that is read, if the input is one.
     pub recording: Option<&'a PathBuf>,
-    /// Baseline, events and motion limit if the user names none.
+    /// Baseline, events and motion limit that apply if the user gives none.
     pub baseline: Option<(Certificate, String)>,
     pub look_for: (Events, f64),
     /// Names the run in the viewer.
     pub title: &'a str,
-    /// What a recording should say of the run.
+    /// Metadata of the run, for a recording.
     pub metadata: BTreeMap<String, String>,
-    /// What happens if stdout or a sink is slower than the frames.
+    /// Policy if stdout or a sink is slower than the frames.
     pub overflow: Overflow,
     pub json: bool,
 }
 
-/// A finding that lasts: a change by its curves and number, a defect by its curves and kind.
+/// A finding that may last over several frames: a change, identified by its curves and number, or a
+/// defect, identified by its curves and kind.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Told {
     Change(u32, u32, i64),
@@ -273,12 +274,12 @@ impl From<&Defect> for Told {
     }
 }
 
-/// Pull-throughs that the frames are too far apart to tell.
+/// Pull-throughs that cannot be resolved, because the frames are too far apart.
 #[derive(Clone, Copy, Default)]
 struct Unresolved {
     count: u64,
     frames: u64,
-    /// The largest of the motions that each needs to be resolved, in segment lengths.
+    /// The largest motion of the unresolved pull-throughs, in segment lengths.
     lengths: f64,
 }
 
@@ -290,8 +291,8 @@ impl Unresolved {
         self.lengths = lengths.fold(self.lengths, f64::max);
     }
 
-    /// How many there were, and how close together frames would have to be for all of them to be
-    /// within the limit.
+    /// Returns a sentence with their number, and the factor by which frames would have to be closer
+    /// together to keep all of them within the limit.
     fn words(&self, limit: f64) -> String {
         let remedy = match limit {
             0.0 => "none is resolved".to_owned(),
@@ -311,11 +312,10 @@ impl Unresolved {
 
 /// One run over frames.
 pub struct Session {
-    /// In segment lengths.
+    /// Motion limit in segment lengths.
     motion_limit: f64,
     verifier: Verifier,
-    /// Cuts before the last frame that was verified: a frame with another number does not continue
-    /// it.
+    /// Cuts before the last verified frame. A frame with another number does not continue that one.
     cuts: u32,
     /// Where the baseline comes from, in words.
     origin: String,
@@ -327,13 +327,13 @@ pub struct Session {
     live: Live,
     outcome: Outcome,
     last_verdict: Option<Verdict>,
-    /// Changes and defects of the last frame, which were printed when they came.
+    /// Changes and defects of the last frame. They have been printed already.
     told: BTreeSet<Told>,
     unresolved: Unresolved,
     first_violation: Option<String>,
     tally: Tally,
     checks: Durations,
-    /// Of the last frame that was judged.
+    /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
     last_check: Option<Duration>,
     /// Frames that took the full, the quiet and the partial way.
@@ -405,13 +405,13 @@ impl Session {
         })
     }
 
-    /// How far the frame in work is.
+    /// Returns the progress of the current frame.
     pub fn progress(&self) -> Arc<Progress> {
         self.verifier.progress()
     }
 
-    /// Whether a frame takes no longer than it takes to hand it to another thread, many times over:
-    /// it is small, and the one before it took a moment.
+    /// Returns true if verifying the frame likely takes little time, so that handing it to another
+    /// thread would not pay: the frame is small, and the previous one was quick.
     #[cfg(feature = "bus")]
     pub fn is_quick(&self, frame: &Ingested) -> bool {
         let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
@@ -446,11 +446,11 @@ impl Session {
         }
     }
 
-    /// Verifies one frame. If `cuts` is another number than for the last one, it does not continue
-    /// that one.
+    /// Verifies one frame. If `cuts` differs from that of the last frame, the frame does not
+    /// continue that one.
     ///
-    /// Errors: [`Error::CertificateMismatch`], and [`Error::Cancelled`] of a frame of which nothing
-    /// is known.
+    /// Errors: [`Error::CertificateMismatch`], and [`Error::Cancelled`] if the frame was not
+    /// verified.
     pub fn judge(&mut self, seq: u64, time: f64, cuts: u32, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
         let Ingested { curves, took } = frame;
@@ -463,8 +463,8 @@ impl Session {
         });
         let (report, curves) = match outcome {
             Ok(verified) => verified,
-            // Not this frame's fault: no frame of this simulator would fit, or nobody waits for it
-            // any more.
+            // The frame is not at fault: no frame of this simulator would fit the baseline, or the
+            // run is being cancelled.
             Err(e @ (Error::CertificateMismatch { .. } | Error::Cancelled)) => return Err(e),
             Err(e) => (self.verifier.reject(seq, time, &e), None),
         };
@@ -580,7 +580,7 @@ impl Session {
         let lasting: BTreeSet<Told> = changes
             .chain(report.defects.iter().map(Told::from))
             .collect();
-        // Findings that ended are news if they come back.
+        // Findings that ended are printed again if they return.
         let told = std::mem::replace(&mut self.told, lasting);
         let fresh = !(report.events.is_empty() && report.unresolved.is_empty())
             || self.told.difference(&told).next().is_some();
@@ -639,7 +639,7 @@ impl Session {
             let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
             let all = plural(summary.written + summary.dropped, "frame");
             match &summary.failed {
-                // The sink has logged why when it happened.
+                // The sink logged the reason when it failed.
                 Some(why) => tracing::error!(
                     "{} is incomplete: at least {} of {all} are in it: {why}",
                     summary.name,

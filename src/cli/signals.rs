@@ -1,14 +1,14 @@
-//! What ends a long run properly: the first SIGINT or SIGTERM.
+//! Ends a long run properly on the first SIGINT or SIGTERM.
 
 use linkwatch::Result;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// Time between two looks at the signals.
+/// Interval at which the signal flag is checked.
 pub const TICK: Duration = Duration::from_millis(200);
 
-/// A flag that the first SIGINT or SIGTERM sets. The second one ends the process at once.
+/// Returns a flag that the first SIGINT or SIGTERM sets. The second one ends the process at once.
 pub fn stop_on_signals() -> Result<Arc<AtomicBool>> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     let stop = Arc::new(AtomicBool::new(false));
@@ -19,7 +19,7 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// Cancels the verification on the first SIGINT or SIGTERM, from a thread that lasts as long as the
+/// Cancels the verification on the first SIGINT or SIGTERM, from a thread that runs as long as the
 /// process.
 #[cfg(feature = "mcap")]
 pub fn cancel_on_signals(progress: Arc<linkwatch::Progress>) -> Result<()> {

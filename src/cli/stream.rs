@@ -1,9 +1,10 @@
-//! Standard output and standard error, which may be full, closed, or a pipe that nobody reads.
+//! Standard output and standard error, either of which may be full, closed, or a pipe without a
+//! reader.
 //!
-//! A write that fails is no error of the command: its work goes on, and what was lost is counted. A
-//! write may also block for ever. So `watch` and `replay` detach both streams: from then on the
-//! text waits in a bounded queue for a thread that writes it, under the contract of a sink
-//! ([`Overflow`]).
+//! A failed write is no error of the command: its work continues, and lost lines are counted. A
+//! write may also block without end. So `watch` and `replay` detach both streams: from then on,
+//! text waits in a bounded queue for a thread that writes it, with the same [`Overflow`] policy as
+//! a sink.
 
 use linkwatch::Overflow;
 use std::collections::VecDeque;
@@ -13,23 +14,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Text that may wait for the thread: a pager that reads slowly loses nothing for a while.
+/// Bytes of text that may wait for the thread, so that a slow pager loses nothing for a while.
 const WAITING_BYTES: usize = 16 << 20;
 
-/// Time until a pipe that does not block is tried again.
+/// Interval at which a write to a non-blocking pipe is retried.
 const AGAIN: Duration = Duration::from_millis(10);
 
-/// Removes the status line, at whose end the cursor stands.
+/// Removes the status line. The cursor is at its end.
 const ERASE: &str = "\r\x1b[2K";
 
-/// Where text goes.
+/// Destination of a text.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Target {
     Out,
     Err,
 }
 
-/// What was lost of the results.
+/// Results that were lost, and the reason.
 pub struct Lost {
     pub lines: u64,
     pub why: String,
@@ -41,7 +42,7 @@ struct Text {
     lines: u64,
 }
 
-/// A stream, and the thread that writes it once it was detached.
+/// A stream, and the thread that writes it after it was detached.
 pub struct Stream {
     state: Mutex<State>,
     filled: Condvar,
@@ -51,25 +52,25 @@ pub struct Stream {
 struct State {
     waiting: VecDeque<Text>,
     bytes: usize,
-    /// Lines of results that the thread is writing.
+    /// Lines of results that the thread is writing, if it is.
     writing: Option<u64>,
-    /// Texts written, or lost on the way.
+    /// Number of texts that were written, or failed to be.
     done: u64,
-    /// None while the caller writes.
+    /// `None` until the stream is detached.
     overflow: Option<Overflow>,
     patience: Duration,
     lost: u64,
     why: String,
-    /// What stands in the last line of a terminal.
+    /// Status line of the terminal.
     status: String,
 }
 
-/// Standard output, and standard error. If both are terminals, they are the same one: all text
-/// takes the way of standard error then, so that it stays in order.
+/// Standard output and standard error. If both are terminals, they are the same one, so all text
+/// goes through standard error, which keeps it in order.
 static OUT: Stream = Stream::new();
 static ERR: Stream = Stream::new();
 
-/// Whether stderr is a terminal.
+/// Returns true if stderr is a terminal.
 pub fn is_terminal() -> bool {
     static IS: LazyLock<bool> = LazyLock::new(|| io::stderr().is_terminal());
     *IS
@@ -83,7 +84,7 @@ fn stream_of(target: Target) -> &'static Stream {
     }
 }
 
-/// Writes a text of whole lines, or hands it to the thread that does.
+/// Writes a text of complete lines, or passes it to the writer thread.
 pub fn put(target: Target, bytes: Vec<u8>) {
     let lines = match target {
         Target::Out => bytes.iter().filter(|&&b| b == b'\n').count() as u64,
@@ -96,12 +97,12 @@ pub fn put(target: Target, bytes: Vec<u8>) {
     });
 }
 
-/// Replaces the status line of the terminal, if stderr is one.
+/// Replaces the status line if stderr is a terminal.
 pub fn status(text: String) {
     let mut state = ERR.lock();
     if is_terminal() && state.overflow.is_some() {
         state.status = text;
-        // A terminal that does not keep up shows the newest status later.
+        // If the terminal is slow, it shows the newest status with the next text.
         if state.waiting.is_empty() {
             state.push(Text {
                 target: Target::Err,
@@ -113,7 +114,7 @@ pub fn status(text: String) {
     }
 }
 
-/// Lets a thread write each stream from here on.
+/// Starts a writer thread for each stream.
 pub fn detach(overflow: Overflow) -> io::Result<()> {
     for stream in [&OUT, &ERR] {
         let mut state = stream.lock();
@@ -126,8 +127,8 @@ pub fn detach(overflow: Overflow) -> io::Result<()> {
     Ok(())
 }
 
-/// Waits until a stream is written, as long as that makes progress within `limit`. What is not
-/// written then is lost.
+/// Waits until a stream is written, as long as it makes progress within `limit`. Text that is still
+/// waiting after that is lost.
 pub fn finish(target: Target, limit: Duration) -> Option<Lost> {
     stream_of(target).finish(limit)
 }
@@ -164,7 +165,7 @@ impl Stream {
         };
         let start = Instant::now();
         let full = |s: &mut State| s.bytes >= WAITING_BYTES;
-        // A log is not worth a wait.
+        // Log messages never block.
         let patience = match text.target {
             Target::Out => state.patience,
             Target::Err => Duration::ZERO,
@@ -187,7 +188,7 @@ impl Stream {
         self.filled.notify_one();
     }
 
-    /// Writes what comes, for as long as the process lives.
+    /// Writes texts as they arrive, for the lifetime of the process.
     fn work(&self) {
         let mut shown = String::new();
         loop {
@@ -214,7 +215,7 @@ impl Stream {
         }
     }
 
-    /// Writes a text above the status line.
+    /// Writes a text and then redraws the status line.
     fn write(&self, text: &Text, status: &str, shown: &mut String) -> io::Result<()> {
         if shown.is_empty() && status.is_empty() {
             return write(text.target, &text.bytes);
@@ -222,7 +223,7 @@ impl Stream {
         if shown != status || !text.bytes.is_empty() {
             write(Target::Err, ERASE.as_bytes()).ok();
             let outcome = write(text.target, &text.bytes);
-            // Without a line break at the right margin: it could not be removed.
+            // Turns line wrap off, because a wrapped status line could not be erased.
             let line = format!("\x1b[?7l{status}\x1b[?7h");
             write(Target::Err, line.as_bytes()).ok();
             status.clone_into(shown);
@@ -269,7 +270,7 @@ impl State {
         self.done += 1;
         match outcome {
             Ok(()) => {}
-            // The reader went away (`linkwatch .. | head`): nobody misses anything.
+            // The reader closed the pipe (`linkwatch .. | head`): the rest is not wanted.
             Err(e) if e.kind() == ErrorKind::BrokenPipe => {}
             Err(e) => self.lose(lines, e.to_string()),
         }
@@ -283,13 +284,13 @@ impl State {
     }
 }
 
-/// Writes bytes, however long that takes.
+/// Writes all bytes, retrying if the stream would block.
 fn write(target: Target, mut bytes: &[u8]) -> io::Result<()> {
     static FILES: [LazyLock<io::Result<File>>; 2] = [
         LazyLock::new(|| file(Target::Out)),
         LazyLock::new(|| file(Target::Err)),
     ];
-    // Whether half a line was written before an error: the next one starts in a line of its own.
+    // True if an error left an incomplete line, so that the next text starts on a new line.
     static TORN: [AtomicBool; 2] = [AtomicBool::new(false), AtomicBool::new(false)];
     let torn = &TORN[target as usize];
     let mut file = match &*FILES[target as usize] {
@@ -316,8 +317,8 @@ fn write(target: Target, mut bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// The stream itself, without the buffer and the lock of the standard library: whoever holds that
-/// lock may wait for ever.
+/// Opens the stream itself, without the buffer and the lock of the standard library. A thread that
+/// holds that lock may block without end.
 #[cfg(unix)]
 fn file(target: Target) -> io::Result<File> {
     use std::os::fd::AsFd;

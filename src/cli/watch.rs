@@ -13,11 +13,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// Time between two heartbeats during a long check.
+/// Interval of the heartbeats during a long check.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
-/// How long a sink or standard output may hold up the verdicts in total until it has caught up.
-/// Then frames or lines are dropped and counted.
+/// Maximum total time that a sink or standard output may delay verdicts until it has caught up.
+/// After that, frames or lines are dropped and counted.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Watch a live simulation: verify its frames and tell it to stop when its topology breaks
@@ -32,7 +32,7 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
     /// Exit code 3 if a larger share of the frames was skipped: 0 to 1, or a percentage (`5%`)
-    /// [default: any may be]
+    /// [default: no limit]
     #[arg(long, value_name = "SHARE", value_parser = share)]
     max_skipped: Option<f64>,
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let stop = stop_on_signals()?;
     let metadata = BTreeMap::from([("service".to_owned(), args.service.clone())]);
-    // Before simulators know of a watcher: a viewer may take a while to open.
+    // Opened before the simulators see the watcher, since a viewer may take a while to open.
     let mut session = Session::new(Run {
         judge: &args.judge,
         sinks: &args.sinks,
@@ -68,7 +68,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let judge = move || {
             for (session, seq, time, cuts, frame) in frames {
                 let judged = session.judge(seq, time, cuts, frame);
-                // Nobody waits for it if the watch has failed.
+                // The receiver is gone if the watch has failed.
                 let _ = verdicts.send((session, judged));
             }
         };
@@ -87,7 +87,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         Ok(counters) => *counters,
         Err(_) => sidecar.counters(),
     };
-    // Says goodbye: a simulator does not wait for the sinks to finish.
+    // Sends the goodbye, so that a simulator does not wait for the sinks to finish.
     drop(sidecar);
     let tally = tally(counters);
     let share = tally.skipped_share();
@@ -104,17 +104,17 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     ended.map(|_| outcome)
 }
 
-/// A frame to judge, and who judges it.
+/// A frame to judge, and the session that judges it.
 type Work<'s> = (&'s mut Session, u64, f64, u32, Ingested);
 
-/// A thread that judges frames while this one looks at the signals and sends heartbeats.
+/// Judges frames in a thread, while this thread checks the signals and sends heartbeats.
 struct Checker<'s> {
     to: mpsc::Sender<Work<'s>>,
     from: mpsc::Receiver<(&'s mut Session, Result<Judged>)>,
 }
 
 impl<'s> Checker<'s> {
-    /// Judges a frame. A signal cancels that.
+    /// Judges a frame. A signal cancels the work.
     fn judge(
         &self,
         work: Work<'s>,
@@ -147,7 +147,7 @@ impl<'s> Checker<'s> {
             ));
             if beat.elapsed() >= HEARTBEAT {
                 beat = Instant::now();
-                // Without a bus the verdict is of no use either.
+                // If the bus fails, the verdict cannot be sent, so cancel the check.
                 if let Err(e) = sidecar.heartbeat() {
                     progress.cancel();
                     failed.get_or_insert(e);

@@ -67,14 +67,14 @@ impl Box3 {
         depth(0).min(depth(1)).min(depth(2)).max(0.0)
     }
 
-    /// Whether it contains no point.
+    /// Returns true if the box contains no point.
     fn is_empty(&self) -> bool {
         self.lo[0] > self.hi[0]
     }
 
     /// Square of the distance between the boxes, a lower bound (rounded down generously) for what is in them.
     pub(crate) fn dist_sq_below(&self, other: &Box3) -> f64 {
-        // Beside a box that is infinite in all directions, the differences below are no numbers.
+        // If the other box is infinite in all directions, the differences below are NaN.
         if self.is_empty() || other.is_empty() {
             return f64::INFINITY;
         }

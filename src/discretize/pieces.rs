@@ -1,19 +1,19 @@
-//! Pairs of pieces of two polylines that are near each other.
+//! Enumerates pairs of near pieces of two polylines.
 //!
-//! Splines that run near each other are split into thousands of pieces, and each piece is near a
-//! few others. Testing every piece with every other is quadratic in their number, so long polylines
-//! are halved as long as their parts are not apart. Near-linear in pieces for polylines that are
+//! Splines that run near each other are split into thousands of pieces, and each piece is near only
+//! a few others. A test of all pairs is quadratic in the number of pieces, so long polylines are
+//! halved until their parts are apart or short. The cost is near-linear for polylines that are
 //! spatially coherent.
 
 use std::ops::ControlFlow;
 
-/// Vertices of a part that is not halved any more.
+/// Maximum number of vertices of a part that is not halved further.
 const FEW: usize = 5;
 
-/// What keeps parts of polylines apart, for vertices `V`: whatever keeps two parts apart must keep
-/// all their pieces apart.
+/// A test that proves two parts of polylines with vertices `V` to be apart. If two parts are apart,
+/// all pairs of their pieces are.
 pub(crate) trait Sieve<V> {
-    /// What is known of a part.
+    /// Bounds of a part.
     type Bounds;
 
     fn bounds(&self, vertices: &[V]) -> Self::Bounds;
@@ -21,8 +21,8 @@ pub(crate) trait Sieve<V> {
     fn apart(&self, first: &Self::Bounds, second: &Self::Bounds) -> bool;
 }
 
-/// Calls `test` for pairs of pieces, one of each polyline, until it breaks: for all but some that
-/// are apart.
+/// Calls `test` for pairs of pieces, one of each polyline, until it breaks. Skips only pairs that
+/// the sieve proves to be apart.
 pub(crate) fn pieces_between<V>(
     p: &[V],
     q: &[V],
@@ -36,7 +36,7 @@ pub(crate) fn pieces_between<V>(
     parts_between([&parts[0], &parts[1]], sieve, test)
 }
 
-/// [`pieces_between`] a polyline and itself: every pair of different pieces once.
+/// Like [`pieces_between`], for a polyline and itself: every pair of different pieces once.
 pub(crate) fn pieces_within<V>(
     p: &[V],
     sieve: &impl Sieve<V>,
@@ -54,7 +54,7 @@ pub(crate) fn pieces_within<V>(
     pieces_between(left, right, sieve, test)
 }
 
-/// All pairs of pieces.
+/// Calls `test` for all pairs of pieces.
 fn every<V>(
     p: &[V],
     q: &[V],
@@ -68,7 +68,7 @@ fn every<V>(
     ControlFlow::Continue(())
 }
 
-/// Both halves of a polyline. They share a vertex.
+/// Returns both halves of a polyline. They share a vertex.
 fn halves<V>(p: &[V]) -> [&[V]; 2] {
     let middle = p.len() / 2;
     [&p[..=middle], &p[middle..]]

@@ -231,7 +231,7 @@ impl Monitor {
     /// Compares the reference frame with a baseline that has more numbers than before.
     pub fn compare_again(&mut self, baseline: &Certificate) {
         if let Some(known) = &mut self.reference {
-            // Of the same number of curves as before.
+            // Cannot fail: both have the same number of curves.
             if let Ok(comparison) = known.reference.certificate.compare(baseline) {
                 known.comparison = comparison;
             }

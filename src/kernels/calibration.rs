@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 pub struct Calibration {
     /// The adapter's name.
     pub adapter: String,
-    /// The interface that it is reached by: one GPU has other figures by another one.
+    /// Backend of the adapter: the same GPU has other timings under another backend.
     pub backend: String,
     /// Its driver: another one is another adapter.
     pub driver: String,
@@ -309,7 +309,7 @@ mod tests {
             ..first.clone()
         };
         second.keep_in(&file).unwrap();
-        // The same adapter by another interface has figures of its own.
+        // The same adapter under another backend has its own timings.
         let third = Calibration {
             backend: "Dx12".into(),
             ..first.clone()

@@ -13,11 +13,10 @@ pub enum Device {
     Cpu,
     /// On the first graphics processor that there is, of the fastest kind; software Vulkan counts as one.
     Gpu,
-    /// On the graphics processor whose name is this, or else on the one whose name has these words
-    /// in it. If several have the name, or none and several have the words, that is an error, and
-    /// they have an index each.
+    /// The GPU with this name, or else the one whose name contains these words. If there are
+    /// several, or none, that is an error, and the message lists the indices.
     Named(String),
-    /// On the graphics processor of this index in the list of [`devices`].
+    /// The GPU with this index in the list of [`devices`].
     Index(usize),
 }
 
@@ -41,7 +40,7 @@ impl FromStr for Device {
             "auto" => Device::Auto,
             "cpu" => Device::Cpu,
             "gpu" => Device::Gpu,
-            // Not a name, however large: `1` is in many of them.
+            // A number is never a name, however large, since many names contain `1`.
             text => match text.parse() {
                 Ok(index) => Device::Index(index),
                 Err(_) => Device::Named(text.into()),
@@ -55,10 +54,10 @@ impl FromStr for Device {
     expect(dead_code, reason = "there is no list to choose from")
 )]
 impl Device {
-    /// Which of all adapters this is, given in the order of their index. The first one where any
-    /// will do.
+    /// Returns the index of the chosen adapter in `all`, which is in the order of the indices.
+    /// Returns the first one if any adapter fits.
     ///
-    /// On `Err`, why it is none, or not one, in words.
+    /// Errors: a text that says why none, or more than one, fits.
     pub(crate) fn choose(&self, all: &[DeviceInfo]) -> Result<usize, String> {
         if all.is_empty() {
             return Err("no adapter found (Vulkan, Metal or DX12)".into());
@@ -96,10 +95,10 @@ impl Device {
 /// An adapter, and what it can do.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct DeviceInfo {
-    /// Its index, as [`Device::Index`] takes it: from 0, the fastest kinds first. It is the same in
-    /// every process until an adapter or a driver comes or goes.
+    /// Index of the adapter, for [`Device::Index`]: from 0, the fastest kinds first. It is the same
+    /// in every process until an adapter or a driver is added or removed.
     pub index: usize,
-    /// Its name, as [`Device::Named`] takes it. Others may have the same.
+    /// Name of the adapter, for [`Device::Named`]. Others may have the same name.
     pub name: String,
     /// The interface that it is reached by: `Vulkan`, `Metal` or `Dx12`.
     pub backend: String,
@@ -177,7 +176,7 @@ mod tests {
         let none = "no adapter is called RTX 4090; there are: 0: RTX 3080 Ti (Vulkan), \
                     1: RTX 3080 (Vulkan), 2: llvmpipe (Vulkan)";
         assert_eq!(choose(&all, "RTX 4090"), Err(none.into()));
-        // A number is an index, and no part of a name.
+        // A number is an index, not a part of a name.
         assert_eq!(choose(&all, "1"), Ok(1));
         assert!(
             choose(&all, "3080")
@@ -186,7 +185,7 @@ mod tests {
         );
     }
 
-    /// The second one was never used.
+    /// Regression test: the second adapter was never used.
     #[test]
     fn adapters_of_one_name_are_told_apart_by_their_index() {
         let all = adapters(&[

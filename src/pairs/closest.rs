@@ -21,7 +21,8 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
     let mut stack = vec![(0.0, first.root(), second.root())];
     let (mut room_a, mut room_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
     let mut next: Vec<(f64, Node, Node)> = Vec::new();
-    // Squares of distances that overflow or underflow prune nothing that is nearer than the best.
+    // If squares of distances overflow or underflow, they prune no point that is nearer than the
+    // best.
     let farther = |bound_sq: f64, best: &Place| {
         let best_sq = best.distance * best.distance;
         bound_sq > best_sq.max(f64::MIN_POSITIVE)
@@ -114,12 +115,12 @@ fn chords<'a>(set: &CurveSet, i: usize, s: u32, room: &'a mut [Point; CHORDS + 1
 /// Middle and length of the shortest connection of two straight segments.
 fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
     let [a, b] = closest_points(p0, p1, q0, q1);
-    // Not half the sum: that may overflow.
+    // Not half the sum, which may overflow.
     let middle = [0, 1, 2].map(|x| 0.5 * a[x] + 0.5 * b[x]);
     (middle, distance(a, b))
 }
 
-/// The distance of two points.
+/// Returns the distance of two points.
 fn distance(a: Point, b: Point) -> f64 {
     let scale = Scale::of([a, b].into_iter());
     let [a, b] = [a, b].map(|p| scale.apply(p));
@@ -127,9 +128,9 @@ fn distance(a: Point, b: Point) -> f64 {
     scale.undo((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt())
 }
 
-/// A power of two that brings points to a size at which products of four differences neither
-/// overflow nor underflow: 1 for all but extreme ones. Multiplying by it rounds nothing that
-/// matters beside the largest difference.
+/// A power of two that scales points so that products of four differences neither overflow nor
+/// underflow. It is 1 except for extreme points. Scaling loses nothing that is significant beside
+/// the largest difference.
 #[derive(Clone, Copy)]
 struct Scale([f64; 2]);
 
@@ -139,7 +140,7 @@ impl Scale {
 
     fn of(points: impl Iterator<Item = Point> + Clone) -> Scale {
         let first = points.clone().next().unwrap_or_default();
-        // Halves, since the difference of two finite numbers may overflow.
+        // Halves are subtracted, since the difference of two finite numbers may overflow.
         let halves = |p: Point| [0, 1, 2].map(|x| (0.5 * p[x] - 0.5 * first[x]).abs());
         let largest = points
             .flat_map(halves)
@@ -169,7 +170,7 @@ pub(crate) fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> [Poi
     closest_points_scaled(p0, p1, q0, q1).map(|p| p.map(|x| scale.undo(x)))
 }
 
-/// [`closest_points`] of segments of ordinary size.
+/// [`closest_points`] for segments of ordinary size.
 fn closest_points_scaled(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
     let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -239,8 +240,8 @@ mod tests {
         }
     }
 
-    /// Squares overflowed: the place was the origin, the distance infinite. Or they underflowed:
-    /// the distance was 0.
+    /// Regression test: if squares overflowed, the place was the origin and the distance infinite;
+    /// if they underflowed, the distance was 0.
     #[test]
     fn extreme_coordinates_have_their_place_and_distance() {
         for k in [1e200, 1e300, 1e-200, 1e-300, 1e150, 1e-150, 1.0] {

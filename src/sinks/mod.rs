@@ -42,8 +42,8 @@ pub struct BaselineRecord {
 pub struct FrameRecord {
     /// The curves; none where the frame was rejected before it became curves.
     pub curves: Option<Arc<CurveSet>>,
-    /// Cuts that the simulator made before this frame: one with another number than the frame
-    /// before does not continue it.
+    /// Number of cuts that the simulator made before this frame. If it differs from that of the
+    /// previous frame, this frame does not continue that one.
     pub cuts: u32,
     /// What was found. The same for every run over the same frames.
     pub report: Arc<Report>,
@@ -82,8 +82,8 @@ pub trait Sink: Send {
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
-/// Creates a regular file, or empties it. Refuses anything else: opening a pipe that nobody reads
-/// would block for ever.
+/// Creates a regular file, or truncates it. Rejects any other kind, since opening a pipe without a
+/// reader would block without end.
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
     if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {

@@ -1,11 +1,11 @@
 //! A sink on a thread of its own, behind a bounded queue.
 //!
-//! The caller hands over a frame by cloning an `Arc`. What happens when the sink is slower than the
-//! frames is the caller's choice ([`Overflow`]); what happens when it fails is not: it stays
-//! failed, says so once, and costs nothing from then on. The sink lives and dies on its own thread,
-//! which also opens it: a frozen disk blocks the creation of a file as well as a write, and
-//! dropping a stream to a viewer that has stopped reading can block for good. So a thread that does
-//! not finish in time is left behind, never joined.
+//! The caller passes a frame by cloning an `Arc`. It chooses what happens if the sink is slower
+//! than the frames ([`Overflow`]). A sink that fails stays failed, reports it once, and costs
+//! nothing from then on. The sink is opened, used and dropped on its own thread: a frozen disk can
+//! block the creation of a file as well as a write, and dropping a stream to a viewer that has
+//! stopped reading can block without end. So a thread that does not finish in time is abandoned,
+//! never joined.
 
 use super::{BaselineRecord, FrameRecord, Sink};
 use crate::error::{Error, Result};
@@ -18,28 +18,28 @@ use std::time::{Duration, Instant};
 /// Time between flushes while all frames are intact: what a crash may cost at most.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
-/// Time that passes in silence while something waits for the sink.
+/// Time after which a warning is logged while the caller waits for the sink.
 const SILENCE: Duration = Duration::from_secs(2);
 
 /// What happens to a frame when the queue is full.
-///
-/// If there is no room in the end, the oldest waiting frame is dropped and counted; frames at which
+/// If the queue is still full in the end, the oldest waiting frame is dropped and counted; frames
+/// at which the verdict changes are kept longest. The baseline is never dropped.
 /// the verdict turns are kept longest. The baseline is never dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overflow {
     /// The caller waits for room, but no longer than this in total until the sink has caught up.
-    /// For a recording of a live simulation: a short hiccup of the disk costs no frame, and a
-    /// frozen disk costs the watch this time once.
+    /// For a recording of a live simulation: a short delay of the disk costs no frame, and a frozen
+    /// disk delays the watch only once.
     Wait(Duration),
     /// The caller waits for room as long as the sink takes a frame within this time. For a replay,
-    /// which nobody waits for: a slow disk costs no frame.
+    /// on which no simulator waits: a slow disk costs no frame.
     WaitForProgress(Duration),
     /// The caller never waits. For viewers.
     DropOldest,
 }
 
 impl Overflow {
-    /// How long the caller may wait while the sink takes nothing.
+    /// Returns the longest time that the caller waits while the sink takes nothing.
     pub fn patience(self) -> Duration {
         match self {
             Overflow::Wait(limit) | Overflow::WaitForProgress(limit) => limit,
@@ -53,10 +53,10 @@ impl Overflow {
 pub struct SinkSummary {
     /// Which sink.
     pub name: &'static str,
-    /// Frames that it took; of a sink that failed, those that were safe by then.
+    /// Frames that the sink took. If it failed, only those that were flushed by then.
     pub written: u64,
-    /// Frames that it missed: dropped for newer ones, not yet safe when it failed, or come after
-    /// that.
+    /// Frames that the sink missed: dropped for newer ones, not flushed when it failed, or handed
+    /// over after the failure.
     pub dropped: u64,
     /// Why it failed, if it did.
     pub failed: Option<String>,
@@ -76,12 +76,12 @@ struct State {
     points: usize,
     /// Frames that the sink has taken and not yet written: none or one.
     in_flight: u64,
-    /// How long the caller may still wait for room.
+    /// Remaining time that the caller may wait for room.
     patience: Duration,
     opening: Opening,
     last_verdict: Option<Verdict>,
     written: u64,
-    /// Frames that were written when the sink was flushed last.
+    /// Number of frames written at the last flush.
     flushed: u64,
     dropped: u64,
     failed: Option<String>,
@@ -89,15 +89,15 @@ struct State {
     done: bool,
 }
 
-/// Where the sink is between nothing and open.
+/// State of a sink that may not be open yet.
 #[derive(Default)]
 enum Opening {
-    /// It is opened at the first event.
+    /// The sink is opened at the first event.
     #[default]
     AtFirstEvent,
-    /// Somebody waits for it to be opened.
+    /// A caller waits until the sink is open.
     Now,
-    /// What came of it; an error goes to the one who waits.
+    /// Result of opening the sink; an error is returned to the waiting caller.
     Done(Result<()>),
 }
 
@@ -117,7 +117,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits while a condition holds, at most `limit`.
+    /// Waits while a condition holds, at most for `limit`.
     fn wait_while<'a>(
         &'a self,
         state: MutexGuard<'a, State>,
@@ -130,8 +130,8 @@ impl Shared {
         wait.unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// [`Shared::wait_while`], with a warning if that takes long: `word` says what the sink does
-    /// not do.
+    /// Like [`Shared::wait_while`], but logs a warning if the wait is long; `word` says what the
+    /// sink has not done.
     fn wait_aloud<'a>(
         &'a self,
         mut state: MutexGuard<'a, State>,
@@ -158,7 +158,7 @@ impl Shared {
         self.give_up(state, why);
     }
 
-    /// [`Shared::fail`] without a word.
+    /// Like [`Shared::fail`], but logs nothing.
     fn give_up(&self, mut state: MutexGuard<'_, State>, why: String) {
         if state.failed.is_some() {
             return;
@@ -183,7 +183,7 @@ pub struct SinkQueue {
 }
 
 impl SinkQueue {
-    /// Starts a thread for a sink, which `open` opens there when the first event comes. At most
+    /// Starts a thread for a sink. `open` opens the sink on that thread at the first event. At most
     /// `capacity` frames (at least one) wait for it.
     pub fn spawn(
         name: &'static str,
@@ -213,8 +213,8 @@ impl SinkQueue {
         })
     }
 
-    /// Lets more frames wait than the capacity, as long as all that wait have fewer points than
-    /// that: a disk that does nothing for a second costs small frames nothing.
+    /// Lets more frames wait than the capacity, as long as all waiting frames together have fewer
+    /// than `points` points. So a disk that stalls for a second loses no small frames.
     pub fn with_points(mut self, points: usize) -> SinkQueue {
         self.points = points;
         self
@@ -224,10 +224,10 @@ impl SinkQueue {
         state.frames >= self.capacity && state.points >= self.points
     }
 
-    /// Opens the sink now, before any event, and waits for that at most `limit`: then it goes on by
-    /// itself.
+    /// Opens the sink now, before any event, and waits for that at most `limit`. After that, the
+    /// sink continues to open in the background.
     ///
-    /// Errors: why it could not be opened.
+    /// Errors: the error of opening the sink.
     pub fn open(&self, limit: Duration) -> Result<()> {
         let mut state = self.shared.lock();
         if let Opening::AtFirstEvent = state.opening {
@@ -238,7 +238,7 @@ impl SinkQueue {
         state = self.shared.wait_while(state, limit, opening);
         match &mut state.opening {
             Opening::Done(outcome) => std::mem::replace(outcome, Ok(())),
-            // The thread reports an error itself from here on.
+            // From here on the thread reports an error itself.
             other => {
                 *other = Opening::AtFirstEvent;
                 Ok(())
@@ -246,7 +246,7 @@ impl SinkQueue {
         }
     }
 
-    /// Whether every frame should arrive: one that was dropped makes the sink incomplete.
+    /// Returns true if every frame should arrive: a dropped frame makes the sink incomplete.
     pub fn is_to_be_complete(&self) -> bool {
         self.shared.overflow != Overflow::DropOldest
     }
@@ -265,7 +265,7 @@ impl SinkQueue {
         }
     }
 
-    /// Hands over a frame. May wait for room, as [`Overflow`] says, and never for a sink that has
+    /// Hands over a frame. May wait for room, as [`Overflow`] says, but never for a sink that has
     /// failed.
     pub fn frame(&self, record: Arc<FrameRecord>) {
         let mut state = self.wait_for_room(self.shared.lock());
@@ -290,7 +290,7 @@ impl SinkQueue {
         self.shared.filled.notify_one();
     }
 
-    /// Waits until there is room, the sink has failed, or patience is at its end.
+    /// Waits until there is room, the sink has failed, or the caller's patience has run out.
     fn wait_for_room<'a>(&'a self, mut state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
         let full = |s: &State| self.is_full(s) && s.failed.is_none();
         let start = Instant::now();
@@ -352,10 +352,10 @@ impl Drop for SinkQueue {
     }
 }
 
-/// Points that take as much memory as a frame without any.
+/// Memory of a frame without points, in points.
 const FRAME_POINTS: usize = 100;
 
-/// What a frame takes in memory, in points; a finding counts as one.
+/// Returns the memory of a frame, in points; a finding counts as one.
 fn points(record: &FrameRecord) -> usize {
     let report = &record.report;
     let points = record.curves.as_ref().map_or(0, |set| set.points());
@@ -406,7 +406,8 @@ impl Worker {
         }
     }
 
-    /// Waits until the sink is to be opened (true), or the queue closes without an event (false).
+    /// Waits until the sink is to be opened (returns true), or the queue closes without an event
+    /// (returns false).
     fn is_wanted(&self) -> bool {
         let idle = |s: &mut State| {
             let now = matches!(s.opening, Opening::Now);
@@ -418,7 +419,7 @@ impl Worker {
         state.failed.is_none() && (now || !state.events.is_empty())
     }
 
-    /// Tells the one who waits for it, or else the log.
+    /// Returns the error to the caller that waits for it, or else logs it.
     fn could_not_open(&self, e: Error) {
         let mut state = self.shared.lock();
         let why = e.to_string();

@@ -122,7 +122,7 @@ impl Report {
         format!("frame {}: {}{detail}", self.seq, self.verdict)
     }
 
-    /// Every finding of the frame, a sentence each: changes, events, defects, unresolved
+    /// Returns a sentence for every finding of the frame: changes, events, defects, unresolved
     /// pull-throughs.
     pub fn findings(&self) -> impl Iterator<Item = String> + '_ {
         let changes = self.changes.iter().map(Change::to_string);
@@ -134,7 +134,7 @@ impl Report {
             .chain(self.unresolved_findings())
     }
 
-    /// The finding of one of the defects.
+    /// Returns the sentence for a defect.
     pub fn defect(&self, defect: &Defect) -> String {
         if defect.kind != DefectKind::NoBaseline {
             return defect.to_string();
@@ -149,7 +149,7 @@ impl Report {
         }
     }
 
-    /// The findings of the unresolved pull-throughs.
+    /// Returns a sentence for each unresolved pull-through.
     pub fn unresolved_findings(&self) -> impl Iterator<Item = String> + '_ {
         let unresolved = self.unresolved.iter();
         unresolved.map(|p| {

@@ -202,14 +202,14 @@ pub struct Report {
     /// Pull-throughs since the last frame that was verified, in the order in which they came; empty where they are not
     /// looked for ([`Events`](crate::Events)).
     pub events: Vec<PullThrough>,
-    /// Pull-throughs that the frames are too far apart to tell: they cancel within their pair, and
-    /// moved further than [the limit](crate::Verifier::set_motion_limit). In the order in which
-    /// they came.
+    /// Pull-throughs that cannot be resolved, because the frames are too far apart: they cancel
+    /// within their pair, and moved further than [the limit](crate::Verifier::set_motion_limit). In
+    /// chronological order.
     pub unresolved: Vec<PullThrough>,
     /// What could not be decided or compared, sorted by pair.
     pub defects: Vec<Defect>,
-    /// Linking numbers that the baseline lacked, where they are not 0, sorted by pair: expected
-    /// from this frame on ([`DefectKind::NoBaseline`]).
+    /// Nonzero linking numbers that the baseline lacked, sorted by pair. They are expected from
+    /// this frame on ([`DefectKind::NoBaseline`]).
     pub adopted: Vec<Link>,
     /// Why the frame was rejected, in words.
     pub rejected: Option<String>,

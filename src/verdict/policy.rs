@@ -39,8 +39,8 @@ impl AbortOn {
         AbortOn::Never,
     ];
 
-    /// Whether these findings ask the simulator to stop. Contacts that are `expected`, since the
-    /// curves touch in the baseline, do not.
+    /// Returns true if these findings ask the simulator to stop. Contacts that are `expected`,
+    /// because the curves touch in the baseline, do not.
     pub fn aborts(self, report: &Report, expected: impl Fn(&Defect) -> bool) -> bool {
         let mut contacts = report
             .defects

@@ -75,7 +75,7 @@ impl FullRun {
         stats
     }
 
-    /// Whether what is computed from here on ends early once the progress is cancelled; it is
+    /// Sets whether later computations end early once the progress is cancelled. Their results are
     /// incomplete then.
     pub fn heed_cancel(&mut self, heed: bool) {
         self.workspaces.cancel = heed.then(|| self.progress.cancel.clone());

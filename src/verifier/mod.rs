@@ -29,7 +29,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// How far a long run is, and a way to end it early. Shared with whoever shows it.
+/// Progress of a long run, and a way to cancel it. Shared with other threads, which may show it.
 #[derive(Debug, Default)]
 pub struct Progress {
     done: AtomicU64,
@@ -46,16 +46,16 @@ impl Progress {
         )
     }
 
-    /// Ends the step in work as soon as possible, usually within a tenth of a second: it fails with
-    /// [`Error::Cancelled`], and so does every later step of the verifier. Certificates
+    /// Ends the current step as soon as possible, usually within a tenth of a second. The step
+    /// fails with [`Error::Cancelled`], and so does every later step of the verifier. Certificates
     /// ([`Verifier::certify`]) are computed to their end.
     ///
-    /// Sums and work on a GPU are not interrupted; the step ends after them.
+    /// Sums and GPU work are not interrupted; the step ends after them.
     pub fn cancel(&self) {
         self.cancel.set();
     }
 
-    /// Whether [`Progress::cancel`] was called.
+    /// Returns true if [`Progress::cancel`] was called.
     pub fn is_cancelled(&self) -> bool {
         self.cancel.is_set()
     }
@@ -98,7 +98,7 @@ pub struct Verifier {
 }
 
 impl Verifier {
-    /// The motion limit unless [`Verifier::set_motion_limit`] sets another one, in segment lengths.
+    /// Default of [`Verifier::set_motion_limit`], in segment lengths.
     pub const MOTION_LIMIT: f64 = MOTION_LIMIT;
 
     /// A verifier that takes the first frame as its baseline.
@@ -121,8 +121,8 @@ impl Verifier {
     /// Whether [`Verifier::step`] stops at the first change that it finds, and leaves the other pairs unchecked.
     ///
     /// Pairs are computed in the order in which they are likely to have changed, so a broken frame
-    /// is told from an intact one long before all is known. An intact frame takes as long as ever.
-    /// It goes together neither with [`Verifier::set_incremental`] nor with
+    /// is detected long before all numbers are known. An intact frame takes as long as before.
+    /// Early exit cannot be combined with [`Verifier::set_incremental`] or
     /// [`Verifier::set_events`], which need all linking numbers.
     pub fn set_early_exit(&mut self, early_exit: bool) {
         self.early_exit = early_exit;
@@ -176,16 +176,15 @@ impl Verifier {
         self.monitor = Monitor::new(self.steps.cover());
     }
 
-    /// Up to which motion between two frames a pull-through stands for what happened, in segment
-    /// lengths ([`PullThrough::lengths`]); [`Verifier::MOTION_LIMIT`] unless set.
+    /// Sets the motion between two frames, in segment lengths, up to which pull-throughs that
+    /// cancel count as real ([`PullThrough::lengths`]). The default is [`Verifier::MOTION_LIMIT`].
     ///
-    /// Pull-throughs are those of points that move on straight lines from frame to frame. If frames
-    /// are far apart in time, curves that went around one another seem to pass through one another
-    /// and back. Two pull-throughs that cancel within their pair of curves and both of which moved
-    /// further than the limit are therefore [`Report::unresolved`]. With a limit of infinity there
-    /// are none.
+    /// Pull-throughs assume that points move on straight lines from frame to frame. If frames are
+    /// far apart in time, curves that went around one another seem to pass through one another and
+    /// back. So two pull-throughs are [`Report::unresolved`] if they cancel within their pair of
+    /// curves and both moved further than the limit. With an infinite limit there are none.
     ///
-    /// Errors: [`Error::Usage`] for a limit that is negative or not a number.
+    /// Errors: [`Error::Usage`] if the limit is negative or not a number.
     pub fn set_motion_limit(&mut self, lengths: f64) -> Result<()> {
         if lengths.is_nan() || lengths < 0.0 {
             let what = format!("a motion limit of {lengths} segment lengths, expected 0 or more");
@@ -305,10 +304,11 @@ impl Verifier {
         Ok(report)
     }
 
-    /// Says that the next frame does not continue the previous one: no pull-throughs are looked for
-    /// between the two. To be called after a rollback, a restart or a cut of the simulation.
+    /// Marks the next frame as not continuing the previous one, so that the verifier does not
+    /// search for pull-throughs between the two. Call this after a rollback, a restart or a cut of
+    /// the simulation.
     ///
-    /// Linking numbers are compared with the baseline as ever.
+    /// Linking numbers are still compared with the baseline.
     pub fn cut(&mut self) {
         self.steps.forget();
     }
@@ -346,7 +346,7 @@ impl Verifier {
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();
         let (events, unresolved) = self.look_for_events(set, &comparison, &mut defects);
-        // Nothing that a cancelled loop left out goes into a report.
+        // A report must not depend on work that was skipped after a cancellation.
         self.full.progress.check()?;
         let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
         let verdict = if !(comparison.changes.is_empty() && events.is_empty()) {
@@ -371,7 +371,7 @@ impl Verifier {
             rejected: None,
             stats,
         };
-        // Curves that have touched since the baseline are no news.
+        // Curves that have touched since the baseline do not ask the simulator to stop.
         let baseline = self.baseline.as_ref();
         let expected = |d: &Defect| {
             baseline.is_some_and(|b| b.lacks(d.i, d.j)) || self.steps.touch_from_the_start(d.i, d.j)
@@ -400,7 +400,7 @@ impl Verifier {
         };
         let baseline = self.baseline.insert(baseline);
         let (comparison, stats) = compared?;
-        // What was left unchecked has no number yet.
+        // With early exit, unchecked pairs have no linking number yet.
         if stats.unchecked == 0 && baseline.adopt(&comparison) {
             self.monitor.compare_again(baseline);
         }
@@ -513,8 +513,8 @@ impl Verifier {
         });
     }
 
-    /// Pull-throughs since the frame before, where they are looked for, and unresolved ones; adds
-    /// what is not known of the step to the defects.
+    /// Returns the pull-throughs since the previous frame, if they are looked for, and the
+    /// unresolved ones. Adds undecided pairs of the step to the defects.
     fn look_for_events(
         &mut self,
         set: &CurveSet,

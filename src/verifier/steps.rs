@@ -15,9 +15,10 @@ pub(super) struct Steps {
     events: Events,
     ledger: Ledger,
     last: Option<Last>,
-    /// The contacts of the frame in work.
+    /// The contacts of the current frame.
     contacts: Contacts,
-    /// Pairs of curves that have touched since the very first frame, sorted; none before it.
+    /// Pairs of curves that have touched since the very first frame, sorted; `None` before that
+    /// frame.
     touching_from_the_start: Option<Vec<Pair>>,
 }
 
@@ -30,7 +31,7 @@ struct Last {
 }
 
 impl Steps {
-    /// `cancel` ends a search for pull-throughs early.
+    /// Creates the state. `cancel` ends a search for pull-throughs early.
     pub fn new(events: Events, cancel: Cancel) -> Self {
         Steps {
             events,
@@ -43,7 +44,7 @@ impl Steps {
         self.events
     }
 
-    /// In segment lengths.
+    /// Returns the motion limit in segment lengths.
     pub fn motion_limit(&self) -> f64 {
         self.ledger.motion_limit
     }
@@ -65,7 +66,7 @@ impl Steps {
         self.last.as_ref().map(|last| &*last.set)
     }
 
-    /// Forgets the frame before: the next one does not continue it.
+    /// Discards the previous frame, so that the next one does not continue it.
     pub fn forget(&mut self) {
         self.last = None;
     }
@@ -138,11 +139,12 @@ impl Steps {
         self.remember(copy, comparison);
     }
 
-    /// What happened since the frame before, of these pairs or of all; and how many pairs were
-    /// searched. In a first frame, the curves that touch.
+    /// Returns the outcome of the step from the previous frame, for these pairs or for all, and the
+    /// number of pairs that were searched. For a first frame, the outcome has the curves that
+    /// touch.
     ///
     /// # Panics
-    /// If the frame before is of other curves.
+    /// If the previous frame has other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> (Outcome, u64) {
         let cover = self.cover();
         let Some(last) = &self.last else {
@@ -171,15 +173,15 @@ impl Steps {
         self.touching_from_the_start = Some(kept.collect());
     }
 
-    /// Whether these curves, or parts of this curve, have touched since the first frame.
+    /// Returns true if these curves, or parts of this curve, have touched since the first frame.
     pub fn touch_from_the_start(&self, i: u32, j: Option<u32>) -> bool {
         let pairs = self.touching_from_the_start.as_deref().unwrap_or_default();
         j.is_some_and(|j| pairs.binary_search(&(i, j)).is_ok())
     }
 
-    /// Adds curves that touch, pairs of which it cannot be told what they did in the step, and
-    /// those that did other things than their linking numbers say, which are at some `place`. Of a
-    /// pair only the first defect is kept, but for a step that is undecided beside a contact.
+    /// Adds defects of three kinds: curves that touch, pairs that are undecided in the step, and
+    /// pairs whose passages contradict their linking numbers, located by `place`. Keeps only the
+    /// first defect of a pair, but an undecided step is kept beside a contact.
     pub fn add_defects(
         &self,
         outcome: &Outcome,
@@ -204,7 +206,7 @@ impl Steps {
         // The sort is stable: those that were there come first.
         defects.sort_by_key(|d| (d.i, d.j));
         defects.dedup_by(|next, first| {
-            // That curves touch in this frame does not say what they did since the frame before.
+            // A contact in this frame does not decide what happened since the previous frame.
             let other = first.kind == DefectKind::Contact && next.kind == DefectKind::Untold;
             (next.i, next.j) == (first.i, first.j) && !other
         });

@@ -127,7 +127,7 @@ fn a_frame_after_a_cut_has_no_pull_throughs() {
         verifier.set_incremental(incremental);
         verifier.set_paranoid(true);
         verifier.set_events(Events::All);
-        // Pulled out in frame 3, back where it was after a cut, and out again.
+        // Pulled out in frame 3, back in place after a cut, and out again.
         let frames = [0.0, 0.0, 0.0, 1.2, 0.0, 0.0, 1.2, 1.2, 0.0, 0.0];
         for (frame, out) in frames.into_iter().enumerate() {
             let cut = [4, 5, 8].contains(&frame);
@@ -139,7 +139,7 @@ fn a_frame_after_a_cut_has_no_pull_throughs() {
             let passed = [3, 6].contains(&frame);
             assert_eq!(report.events.len(), usize::from(passed), "frame {frame}");
             assert_eq!(report.defects, [], "frame {frame}");
-            // The linking number is compared with the baseline all the same.
+            // The linking number is still compared with the baseline.
             let changed = out != 0.0;
             assert_eq!(report.changes.len(), usize::from(changed), "frame {frame}");
             assert_eq!(report.abort, changed, "frame {frame}");
@@ -246,7 +246,7 @@ fn frames_that_the_monitor_did_not_see_are_not_taken_for_seen() {
     assert_eq!(told, [0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1]);
 }
 
-/// A finger of a closed curve, which is pushed past a long strand and so passes it twice, in one
+/// A finger of a closed curve that is pushed past a long strand, and so passes it twice in one
 /// step.
 fn finger(y: f64) -> CurveSet {
     let loop_ = [
@@ -289,7 +289,7 @@ fn pull_throughs_that_cancel_after_a_long_motion_are_unresolved() {
         );
         assert!(report.headline().contains("2 unresolved pull-throughs"));
         assert!(report.findings().all(|f| f.contains("2.5 segment lengths")));
-        // Of that step only.
+        // The finding belongs to that step only.
         assert_eq!(reports[2].verdict, Verdict::Intact);
     }
     for limit in [2.6, f64::INFINITY] {
@@ -317,7 +317,8 @@ fn a_single_pull_through_is_told_however_far_it_moved() {
     assert!(report.abort);
 }
 
-/// Pairs that touched in the first frame had no number until the end of the run.
+/// Regression test: pairs that touched in the first frame had no linking number until the end of
+/// the run.
 #[test]
 fn a_pair_takes_its_number_from_the_first_frame_that_has_one() {
     for incremental in [false, true] {
@@ -373,11 +374,12 @@ fn tangle(curves: usize, segments: usize, seed: u64) -> CurveSet {
 
 #[test]
 fn a_cancelled_step_ends_early_and_tells_nothing() {
-    // Linking numbers first, then the search for pull-throughs between frames with few of them.
+    // The linking numbers come first, then the search for pull-throughs between frames with few of
+    // them.
     let frames = [tangle(60, 1000, 1), tangle(60, 1000, 2)];
     for early_exit in [false, true] {
         let mut verifier = Verifier::new(AbortOn::Any);
-        // The two exclude one another.
+        // Early exit and events exclude one another.
         match early_exit {
             true => verifier.set_early_exit(true),
             false => verifier.set_events(Events::All),
@@ -401,7 +403,7 @@ fn a_cancelled_step_ends_early_and_tells_nothing() {
             start.elapsed()
         );
         assert_eq!(verifier.baseline(), None, "a certificate of a part");
-        // So does every later one.
+        // Every later step fails, too.
         let again = verifier.step(1, 0.0, &frames[1]);
         assert!(matches!(again, Err(Error::Cancelled)));
     }
@@ -432,14 +434,14 @@ fn a_cancelled_search_for_pull_throughs_tells_nothing() {
     verifier.set_events(Events::All);
     verifier.step(0, 0.0, &still).unwrap();
     let progress = verifier.progress();
-    // All numbers are known, or nearly so.
+    // Cancel once all linking numbers, or nearly all, are known.
     let ended = std::thread::scope(|scope| {
         let step = scope.spawn(|| verifier.step(1, 0.0, &moved).err());
         let computed = || {
             let (done, total) = progress.pairs();
             done == total
         };
-        // They are all known before the step begins, too.
+        // All are known before the step begins, too.
         for known in [true, false] {
             while computed() == known && !step.is_finished() {
                 std::thread::sleep(Duration::from_micros(100));

@@ -93,7 +93,7 @@ impl Process {
         assert!(sent.unwrap().success());
     }
 
-    /// SIGSTOP, and until the system has seen to it.
+    /// Sends SIGSTOP, and waits until the process has stopped.
     pub fn stop(&self) {
         self.signal("-STOP");
         std::thread::sleep(Duration::from_millis(50));
@@ -208,7 +208,7 @@ fn until_verified(client: &mut Client, seq: &mut u64) {
 #[test]
 fn a_killed_watcher_ends_a_lockstep_wait_within_a_second() {
     let name = service();
-    // The first watcher is there before the simulator, the later ones come after it.
+    // The first watcher starts before the simulator, the later ones after it.
     let mut watcher = Process::start("watcher", &name, None);
     std::thread::sleep(Duration::from_millis(200));
     let mut client = client(&name);
@@ -216,7 +216,8 @@ fn a_killed_watcher_ends_a_lockstep_wait_within_a_second() {
     for round in 0..4 {
         until_verified(&mut client, &mut seq);
         if round % 2 == 1 {
-            // Dead for a while when the simulator waits, not only from then on.
+            // The watcher has been dead for a while when the simulator waits, not only from then
+            // on.
             watcher.stop();
             publish(&mut client, seq);
             seq += 1;

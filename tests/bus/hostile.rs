@@ -186,10 +186,11 @@ fn what_is_no_frame_has_no_number() {
     assert_eq!(next_frame(&mut sidecar).seq(), seq);
 }
 
-/// Sends a frame with the number `seq`, between honest ones; it must be rejected with these words.
+/// Sends a frame with the number `seq`, between honest ones, and expects its rejection with these
+/// words.
 fn lie(liar: &mut Liar, sidecar: &mut Sidecar, seq: u64, words: &str) {
     liar.send(|h, _| h.seq = seq);
-    // Not one of the honest frames.
+    // The frame does not count as an honest one.
     liar.seq -= 1;
     let frame = next_frame(sidecar);
     assert_eq!(frame.seq(), seq);
@@ -217,7 +218,7 @@ fn a_hostile_sequence_number_is_rejected_and_honest_frames_go_on() {
         (1 << 63, "9223372036854775808 after 2"),
         (1 << 53, "9007199254740992 after 3"),
         (1 << 52, "4503599627370496 after 4"),
-        // Time runs forward.
+        // Sequence numbers must increase.
         (5, "5 after 5"),
         (0, "0 after 6"),
         (3, "3 after 7"),
@@ -248,7 +249,7 @@ fn a_first_frame_with_a_hostile_number_is_rejected_too() {
     assert_eq!(sidecar.counters().skipped, 1);
 }
 
-/// A number that can be right is believed, until two frames in a row say otherwise.
+/// A plausible number is accepted, until two later frames in a row contradict it.
 #[test]
 fn a_jump_ahead_that_comes_back_costs_one_frame() {
     let name = service();
@@ -321,7 +322,7 @@ fn an_end_that_lies_is_told_and_counts_nothing_absurd() {
     }
 }
 
-/// The verdict on a frame that another program slipped in is none on a frame of the simulator.
+/// A verdict on a frame that another program published does not count for the simulator.
 #[test]
 fn answers_to_frames_of_others_do_not_reach_the_simulator() {
     let name = service();
@@ -342,7 +343,7 @@ fn answers_to_frames_of_others_do_not_reach_the_simulator() {
     assert!(client.poll().unwrap().is_none());
     assert!(client.aborted().is_none());
     assert!(client.silent_for().is_some());
-    // Nor do they stand in the way of an abort that is.
+    // Nor do they hide an abort of a frame of the simulator.
     publish(&mut client, 1);
     let abort = report(&next_frame(&mut sidecar), Verdict::Changed);
     sidecar.send_verdict(&abort, Duration::ZERO).unwrap();
@@ -351,7 +352,7 @@ fn answers_to_frames_of_others_do_not_reach_the_simulator() {
         let report = report(&next_frame(&mut sidecar), Verdict::Changed);
         sidecar.send_verdict(&report, Duration::ZERO).unwrap();
     }
-    // More than the simulator keeps: only what is repeated is left.
+    // More messages than the simulator keeps, so that only the repeated abort remains.
     (0..100).for_each(|_| sidecar.heartbeat().unwrap());
     while client.poll().unwrap().is_some() {}
     assert_eq!(client.aborted().expect("repeated").seq, 1);

@@ -174,7 +174,7 @@ fn the_handshake_has_a_deadline() {
     assert!(start.elapsed() >= timeout && start.elapsed() < timeout + SLACK);
 }
 
-/// Publishes frame `seq`; what comes of waiting for it must not take as long as it may.
+/// Publishes frame `seq` and waits for its outcome, which must arrive long before the deadline.
 fn step(client: &mut Client, seq: u64) -> Outcome {
     publish(client, seq);
     let start = Instant::now();
@@ -187,7 +187,7 @@ fn step(client: &mut Client, seq: u64) -> Outcome {
     outcome
 }
 
-/// A watcher that answers frames up to `last`, and leaves.
+/// Starts a watcher that answers frames up to `last`, and then leaves.
 fn watch(name: &str, last: u64) -> std::thread::JoinHandle<()> {
     let mut sidecar = sidecar(name);
     std::thread::spawn(move || {
@@ -213,14 +213,14 @@ fn a_goodbye_ends_a_lockstep_wait_at_once() {
             assert!(matches!(step(&mut client, seq), Outcome::Verdict(_)));
         }
         watcher.join().unwrap();
-        // Each later frame, too.
+        // So does each later frame.
         for seq in first + 2..first + 5 {
             let outcome = step(&mut client, seq);
             assert_eq!(outcome, Outcome::NoWatcher(Departure::Goodbye));
         }
         assert!(client.silent_for().is_none());
     }
-    // A frame that was answered before the goodbye has its verdict all the same.
+    // A frame that was answered before the goodbye still has its verdict.
     let watcher = watch(&name, 15);
     publish(&mut client, 15);
     watcher.join().unwrap();
@@ -237,12 +237,12 @@ fn a_goodbye_ends_a_wait_that_has_begun() {
         std::thread::sleep(Duration::from_millis(200));
         drop(sidecar);
     });
-    // It never looked at the bus, and leaves: the session was unknown to it.
+    // The watcher never read the bus, so it leaves without knowing the session.
     assert_eq!(step(&mut client, 0), Outcome::NoWatcher(Departure::Goodbye));
     watcher.join().unwrap();
 }
 
-/// Nothing was read while the watcher was there; all the same its verdict and its goodbye arrive.
+/// The client read nothing while the watcher ran, but still receives its verdict and its goodbye.
 #[test]
 fn a_watcher_that_came_and_went_unseen_is_not_waited_for() {
     let name = service();
@@ -262,7 +262,7 @@ fn nothing_waits_past_a_goodbye() {
     let watcher = watch(&name, 0);
     assert!(matches!(step(&mut client, 0), Outcome::Verdict(_)));
     watcher.join().unwrap();
-    // The handshake is for the watcher that comes next, and has its own limit.
+    // The handshake waits for the next watcher, and has its own limit.
     let timeout = Duration::from_millis(100);
     assert!(!client.wait_for_watcher(timeout).unwrap());
     let start = Instant::now();
@@ -282,7 +282,7 @@ fn a_watcher_that_goes_on_to_another_simulator_is_not_waited_for() {
         first.wait(0, PATIENCE).unwrap(),
         Outcome::Verdict(_)
     ));
-    // As a second simulator, on another host: the lock of this one is not asked.
+    // Acts as a second simulator on another host, so the lock on this host is not checked.
     let mut second = hostile::Liar::open(&name);
     second.honest();
     assert!(matches!(next(&mut sidecar), Event::SimulatorLost { .. }));
@@ -292,7 +292,7 @@ fn a_watcher_that_goes_on_to_another_simulator_is_not_waited_for() {
     assert_eq!(step(&mut first, 1), goodbye);
     second.send(|h, _| h.flags = 2);
     while !matches!(next(&mut sidecar), Event::End { .. }) {}
-    // It has no session now, and says so; of the first simulator it still wants to know nothing.
+    // The watcher announces that it has no session. It still ignores the first simulator.
     sidecar.heartbeat().unwrap();
     assert_eq!(step(&mut first, 2), goodbye);
 }

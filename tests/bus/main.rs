@@ -118,7 +118,7 @@ fn answer(sidecar: &mut Sidecar, frame: &Frame, set: &mut Option<CurveSet>) {
     sidecar.send_verdict(&report, check).expect("verdict");
 }
 
-/// Answers the next frame, whatever came before it.
+/// Answers the next frame, whatever its sequence number.
 fn answer_next(sidecar: &mut Sidecar) -> u64 {
     let frame = next_frame(sidecar);
     answer(sidecar, &frame, &mut None);

@@ -1,12 +1,12 @@
-//! Random sessions: watchers that come, leave and are killed, hostile sequence numbers, cuts, in
-//! any order.
+//! Random sessions: watchers that start, leave and are killed, hostile sequence numbers and cuts,
+//! in any order.
 
 use super::death::Process;
 use super::hostile::Liar;
 use super::*;
 use linkwatch::{Departure, Outcome};
 
-/// How late an answer may be on a loaded machine; far less than [`PATIENCE`].
+/// Maximum delay of an answer on a loaded machine; far less than [`PATIENCE`].
 const SLACK: Duration = Duration::from_secs(5);
 
 /// A xorshift generator.
@@ -26,7 +26,7 @@ impl Random {
         (self.0 >> 16) % n
     }
 
-    /// A sequence number that a frame between `next - 1` and `next` does not have.
+    /// Returns a sequence number that a frame between `next - 1` and `next` cannot have.
     fn number(&mut self, next: u64) -> u64 {
         match self.below(8) {
             0 => u64::MAX,
@@ -48,16 +48,16 @@ struct Published {
     cuts: u32,
 }
 
-/// The time of frames that are not of the simulator.
+/// Time stamp of hostile frames.
 const HOSTILE: f64 = -1.0;
 
-/// A watcher in this process, which works only when it is told to.
+/// A watcher in this process, which runs only inside [`Watcher::work`].
 struct Watcher {
     sidecar: Sidecar,
     set: Option<CurveSet>,
     session: Option<u64>,
     answered: u64,
-    /// Whether the last frame that it saw was hostile: it may have been believed.
+    /// True if the last frame that it saw was hostile, and so may have been accepted.
     tainted: bool,
 }
 
@@ -72,7 +72,7 @@ impl Watcher {
         }
     }
 
-    /// Answers every frame that there is; returns the end of the session, if that came.
+    /// Answers every pending frame. Returns the end of the session, if it arrived.
     fn work(&mut self, newest: Published, random: &mut Random) -> Option<(u64, Counters)> {
         loop {
             match self.sidecar.wait(Duration::from_millis(5)).unwrap() {
@@ -104,7 +104,7 @@ impl Watcher {
     }
 }
 
-/// One simulator in lockstep, over `steps` random steps.
+/// Runs one simulator in lockstep, over `steps` random steps.
 fn session(seed: u64, steps: usize) {
     let mut random = Random::new(seed);
     let name = service();
@@ -199,7 +199,7 @@ fn hundreds_of_random_sessions_in_lockstep_end_in_time() {
     }
 }
 
-/// Watchers of their own process are killed, stopped and started again while a simulator runs in
+/// Watchers in their own processes are killed, stopped and restarted while a simulator runs in
 /// lockstep.
 fn killed_watchers(seed: u64, rounds: usize) {
     let mut random = Random::new(seed);
@@ -218,7 +218,7 @@ fn killed_watchers(seed: u64, rounds: usize) {
     for round in 0..rounds {
         let watcher = Process::start("watcher", &name, None);
         let start = Instant::now();
-        // At first the watcher before is still missed.
+        // At first, frames may still be reported without the new watcher.
         while !matches!(step(&mut client, PATIENCE).0, Outcome::Verdict(_)) {
             assert!(start.elapsed() < PATIENCE, "seed {seed}, round {round}");
         }
@@ -228,7 +228,7 @@ fn killed_watchers(seed: u64, rounds: usize) {
         }
         if random.below(2) == 0 {
             watcher.stop();
-            // On a loaded machine it answers some more before the system has stopped it.
+            // On a loaded machine it answers a few more frames before the system has stopped it.
             let mut outcome = step(&mut client, Duration::from_millis(600)).0;
             while matches!(outcome, Outcome::Verdict(_)) {
                 outcome = step(&mut client, Duration::from_millis(600)).0;

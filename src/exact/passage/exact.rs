@@ -111,7 +111,7 @@ impl Motion<BigInt> {
     }
 
     /// Proves that the edges, which lie in one plane at all times, are apart at all times of the
-    /// interval but the ends of the step; `false` if that is not proven.
+    /// interval except the ends of the step. Returns `false` if it finds no proof.
     fn always_apart(&self, interval: &Interval, depth: u32) -> bool {
         // Without a root inside and with signs at the ends, a polynomial has one sign.
         let one = Polynomial::new([BigInt::from(1)]);
@@ -169,9 +169,9 @@ pub(super) struct Event {
     pub moment: Moment,
 }
 
-/// All passages of a pair of edges, in their order in time. Edges that touch in a frame have an
-/// event at that end of the step, even if its sign is 0. Returns `None` if there are ties that are
-/// to be reported.
+/// Returns all passages of a pair of edges, in their order in time. Edges that touch in a frame
+/// have an event at that end of the step, even if its sign is 0. Returns `None` if a tie is to be
+/// reported.
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
     let contact = [before, after].map(touch);
     let at_end = |end: usize, sign: i32| Event {
@@ -203,7 +203,7 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
         // not on it.
         return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
-    // Nothing happens next to an end of the step at which the edges do not touch.
+    // Edges that do not touch at an end of the step have no passage next to it.
     let plane = plane.without_ends();
     let free = plane.square_free();
     let mut roots = Vec::new();
@@ -216,8 +216,8 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
             .get_or_insert_with(|| motion.translated(TRANSLATION))
             .net_passages(interval, 0)
     };
-    // The translated edges pass through one another next to the roots and next to a contact in a
-    // frame only.
+    // The translated edges pass through one another only next to a root, or next to a contact in a
+    // frame.
     let [start, end] = Interval::step().around(&roots);
     let mut found = Vec::new();
     if contact[0] {
@@ -236,7 +236,7 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
                 (plane.sign_at(&interval.from) - plane.sign_at(&interval.to)) / 2
             }
             (Meeting::Tie, Ties::Report) if !flat => return None,
-            // Edges in one plane are apart there, if they are not to be translated.
+            // If ties are reported, edges in one plane are proven apart here.
             (Meeting::Tie, _) => net_passages(&interval),
         };
         if sign != 0 {
@@ -256,7 +256,7 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
     Some(found)
 }
 
-/// Whether two edges share a point.
+/// Returns true if two edges share a point.
 pub(super) fn touch([[a, b], [c, d]]: &Edges) -> bool {
     segments_touch(*a, *b, *c, *d, &mut Predicates::default())
 }

@@ -78,7 +78,7 @@ pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
     let ([p0, q0, r0], [p1, q1, r1]) = (differences(before), differences(after));
     let size = |v: Point, w: Point| v.iter().chain(&w).fold(0.0, |m: f64, x| m.max(x.abs()));
     let (p, q, r) = (size(p0, p1), size(q0, q1), size(r0, r1));
-    // Edges that are points at all times are among those out of range.
+    // Edges that are points at all times are out of range, too.
     if ![p, q, r].iter().all(|s| (RANGE[0]..=RANGE[1]).contains(s)) {
         return None;
     }
@@ -199,7 +199,7 @@ impl Search<'_> {
         };
         let [a, b, c, d] = [0, 1, 2, 3].map(side);
         match (a.1 * b.1, c.1 * d.1) {
-            // Apart at the root, wherever between `lo` and `hi` it is.
+            // The edges are apart at the root, wherever it lies between `lo` and `hi`.
             (1, _) | (_, 1) => true,
             (-1, -1) if narrow => {
                 let time = piece.from + (piece.to - piece.from) * time;

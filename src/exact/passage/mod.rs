@@ -52,14 +52,14 @@
 //! infinitely near to the roots of the lowest coefficient of the volume as a polynomial in `e`.
 //!
 //! **Contact in a frame.** The faces of the first and the last moment are faces of the cube as
-//! well, so the translated edges do not touch in a frame in which the edges themselves do: each
-//! passage of the translated curves is in one step or in the other, never in both and never in
-//! none. A contact in a frame is an event of both steps that meet there ([`Moment::End`] of one,
-//! [`Moment::Start`] of the other). Over both, the signs add up to the passages of the motion
-//! through that contact; each by itself depends on the direction of the translation and means
-//! nothing. With the linking number of the translated curves in place of the one that is not
-//! defined, the sum over all passages of a step is the change of the linking number whether or not
-//! the curves touch in its frames.
+//! well, so the translated edges do not touch in a frame, even if the edges themselves do. Each
+//! passage of the translated curves is in exactly one step. A contact in a frame is an event of
+//! both adjacent steps ([`Moment::End`] of one, [`Moment::Start`] of the other). The signs of both
+//! add up to the passages of the motion through that contact. Each sign alone depends on the
+//! direction of the translation and means nothing. If the curves touch in a frame, their linking
+//! number is undefined there. With the linking number of the translated curves in its place, the
+//! sum over all passages of a step is the change of the linking number, whether the curves touch or
+//! not.
 //!
 //! Touching without passing is nothing, at inner points and elsewhere: of the passages that the translation
 //! makes infinitely near to one time, within one pair of edges, the sum is told. Ties that belong to several
@@ -85,11 +85,11 @@ pub(crate) type Edges = [[Point; 2]; 2];
 pub(crate) struct Passage {
     /// When, as a fraction of the step: proven to `1e-9`, and to a rounding error if decided exactly.
     pub time: f64,
-    /// Whether that is within the step, or in a frame.
+    /// Moment of the passage: within the step, or in a frame.
     pub moment: Moment,
-    /// What it adds to the linking number of the two curves: 1 or -1 within the step. For a contact
-    /// in a frame, the part of the step in the passages that the translation makes of it: any
-    /// number, 0 included.
+    /// Change of the linking number of the two curves: 1 or -1 within the step. For a contact in a
+    /// frame, the contribution of this step to the passages of the translated curves: any number,
+    /// including 0.
     pub sign: i32,
     /// Where along either edge, 0 at its start and 1 at its end: for display, as is the point.
     pub at: [f64; 2],
@@ -97,12 +97,12 @@ pub(crate) struct Passage {
     pub point: Point,
 }
 
-/// When a passage takes place.
+/// Moment at which a passage takes place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Moment {
     /// The edges touch in the first frame of the step.
     Start,
-    /// Between the frames; at a `tie` only the translated edges are known to pass through one
+    /// Between the frames. If `tie` is set, only the translated edges are known to pass through one
     /// another.
     Within { tie: bool },
     /// The edges touch in the last frame of the step.
@@ -135,10 +135,10 @@ pub(crate) enum Decided {
 /// Calls `out` with every passage of a pair of edges and with every contact in a frame, in their
 /// order in time.
 ///
-/// With [`Ties::Report`], contacts in a frame are decided by a translation, too; they mean
-/// something only if the caller can tell which other pairs of edges take part in the contact, and
-/// has the same curve first in all of them. With [`Decided::Tie`] there are none, and nothing is
-/// known.
+/// With [`Ties::Report`], a translation decides contacts in a frame, too. They mean something only
+/// if the caller can determine which other pairs of edges take part in the contact, and passes the
+/// same curve first in all of them. If the result is [`Decided::Tie`], there are no events, and the
+/// pair is undecided.
 pub(crate) fn passages(
     before: &Edges,
     after: &Edges,

@@ -31,7 +31,7 @@ impl Dyadic {
         }
     }
 
-    /// Whether both are the same time.
+    /// Returns true if both are the same time.
     fn is(&self, other: &Dyadic) -> bool {
         &self.numerator << other.exponent == &other.numerator << self.exponent
     }
@@ -85,8 +85,8 @@ impl Interval {
         }
     }
 
-    /// Shortens this interval until it does not begin at the time 0 and does not end at 1, keeping
-    /// the one simple root of `f`, which is at neither.
+    /// Shortens this interval until it does not begin at time 0 and does not end at time 1. Keeps
+    /// the single simple root of `f`, which is at neither.
     pub fn leave_the_ends<R: Ring>(&mut self, f: &Polynomial<R>) {
         let before = f.sign_at(&self.from);
         let ends = Interval::step();
@@ -100,8 +100,8 @@ impl Interval {
         }
     }
 
-    /// The parts of this interval before the first and after the last of some intervals inside of
-    /// it, which are in order; its halves if there are none.
+    /// Returns the parts of this interval before the first and after the last of the `inner`
+    /// intervals, which are in order, or both halves if there are none.
     pub fn around(&self, inner: &[Interval]) -> [Interval; 2] {
         let (Some(first), Some(last)) = (inner.first(), inner.last()) else {
             return self.halves().into();
@@ -237,7 +237,8 @@ impl<R: Ring> Polynomial<R> {
         index(self, &self.derivative().times(other), interval)
     }
 
-    /// A time between two others that is no root of this polynomial, whose degree is at most 3.
+    /// Returns a time between two others that is no root of this polynomial, whose degree is at
+    /// most 3.
     fn no_root_between(&self, from: &Dyadic, to: &Dyadic) -> Dyadic {
         [4, 3, 5, 2]
             .map(|eighths| from.toward(to, eighths))

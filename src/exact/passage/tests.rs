@@ -220,8 +220,8 @@ fn a_million_sums_are_the_change_of_the_linking_number() {
     });
 }
 
-/// Two steps with any frame between them, and the sum of the passages of both, against the oracle.
-/// Returns in how many cases the polygons touch in the frame between.
+/// Compares the sum of the passages of two successive steps with the oracle, for any frame between
+/// them. Returns the number of cases in which the polygons touch in that frame.
 fn compare_two_steps(count: u64, seed: u64) -> u64 {
     let mut r = Random::new(seed);
     let (mut done, mut touching) = (0, 0);
@@ -246,8 +246,7 @@ fn compare_two_steps(count: u64, seed: u64) -> u64 {
         ];
         let mut found = total(&i, &j, 1.0) + total(&p, &q, 1.0);
         assert_eq!(found, after - before, "seed {seed}: {i:?} {j:?} {last:?}");
-        // Each pair of edges has a unit of length of its own; the translation must be the same for
-        // all.
+        // Each pair of edges has its own unit of length; the translation must be the same for all.
         let scale = 2f64.powi(r.next(40) as i32 - 20);
         (p, q) = (q, p);
         found = total(&j, &i, scale) + total(&p, &q, scale);
@@ -266,7 +265,7 @@ fn a_passage_through_a_contact_in_a_frame_is_counted_once_over_both_steps() {
     assert!(touching > 300, "{touching} touch");
 }
 
-/// `cargo test --release --lib hundred_thousand_contacts -- --ignored`.
+/// Run with `cargo test --release --lib hundred_thousand_contacts -- --ignored`.
 #[test]
 #[ignore = "long"]
 fn hundred_thousand_contacts_in_a_frame_are_counted_once() {
@@ -572,7 +571,7 @@ fn a_touch_is_no_passage() {
     }
 }
 
-/// A passage exactly in a frame is in one of the steps beside it; one that touches there and goes
+/// A passage exactly in a frame is in one of the adjacent steps. One that touches there and turns
 /// back is in none, or in both and cancels.
 #[test]
 fn contact_in_a_frame_is_decided_over_both_steps() {

@@ -1,23 +1,22 @@
-//! Contacts in a frame: what passed through a contact is decided over the steps on both sides of
-//! it.
+//! Contacts in a frame: the steps on both sides of a contact decide what passed through it.
 //!
-//! Edges that touch exactly in a frame have passages in the steps before and after it that depend
-//! on an infinitesimal translation of one curve ([`crate::exact`]). Only their sum over both steps
-//! means something: 0 if the strands touched and went back, 1 or -1 if one passed through the
-//! other. So they are not events yet. They are kept until the contact ends.
+//! Edges that touch exactly in a frame have passages in the adjacent steps that depend on an
+//! infinitesimal translation of one curve ([`crate::exact`]). Only their sum over both steps is
+//! meaningful: 0 if the strands touched and parted again, 1 or -1 if one passed through the other.
+//! So they are not events yet. They are kept until the contact ends.
 //!
 //! **Components.** A contact at a vertex belongs to two or four pairs of edges, and the translation
-//! gives the passage to any of them; edges that overlap on a line belong to more. Pairs of edges
-//! whose contacts are connected make one component, and the sum of their signs is that of the
-//! component. A component goes on in the next frame in the components there that share a pair of
-//! segments with it or a neighbouring one; otherwise it ends, and its sum is an event at the start
+//! may assign the passage to any of them; edges that overlap on a line belong to more. Pairs of
+//! edges whose contacts are connected form a component. Its sign is the sum of their signs. A
+//! component continues in those components of the next frame that share a pair of segments with it,
+//! or have a neighbouring one. If there is none, it ends, and its sum becomes an event at the start
 //! of the step in which it ends.
 //!
-//! **What is not known.** Curves that touch in the first frame have no side of one another from
-//! which they came: the end of such a contact is no event. Curves with a common vertex in both
-//! frames of a step are joined there. A *joint* that was there in the first frame (two rods at a
-//! node, say) is no contact to be reported. What passes while a joint moves is not counted: if one
-//! that formed during the run opens after it moved, the step is undecided.
+//! **Limits.** If curves touch in the first frame, the side that they came from is unknown: the end
+//! of such a contact is no event. Curves with a common vertex in both frames of a step are joined
+//! there. A *joint* that exists in the first frame (two rods at a node, say) is not reported as a
+//! contact. Passages during the motion of a joint are not counted: if a joint that formed during
+//! the run opens after it moved, the step is undecided.
 
 use super::PullThrough;
 use crate::curve::{Curve, CurveSet};
@@ -29,14 +28,14 @@ use std::collections::BTreeMap;
 /// Two edges that touch in a frame of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Contact {
-    /// The pair of curves, the segments, the place; the fraction is 0 or 1. The sign is the net
-    /// number of passages of the translated edges next to this end of the step; those of the whole
-    /// step, at its start, if the edges touch at both ends.
+    /// Pair of curves, segments and place; the fraction is 0 or 1. The sign is the net number of
+    /// passages of the translated edges next to this end of the step. If the edges touch at both
+    /// ends, the contact at the start has the passages of the whole step.
     pub event: PullThrough,
-    /// Whether the edges share a vertex in both frames.
+    /// True if the edges share a vertex in both frames.
     pub joint: bool,
-    /// Whether the sign is known. That of a joint that moves is not; this is noted at the start of
-    /// the step.
+    /// True if the sign is known. The sign of a moving joint is not; this is recorded at the start
+    /// of the step.
     pub counted: bool,
 }
 
@@ -50,14 +49,14 @@ impl Contact {
     }
 }
 
-/// The sum of the signs of a component, as far as it is known.
+/// Sum of the signs of a component, as far as it is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Passed {
-    /// Since the curves came into contact.
+    /// Sum since the curves came into contact.
     Sum(i32),
-    /// The contact began before the first frame: there is nothing to compare with.
+    /// The contact has existed since the first frame, so there is no state to compare with.
     FromTheStart,
-    /// Something that was not counted may have passed.
+    /// A passage may have been missed.
     Unknown,
 }
 
@@ -81,10 +80,10 @@ struct Component {
     passed: Passed,
 }
 
-/// The contacts in the last frame of a step, with what passed through them so far.
+/// The contacts in the last frame of a step, with the sum of the passages through them so far.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Contacts {
-    /// Sorted by pair.
+    /// Components, sorted by pair.
     components: Vec<Component>,
 }
 
@@ -92,25 +91,27 @@ pub(crate) struct Contacts {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Touching {
     pub defect: Defect,
-    /// Whether they did so in the first frame, and ever since.
+    /// True if they have touched in every frame since the first.
     pub from_the_start: bool,
 }
 
-/// What the contacts of a step say about it.
+/// Findings of a step about contacts.
 #[derive(Debug, Default)]
 pub(crate) struct Settled {
     /// Passages through contacts that ended.
     pub events: Vec<PullThrough>,
-    /// Contacts that ended of which it is not known what passed.
+    /// Contacts that ended, but whose sum of passages is unknown.
     pub undecided: Vec<Defect>,
-    /// One for each pair of curves that touches in the last frame, joints of the first frame apart.
+    /// One contact for each pair of curves that touches in the last frame, except joints of the
+    /// first frame.
     pub touching: Vec<Touching>,
     /// The contacts in the last frame.
     pub contacts: Contacts,
 }
 
 impl Contacts {
-    /// The contacts of a first frame; `found` is what a step from the frame to itself has.
+    /// Returns the contacts of a first frame; `found` has the contacts of a step from the frame to
+    /// itself.
     pub fn of_first_frame(found: &[Contact], set: &CurveSet) -> (Contacts, Vec<Touching>) {
         let mut out = (Contacts::default(), Vec::new());
         for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
@@ -125,7 +126,7 @@ impl Contacts {
         out
     }
 
-    /// Pairs of curves in contact, sorted.
+    /// Returns the pairs of curves in contact, sorted.
     pub fn pairs(&self) -> Vec<Pair> {
         let mut pairs: Vec<Pair> = self.components.iter().map(|c| c.pair).collect();
         pairs.dedup();
@@ -133,8 +134,8 @@ impl Contacts {
     }
 
     /// Follows the contacts of the first frame of a step to the last one. `found` has all contacts
-    /// of the step, sorted by pair. A pair that could not be decided in this step has none; its
-    /// contacts are forgotten, and what is found of them in the next step is not known.
+    /// of the step, sorted by pair. An undecided pair has none in `found`: its contacts are
+    /// discarded, and the sums of those that the next step finds are unknown.
     pub(super) fn settle(&self, found: &[Contact], frames: [&CurveSet; 2]) -> Settled {
         let mut settled = Settled::default();
         for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
@@ -147,7 +148,7 @@ impl Contacts {
     }
 }
 
-/// [`Contacts::settle`] of one pair of curves.
+/// [`Contacts::settle`] for one pair of curves.
 fn settle_pair(
     open: &[Component],
     found: &[Contact],
@@ -159,8 +160,8 @@ fn settle_pair(
     let mut starts = components(&start, frames[0]);
     let owners = owners(open);
     for component in &mut starts {
-        // The components of the frame are those of the step before, but for what was undecided in
-        // either.
+        // The components of this frame equal those at the end of the previous step, unless the pair
+        // was undecided in either step.
         let owner = component.segments.iter().find_map(|s| owners.get(s));
         component.passed = match owner.map(|&k| &open[k]) {
             Some(before) if before.passed == Passed::FromTheStart => Passed::FromTheStart,
@@ -186,7 +187,7 @@ fn settle_pair(
         match component.passed {
             Passed::Sum(0) | Passed::FromTheStart => {}
             Passed::Sum(sum) => {
-                // Any of them is the place; one that has the sign of the sum if there is one.
+                // Any of the contacts can serve as the place; prefer one with the sign of the sum.
                 let place = start
                     .iter()
                     .filter(own)
@@ -207,20 +208,20 @@ fn settle_pair(
     settled.contacts.components.extend(ends);
 }
 
-/// The component of each pair of segments.
+/// Maps each pair of segments to its component.
 fn owners(components: &[Component]) -> BTreeMap<[u32; 2], usize> {
     let all = components.iter().enumerate();
     all.flat_map(|(k, c)| c.segments.iter().map(move |&s| (s, k)))
         .collect()
 }
 
-/// A pair of segments, and those of the segments before and after either.
+/// Iterates over a pair of segments and the pairs with the segments before and after either.
 fn around([s, t]: [u32; 2], [first, second]: [Curve; 2]) -> impl Iterator<Item = [u32; 2]> {
     let [p, q] = [(first, s), (second, t)].map(|(c, s)| [s, c.before(s), c.after(s)]);
     p.into_iter().flat_map(move |s| q.map(|t| [s, t]))
 }
 
-/// A contact of these components to be reported, if there is one: rather one that came during the
+/// Returns a contact of these components to be reported, if any. Prefers one that began during the
 /// run.
 fn touching(components: &[Component], contacts: &[&Contact], set: &CurveSet) -> Option<Touching> {
     let owners = owners(components);
@@ -249,7 +250,7 @@ fn defect(contact: &Contact, set: &CurveSet) -> Defect {
     }
 }
 
-/// Connected contacts of a pair of curves in one frame.
+/// Returns the components of the contacts of a pair of curves in one frame.
 fn components(contacts: &[&Contact], set: &CurveSet) -> Vec<Component> {
     let Some(first) = contacts.first() else {
         return Vec::new();
@@ -291,13 +292,14 @@ fn components(contacts: &[&Contact], set: &CurveSet) -> Vec<Component> {
     out
 }
 
-/// Whether the contacts of two pairs of edges of the same two curves, all of which touch, share a
-/// point: a common vertex of both edges of one curve that is also on both edges of the other.
+/// Returns true if the contacts of two pairs of edges of the same two curves, all of which touch,
+/// share a point: a common vertex of both edges of one curve that is also on both edges of the
+/// other.
 fn connected((i, j): Pair, a: [u32; 2], b: [u32; 2], set: &CurveSet) -> bool {
     let curves = [i, j].map(|i| i as usize);
     let knot = |side: usize, k: u32| set.knot(curves[side], k as usize);
     let edge = |side: usize, s: u32| [knot(side, s), knot(side, s + 1)];
-    // The common points of two different edges that follow one another, or all of one edge.
+    // Common point of two successive edges; both ends if the edges are equal.
     let common = |side: usize| {
         let (s, t) = (a[side], b[side]);
         let curve = set.curve(curves[side]);

@@ -60,13 +60,13 @@ use std::fmt;
 #[cfg(doc)]
 use crate::discretize::MovingSeparation;
 
-/// Motion in a step up to which pull-throughs that cancel count, unless the user says otherwise, in
-/// segment lengths.
+/// Default limit of the motion in a step, in segment lengths, up to which pull-throughs that cancel
+/// are events.
 ///
 /// Measured on melts of bead-spring chains that cannot cross, with frames every 100 to 5,000 steps
-/// (`examples/bead_spring.py`): of all pull-throughs that frames far apart feign, the least moved
-/// by 1.65 lengths. Where strands keep a distance of about a segment length, one has to get from
-/// one side of the other to the opposite side.
+/// (`examples/bead_spring.py`): the smallest motion of a spurious pull-through was 1.65 lengths. If
+/// strands keep a distance of about a segment length, a strand must move that far to get from one
+/// side of another strand to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
 
 /// One curve was pulled through another, or through itself, between two frames.
@@ -85,9 +85,8 @@ pub struct PullThrough {
     pub sign: i32,
     /// Where, in the units of the simulation.
     pub point: Point,
-    /// How far the two segments moved relative to each other there in the step, in lengths of the
-    /// longer one. 0 for a passage through a contact in a frame, which does not depend on the
-    /// motion.
+    /// Relative motion of the two segments at this place in the step, in lengths of the longer one.
+    /// 0 for a passage through a contact in a frame, which does not depend on the motion.
     pub lengths: f64,
 }
 
@@ -123,13 +122,13 @@ pub(crate) struct Outcome {
     /// too many candidates. And places at which a curve touches itself in a way that cannot be told from a passage.
     /// The second curve equals the first for a curve and itself. Sorted by pair.
     pub undecided: Vec<Defect>,
-    /// Sums of the signs of two closed curves, where they are not 0, sorted by pair. Contacts in a
-    /// frame are left out.
-    pub sums: Vec<Link>,
-    /// Pairs of curves that touch in the last frame, open curves and curves that touch themselves
+    /// Nonzero sums of the signs of two closed curves, sorted by pair. Contacts in a frame are not
     /// included.
+    pub sums: Vec<Link>,
+    /// Pairs of curves that touch in the last frame, including open curves and curves that touch
+    /// themselves.
     pub touching: Vec<Touching>,
-    /// The contacts in the last frame, to be followed in the next step.
+    /// The contacts in the last frame, which the next step continues.
     pub contacts: Contacts,
     /// What it took.
     pub counts: Counts,
@@ -215,7 +214,8 @@ impl Default for Ledger {
 }
 
 impl Ledger {
-    /// A ledger whose steps end early once they are cancelled; what they tell then means nothing.
+    /// Creates a ledger whose steps end early once they are cancelled. Their result is meaningless
+    /// then.
     pub fn new(cancel: Cancel) -> Self {
         Ledger {
             cancel,
@@ -225,9 +225,9 @@ impl Ledger {
 
     /// All passages between two frames.
     ///
-    /// `contacts` are those of the first frame, as the step before found them. With `pairs`,
-    /// sorted, only these pairs of curves and those in contact are looked at (`(i, i)`: a curve and
-    /// itself); the caller knows that nothing else passed.
+    /// `contacts` are those of the first frame, as the previous step found them. If `pairs`
+    /// (sorted) is given, only these pairs of curves and those in contact are searched (`(i, i)`: a
+    /// curve and itself); the caller knows that no other pair has a passage.
     ///
     /// # Panics
     /// If the frames are not of the same curves.
@@ -259,8 +259,8 @@ impl Ledger {
         outcome
     }
 
-    /// The contacts of a first frame: nothing is known of what passed there. And the pairs of
-    /// curves that touch.
+    /// Returns the contacts of a first frame, and the pairs of curves that touch. Passages there
+    /// are unknown.
     pub fn first_frame(&mut self, set: &CurveSet, cover: Cover) -> (Contacts, Vec<Touching>) {
         let (_, found) = self.search([set, set], cover, None);
         Contacts::of_first_frame(&found, set)
@@ -279,7 +279,7 @@ impl Ledger {
         self.step([before, after], &contacts, cover, pairs)
     }
 
-    /// Passages within a step, and contacts at its ends, sorted by pair.
+    /// Finds passages within a step, and contacts at its ends, sorted by pair.
     fn search(
         &mut self,
         [before, after]: [&CurveSet; 2],

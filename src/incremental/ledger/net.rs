@@ -9,7 +9,7 @@ pub(super) struct Found {
     pub event: PullThrough,
     /// Segments from the start of the curve.
     pub along: [f64; 2],
-    /// Whether only the translated edges are known to pass through one another.
+    /// True if only the translated edges are known to pass through one another.
     pub tie: bool,
 }
 

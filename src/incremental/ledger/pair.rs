@@ -45,13 +45,13 @@ const GRAIN: usize = 1 << 12;
 /// everything, a list of passages helps nobody. Half a second.
 const MAX_CANDIDATES: u64 = 1 << 24;
 
-/// Pairs of pieces of splines that were split further than all are, of one pair of curves, at which
-/// it counts as too close. Half a second.
+/// Maximum number of tested pairs of pieces of splines that need more pieces than usual, for one
+/// pair of curves. Beyond it the pair counts as too close. About half a second.
 const MAX_PIECES: u64 = 1 << 23;
 
-/// Tests of one pair of curves that exact arithmetic decides, at which it counts as too close: a
-/// number for any pair, and a number for each segment. Exact tests of strands that are as close as
-/// rounding take about 100 us.
+/// Maximum number of exact tests of one pair of curves: a constant, and a number per segment.
+/// Beyond it the pair counts as too close. An exact test of strands whose distance is near the
+/// rounding error takes about 100 us.
 const MAX_EXACT: [u64; 2] = [1 << 12, 4];
 
 /// A step from one frame to the next.
@@ -60,7 +60,7 @@ pub(super) struct Step<'a> {
     pub frames: [&'a CurveSet; 2],
     /// Of swept boxes.
     pub trees: &'a Trees,
-    /// In segment lengths.
+    /// Motion limit in segment lengths.
     pub motion_limit: f64,
     pub cancel: &'a Cancel,
 }
@@ -202,7 +202,7 @@ struct Task<'a> {
     step: Step<'a>,
     curves: [usize; 2],
     separation: MovingSeparation<'a>,
-    /// Work of all tasks of the pair.
+    /// Work counters of all tasks of the pair.
     candidates: AtomicU64,
     pieces: AtomicU64,
     exact: AtomicU64,
@@ -230,9 +230,9 @@ impl<'a> Task<'a> {
         !self.step.frames[0].basis().is_polyline()
     }
 
-    /// Whether the pair asks for more work than is done for one, or the step was cancelled.
-    /// Something is left out then, which depends on the order of the work; whether the work is too
-    /// much does not.
+    /// Returns true if the pair needs more work than the limit for one pair, or if the step was
+    /// cancelled. Part of the work is then skipped, and which part depends on the order of the
+    /// tasks. Whether the limit is exceeded does not.
     fn entangled(&self) -> bool {
         let segments = self.curves.map(|i| self.step.frames[0].curve(i).segments);
         let segments: u64 = segments.into_iter().map(u64::from).sum();
@@ -243,7 +243,7 @@ impl<'a> Task<'a> {
             || over(&self.exact, MAX_EXACT[0] + MAX_EXACT[1] * segments)
     }
 
-    /// Counts exact tests. Breaks if they are too many.
+    /// Counts exact tests. Breaks if there are too many.
     fn count_exact(&self, more: u64) -> ControlFlow<()> {
         if more > 0 {
             self.exact.fetch_add(more, Ordering::Relaxed);
@@ -489,7 +489,7 @@ impl<'a> Task<'a> {
         along: impl Fn([f64; 2]) -> [f64; 2],
         found: &mut Tally,
     ) {
-        // Pieces of a segment are shorter than it.
+        // A piece is shorter than its segment by this factor.
         let scale = if self.splines() {
             1.0 / f64::from(PIECES)
         } else {
@@ -509,7 +509,7 @@ impl<'a> Task<'a> {
             },
         };
         if let Some(points) = joint(before, after) {
-            // Pieces of splines follow one another there.
+            // Pieces of a spline share their ends, which is no joint.
             if !self.splines() {
                 let contact = |f: usize| Contact {
                     event: PullThrough {
@@ -558,8 +558,8 @@ impl<'a> Task<'a> {
                 decided = Decided::Tie;
             } else {
                 if let [Some(start), Some(end)] = &mut in_frames {
-                    // In contact all along, as far as is known: what passes at ties belongs to the
-                    // contact.
+                    // The contact lasts for the whole step, as far as is known, so passages at ties
+                    // belong to it.
                     let at_ties = list.extract_if(first.., |f| f.tie);
                     start.sign += std::mem::take(&mut end.sign);
                     start.sign += at_ties.map(|f| f.event.sign).sum::<i32>();
@@ -579,9 +579,10 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Whether the contact of two edges of one curve in a frame may be connected with pairs of
-    /// edges that are not tested, or that are tested with the two strands in the other order: it is
-    /// at a vertex that is next to the other edge, or at the first vertex of a closed curve.
+    /// Returns true if the contact of two edges of one curve in a frame may be connected with pairs
+    /// of edges that are not tested, or that are tested with the strands in the other order. That
+    /// is so if the contact is at a vertex next to the other edge, or at the first vertex of a
+    /// closed curve.
     fn reaches_neighbours(&self, [[a, b], [c, d]]: &Edges, [s, t]: [u32; 2]) -> bool {
         let curve = self.step.frames[0].curve(self.curves[0]);
         let on = |p: &Point, [q, r]: [&Point; 2]| {
@@ -624,7 +625,7 @@ impl<'a> Task<'a> {
             if !itself {
                 cuts.vertices(self, 1, t, &mut q);
             }
-            // What every pair of segments takes counts as a candidate.
+            // The usual work for a pair of segments is counted as a candidate.
             let split = p.len().max(q.len()) > PIECES as usize + 1;
             let mut pieces = 0;
             let mut test = |a: &[Vertex], b: &[Vertex]| {
@@ -682,8 +683,8 @@ impl<'a> Task<'a> {
     }
 }
 
-/// Indices of passages that cancel, one with another, and moved further than the limit: those that
-/// moved furthest.
+/// Returns the indices of passages that cancel in pairs and moved further than the limit. Chooses
+/// those that moved furthest.
 fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
     let [forward, backward] = [1, -1].map(|sign| {
         let far = |k: &usize| passages[*k].sign == sign && passages[*k].lengths > limit;
@@ -695,8 +696,7 @@ fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
     pairs.flat_map(|(a, b)| [a, b]).collect()
 }
 
-/// How far points of two pieces moved relative to each other in a step, in lengths of the longer
-/// piece.
+/// Returns the relative motion of points of two pieces in a step, in lengths of the longer piece.
 fn relative_motion(frames: [&Edges; 2], at: [f64; 2]) -> f64 {
     let mix = |[a, b]: [Point; 2], t: f64| [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x]);
     let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
@@ -707,7 +707,7 @@ fn relative_motion(frames: [&Edges; 2], at: [f64; 2]) -> f64 {
     norm(motion) / lengths.fold(0.0, f64::max)
 }
 
-/// The length of a vector, whose square may overflow or underflow.
+/// Returns the length of a vector, whose square may overflow or underflow.
 fn norm(v: Point) -> f64 {
     v[0].hypot(v[1]).hypot(v[2])
 }
@@ -754,13 +754,13 @@ struct Vertex {
     points: [Point; 2],
 }
 
-/// Keeps parts of polylines apart whose vertices move from one frame to the next: by a coordinate,
-/// on the same side in both frames, and hence at all times between. It is what the first test of
-/// two pieces asks for.
+/// Sieve for polylines whose vertices move from one frame to the next. Parts are apart if a
+/// coordinate separates them on the same side in both frames, and so at all times between. This is
+/// also the first test of two pieces.
 struct Motion;
 
 impl Sieve<Vertex> for Motion {
-    /// The box in each frame: least and largest coordinates.
+    /// Box in each frame: least and largest coordinates.
     type Bounds = [[Point; 2]; 2];
 
     fn bounds(&self, vertices: &[Vertex]) -> Self::Bounds {

@@ -500,8 +500,8 @@ fn speed() {
     }
 }
 
-/// A closed spline that runs round some random points several times, within `noise`, and is shaken
-/// by as much.
+/// A closed spline that follows a few random points several times, within `noise`, and moves by as
+/// much.
 fn doubled(r: &mut Random, basis: Basis, points: usize, turns: usize, noise: f64) -> [CurveSet; 2] {
     let ring: Vec<Point> = (0..points).map(|_| r.vector(1.0)).collect();
     [(); 2].map(|()| {
@@ -517,7 +517,8 @@ fn doubled(r: &mut Random, basis: Basis, points: usize, turns: usize, noise: f64
     })
 }
 
-/// Every piece was tested with every other one: 12 s a step of curves of some ten control points.
+/// Regression test: every piece was tested with every other one, which took 12 s a step for curves
+/// of about ten control points.
 #[test]
 fn pieces_of_doubled_splines_are_tested_with_near_ones_only() {
     let mut ledger = Ledger::default();
@@ -529,7 +530,8 @@ fn pieces_of_doubled_splines_are_tested_with_near_ones_only() {
                 let [before, after] = doubled(&mut r, basis, 4, 2, noise);
                 let outcome = ledger.first_step(&before, &after, ALL, None);
                 assert_eq!(outcome.undecided, [], "{basis:?} {noise}");
-                // All pairs of pieces are hundreds of millions for the least noise.
+                // A test of all pairs of pieces would need hundreds of millions of tests at the
+                // least noise.
                 let counts = outcome.counts;
                 assert!(counts.tests < 2_000_000, "{basis:?} {noise}: {counts:?}");
                 assert!(counts.exact < 2000, "{basis:?} {noise}: {counts:?}");
@@ -540,7 +542,7 @@ fn pieces_of_doubled_splines_are_tested_with_near_ones_only() {
     assert!(events > 20, "{events}");
 }
 
-/// The tests of pieces that are left out find nothing.
+/// The pairs of pieces that are skipped have no passages.
 #[test]
 fn doubled_splines_have_the_passages_of_all_their_pieces() {
     let mut ledger = Ledger::default();
@@ -567,8 +569,8 @@ fn doubled_splines_have_the_passages_of_all_their_pieces() {
     assert!(events > 20, "{events}");
 }
 
-/// Strands as close as rounding, which floating point never decides: the step ends in time, and
-/// says so.
+/// The distance of the strands is near the rounding error, so floating point decides nothing: the
+/// step ends in time, and reports the pair as too close.
 #[test]
 fn a_step_that_exact_arithmetic_would_decide_for_ever_is_too_close() {
     let mut r = Random::new(7);

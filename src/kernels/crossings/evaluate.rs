@@ -224,8 +224,8 @@ impl Tally {
     }
 }
 
-/// Keeps parts of an upper and a lower polyline apart that have no crossing: where their shadows'
-/// boxes do not overlap, or the upper one is wholly below.
+/// Sieve for parts of an upper and a lower polyline. They have no crossing if the boxes of their
+/// shadows do not overlap, or if the upper part is entirely below the lower one.
 ///
 /// Ties count as overlap: the translation that breaks them is smaller than every gap.
 struct Shadows {

@@ -82,7 +82,7 @@ pub(crate) struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Whether the numbers are not wanted any more. Those that are computed from here on are wrong.
+    /// Returns true if the work was cancelled. Numbers that are computed from then on are wrong.
     #[inline(always)]
     pub fn cancelled(&self) -> bool {
         self.workspaces.cancel.as_ref().is_some_and(Cancel::is_set)
@@ -93,7 +93,7 @@ impl Scene<'_> {
 #[derive(Debug, Default)]
 pub(crate) struct Workspaces {
     idle: Mutex<Idle>,
-    /// What ends the work of all tasks early.
+    /// Flag that ends the work of all tasks early.
     pub cancel: Option<Cancel>,
 }
 

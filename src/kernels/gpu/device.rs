@@ -46,7 +46,7 @@ fn instance() -> wgpu::Instance {
     })
 }
 
-/// All adapters, in the order of their index.
+/// Returns all adapters in the order of their indices.
 fn adapters() -> Vec<wgpu::Adapter> {
     let enumerated = instance().enumerate_adapters(wgpu::Backends::all());
     let mut found = block_on(enumerated);
@@ -78,7 +78,8 @@ pub(super) fn list() -> Vec<DeviceInfo> {
 }
 
 impl Device {
-    /// Opens an adapter. It computes in double precision where it can and `double` says so.
+    /// Opens an adapter. It computes in double precision if `double` is set and the adapter
+    /// supports it.
     pub fn open(choice: &Choice, double: bool) -> Result<Device, Trouble> {
         let found = adapters();
         let mut all: Vec<DeviceInfo> = found.iter().enumerate().map(info).collect();

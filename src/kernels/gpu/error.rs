@@ -5,7 +5,7 @@ use std::fmt;
 /// What went wrong. The caller goes on without the adapter, and says so once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Trouble {
-    /// There is no adapter, or none or several of that name; in words.
+    /// No adapter was found, or none, or several, fit the name; with a message.
     NoAdapter(String),
     /// Its arithmetic is not what the bounds rest on.
     Arithmetic(String),

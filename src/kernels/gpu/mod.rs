@@ -92,7 +92,7 @@ pub(super) fn devices() -> Vec<DeviceInfo> {
     all
 }
 
-/// The first adapter that `is_wanted`, to be opened.
+/// Returns the first adapter for which `is_wanted` holds, to be opened.
 pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Choice> {
     let found = device::list().into_iter().find(|info| is_wanted(info));
     found.map(|info| Choice::Index(info.index))

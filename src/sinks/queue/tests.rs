@@ -159,7 +159,7 @@ fn a_failed_sink_stays_failed_and_holds_nobody_up() {
         queue.frame(frame(seq, Verdict::Intact));
     }
     let summary = queue.finish(LONG);
-    // Two were taken, and not flushed.
+    // Two frames were taken, but not flushed.
     assert_eq!((summary.written, summary.dropped), (0, 50));
     assert_eq!(summary.failed.as_deref(), Some("probe: disk full"));
 }
@@ -189,7 +189,7 @@ fn a_broken_frame_is_flushed_at_once() {
     queue.finish(LONG);
 }
 
-/// Before, the caller waited for as long as the sink took nothing.
+/// Regression test: the caller waited as long as the sink took nothing.
 #[test]
 fn a_frozen_sink_holds_the_caller_up_once_and_for_a_limited_time() {
     let (sink, handle) = probe(None);
@@ -203,7 +203,7 @@ fn a_frozen_sink_holds_the_caller_up_once_and_for_a_limited_time() {
     let took = start.elapsed();
     assert!(took >= limit, "{took:?}");
     assert!(took < 20 * limit, "199 frames waited {took:?} together");
-    // It thaws: the newest frames are there, and patience is back.
+    // The disk thaws: the newest frames arrive, and the patience is restored.
     let dropped = queue.summary().dropped;
     assert_eq!(dropped, 195);
     (0..6).for_each(|_| handle.permits.send(()).unwrap());
@@ -268,7 +268,7 @@ fn a_sink_is_opened_on_its_own_thread_and_only_when_something_comes() {
         Ok(sink)
     })
     .unwrap();
-    // Opening hangs, and nobody waits for it: neither before the first event nor after.
+    // Opening hangs, but the caller does not wait, neither before the first event nor after.
     let start = Instant::now();
     (1..=3).for_each(|seq| queue.frame(frame(seq, Verdict::Intact)));
     assert!(start.elapsed() < LONG / 2);
@@ -300,7 +300,7 @@ fn an_error_of_opening_goes_to_the_one_who_waits_for_it_or_else_into_the_summary
     let summary = queue.finish(LONG);
     assert_eq!((summary.written, summary.dropped), (0, 1));
     assert_eq!(summary.failed.as_deref(), Some("probe: nobody there"));
-    // A viewer that takes its time goes on by itself.
+    // A slow viewer continues to open in the background.
     let (sink, handle) = probe(None);
     drop(handle.permits);
     let (opened, open) = channel::<()>();
@@ -315,7 +315,7 @@ fn an_error_of_opening_goes_to_the_one_who_waits_for_it_or_else_into_the_summary
     assert_eq!(queue.finish(LONG).written, 1);
 }
 
-/// How a disk behaves at a frame.
+/// Behaviour of a disk at a frame.
 #[derive(Clone, Copy, Debug)]
 enum Disk {
     Quick,
@@ -324,7 +324,7 @@ enum Disk {
     Full,
 }
 
-/// A recording on a disk that behaves in its own way at every frame.
+/// A recording on a disk whose behaviour changes at every frame.
 struct Recording {
     disk: Vec<Disk>,
     seen: Sender<String>,
@@ -362,7 +362,7 @@ impl Sink for Recording {
 }
 
 /// Full, slow and frozen disks: the caller never waits beyond its patience, every frame is written
-/// or counted, the order stays, and the baseline comes first.
+/// or counted, the order is kept, and the baseline comes first.
 #[test]
 fn no_disk_delays_the_caller_or_loses_a_frame_in_silence() {
     use proptest::prelude::*;
@@ -399,8 +399,8 @@ fn no_disk_delays_the_caller_or_loses_a_frame_in_silence() {
             let verdict = [Verdict::Intact, Verdict::Changed][(seq / 7 % 2) as usize];
             queue.frame(frame(seq, verdict));
         }
-        // Once for each time that the sink caught up; a frozen disk by itself is waited for no
-        // longer.
+        // The patience is restored each time that the sink catches up; a frozen disk uses it
+        // up only once.
         prop_assert!(start.elapsed() < frames as u32 * patience + Duration::from_secs(2));
         let summary = queue.finish(LONG);
         let seen: Vec<String> = seen.iter().collect();

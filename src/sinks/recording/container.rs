@@ -6,11 +6,11 @@
 //! from one that is corrupt. It still unpacks compressed chunks, which linkwatch does not write but other
 //! tools do.
 //!
-//! What was cut and what is corrupt: a finished file ends with the magic bytes. In such a file,
-//! whatever does not fit is corruption. In any other file a record that reaches past the end is
-//! where the writer was stopped or the disk was full; nothing is lost before it. Records of a whole
-//! chunk are given out after its checksum has been found right; the chunk that the end of a cut
-//! file falls into has none yet, and gives out what is complete.
+//! Truncation and corruption: a finished file ends with the magic bytes. In such a file, any
+//! mismatch is corruption. In any other file, a record that extends past the end marks the point at
+//! which the writer was stopped or the disk was full; nothing is lost before it. Records of a
+//! complete chunk are returned after its checksum has been verified. The checksum of a truncated
+//! chunk cannot be verified; its complete records are returned all the same.
 //!
 //! Memory: the largest chunk. Room is made only for what the file was seen to hold.
 
@@ -38,8 +38,8 @@ const UNPACKED_BYTES: u64 = 64 << 20;
 pub enum Ending {
     /// It was finished: everything that was recorded is there.
     Finished,
-    /// It was not finished: the writer was stopped, or could not write (a full disk). What was
-    /// given out is right; what came after it is lost.
+    /// The file was not finished: the writer was stopped, or could not write (a full disk). The
+    /// records that were returned are valid; later ones are lost.
     Cut {
         /// The first byte of what is incomplete.
         at: u64,

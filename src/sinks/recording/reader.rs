@@ -68,9 +68,9 @@ pub struct RecordedFrame {
     pub precision: Precision,
     /// Control points of each curve, negative where it is closed.
     pub counts: Vec<i32>,
-    /// Cuts that the simulator made before this frame; 0 in recordings of earlier versions. If it
-    /// is another number than that of the frame before, this frame does not continue that one
-    /// ([`crate::Verifier::cut`]).
+    /// Number of cuts that the simulator made before this frame; 0 in recordings of earlier
+    /// versions. If it differs from that of the previous frame, this frame does not continue that
+    /// one ([`crate::Verifier::cut`]).
     pub cuts: u32,
     /// Little-endian coordinates; as long as `counts` says or not.
     positions: Bytes,
@@ -151,7 +151,7 @@ pub struct RecordingReader<R> {
 impl RecordingReader<BufReader<File>> {
     /// Opens a file. One that is still being written is read up to its present end.
     pub fn open(path: &Path) -> Result<Self> {
-        // Asked before opening, which would wait for the writer of a pipe.
+        // Checked before opening, since opening a pipe waits for its writer.
         let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
         if !metadata.is_file() {
             let why = "a recording is read from a regular file";
@@ -184,7 +184,8 @@ impl<R: Read + Seek> RecordingReader<R> {
         self.skipped
     }
 
-    /// How the recording ended, once it has: finished or cut; none where damage ended it.
+    /// Returns how the recording ended, once it has: finished or cut. Returns `None` if it is
+    /// damaged.
     pub fn ending(&self) -> Option<&Ending> {
         self.container.ending()
     }

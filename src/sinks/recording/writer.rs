@@ -1,10 +1,10 @@
 //! Writes a recording.
 //!
-//! A chunk is made in memory and written as a whole, and nothing is written any more after the
-//! first error. So the file is at any moment a prefix of the finished one, which the reader accepts
-//! up to the last complete record: after a kill, and after a full disk. (Chunks that are written in
-//! pieces get their length at the end, by going back. If that is done after an error, as the crate
-//! does when a writer is dropped, the length covers half a record.)
+//! A chunk is built in memory and written as a whole, and nothing is written after the first error.
+//! So the file is at any moment a prefix of the finished one, after a kill and after a full disk
+//! alike, and the reader accepts it up to the last complete record. (A chunk that is written in
+//! pieces gets its length afterwards, by seeking back. The crate also does this when a writer is
+//! dropped after an error; then the length covers half a record.)
 //!
 //! Chunks are closed at 768 KiB, so that with one small message on top they stay below 1 MiB; one frame that is
 //! larger makes its chunk larger. They are not compressed: LZ4 was measured to save nothing on coordinates and to
@@ -44,9 +44,8 @@ pub struct RecordingSink {
 }
 
 impl RecordingSink {
-    /// Creates the file, or overwrites it; it must be a regular one. `metadata` says what a later
-    /// reader should know of this run: the service, the abort policy; the version of linkwatch is
-    /// added.
+    /// Creates the file, or truncates it; it must be a regular file. `metadata` describes the run
+    /// for a later reader: the service, the abort policy. The version of linkwatch is added.
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingSink> {
         let file = crate::sinks::create_file(path)?;
         RecordingSink::on(path, Box::new(file), metadata)
@@ -181,9 +180,9 @@ impl Sink for RecordingSink {
     }
 }
 
-/// What a recording is written to.
+/// Destination of a recording.
 trait Output: Write + Send {
-    /// Makes all of it safe from a crash of the machine.
+    /// Makes all data safe from a crash of the machine.
     fn sync(&self) -> io::Result<()>;
 }
 
@@ -193,7 +192,7 @@ impl Output for File {
     }
 }
 
-/// Writes nothing any more after an error: what is written stays a prefix of what should have been.
+/// Writes nothing after an error, so that the output stays a prefix of the complete one.
 struct Prefix {
     output: Box<dyn Output>,
     failed: bool,
@@ -240,7 +239,7 @@ mod tests {
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
 
-    /// A disk that takes so many bytes, the last of them in a write that is cut short.
+    /// A disk with limited space. It truncates the write that exceeds it.
     #[derive(Clone)]
     struct Disk {
         bytes: Arc<Mutex<Vec<u8>>>,
@@ -297,8 +296,8 @@ mod tests {
         }
     }
 
-    /// Records frames until the disk is full, or to the end; the error, and what is on the disk
-    /// then.
+    /// Records frames until the disk is full, or to the end. Returns the result and the content of
+    /// the disk.
     fn record(frames: &[FrameRecord], flush: bool, room: usize) -> (Result<()>, Vec<u8>) {
         let disk = Disk {
             bytes: Arc::default(),
@@ -328,8 +327,8 @@ mod tests {
         (items, reader.ending().cloned())
     }
 
-    /// At every byte for small frames, and at every few thousand for frames that share chunks or
-    /// exceed them.
+    /// The disk is full at every byte for small frames, and at every few thousand bytes for frames
+    /// that share chunks or exceed them.
     #[test]
     fn what_was_written_before_the_disk_was_full_stays_readable() {
         for (curves, frames, step) in [(1, 3, 1), (2000, 14, 3001), (30_000, 2, 20_011)] {
