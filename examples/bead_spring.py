@@ -1,14 +1,16 @@
-"""How far apart may frames be? Melts of bead-spring chains that cannot cross, looked at every 100 to 5,000 steps.
+"""Measures how far apart frames may be, on melts of bead-spring chains that cannot cross.
 
     pip install openmm numpy
     cargo build --release
     python examples/bead_spring.py --linkwatch target/release/linkwatch
 
-Two melts (Kremer and Grest 1990: FENE bonds, repulsive beads, density 0.85 in a sphere), one of rings and one of linear
-chains, are simulated for 60,000 steps. `linkwatch check --events --self` then sees every 1st, 2nd, 5th, .. of their
-frames. Chains cannot pass through one another, so every pull-through that is told is one that the distance of the frames
-feigns. For each distance the table has the number of pull-throughs that cancel within their pair in a step, the number of
-those that do not, and how far each moved: the least, the median and the largest relative motion, in segment lengths.
+Two melts (Kremer and Grest 1990: FENE bonds, repulsive beads, density 0.85 in a sphere), one of
+rings and one of linear chains, are simulated for 60,000 steps, with a frame every 100 steps.
+`linkwatch check --events --self` then reads every 1st, 2nd, 5th, .. of these frames. Chains cannot
+pass through one another, so every reported pull-through is spurious: the frames are too far apart.
+For each distance of the frames, the table has the number of pull-throughs that cancel within their
+pair in a step, the number of those that do not, and for both the least, the median and the largest
+relative motion, in segment lengths.
 """
 
 import argparse
@@ -33,7 +35,7 @@ BOLTZMANN = 0.00831446261815324  # kJ/mol/K: temperature 1 in the units of the m
 
 
 def start(kind):
-    """Rings in a stack, or rods side by side: unlinked, and apart."""
+    """Returns rings in a stack, or rods side by side: unlinked, and apart."""
     chains = []
     for c in range(CHAINS):
         if kind == "rings":
@@ -95,7 +97,7 @@ def simulate(kind, folder):
 
 
 def measure(linkwatch, folder, stride):
-    """Relative motions of the pull-throughs that cancel, and of those that do not."""
+    """Returns the relative motions of the pull-throughs that cancel, and of the others."""
     frames = sorted(folder.glob("*.bcc"))
     certificate = folder / "certificate.txt"
     if not certificate.exists():

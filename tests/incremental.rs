@@ -375,7 +375,7 @@ struct Balance {
 /// State of a pair since the last frame in which it had a linking number.
 #[derive(Clone, Copy)]
 struct Since {
-    /// That linking number; `None` if there was no such frame.
+    /// Linking number in that frame; `None` if there was no such frame.
     lambda: Option<i64>,
     /// Sum of the signs of the pull-throughs.
     sum: i64,

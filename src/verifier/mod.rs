@@ -282,11 +282,10 @@ impl Verifier {
     /// Where pull-throughs are looked for, the positions are copied, to be compared with those of the next frame;
     /// [`Verifier::step_shared`] needs no copy.
     ///
-    /// Errors: [`Error::CertificateMismatch`] where the baseline is of another number of curves;
-    /// [`Error::NothingClosed`] where no curve is closed and no pull-throughs are looked for:
-    /// nothing was verified then, so nothing is intact; [`Error::LayoutChanged`] where
-    /// pull-throughs are looked for between other curves than before; [`Error::Cancelled`] after
-    /// [`Progress::cancel`].
+    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves;
+    /// [`Error::NothingClosed`] if no curve is closed and no pull-throughs are looked for, since
+    /// nothing would be verified; [`Error::LayoutChanged`] if pull-throughs are looked for between
+    /// other curves than before; [`Error::Cancelled`] after [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         let verified = self.verify(seq, time, set);
         self.full.accelerator.end_frame(set);

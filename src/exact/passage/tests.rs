@@ -633,8 +633,8 @@ fn motion_in_one_plane_is_a_tie_only_where_edges_meet() {
     let at = |x: f64, y: f64| [x, y, x + y];
     let first = [at(0.0, 0.0), at(4.0, 4.0)];
     let cases = [
-        // Boxes overlap and sides tell; on one line, apart along no axis at first sight; through
-        // each other; in contact in the first frame only.
+        // The boxes overlap, but the sides separate the edges; apart on one line; through each
+        // other; in contact in the first frame only.
         (
             [at(1.0, 0.0), at(3.0, 1.0)],
             [at(1.0, 0.0), at(3.0, 2.0)],
