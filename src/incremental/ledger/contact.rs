@@ -103,7 +103,8 @@ pub(crate) struct Settled {
     pub events: Vec<PullThrough>,
     /// Contacts that ended of which it is not known what passed.
     pub undecided: Vec<Defect>,
-    /// One for each pair of curves that touches in the last frame, joints of the first frame apart.
+    /// One for each pair of curves that touches in the last frame, except for joints of the first
+    /// frame and for two closed curves, whose certificate says so.
     pub touching: Vec<Touching>,
     /// The contacts in the last frame.
     pub contacts: Contacts,
@@ -223,6 +224,11 @@ fn around([s, t]: [u32; 2], [first, second]: [Curve; 2]) -> impl Iterator<Item =
 /// A contact of these components to be reported, if there is one: rather one that came during the
 /// run.
 fn touching(components: &[Component], contacts: &[&Contact], set: &CurveSet) -> Option<Touching> {
+    let (i, j) = contacts.first()?.pair();
+    if i != j && [i, j].iter().all(|&i| set.curve(i as usize).closed) {
+        // Two closed curves that touch have no linking number, and are reported for that.
+        return None;
+    }
     let owners = owners(components);
     let from_the_start = |c: &Contact| {
         let owner = owners.get(&c.event.segments);
