@@ -143,6 +143,8 @@ fn watch(mut sidecar: Sidecar) -> Vec<Duration> {
                     abort: false,
                     changes: Vec::new(),
                     events: Vec::new(),
+                    unresolved: Vec::new(),
+                    adopted: Vec::new(),
                     defects: Vec::new(),
                     rejected: None,
                     stats: Stats::default(),

@@ -300,6 +300,8 @@ fn a_rollback_of_a_pull_through_is_aborted_once() {
         let recording = folder.path().join(format!("{name}.mcap"));
         let record = [
             "--events",
+            "--motion-limit",
+            "5",
             "--paranoid",
             "--record",
             recording.to_str().unwrap(),
@@ -337,7 +339,8 @@ fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
     for (name, cut) in [("skipped", true), ("uncut", false)] {
         let service = service(name);
         let recording = folder.path().join(format!("{name}.mcap"));
-        let record = ["--events", "--record", recording.to_str().unwrap()];
+        let events = ["--events", "--motion-limit", "5"];
+        let record = [&events[..], &["--record", recording.to_str().unwrap()]].concat();
         let watch = Watch::start(folder.path(), name, &service, &record);
         let mut sim = client(&service);
         assert!(sim.wait_for_watcher(PATIENCE).unwrap());

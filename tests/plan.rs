@@ -125,7 +125,8 @@ fn a_measured_adapter_that_is_gone_is_not_planned_with() {
     std::fs::create_dir(&folder).unwrap();
     let sum = serde_json::json!({ "round_trip_ms": 1e-3, "adapter_ns": 1e-3, "processor_ns": 4.5 });
     let of_now = serde_json::json!({
-        "adapter": "Some Card", "driver": "1", "threads": 1, "direct": sum, "barnes_hut": sum,
+        "adapter": "Some Card", "backend": "Vulkan", "driver": "1", "threads": 1,
+        "direct": sum, "barnes_hut": sum,
         "crossings": {
             "round_trip_ms": 1e-3, "segment_ns": 1e-3, "link_ns": 1e-3, "test_ns": 1e-3,
             "misfit": 1.0, "processor_factor": 1.0,

@@ -17,8 +17,8 @@ pub(super) struct Steps {
     last: Option<Last>,
     /// The contacts of the current frame.
     contacts: Contacts,
-    /// Pairs of curves that have touched since the very first frame, sorted; `None` before that
-    /// frame.
+    /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
+    /// closed curves; `None` before that frame.
     touching_from_the_start: Option<Vec<Pair>>,
 }
 
@@ -174,6 +174,7 @@ impl Steps {
     }
 
     /// Returns true if these curves, or parts of this curve, have touched since the first frame.
+    /// Always false for two closed curves: their baseline lacks a linking number instead.
     pub fn touch_from_the_start(&self, i: u32, j: Option<u32>) -> bool {
         let pairs = self.touching_from_the_start.as_deref().unwrap_or_default();
         j.is_some_and(|j| pairs.binary_search(&(i, j)).is_ok())

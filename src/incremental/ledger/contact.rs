@@ -103,7 +103,7 @@ pub(crate) struct Settled {
     /// Contacts that ended, but whose sum of passages is unknown.
     pub undecided: Vec<Defect>,
     /// One contact for each pair of curves that touches in the last frame, except joints of the
-    /// first frame.
+    /// first frame. Two closed curves are not included, since the certificate reports them.
     pub touching: Vec<Touching>,
     /// The contacts in the last frame.
     pub contacts: Contacts,
@@ -224,6 +224,11 @@ fn around([s, t]: [u32; 2], [first, second]: [Curve; 2]) -> impl Iterator<Item =
 /// Returns a contact of these components to be reported, if any. Prefers one that began during the
 /// run.
 fn touching(components: &[Component], contacts: &[&Contact], set: &CurveSet) -> Option<Touching> {
+    let (i, j) = contacts.first()?.pair();
+    if i != j && [i, j].iter().all(|&i| set.curve(i as usize).closed) {
+        // The certificate reports two closed curves that touch: they have no linking number.
+        return None;
+    }
     let owners = owners(components);
     let from_the_start = |c: &Contact| {
         let owner = owners.get(&c.event.segments);

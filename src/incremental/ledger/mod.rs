@@ -125,8 +125,8 @@ pub(crate) struct Outcome {
     /// Nonzero sums of the signs of two closed curves, sorted by pair. Contacts in a frame are not
     /// included.
     pub sums: Vec<Link>,
-    /// Pairs of curves that touch in the last frame, including open curves and curves that touch
-    /// themselves.
+    /// Pairs of curves that touch in the last frame, at least one of them open, and curves that
+    /// touch themselves. The certificate reports two closed curves that touch.
     pub touching: Vec<Touching>,
     /// The contacts in the last frame, which the next step continues.
     pub contacts: Contacts,
