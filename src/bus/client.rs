@@ -382,8 +382,8 @@ impl Client {
     /// Returns the time since the watcher's last message about this session; `None` if it never
     /// sent one, or left.
     ///
-    /// It speaks about once a second while it waits for frames, and with each verdict. During a long check
-    /// it is silent: what silence means is for the simulator to decide.
+    /// `linkwatch watch` sends a message about once a second, also during a long check, and one with
+    /// each verdict. The simulator decides what a longer silence means.
     pub fn silent_for(&self) -> Option<Duration> {
         match self.watcher {
             Watcher::Here {
