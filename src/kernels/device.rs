@@ -50,7 +50,7 @@ impl FromStr for Device {
 }
 
 #[cfg_attr(
-    not(feature = "gpu"),
+    not(any(feature = "gpu", test)),
     expect(dead_code, reason = "there is no list to choose from")
 )]
 impl Device {
