@@ -43,6 +43,7 @@ mod pair;
 pub(super) mod planted;
 #[cfg(test)]
 mod tests;
+mod unresolved;
 
 pub(crate) use self::contact::Contacts;
 use self::contact::{Contact, Touching};

@@ -2,6 +2,7 @@
 
 use super::contact::Contact;
 use super::net::{Found, cancel};
+use super::unresolved::{far_and_cancelling, relative_motion};
 use super::{Counts, PullThrough};
 use crate::cancel::Cancel;
 use crate::certificate::Link;
@@ -489,12 +490,6 @@ impl<'a> Task<'a> {
         along: impl Fn([f64; 2]) -> [f64; 2],
         found: &mut Tally,
     ) {
-        // A piece is shorter than its segment by this factor.
-        let scale = if self.splines() {
-            1.0 / f64::from(PIECES)
-        } else {
-            1.0
-        };
         let [i, j] = self.curves.map(|i| i as u32);
         let event = |p: Passage| PullThrough {
             i,
@@ -504,7 +499,11 @@ impl<'a> Task<'a> {
             sign: p.sign,
             point: p.point,
             lengths: match p.moment {
-                Moment::Within { .. } => relative_motion([before, after], p.at) * scale,
+                Moment::Within { .. } => {
+                    let [from, to] = [0.0, 1.0].map(|end| along([end; 2]));
+                    let shares = [0, 1].map(|side| to[side] - from[side]);
+                    relative_motion([before, after], p.at, shares)
+                }
                 _ => 0.0,
             },
         };
@@ -681,35 +680,6 @@ impl<'a> Task<'a> {
         };
         self.add_passages(&edges(0), &edges(1), [s, t], along, found);
     }
-}
-
-/// Returns the indices of passages that cancel in pairs and moved further than the limit. Chooses
-/// those that moved furthest.
-fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
-    let [forward, backward] = [1, -1].map(|sign| {
-        let far = |k: &usize| passages[*k].sign == sign && passages[*k].lengths > limit;
-        let mut far: Vec<usize> = (0..passages.len()).filter(far).collect();
-        far.sort_by(|&a, &b| passages[b].lengths.total_cmp(&passages[a].lengths));
-        far
-    });
-    let pairs = forward.into_iter().zip(backward);
-    pairs.flat_map(|(a, b)| [a, b]).collect()
-}
-
-/// Returns the relative motion of points of two pieces in a step, in lengths of the longer piece.
-fn relative_motion(frames: [&Edges; 2], at: [f64; 2]) -> f64 {
-    let mix = |[a, b]: [Point; 2], t: f64| [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x]);
-    let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
-    let between = |edges: &Edges| sub(mix(edges[1], at[1]), mix(edges[0], at[0]));
-    let motion = sub(between(frames[1]), between(frames[0])).map(|x| 2.0 * x);
-    let edges = frames.map(|edges| edges.map(|[a, b]| sub(b, a)));
-    let lengths = edges.as_flattened().iter().map(|&v| norm(v));
-    norm(motion) / lengths.fold(0.0, f64::max)
-}
-
-/// Returns the length of a vector, whose square may overflow or underflow.
-fn norm(v: Point) -> f64 {
-    v[0].hypot(v[1]).hypot(v[2])
 }
 
 /// An end that two pieces share in both frames.

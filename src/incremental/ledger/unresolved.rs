@@ -1,0 +1,62 @@
+//! Pull-throughs that the frames are too far apart to decide: the motion of the segments, and those
+//! that cancel after a motion beyond the limit.
+
+use super::PullThrough;
+use crate::curve::Point;
+use crate::exact::Edges;
+
+/// Returns the indices of passages that cancel in pairs and moved further than the limit. Chooses
+/// those that moved furthest.
+pub(super) fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
+    let [forward, backward] = [1, -1].map(|sign| {
+        let far = |k: &usize| passages[*k].sign == sign && passages[*k].lengths > limit;
+        let mut far: Vec<usize> = (0..passages.len()).filter(far).collect();
+        far.sort_by(|&a, &b| passages[b].lengths.total_cmp(&passages[a].lengths));
+        far
+    });
+    let pairs = forward.into_iter().zip(backward);
+    pairs.flat_map(|(a, b)| [a, b]).collect()
+}
+
+/// Returns the relative motion of points of two pieces in a step, in lengths of the longer of the
+/// segments that they belong to. Each piece is a part of its segment with these shares.
+pub(super) fn relative_motion(frames: [&Edges; 2], at: [f64; 2], shares: [f64; 2]) -> f64 {
+    let mix = |[a, b]: [Point; 2], t: f64| [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x]);
+    let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
+    let between = |edges: &Edges| sub(mix(edges[1], at[1]), mix(edges[0], at[0]));
+    let motion = sub(between(frames[1]), between(frames[0])).map(|x| 2.0 * x);
+    let length = |side: usize, edges: &Edges| {
+        let [a, b] = edges[side];
+        norm(sub(b, a)) / shares[side]
+    };
+    let lengths = frames.map(|edges| [0, 1].map(|side| length(side, edges)));
+    norm(motion) / lengths.as_flattened().iter().copied().fold(0.0, f64::max)
+}
+
+/// Returns the length of a vector, whose square may overflow or underflow.
+fn norm(v: Point) -> f64 {
+    v[0].hypot(v[1]).hypot(v[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motions_are_in_lengths_of_the_longer_segment_however_it_is_split() {
+        let first = |y: f64| [[-1.0, y, 0.0], [1.0, y, 0.0]];
+        let second = [[0.0, 0.0, -2.0], [0.0, 0.0, 2.0]];
+        let [before, after] = [-3.0, 3.0].map(|y| [first(y), second]);
+        assert_eq!(relative_motion([&before, &after], [0.5; 2], [1.0; 2]), 1.5);
+        // The second half of the second segment, and coordinates whose squares overflow.
+        for scale in [1.0, 1e200, 1e-200] {
+            let scaled = |p: Point| p.map(|x| x * scale);
+            let [before, after] = [before, after].map(|mut edges| {
+                edges[1][0] = [0.0; 3];
+                edges.map(|edge| edge.map(scaled))
+            });
+            let lengths = relative_motion([&before, &after], [0.5, 0.0], [1.0, 0.5]);
+            assert!((lengths - 1.5).abs() < 1e-14, "{lengths}");
+        }
+    }
+}
