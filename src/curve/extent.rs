@@ -73,12 +73,12 @@ impl CurveSet {
     /// In a scene without a periodic box such a segment is unusual, but valid.
     pub fn long_segment(&self) -> Option<LongSegment> {
         let sides = self.sides();
-        let (mut sum, mut edges) = ([0.0; 3], 0.0);
-        self.for_each_edge(|_, _, d| {
+        let (mut sum, mut edges) = (0.0, 0.0);
+        self.for_each_edge(|_, _, [x, y, z]| {
             edges += 1.0;
-            (0..3).for_each(|x| sum[x] += d[x].abs());
+            sum += x.hypot(y).hypot(z);
         });
-        let limit = [0, 1, 2].map(|x| (SHARE * sides[x]).max(AVERAGES * sum[x] / edges));
+        let limit = sides.map(|side| (SHARE * side).max(AVERAGES * sum / edges));
         let mut longest: Option<LongSegment> = None;
         let mut count = 0;
         self.for_each_edge(|curve, segment, d| {
@@ -151,6 +151,11 @@ mod tests {
         let square = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F64(&xyz)).unwrap();
         assert_eq!(square.long_segment(), None);
         assert_eq!(square.extent(), 1.0);
+        // Two linked squares: only one of them extends along z.
+        let other = [0.5, 0.5, -0.5, 1.5, 0.5, -0.5, 1.5, 0.5, 0.5, 0.5, 0.5, 0.5];
+        let xyz = [xyz, other].concat();
+        let link = CurveSet::from_counts(Basis::Polyline, &[-4; 2], Positions::F64(&xyz)).unwrap();
+        assert_eq!(link.long_segment(), None);
     }
 
     #[test]

@@ -532,8 +532,11 @@ impl Session {
             let [quiet, partial, full] = [quiet, partial, full].map(count);
             line += &format!("\nframes: {quiet} quiet, {partial} partial, {full} full");
         }
-        if let Some(first) = first {
-            line += &format!("\nfirst violation: {first}");
+        match first {
+            // The findings of each model are printed above.
+            Some(first) if self.files => line += &format!("\nfirst violation: {}", first.name),
+            Some(first) => line += &format!("\nfirst violation: {first}"),
+            None => {}
         }
         if self.unresolved.pull_throughs > 0 {
             line += &format!("\n{}", self.unresolved.words());

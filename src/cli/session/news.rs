@@ -60,7 +60,7 @@ pub struct Violation {
     /// Simulation time of the frame, in seconds.
     time: f64,
     /// The frame in words: its number and time, or its model file.
-    name: String,
+    pub name: String,
     verdict: Verdict,
     /// Curves of the finding; the same curve twice if it was pulled through itself.
     curves: Vec<u32>,
