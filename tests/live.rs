@@ -513,6 +513,34 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
 }
 
+#[test]
+fn a_baseline_file_may_hold_undefined_pairs() {
+    let folder = TempDir::new().unwrap();
+    let service = service("undefined");
+    let baseline = folder.path().join("touching.txt");
+    std::fs::write(&baseline, "2 # lines: 1\n0,1,undefined\n").unwrap();
+    let args = ["--baseline", baseline.to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "undefined", &service, &args);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    // The squares touch, as in the baseline, come apart and have a number from there on.
+    for (frame, (shift, verdict)) in [
+        (1.0, Verdict::Contact),
+        (3.0, Verdict::Undecided),
+        (3.0, Verdict::Intact),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        assert_eq!(step(&mut sim, frame as u64, shift), verdict, "{frame}");
+        assert!(sim.aborted().is_none(), "{frame}");
+    }
+    sim.finish().unwrap();
+    let live = watch.end();
+    assert_eq!(live.code, Some(3), "{}", live.stderr);
+    assert_eq!(live.reports()[1]["defects"][0]["kind"], "no-baseline");
+}
+
 /// Regression test: a contact in the first frame hid every later one, and asked the simulator to
 /// stop in each frame.
 #[test]
