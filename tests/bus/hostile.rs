@@ -58,7 +58,7 @@ impl Liar {
     pub fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
         let mut header = Header {
             magic: u64::from_le_bytes(*b"LWFRAME\0"),
-            version: 3,
+            version: 4,
             flags: 0,
             session: 77,
             seq: self.seq,
