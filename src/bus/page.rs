@@ -187,7 +187,7 @@ fn the_wire_page_says_which_numbers_of_points_a_basis_takes() {
     assert_eq!(found.len(), Basis::ALL.len());
     for (basis, row) in Basis::ALL.into_iter().zip(found) {
         assert_eq!(row[0], basis.code().to_string());
-        for (closed, cell) in [(true, &row[2]), (false, &row[3])] {
+        for (closed, cell) in [(true, &row[3]), (false, &row[4])] {
             let valid = (0..=10).filter(|&n| basis.segments(n, closed).is_some());
             let valid: Vec<String> = valid.map(|n| n.to_string()).collect();
             let expected = match basis {
@@ -258,4 +258,30 @@ fn the_wire_page_has_the_settings_of_both_services() {
         .type_name()
         .to_string();
     assert_eq!((&named[0][5], &named[2][4]), (&header, &verdict));
+}
+
+/// Writes a file as the page says, for each basis, and reads it.
+#[test]
+fn the_wire_page_describes_files_that_are_read() {
+    let offsets = columns(1, rows("## Frames in files", "BCC offset"));
+    assert_eq!(offsets.concat(), ["0", "4", "6", "8", "16", "24", "64"]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.bcc");
+    for (basis, row) in Basis::ALL.into_iter().zip(rows("## A frame", "basis code")) {
+        let mut file = b"BCC\x44".to_vec();
+        file.extend(row[1].as_bytes());
+        file.extend([3, 0]);
+        file.extend(1_u64.to_le_bytes());
+        file.extend(3_u64.to_le_bytes());
+        file.extend([0; 40]);
+        file.extend((-3_i32).to_le_bytes());
+        file.extend((0..9).flat_map(|x: u8| f32::from(x).to_le_bytes()));
+        std::fs::write(&path, &file).unwrap();
+        let set = crate::model::read(&path).unwrap();
+        assert_eq!(
+            (set.basis(), set.counts().collect::<Vec<_>>()),
+            (basis, vec![-3])
+        );
+        assert_eq!(set.point(0, 2), [6.0, 7.0, 8.0]);
+    }
 }
