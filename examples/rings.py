@@ -21,7 +21,7 @@ import numpy as np
 import openmm as mm
 from openmm import unit
 
-VERSION = 3
+VERSION = 4
 FRAME_MAGIC = int.from_bytes(b"LWFRAME\0", "little")
 VERDICT_MAGIC = int.from_bytes(b"LWVERDI\0", "little")
 LOCKSTEP, END, ANNOUNCE, UNFINISHED = 1, 2, 4, 8
@@ -78,6 +78,7 @@ class Verdict(ctypes.Structure):
         ("point", ctypes.c_double * 3),
         ("distance", ctypes.c_double),
         ("lengths", ctypes.c_double),
+        ("extent", ctypes.c_double),
         ("verified", ctypes.c_uint64),
         ("skipped", ctypes.c_uint64),
         ("rejected", ctypes.c_uint64),

@@ -86,8 +86,12 @@ pub enum Error {
         /// Largest magnitude allowed.
         limit: f64,
     },
-    /// A frame has no closed curve, and so no linking number.
-    #[error("nothing to verify: none of {curves} curves is closed (a count below 0 says closed)")]
+    /// A frame has no closed curve, and so no linking number, and no pull-throughs are looked for
+    /// ([`Verifier::set_events`](crate::Verifier::set_events)).
+    #[error(
+        "nothing to verify: none of {curves} curves is closed (a closed curve has a count below 0); \
+         --events looks for pull-throughs of open curves"
+    )]
     NothingClosed {
         /// Curves of the frame, all of them open.
         curves: usize,
@@ -131,14 +135,6 @@ pub enum Error {
         certificate: usize,
         /// Curves of the model.
         model: usize,
-    },
-    /// A certificate file holds proven numbers only, and something has none.
-    #[error("no certificate written: {undefined} without a linking number; the first: {first}")]
-    Incomplete {
-        /// How many pairs and curves.
-        undefined: usize,
-        /// The first, in words.
-        first: String,
     },
     /// The description of a scene cannot be used.
     #[error("scene {scene}: {what}")]

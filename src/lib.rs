@@ -99,7 +99,9 @@ pub use bus::{
     Outcome, Sidecar, SidecarOptions, VerdictMessage,
 };
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
-pub use curve::{Basis, Curve, CurveSet, CurveSetBuilder, Point, Positions, Precision};
+pub use curve::{
+    Basis, Curve, CurveSet, CurveSetBuilder, LongSegment, Point, Positions, Precision,
+};
 pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
 pub use incremental::{Events, PullThrough, Route, Work};

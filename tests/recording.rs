@@ -88,6 +88,7 @@ fn report(seq: u64) -> Report {
             refined: 10,
             exact: u64::MAX,
             unchecked: 11,
+            extent: 12.5,
         },
     }
 }

@@ -46,6 +46,16 @@ pub enum Finding {
     Defect(Defect),
 }
 
+impl Finding {
+    fn sentence(&self, extent: f64) -> String {
+        match self {
+            Finding::Change(change) => change.sentence(extent),
+            Finding::Event(event) => event.sentence(extent),
+            Finding::Defect(defect) => defect.sentence(extent),
+        }
+    }
+}
+
 /// A message from the watcher. Its `Display` says it in words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VerdictMessage {
@@ -76,6 +86,8 @@ pub struct VerdictMessage {
     pub unresolved: u32,
     /// The first finding.
     pub first: Option<Finding>,
+    /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
+    pub extent: f64,
     /// Why the frame was rejected.
     pub reason: Option<String>,
     /// The session so far.
@@ -131,11 +143,8 @@ impl fmt::Display for VerdictMessage {
             1 => write!(f, ", 1 unresolved pull-through")?,
             n => write!(f, ", {n} unresolved pull-throughs")?,
         }
-        match &self.first {
-            Some(Finding::Change(change)) => write!(f, ": {change}")?,
-            Some(Finding::Event(event)) => write!(f, ": {event}")?,
-            Some(Finding::Defect(defect)) => write!(f, ": {defect}")?,
-            None => {}
+        if let Some(finding) = &self.first {
+            write!(f, ": {}", finding.sentence(self.extent))?;
         }
         if let Some(reason) = &self.reason {
             write!(f, ": {reason}")?;
@@ -177,6 +186,7 @@ impl VerdictWire {
             point: [0.0; 3],
             distance: 0.0,
             lengths: 0.0,
+            extent: 0.0,
             verified: counters.verified,
             skipped: counters.skipped,
             rejected: counters.rejected,
@@ -205,6 +215,7 @@ impl VerdictWire {
             defects: u32::try_from(report.defects.len()).unwrap_or(u32::MAX),
             unresolved: u32::try_from(report.unresolved.len()).unwrap_or(u32::MAX),
             check_ns: u64::try_from(check.as_nanos()).unwrap_or(u64::MAX),
+            extent: report.stats.extent,
             ..VerdictWire::new(MessageKind::Verdict, session, counters)
         };
         if let Some(change) = report.changes.first() {
@@ -315,6 +326,7 @@ impl VerdictWire {
             defects: self.defects,
             unresolved: self.unresolved,
             first,
+            extent: self.extent,
             reason: (!reason.is_empty()).then(|| String::from_utf8_lossy(reason).into_owned()),
             counters: Counters {
                 verified: self.verified,
@@ -379,7 +391,7 @@ mod tests {
         assert_eq!(
             m.to_string(),
             "frame 12: changed, 1 link lost, 1 link changed: curves 3 and 4 came apart: linking \
-             number 1 expected, 0 found, near (1.0000, 2.0000, 3.0000), segments 7 and 8, 2.500e-1 \
+             number 1 expected, 0 found, near (1.00000, 2.00000, 3.00000), segments 7 and 8, 0.25 \
              apart. Stop or roll back"
         );
     }
@@ -402,7 +414,7 @@ mod tests {
         assert_eq!(
             m.to_string(),
             "frame 12: changed, 1 pull-through: curve 3 passed through itself at 0.250 of the step (-1), at \
-             (1.0000, 2.0000, 3.0000), segments 7 and 9"
+             (1.00000, 2.00000, 3.00000), segments 7 and 9"
         );
     }
 

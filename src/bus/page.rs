@@ -82,10 +82,6 @@ fn the_wire_page_has_every_field_of_a_frame_header() {
         found[0][4]
     );
     assert_eq!(found[1][4], LAYOUT_VERSION.to_string());
-    assert_eq!(
-        (size_of::<FrameHeader>(), align_of::<FrameHeader>()),
-        (64, 8)
-    );
 }
 
 #[test]
@@ -120,6 +116,7 @@ fn the_wire_page_has_every_field_of_a_verdict() {
             point,
             distance,
             lengths,
+            extent,
             verified,
             skipped,
             rejected,
@@ -137,11 +134,16 @@ fn the_wire_page_has_every_field_of_a_verdict() {
     assert_eq!(found[1][4], LAYOUT_VERSION.to_string());
     let j = found.iter().find(|row| row[3] == "j").unwrap();
     assert!(j[4].contains(&NO_CURVE.to_string()), "{}", j[4]);
-    assert_eq!(
-        (size_of::<VerdictWire>(), align_of::<VerdictWire>()),
-        (384, 8)
+    let alignment = align_of::<VerdictWire>();
+    assert_eq!(align_of::<FrameHeader>(), alignment);
+    let sizes = format!(
+        "({} and {} bytes) and the alignment ({alignment} bytes for both)",
+        size_of::<FrameHeader>(),
+        size_of::<VerdictWire>(),
     );
-    assert!(PAGE.contains("(64 and 384 bytes) and the alignment (8 bytes for both)"));
+    assert!(PAGE.contains(&sizes), "{sizes}");
+    let version = format!("The version of this layout is **{LAYOUT_VERSION}**.");
+    assert!(PAGE.contains(&version), "{version}");
 }
 
 #[test]
@@ -283,5 +285,37 @@ fn the_wire_page_describes_files_that_are_read() {
             (basis, vec![-3])
         );
         assert_eq!(set.point(0, 2), [6.0, 7.0, 8.0]);
+    }
+}
+
+#[test]
+fn the_client_in_python_has_the_fields_of_the_wire_page() {
+    const CLIENT: &str = include_str!("../../examples/rings.py");
+    assert!(CLIENT.contains(&format!("\nVERSION = {LAYOUT_VERSION}\n")));
+    let in_python = |t: &str| {
+        let (item, times) = match t.trim_matches(['[', ']']).split_once("; ") {
+            Some((item, n)) => (item, format!(" * {n}")),
+            None => (t, String::new()),
+        };
+        let name = match item.split_at(1) {
+            ("f", "64") => "double".to_owned(),
+            ("u", bits) => format!("uint{bits}"),
+            (_, bits) => format!("int{bits}"),
+        };
+        format!("ctypes.c_{name}{times}")
+    };
+    for (class, heading) in [("FrameHeader", "## A frame"), ("Verdict", "## A message")] {
+        let (_, class) = CLIENT.split_once(&format!("class {class}(")).unwrap();
+        let (fields, _) = class.split_once("    ]").unwrap();
+        let fields: Vec<&str> = fields
+            .lines()
+            .map(str::trim)
+            .filter(|line| line.starts_with("(\""))
+            .collect();
+        let expected: Vec<String> = rows(heading, "offset")
+            .iter()
+            .map(|row| format!("(\"{}\", {}),", row[3], in_python(&row[2])))
+            .collect();
+        assert_eq!(fields, expected);
     }
 }

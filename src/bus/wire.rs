@@ -15,7 +15,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
 /// Counts up with every change of either struct or of the payload.
-pub(super) const LAYOUT_VERSION: u32 = 3;
+pub(super) const LAYOUT_VERSION: u32 = 4;
 
 /// Start of the payload and of the positions in it: a cache line, and the widest vector load.
 pub(super) const ALIGNMENT: usize = 64;
@@ -109,6 +109,8 @@ pub(super) struct VerdictWire {
     pub distance: f64,
     /// Relative motion of a pull-through; see `PullThrough::lengths`.
     pub lengths: f64,
+    /// Extent of the scene; see `Stats::extent`.
+    pub extent: f64,
     pub verified: u64,
     pub skipped: u64,
     pub rejected: u64,
@@ -119,7 +121,7 @@ pub(super) struct VerdictWire {
 
 // No hidden padding: the sizes are the sums of the fields, and both are whole words.
 const _: () = assert!(size_of::<FrameHeader>() == 64);
-const _: () = assert!(size_of::<VerdictWire>() == 384);
+const _: () = assert!(size_of::<VerdictWire>() == 392);
 
 /// Bytes of the counts of `curves` curves, with the padding behind them.
 pub(super) fn table_bytes(curves: usize) -> Option<usize> {
@@ -323,7 +325,7 @@ mod tests {
         let e = with(|h| h.version = 9).check_layout().unwrap_err();
         assert_eq!(
             e.to_string(),
-            "the frame has version 9; this build reads version 3"
+            "the frame has version 9; this build reads version 4"
         );
         assert!(with(|h| h.magic = 0).check_layout().is_err());
     }

@@ -7,6 +7,10 @@
 //! 7,9,1
 //! ```
 //!
+//! A pair that has no linking number, because its curves touch or are too close to decide, is listed
+//! as `i,j,undefined`; `i,,undefined` stands for all pairs of a degenerate curve `i`. (verifycurves
+//! has no such pairs; it reads these as 0.)
+//!
 //! The comment states how many lines the file has after the first. Without it, a file that was
 //! truncated at a line end would be a valid certificate with fewer links. It is in the first line,
 //! because readers that do not know it most likely ignore it there: verifycurves reads the number
@@ -14,12 +18,16 @@
 
 use super::{Certificate, Link};
 use crate::error::{Error, Result};
+use crate::verdict::{Defect, DefectKind, Place};
 use std::fmt;
 use std::path::Path;
 
+/// The entry of a pair without a linking number.
+const UNDEFINED: &str = "undefined";
+
 impl fmt::Display for Certificate {
-    /// The text of the file. Pairs without a number are listed as `i,j,undefined` (`i,,undefined` for all pairs
-    /// of a curve), which no reader takes for a certificate: left out, they would read as 0.
+    /// Writes the text of the file. Pairs without a number are listed as `i,j,undefined`, or
+    /// `i,,undefined` for all pairs of a curve. If they were left out, they would read as 0.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let lines = self.links.len() + self.undefined.len();
         writeln!(f, "{} {}", self.curves, promise(lines))?;
@@ -28,7 +36,7 @@ impl fmt::Display for Certificate {
         }
         for d in &self.undefined {
             let j = d.j.map_or(String::new(), |j| j.to_string());
-            writeln!(f, "{},{j},undefined", d.i)?;
+            writeln!(f, "{},{j},{UNDEFINED}", d.i)?;
         }
         Ok(())
     }
@@ -37,6 +45,9 @@ impl fmt::Display for Certificate {
 impl Certificate {
     /// Parses the text of a certificate. Lines may be in any order. If the first line states their
     /// number, all of them must be there.
+    ///
+    /// The text does not tell why or where a pair is undefined. Parsed pairs have the kind
+    /// [`DefectKind::TooClose`], curves have [`DefectKind::Degenerate`], and the place is the origin.
     pub fn parse(text: &str) -> Result<Certificate> {
         let bad = |line: usize, what: String| {
             Error::format("certificate", format_args!("line {}", line + 1), what)
@@ -59,27 +70,27 @@ impl Certificate {
             )
         })?;
         let mut links = Vec::new();
+        let mut undefined = Vec::new();
         let mut found = 0;
         for (at, line) in lines {
             found += 1;
-            let mut fields = line.split(',').map(str::trim);
-            let parsed = (|| {
-                let (i, j) = (fields.next()?.parse().ok()?, fields.next()?.parse().ok()?);
-                let lambda = fields.next()?.parse().ok()?;
-                fields.next().is_none().then_some(Link { i, j, lambda })
-            })();
-            let Some(link) = parsed else {
-                return Err(bad(at, format!("'{}', expected i,j,lambda", clip(line))));
+            let Some((i, j, lambda)) = entry(line) else {
+                let expected = "expected i,j,lambda or i,j,undefined";
+                return Err(bad(at, format!("'{}', {expected}", clip(line))));
             };
-            if link.i >= link.j || link.j as usize >= curves {
-                let what = format!(
-                    "pair {},{} of {curves} curves; expected i < j < {curves}",
-                    link.i, link.j
-                );
-                return Err(bad(at, what));
+            if j.is_some_and(|j| i >= j) || j.unwrap_or(i) as usize >= curves {
+                let expected = match j {
+                    Some(j) => {
+                        format!("pair {i},{j} of {curves} curves; expected i < j < {curves}")
+                    }
+                    None => format!("curve {i} of {curves} curves"),
+                };
+                return Err(bad(at, expected));
             }
-            if link.lambda != 0 {
-                links.push(link);
+            match (j, lambda) {
+                (Some(j), Some(lambda)) if lambda != 0 => links.push(Link { i, j, lambda }),
+                (_, Some(_)) => {}
+                (_, None) => undefined.push(unknown(i, j)),
             }
         }
         // The last line may be truncated within its number.
@@ -95,47 +106,77 @@ impl Certificate {
             ));
         }
         links.sort_unstable();
-        if let Some(w) = links
-            .windows(2)
-            .find(|w| (w[0].i, w[0].j) == (w[1].i, w[1].j))
-        {
-            return Err(Error::format(
-                "certificate",
-                "whole file",
-                format_args!("pair {},{} is listed twice", w[0].i, w[0].j),
-            ));
+        undefined.sort_by_key(|d| (d.i, d.j));
+        let keys = undefined.iter().map(|d| (d.i, d.j));
+        let mut listed: Vec<_> = links.iter().map(|l| (l.i, Some(l.j))).chain(keys).collect();
+        listed.sort_unstable();
+        if let Some(&[(i, j), _]) = listed.array_windows().find(|[a, b]| a == b) {
+            let j = j.map_or(String::new(), |j| j.to_string());
+            let what = format!("pair {i},{j} is listed twice");
+            return Err(Error::format("certificate", "whole file", what));
         }
         Ok(Certificate {
             curves,
             links,
-            undefined: Vec::new(),
+            undefined,
         })
     }
 
     /// Reads a certificate file.
-    pub fn read(path: &Path) -> Result<Certificate> {
-        let text = std::fs::read_to_string(path).map_err(Error::file(path))?;
-        Self::parse(&text)
-    }
-
-    /// Writes a certificate file; see [`Certificate::to_text`].
-    pub fn write(&self, path: &Path) -> Result<()> {
-        std::fs::write(path, self.to_text()?).map_err(Error::file(path))
-    }
-
-    /// Returns the text of a certificate file.
     ///
-    /// Errors: [`Error::Incomplete`] if a pair has no linking number, because the file would read
-    /// as 0.
-    pub fn to_text(&self) -> Result<String> {
-        if let Some(d) = self.undefined.first() {
-            return Err(Error::Incomplete {
-                undefined: self.undefined.len(),
-                first: d.to_string(),
-            });
-        }
-        Ok(self.to_string())
+    /// Errors: [`Error::File`] if it cannot be read; [`Error::Format`] (within [`Error::InFile`]) if
+    /// it is not a certificate, a model for example.
+    pub fn read(path: &Path) -> Result<Certificate> {
+        let bytes = std::fs::read(path).map_err(Error::file(path))?;
+        let parsed = match String::from_utf8(bytes) {
+            Ok(text) => Self::parse(&text),
+            Err(_) => {
+                let what = "binary data, expected text";
+                Err(Error::format("certificate", "whole file", what))
+            }
+        };
+        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+        parsed.map_err(|e| match extension.to_str() {
+            Some("bcc" | "obj" | "vect") => {
+                let name = path.display();
+                let what = format!("a model; `linkwatch certify {name} -o CERT` writes one of it");
+                Error::format("certificate", "whole file", what).in_file(path)
+            }
+            _ => e.in_file(path),
+        })
     }
+
+    /// Writes a certificate file, with `i,j,undefined` for pairs without a linking number.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        std::fs::write(path, self.to_string()).map_err(Error::file(path))
+    }
+}
+
+/// Parses a line: a curve, the other curve (or none, for all of them), and the linking number (or
+/// none, if it is undefined). Returns `None` if the line is malformed.
+fn entry(line: &str) -> Option<(u32, Option<u32>, Option<i64>)> {
+    let mut fields = line.split(',').map(str::trim);
+    let (i, j, lambda) = (fields.next()?.parse().ok()?, fields.next()?, fields.next()?);
+    let entry = match (j, lambda) {
+        ("", UNDEFINED) => (i, None, None),
+        (j, UNDEFINED) => (i, Some(j.parse().ok()?), None),
+        (j, lambda) => (i, Some(j.parse().ok()?), Some(lambda.parse().ok()?)),
+    };
+    fields.next().is_none().then_some(entry)
+}
+
+/// Returns a pair without a linking number, or a curve without any, for an unknown reason.
+fn unknown(i: u32, j: Option<u32>) -> Defect {
+    let kind = match j {
+        Some(_) => DefectKind::TooClose,
+        None => DefectKind::Degenerate,
+    };
+    let place = Place {
+        segments: [0, 0],
+        point: [0.0; 3],
+        distance: 0.0,
+    };
+    Defect { i, j, kind, place }
 }
 
 /// Returns the comment of the first line.
@@ -165,6 +206,18 @@ mod tests {
         let empty = Certificate::parse("70").unwrap();
         assert_eq!(empty.to_string(), "70 # lines: 0\n");
         assert_eq!(Certificate::parse(&empty.to_string()).unwrap(), empty);
+    }
+
+    #[test]
+    fn pairs_without_a_linking_number_round_trip() {
+        let text = "9 # lines: 4\n0,1,-2\n2,3,undefined\n2,8,undefined\n4,,undefined\n";
+        let c = Certificate::parse(text).unwrap();
+        assert_eq!(c.links.len(), 1);
+        let keys: Vec<_> = c.undefined.iter().map(|d| (d.i, d.j)).collect();
+        assert_eq!(keys, [(2, Some(3)), (2, Some(8)), (4, None)]);
+        assert_eq!(c.to_string(), text);
+        let shuffled = "9\n4,,undefined\n 2, 8, undefined\n0,1,-2\n2,3,undefined\n";
+        assert_eq!(Certificate::parse(shuffled).unwrap(), c);
     }
 
     #[test]
@@ -224,6 +277,13 @@ mod tests {
             ("3\n0,3,1\n", "i < j < 3"),
             ("3\n0,1,1\n0,1,2\n", "listed twice"),
             ("3\n0,1,99999999999999999999\n", "line 2"),
+            ("3\n0,1,1,\n", "line 2"),
+            ("3\n0,1,unknown\n", "i,j,undefined"),
+            ("3\n0,,1\n", "line 2"),
+            ("3\n3,,undefined\n", "curve 3 of 3 curves"),
+            ("3\n1,0,undefined\n", "i < j < 3"),
+            ("3\n0,1,1\n0,1,undefined\n", "pair 0,1 is listed twice"),
+            ("3\n2,,undefined\n2,,undefined\n", "pair 2, is listed twice"),
             ("3 # some rings\n0,1,1\n", "line 1"),
             ("3 # lines: 1\n0,1,1\n1,2,1\n", "found 2"),
         ] {

@@ -92,7 +92,8 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
             }
         })?;
     let took = start.elapsed();
-    output::warn_of_open_curves(&name, &stats);
+    output::warn_of_open_curves(&name, &stats, None);
+    output::warn_of_long_segment(&name, &set);
     if stats.repeated_vertices > 0 {
         let vertices = plural_of(
             stats.repeated_vertices,
@@ -101,8 +102,11 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         );
         tracing::warn!("{name}: {vertices} merged");
     }
-    for defect in &certificate.undefined {
-        tracing::warn!("{name}: {defect}");
+    if !certificate.undefined.is_empty() {
+        let extent = set.extent();
+        for defect in &certificate.undefined {
+            tracing::warn!("{name}: {}", defect.sentence(extent));
+        }
     }
     Ok(Certified {
         set,
@@ -175,7 +179,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
         match &args.output {
             Some(file) => {
-                write_text(file, args.overwrite, &c.certificate.to_text()?)?;
+                write_text(file, args.overwrite, &c.certificate.to_string())?;
                 tracing::info!("{}: written", file.display());
             }
             None if json => {}

@@ -1,24 +1,35 @@
-//! `linkwatch check`: models against a certificate.
+//! `linkwatch check`: models against a certificate, or against the first of them.
 
 use super::Outcome;
-use super::files::{Content, Files, Overwrite, write_text};
+use super::files::{Content, Files, write_text};
 use super::kernel::KernelArgs;
 use super::look_for::LookFor;
-use super::output::{self, plural, with_progress};
+use super::order;
+use super::output::with_progress;
+use super::session::{Baseline, Ingested, Judge, Run, Session, Sinks, Tally};
 use linkwatch::kernels::Device;
-use linkwatch::{AbortOn, Certificate, Error, Report, Result, Verifier, model};
-use std::collections::BTreeSet;
+use linkwatch::{AbortOn, CurveSet, Error, Events, Overflow, Result, Verdict, Verifier, model};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-/// Compare the topology of models with a certificate
+/// Maximum wait for a sink that takes nothing. After that, frames are dropped and counted.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Compare the topology of models with a certificate, or with the first model
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models: .bcc, .obj (lines) or .vect; several are frames of one motion
+    /// Models: .bcc, .obj (lines) or .vect; several are frames of one motion, and sorted by number
+    /// if their names differ in numbers only
     #[arg(required = true, value_name = "MODEL")]
     models: Vec<PathBuf>,
-    /// The certificate to compare with, as `linkwatch certify -o` writes it
-    #[arg(long, value_name = "CERT")]
-    against: PathBuf,
+    /// Expected linking numbers: those of the first model, or a certificate as `linkwatch certify
+    /// -o` writes it [default: first-frame]
+    #[arg(long, value_name = "first-frame|CERT")]
+    against: Option<Baseline>,
+    /// Keep the order in which the models are given
+    #[arg(long)]
+    keep_order: bool,
     /// Stop at the first change of a model, the most suspect pairs first
     #[arg(long, conflicts_with_all = ["events", "own", "method"])]
     early_exit: bool,
@@ -33,14 +44,35 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     diff_curves: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: Overwrite,
+    sinks: Sinks,
 }
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let mut files = Files::new(args.overwrite);
-    args.models.iter().for_each(|path| files.reads(path));
-    files.reads(&args.against);
+    let mut models = args.models.clone();
+    if !args.keep_order && order::sort(&mut models) {
+        tracing::warn!(
+            "models are sorted by the numbers in their names: {} .. {} (--keep-order keeps the order \
+             that was given)",
+            models[0].display(),
+            models[models.len() - 1].display(),
+        );
+    }
+    let from_first_frame = !matches!(args.against, Some(Baseline::File(_)));
+    if from_first_frame && models.len() == 1 {
+        let why = "one model, and nothing to compare it with: give the later models of its motion as \
+                   well, or --against CERT (`linkwatch certify MODEL -o CERT` writes one)";
+        return Err(Error::Usage(why.into()));
+    }
+    if args.early_exit && !matches!(args.kernel.device, Device::Auto | Device::Cpu) {
+        let why = "--early-exit computes few pairs at a time, on the CPU: omit --device";
+        return Err(Error::Usage(why.into()));
+    }
+    let mut files = Files::new(args.sinks.overwrite);
+    models.iter().for_each(|path| files.reads(path));
+    if let Some(Baseline::File(path)) = &args.against {
+        files.reads(path);
+    }
     for (option, file) in [
         ("--diff-pairs", &args.diff_pairs),
         ("--diff-curves", &args.diff_curves),
@@ -49,72 +81,89 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             files.writes(option, file, Content::Text)?;
         }
     }
-    if args.early_exit && !matches!(args.kernel.device, Device::Auto | Device::Cpu) {
-        let why = "--early-exit computes few pairs at a time, on the processor: leave --device out";
-        return Err(Error::Usage(why.into()));
-    }
-    let expected = Certificate::read(&args.against)?;
-    let mut verifier = Verifier::with_baseline(AbortOn::Never, expected);
-    verifier.set_early_exit(args.early_exit);
-    args.kernel.set(&mut verifier)?;
-    verifier.set_events(args.look_for.events(AbortOn::Never));
-    if let Some(limit) = args.look_for.motion_limit {
-        verifier.set_motion_limit(limit)?;
-    }
-    let mut outcome = Outcome::Fine;
+    let judge = Judge {
+        baseline: args.against.clone(),
+        abort_on: Some(AbortOn::Never),
+        look_for: args.look_for,
+        kernel: args.kernel.clone(),
+        paranoid: false,
+    };
+    let mut session = Session::new(Run {
+        judge: &judge,
+        sinks: &args.sinks,
+        files,
+        full: models.len() == 1 || args.early_exit,
+        early_exit: args.early_exit,
+        baseline: None,
+        look_for: (Events::Off, Verifier::MOTION_LIMIT),
+        title: &format!("check of {}", models[0].display()),
+        metadata: BTreeMap::from([("models".to_owned(), models.len().to_string())]),
+        overflow: Overflow::WaitForProgress(PATIENCE),
+        json,
+    })?
+    .of_files();
+    let mut tally = Tally::default();
     let mut pairs = BTreeSet::new();
     let mut failed = None;
-    for (frame, path) in args.models.iter().enumerate() {
-        let report = match judge(&mut verifier, frame, path) {
-            Ok(report) => report,
+    for (seq, path) in models.iter().enumerate() {
+        let name = path.display().to_string();
+        let judged = read(path).and_then(|frame| {
+            let progress = session.progress();
+            with_progress(&name, progress, || session.judge(seq as u64, 0.0, 0, frame))
+        });
+        let mut judged = match judged {
+            Ok(judged) => judged,
             Err(e) => {
-                // The other frames are still worth their verdicts.
+                let nothing_closed = matches!(e, Error::NothingClosed { .. });
+                // The other models still get their verdicts.
                 let e = e.in_file(path);
                 match &failed {
                     None => failed = Some(e),
                     Some(_) => tracing::error!("{e}"),
                 }
+                // Without a first frame there is nothing to compare the others with.
+                if nothing_closed && from_first_frame {
+                    break;
+                }
                 continue;
             }
         };
-        let changes = report.changes.iter();
+        match judged.report.verdict {
+            Verdict::Rejected => tally.rejected += 1,
+            _ => tally.verified += 1,
+        }
+        let changes = judged.report.changes.iter();
         pairs.extend(changes.map(|c| (c.i, c.j, c.expected, c.found)));
-        outcome = outcome.max(Outcome::of(report.verdict));
-        if json {
-            output::json(&serde_json::json!({ "model": path, "report": report }));
-            continue;
-        }
-        output::line(format_args!("{}: {}", path.display(), report.verdict));
-        for finding in report.findings() {
-            output::line(format_args!("  {finding}"));
-        }
-        if report.stats.unchecked > 0 {
-            let unchecked = plural(report.stats.unchecked, "pair");
-            output::line(format_args!("  {unchecked} left unchecked"));
-        }
+        judged.model = Some(name);
+        session.publish(judged, tally);
     }
+    if failed.is_some() {
+        session.data_lost();
+    }
+    let outcome = session.finish(tally);
     if let Some(file) = &args.diff_pairs {
         let lines = pairs
             .iter()
             .map(|(i, j, expected, found)| format!("{i},{j},{expected},{found}"));
-        write_text(file, args.overwrite, &text(lines))?;
+        write_text(file, args.sinks.overwrite, &text(lines))?;
     }
     if let Some(file) = &args.diff_curves {
         let curves: BTreeSet<u32> = pairs.iter().flat_map(|p| [p.0, p.1]).collect();
         let lines = curves.iter().map(u32::to_string);
-        write_text(file, args.overwrite, &text(lines))?;
+        write_text(file, args.sinks.overwrite, &text(lines))?;
     }
     failed.map_or(Ok(outcome), Err)
 }
 
-fn judge(verifier: &mut Verifier, frame: usize, path: &Path) -> Result<Report> {
-    let set = model::read(path)?;
-    let name = path.display().to_string();
-    let report = with_progress(&name, verifier.progress(), || {
-        verifier.step(frame as u64, 0.0, &set)
-    })?;
-    output::warn_of_open_curves(&name, &report.stats);
-    Ok(report)
+/// Reads a model. A file with invalid content becomes a rejected frame.
+///
+/// Errors: the file cannot be read, or is not a model.
+fn read(path: &Path) -> Result<Ingested> {
+    let curves: Result<CurveSet> = match model::read(path) {
+        Err(Error::InFile { source, .. }) => Err(*source),
+        read => Ok(read?),
+    };
+    Ok(curves.into())
 }
 
 fn text(lines: impl Iterator<Item = String>) -> String {

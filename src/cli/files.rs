@@ -21,7 +21,7 @@ pub enum Content {
     Model,
     #[cfg(feature = "mcap")]
     Recording,
-    #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
+    #[cfg(feature = "rerun")]
     Viewer,
     Plot,
 }
@@ -40,11 +40,11 @@ impl Content {
             }
             #[cfg(feature = "mcap")]
             (Content::Recording, other) if other != "mcap" => Some("a recording is an .mcap file"),
-            #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
+            #[cfg(feature = "rerun")]
             (Content::Viewer, "mcap") => {
                 Some("a file for the viewer is an .rrd file; --record writes a recording (.mcap)")
             }
-            #[cfg(all(feature = "rerun", any(feature = "bus", feature = "mcap")))]
+            #[cfg(feature = "rerun")]
             (Content::Viewer, other) if other != "rrd" => {
                 Some("a file for the viewer is an .rrd file")
             }
@@ -112,7 +112,7 @@ impl Files {
 }
 
 /// Creates an empty file. Fails if the file exists, unless it may be overwritten.
-#[cfg(any(feature = "mcap", all(feature = "rerun", feature = "bus")))]
+#[cfg(any(feature = "mcap", feature = "rerun"))]
 pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
     if !overwrite.force {
         File::create_new(path).map_err(failed(path))?;

@@ -48,7 +48,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         model::write_bcc(part, &generated.curves)
     })?;
     if let Some(file) = &args.certificate {
-        write_text(file, args.overwrite, &generated.certificate.to_text()?)?;
+        write_text(file, args.overwrite, &generated.certificate.to_string())?;
     }
     let (curves, links) = (&generated.curves, &generated.certificate.links);
     tracing::info!(

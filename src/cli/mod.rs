@@ -7,16 +7,15 @@ mod files;
 mod generate;
 mod input;
 mod kernel;
-#[cfg(any(feature = "bus", feature = "mcap"))]
 mod live;
 mod look_for;
 mod measure;
 mod number;
+mod order;
 mod output;
 mod plan;
 #[cfg(feature = "mcap")]
 mod replay;
-#[cfg(any(feature = "bus", feature = "mcap"))]
 mod session;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod signals;

@@ -2,7 +2,7 @@
 
 use super::stream::{self, Lost, Target};
 use indicatif::{ProgressBar, ProgressStyle};
-use linkwatch::Progress;
+use linkwatch::{CurveSet, Events, Progress, Stats};
 use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::mpsc;
@@ -63,7 +63,6 @@ pub fn detach(overflow: linkwatch::Overflow) -> linkwatch::Result<()> {
 }
 
 /// Replaces the status line below the results, on a terminal.
-#[cfg(any(feature = "bus", feature = "mcap"))]
 pub fn status(text: String) {
     stream::status(text);
 }
@@ -164,14 +163,42 @@ pub fn plural_of(n: u64, one: &str, many: &str) -> String {
     }
 }
 
-/// Warns of open curves, which are skipped.
-pub fn warn_of_open_curves(name: &str, stats: &linkwatch::Stats) {
-    if stats.open_curves > 0 {
-        tracing::warn!(
-            "{name}: {} left out: linking numbers are defined for closed curves only",
-            plural(stats.open_curves, "open curve")
-        );
+/// Warns of open curves. `events` tells which of their pull-throughs are looked for, if the command
+/// sees several frames.
+pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
+    if stats.open_curves == 0 {
+        return;
     }
+    let curves = plural(stats.open_curves, "open curve");
+    match events {
+        Some(Events::Off) => tracing::warn!(
+            "{name}: {curves} left out: linking numbers are defined for closed curves only; --events \
+             looks for pull-throughs of open curves"
+        ),
+        Some(_) => tracing::info!(
+            "{name}: {curves}, verified for pull-throughs; linking numbers are defined for closed \
+             curves only"
+        ),
+        None => tracing::warn!(
+            "{name}: {curves} left out: linking numbers are defined for closed curves only; `check` \
+             and `watch` look for pull-throughs of open curves with --events"
+        ),
+    }
+}
+
+/// Warns of segments that span more than half of the scene, as wrapped curves of a periodic box do.
+pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
+    let Some(long) = curves.long_segment() else {
+        return;
+    };
+    let others = match long.count {
+        1 => String::new(),
+        n => format!(", and so do {}", plural_of(n as u64 - 1, "other", "others")),
+    };
+    tracing::warn!(
+        "{name}: {long}{others}; if the box is periodic, unwrap the coordinates: links across its \
+         boundary are not seen"
+    );
 }
 
 /// Milliseconds with as many digits as they deserve.

@@ -1,7 +1,8 @@
 //! `linkwatch replay`: a recording in, the same verdicts out.
 
 use super::Outcome;
-use super::output::{count, plural};
+use super::files::Files;
+use super::output::{self, count, plural};
 use super::session::{Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks, Tally};
 use linkwatch::{
     AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
@@ -60,16 +61,22 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         abort_on: args.judge.abort_on.or(recorded),
         ..args.judge.clone()
     };
+    let mut files = Files::new(args.sinks.overwrite);
+    files.reads(&args.recording);
+    let overflow = Overflow::WaitForProgress(PATIENCE);
+    output::detach(overflow)?;
     let mut replay = Replay {
         session: Session::new(Run {
             judge: &judge,
             sinks: &args.sinks,
-            recording: Some(&args.recording),
+            files,
+            full: false,
+            early_exit: false,
             baseline,
             look_for: (looked_for, limit),
             title: &title,
             metadata,
-            overflow: Overflow::WaitForProgress(PATIENCE),
+            overflow,
             json,
         })?,
         // Another policy or baseline gives other verdicts, and is meant to.
@@ -270,6 +277,7 @@ impl Replay {
                     offload: Default::default(),
                     curves: None,
                     cuts: 0,
+                    model: None,
                 };
                 self.session.publish(judged, self.tally);
             }

@@ -1,8 +1,9 @@
 //! `linkwatch watch`: a live simulation in, verdicts back to it.
 
 use super::Outcome;
+use super::files::Files;
 use super::number::{seconds, share};
-use super::output::{count, percent, plural};
+use super::output::{self, count, percent, plural};
 use super::session::{Ingested, Judge, Judged, Run, Session, Sinks, Tally};
 use super::signals::{TICK, stop_on_signals};
 use linkwatch::{
@@ -45,11 +46,14 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let stop = stop_on_signals()?;
     let metadata = BTreeMap::from([("service".to_owned(), args.service.clone())]);
+    output::detach(Overflow::Wait(PATIENCE))?;
     // Opened before the simulators see the watcher, since a viewer may take a while to open.
     let mut session = Session::new(Run {
         judge: &args.judge,
         sinks: &args.sinks,
-        recording: None,
+        files: Files::new(args.sinks.overwrite),
+        full: false,
+        early_exit: false,
         baseline: None,
         look_for: (Events::Off, Verifier::MOTION_LIMIT),
         title: &args.service,

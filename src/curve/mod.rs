@@ -4,7 +4,9 @@ mod basis;
 mod boxes;
 mod builder;
 mod coordinates;
+mod extent;
 mod lanes;
+mod notation;
 mod set;
 
 pub use basis::Basis;
@@ -13,9 +15,11 @@ pub(crate) use boxes::{Box3, BoxGroup, LANES};
 pub use builder::CurveSetBuilder;
 pub(crate) use coordinates::{Axes, Knots, ReadKnots};
 pub use coordinates::{Positions, Precision};
+pub use extent::LongSegment;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use lanes::Avx2;
 pub(crate) use lanes::{Lanes, Portable};
+pub(crate) use notation::{Notation, significant};
 pub use set::{Curve, CurveSet};
 
 /// A point in space, in the units of the simulation.

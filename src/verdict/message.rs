@@ -2,6 +2,7 @@
 
 use super::{Defect, DefectKind, Place, Report, Verdict};
 use crate::certificate::{Change, ChangeKind};
+use crate::curve::{Notation, significant};
 use crate::incremental::PullThrough;
 use std::fmt;
 
@@ -11,63 +12,96 @@ impl fmt::Display for Verdict {
     }
 }
 
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [x, y, z] = self.point;
+impl Place {
+    /// Returns the place in words, for a scene of this extent (0: unknown).
+    fn words(&self, extent: f64) -> String {
+        let notation = Notation::of_scene(extent, self.point);
+        let (point, distance) = (notation.point(self.point), notation.length(self.distance));
         let [s, t] = self.segments;
-        write!(
-            f,
-            "near ({x:.4}, {y:.4}, {z:.4}), segments {s} and {t}, {:.3e} apart",
-            self.distance
-        )
+        format!("near {point}, segments {s} and {t}, {distance} apart")
     }
 }
 
-impl fmt::Display for Change {
+impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.words(0.0))
+    }
+}
+
+impl Change {
+    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
+    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
+    pub fn sentence(&self, extent: f64) -> String {
         let what = match self.kind() {
             ChangeKind::Lost => "came apart",
             ChangeKind::Gained => "became linked",
             ChangeKind::Changed => "changed their link",
         };
-        write!(
-            f,
+        let mut text = format!(
             "curves {} and {} {what}: linking number {} expected, {} found",
             self.i, self.j, self.expected, self.found
-        )?;
-        match &self.place {
-            Some(place) => write!(f, ", {place}"),
-            None => Ok(()),
+        );
+        if let Some(place) = &self.place {
+            text += ", ";
+            text += &place.words(extent);
+        }
+        text
+    }
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence(0.0))
+    }
+}
+
+impl PullThrough {
+    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
+    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
+    pub fn sentence(&self, extent: f64) -> String {
+        let PullThrough {
+            i,
+            j,
+            fraction,
+            sign,
+            segments: [s, t],
+            ..
+        } = self;
+        let what = match i == j {
+            true => format!("curve {i} passed through itself"),
+            false => format!("curves {i} and {j} passed through one another"),
+        };
+        let point = Notation::of_scene(extent, self.point).point(self.point);
+        format!("{what} at {fraction:.3} of the step ({sign:+}), at {point}, segments {s} and {t}")
+    }
+}
+
+impl fmt::Display for PullThrough {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence(0.0))
+    }
+}
+
+impl Defect {
+    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
+    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
+    pub fn sentence(&self, extent: f64) -> String {
+        let (i, what) = (self.i, self.kind.words());
+        let place = self.place.words(extent);
+        match self.j {
+            Some(j) if j == i => format!("parts of curve {j} {what}, {place}"),
+            Some(j) => format!("curves {i} and {j} {what}, {place}"),
+            None => {
+                let point = Notation::of_scene(extent, self.place.point).point(self.place.point);
+                format!("curve {i} {what}, at {point}")
+            }
         }
     }
 }
 
 impl fmt::Display for Defect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.j {
-            Some(j) if j == self.i => write!(
-                f,
-                "parts of curve {j} {}, {}",
-                self.kind.words(),
-                self.place
-            ),
-            Some(j) => write!(
-                f,
-                "curves {} and {j} {}, {}",
-                self.i,
-                self.kind.words(),
-                self.place
-            ),
-            None => {
-                let [x, y, z] = self.place.point;
-                write!(
-                    f,
-                    "curve {} {}, at ({x:.4}, {y:.4}, {z:.4})",
-                    self.i,
-                    self.kind.words()
-                )
-            }
-        }
+        f.write_str(&self.sentence(0.0))
     }
 }
 
@@ -80,6 +114,15 @@ impl Report {
     /// Whether any curves touch.
     pub fn has_contact(&self) -> bool {
         self.defects.iter().any(|d| d.kind == DefectKind::Contact)
+    }
+
+    /// Returns the number of the frame and its simulation time: "frame 28 at 0.28 s". Without the
+    /// time if that is 0, as for frames that have none.
+    pub fn frame(&self) -> String {
+        match self.time {
+            0.0 => format!("frame {}", self.seq),
+            time => format!("frame {} at {} s", self.seq, significant(time)),
+        }
     }
 
     /// One line: frame, verdict, and how many of what.
@@ -119,42 +162,37 @@ impl Report {
         } else {
             format!(" ({})", parts.join(", "))
         };
-        format!("frame {}: {}{detail}", self.seq, self.verdict)
+        format!("{}: {}{detail}", self.frame(), self.verdict)
     }
 
     /// Returns a sentence for every finding of the frame: changes, events, defects, unresolved
-    /// pull-throughs.
+    /// pull-throughs. Coordinates have six significant digits of the extent of the scene
+    /// ([`Stats::extent`](crate::Stats::extent)).
     pub fn findings(&self) -> impl Iterator<Item = String> + '_ {
-        let changes = self.changes.iter().map(Change::to_string);
-        let events = self.events.iter().map(PullThrough::to_string);
+        let extent = self.stats.extent;
+        let changes = self.changes.iter().map(move |c| c.sentence(extent));
+        let events = self.events.iter().map(move |p| p.sentence(extent));
         let defects = self.defects.iter().map(|d| self.defect(d));
-        changes
-            .chain(events)
-            .chain(defects)
-            .chain(self.unresolved_findings())
+        let unresolved = self.unresolved.iter().map(move |p| {
+            let (sentence, lengths) = (p.sentence(extent), p.lengths);
+            format!("unresolved: {sentence}, which moved {lengths:.1} segment lengths in the step")
+        });
+        changes.chain(events).chain(defects).chain(unresolved)
     }
 
     /// Returns the sentence for a defect.
-    pub fn defect(&self, defect: &Defect) -> String {
+    fn defect(&self, defect: &Defect) -> String {
+        let sentence = defect.sentence(self.stats.extent);
         if defect.kind != DefectKind::NoBaseline {
-            return defect.to_string();
+            return sentence;
         }
         match defect.j {
             Some(j) => {
                 let adopted = self.adopted.iter().find(|l| (l.i, l.j) == (defect.i, j));
                 let lambda = adopted.map_or(0, |l| l.lambda);
-                format!("{defect}; {lambda} is expected from here on")
+                format!("{sentence}; {lambda} is expected from here on")
             }
-            None => format!("{defect}; the numbers of this frame are expected from here on"),
+            None => format!("{sentence}; the numbers of this frame are expected from here on"),
         }
-    }
-
-    /// Returns a sentence for each unresolved pull-through.
-    pub fn unresolved_findings(&self) -> impl Iterator<Item = String> + '_ {
-        let unresolved = self.unresolved.iter();
-        unresolved.map(|p| {
-            let lengths = p.lengths;
-            format!("unresolved: {p}, which moved {lengths:.1} segment lengths in the step")
-        })
     }
 }

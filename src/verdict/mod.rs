@@ -134,7 +134,7 @@ pub struct Defect {
 }
 
 /// Counts of the work that a verdict took. The same for any number of threads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Stats {
     /// Curves of the frame.
     pub curves: u64,
@@ -160,6 +160,9 @@ pub struct Stats {
     pub exact: u64,
     /// Potential links left out, since the first change was all that was asked for.
     pub unchecked: u64,
+    /// Extent of the scene: longest side of the bounding box of the first frame, in the units of
+    /// the simulation. Sentences about the frame have six significant digits of it. 0 if unknown.
+    pub extent: f64,
 }
 
 impl Stats {
@@ -182,6 +185,7 @@ impl Stats {
         self.refined += o.refined;
         self.exact += o.exact;
         self.unchecked += o.unchecked;
+        self.extent = self.extent.max(o.extent);
     }
 }
 

@@ -95,6 +95,8 @@ pub struct Verifier {
     monitor: Monitor,
     steps: Steps,
     work: Work,
+    /// Extent of the first frame.
+    extent: Option<f64>,
 }
 
 impl Verifier {
@@ -357,6 +359,7 @@ impl Verifier {
         } else {
             Verdict::Intact
         };
+        let extent = *self.extent.get_or_insert_with(|| set.extent());
         let mut report = Report {
             seq,
             time,
@@ -368,7 +371,7 @@ impl Verifier {
             defects,
             adopted: comparison.adopted.clone(),
             rejected: None,
-            stats,
+            stats: Stats { extent, ..stats },
         };
         // Curves that have touched since the baseline do not ask the simulator to stop.
         let baseline = self.baseline.as_ref();
@@ -488,27 +491,37 @@ impl Verifier {
         }
     }
 
-    /// Says where each changed pair is closest.
+    /// Adds the places of closest approach of changed pairs, and of pairs that the baseline lacks.
     fn add_places(&mut self, set: &CurveSet, comparison: &mut Comparison) {
-        if comparison.changes.is_empty() {
+        let Comparison {
+            changes, defects, ..
+        } = comparison;
+        let fresh = |d: &&mut Defect| d.kind == DefectKind::NoBaseline;
+        let mut fresh: Vec<&mut Defect> = defects.iter_mut().filter(fresh).collect();
+        if changes.is_empty() && fresh.is_empty() {
             return;
         }
         // Trees of what the frame did not ask for may be those of an earlier frame.
         if self.work.route != Route::Full {
-            let pairs: Vec<Pair> = comparison.changes.iter().map(|c| (c.i, c.j)).collect();
-            self.full.refit(set, &pairs);
+            let changed = changes.iter().map(|c| (c.i, c.j));
+            let fresh = fresh.iter().filter_map(|d| Some((d.i, d.j?)));
+            self.full
+                .refit(set, &changed.chain(fresh).collect::<Vec<Pair>>());
         }
         let trees = self.full.trees();
         let cancel = &self.full.progress.cancel;
-        comparison.changes.par_iter_mut().for_each(|c| {
-            if cancel.is_set() {
-                return;
-            }
-            let (i, j) = (c.i as usize, c.j as usize);
+        let place = |i: u32, j: u32| {
+            let (i, j) = (i as usize, j as usize);
             // An open curve has no tree; it has no number either, and so no change but a lost one.
-            if set.curve(i).closed && set.curve(j).closed {
-                c.place = Some(closest_approach(set, trees, i, j));
-            }
+            let exists = !cancel.is_set() && set.curve(i).closed && set.curve(j).closed;
+            exists.then(|| closest_approach(set, trees, i, j))
+        };
+        changes
+            .par_iter_mut()
+            .for_each(|c| c.place = place(c.i, c.j));
+        fresh.par_iter_mut().for_each(|d| match d.j {
+            Some(j) => d.place = place(d.i, j).unwrap_or(d.place),
+            None => d.place.point = set.point(d.i as usize, 0),
         });
     }
 

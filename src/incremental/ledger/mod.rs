@@ -56,7 +56,6 @@ use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
 use crate::verdict::Defect;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::fmt;
 
 #[cfg(doc)]
 use crate::discretize::MovingSeparation;
@@ -89,27 +88,6 @@ pub struct PullThrough {
     /// Relative motion of the two segments at this place in the step, in lengths of the longer one.
     /// 0 for a passage through a contact in a frame, which does not depend on the motion.
     pub lengths: f64,
-}
-
-impl fmt::Display for PullThrough {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [x, y, z] = self.point;
-        let [s, t] = self.segments;
-        if self.i == self.j {
-            write!(f, "curve {} passed through itself", self.i)?;
-        } else {
-            write!(
-                f,
-                "curves {} and {} passed through one another",
-                self.i, self.j
-            )?;
-        }
-        write!(
-            f,
-            " at {:.3} of the step ({:+}), at ({x:.4}, {y:.4}, {z:.4}), segments {s} and {t}",
-            self.fraction, self.sign
-        )
-    }
 }
 
 /// What happened in a step.

@@ -394,7 +394,7 @@ fn a_finger_that_passes_at_once_is_told_twice() {
     assert_eq!(outcome.events[0].sign + outcome.events[1].sign, 0);
     assert_eq!(
         outcome.events[0].to_string(),
-        "curves 0 and 1 passed through one another at 0.500 of the step (-1), at (0.3333, 1.0000, 0.0000), segments 0 and 0"
+        "curves 0 and 1 passed through one another at 0.500 of the step (-1), at (0.33333, 1.00000, 0.00000), segments 0 and 0"
     );
 }
 

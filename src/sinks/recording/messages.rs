@@ -198,6 +198,8 @@ pub(super) struct StatsMessage {
     pub exact: u64,
     #[prost(uint64, tag = "12")]
     pub unchecked: u64,
+    #[prost(double, tag = "13")]
+    pub extent: f64,
 }
 
 #[derive(Clone, PartialEq, prost::Message)]
@@ -414,6 +416,7 @@ impl From<&Report> for ReportMessage {
                 refined: s.refined,
                 exact: s.exact,
                 unchecked: s.unchecked,
+                extent: s.extent,
             }),
         }
     }
@@ -454,6 +457,7 @@ impl TryFrom<ReportMessage> for Report {
                 refined: s.refined,
                 exact: s.exact,
                 unchecked: s.unchecked,
+                extent: s.extent,
             },
         })
     }

@@ -136,6 +136,7 @@ fn the_structs_are_those_of_the_schema() {
             refined: 10,
             exact: 11,
             unchecked: 12,
+            extent: 13.5,
         }),
         events: vec![PullThroughMessage {
             i: 1,

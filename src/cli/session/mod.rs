@@ -1,0 +1,619 @@
+//! Frames to verdicts to sinks: the part that `watch`, `replay` and `check` share.
+
+mod news;
+mod sinks;
+mod summary;
+
+pub use sinks::Sinks;
+pub use summary::Tally;
+
+use self::news::{New, News};
+use self::summary::{Durations, Unresolved};
+use super::Outcome;
+use super::files::Files;
+use super::kernel::KernelArgs;
+use super::live::Live;
+use super::look_for::LookFor;
+use super::output::{self, count, millis, plural};
+use linkwatch::kernels::Offload;
+use linkwatch::{
+    AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameRecord, Overflow, Progress,
+    Report, Result, Route, SinkQueue, SinkSummary, Verdict, Verifier, Work,
+};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+/// The motion limit in the metadata of a recording.
+pub const MOTION_LIMIT: &str = "motion_limit";
+
+/// Sentences printed about one frame of a stream; the rest is counted.
+const SENTENCES: usize = 8;
+
+/// Number of segments up to which any frame is verified quickly, whatever its motion.
+#[cfg(feature = "bus")]
+const SMALL: usize = 4096;
+
+/// Verification time from which the cost of handing a frame to another thread is negligible.
+#[cfg(feature = "bus")]
+const MOMENT: Duration = Duration::from_millis(1);
+
+/// Time limit for all sinks together to finish at the end of the run.
+const FINISH: Duration = Duration::from_secs(30);
+
+/// What frames are compared with, what is looked for, and what to do about it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Judge {
+    /// What frames are compared with: `first-frame`, or a certificate file
+    #[arg(long, value_name = "first-frame|CERT")]
+    pub baseline: Option<Baseline>,
+    /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected or
+    /// never [default: any]
+    #[arg(long, value_name = "WHAT")]
+    pub abort_on: Option<AbortOn>,
+    #[command(flatten)]
+    pub look_for: LookFor,
+    #[command(flatten)]
+    pub kernel: KernelArgs,
+    /// Compute every frame in full as well, and compare: slow, for those who want to be sure
+    #[arg(long)]
+    pub paranoid: bool,
+}
+
+/// Where expected linking numbers come from.
+#[derive(Clone, Debug)]
+pub enum Baseline {
+    FirstFrame,
+    File(PathBuf),
+}
+
+impl FromStr for Baseline {
+    type Err = std::convert::Infallible;
+    fn from_str(s: &str) -> std::result::Result<Self, Self::Err> {
+        Ok(match s {
+            "first-frame" => Baseline::FirstFrame,
+            path => Baseline::File(path.into()),
+        })
+    }
+}
+
+/// A frame as curves, or why it is none.
+pub struct Ingested {
+    curves: Result<Arc<CurveSet>>,
+    took: Duration,
+}
+
+impl From<Result<CurveSet>> for Ingested {
+    /// A frame that was read already.
+    fn from(curves: Result<CurveSet>) -> Ingested {
+        Ingested {
+            curves: curves.map(Arc::new),
+            took: Duration::ZERO,
+        }
+    }
+}
+
+/// What was found out about a frame, before it goes to the sinks.
+pub struct Judged {
+    pub report: Arc<Report>,
+    pub check: Duration,
+    pub work: Work,
+    /// What a graphics processor was given.
+    pub offload: Offload,
+    pub curves: Option<Arc<CurveSet>>,
+    /// Number of cuts that the simulator made before this frame.
+    pub cuts: u32,
+    /// Model file of the frame, if it comes from one.
+    pub model: Option<String>,
+}
+
+/// Inputs of a [`Session`]: baseline, settings and outputs.
+pub struct Run<'a> {
+    pub judge: &'a Judge,
+    pub sinks: &'a Sinks,
+    /// Inputs and outputs of the command so far.
+    pub files: Files,
+    /// True if all frames are verified in full.
+    pub full: bool,
+    /// Stop each frame at its first change.
+    pub early_exit: bool,
+    /// Baseline, events and motion limit that apply if the user gives none.
+    pub baseline: Option<(Certificate, String)>,
+    pub look_for: (Events, f64),
+    /// Names the run in the viewer.
+    pub title: &'a str,
+    /// Metadata of the run, for a recording.
+    pub metadata: BTreeMap<String, String>,
+    /// Policy if a sink is slower than the frames.
+    pub overflow: Overflow,
+    pub json: bool,
+}
+
+/// One run over frames.
+pub struct Session {
+    verifier: Verifier,
+    /// Cuts before the last verified frame. A frame with another number does not continue that one.
+    cuts: u32,
+    /// Origin of the baseline, in words.
+    origin: String,
+    /// True if the first frame is the baseline.
+    from_first_frame: bool,
+    /// Events that are looked for.
+    events: Events,
+    queues: Vec<SinkQueue>,
+    begun: bool,
+    /// Frames that sinks may still hold; one that nobody holds any more takes the next frame.
+    pool: Vec<Arc<CurveSet>>,
+    json: bool,
+    live: Live,
+    outcome: Outcome,
+    news: News,
+    unresolved: Unresolved,
+    tally: Tally,
+    checks: Durations,
+    /// Time that the last frame took to verify.
+    #[cfg(feature = "bus")]
+    last_check: Option<Duration>,
+    /// Frames on the full, the quiet and the partial route.
+    routes: [u64; 3],
+    /// Open curves of the frames, once a frame was verified.
+    open_curves: Option<u64>,
+    /// True if frames are model files.
+    files: bool,
+}
+
+impl Session {
+    /// Prepares a run.
+    pub fn new(run: Run<'_>) -> Result<Session> {
+        let Run {
+            judge,
+            sinks,
+            mut files,
+            mut metadata,
+            look_for: (default_events, default_limit),
+            ..
+        } = run;
+        if let Some(Baseline::File(path)) = &judge.baseline {
+            files.reads(path);
+        }
+        sinks.check_files(&mut files)?;
+        let given = match &judge.baseline {
+            Some(Baseline::File(path)) => {
+                Some((Certificate::read(path)?, path.display().to_string()))
+            }
+            Some(Baseline::FirstFrame) => None,
+            None => run.baseline,
+        };
+        let abort_on = judge.abort_on.unwrap_or_default();
+        metadata.insert("abort_on".into(), abort_on.to_string());
+        let events = judge.look_for.events(abort_on).max(default_events);
+        metadata.insert("events".into(), events.to_string());
+        let limit = judge.look_for.motion_limit.unwrap_or(default_limit);
+        metadata.insert(MOTION_LIMIT.into(), limit.to_string());
+        let from_first_frame = given.is_none();
+        let (mut verifier, origin) = match given {
+            Some((certificate, origin)) => (Verifier::with_baseline(abort_on, certificate), origin),
+            None => (Verifier::new(abort_on), "first frame".to_owned()),
+        };
+        verifier.set_incremental(!run.full);
+        verifier.set_early_exit(run.early_exit);
+        judge.kernel.set(&mut verifier)?;
+        verifier.set_paranoid(judge.paranoid);
+        verifier.set_events(events);
+        verifier.set_motion_limit(limit)?;
+        Ok(Session {
+            verifier,
+            cuts: 0,
+            origin,
+            from_first_frame,
+            events,
+            queues: sinks.open(run.title, &metadata, run.overflow)?,
+            begun: false,
+            pool: Vec::new(),
+            json: run.json,
+            live: Live::new(),
+            outcome: Outcome::Fine,
+            news: News::default(),
+            unresolved: Unresolved {
+                limit,
+                ..Unresolved::default()
+            },
+            tally: Tally::default(),
+            checks: Durations::default(),
+            #[cfg(feature = "bus")]
+            last_check: None,
+            routes: [0; 3],
+            open_curves: None,
+            files: false,
+        })
+    }
+
+    /// Returns the progress of the current frame.
+    pub fn progress(&self) -> Arc<Progress> {
+        self.verifier.progress()
+    }
+
+    /// Returns true if verifying the frame likely takes little time, so that handing it to another
+    /// thread would not pay: the frame is small, and the previous one was quick.
+    #[cfg(feature = "bus")]
+    pub fn is_quick(&self, frame: &Ingested) -> bool {
+        let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
+        segments <= SMALL && self.last_check.is_some_and(|check| check < MOMENT)
+    }
+
+    /// What is printed while the run lasts.
+    pub fn live(&self) -> &Live {
+        &self.live
+    }
+
+    /// Moves a frame into curves. One that breaks its contract is rejected when it is judged.
+    pub fn ingest(&mut self, ingest: impl FnOnce(&mut Option<CurveSet>) -> Result<()>) -> Ingested {
+        let start = Instant::now();
+        let mut set = self.free_curves();
+        let ingested = ingest(&mut set);
+        let set = set.map(Arc::new);
+        // A rejected frame is half of this frame and half of the previous one: only its layout is valid.
+        self.pool.extend(set.clone());
+        let no_curves = || Error::Usage("the frame holds no curves".into());
+        Ingested {
+            curves: ingested.and_then(|()| set.ok_or_else(no_curves)),
+            took: start.elapsed(),
+        }
+    }
+
+    /// Says which frame will be judged after the next one.
+    #[cfg(feature = "mcap")]
+    pub fn announce(&mut self, frame: &Ingested) {
+        if let Ok(set) = &frame.curves {
+            self.verifier.announce(set);
+        }
+    }
+
+    /// Verifies one frame. If `cuts` differs from that of the last frame, the frame does not
+    /// continue that one.
+    ///
+    /// Errors: [`Error::CertificateMismatch`] and [`Error::NothingClosed`], since later frames of the
+    /// same curves fail in the same way; [`Error::Cancelled`] if the frame was not verified.
+    pub fn judge(&mut self, seq: u64, time: f64, cuts: u32, frame: Ingested) -> Result<Judged> {
+        let start = Instant::now();
+        let Ingested { curves, took } = frame;
+        let outcome = curves.and_then(|set| {
+            if std::mem::replace(&mut self.cuts, cuts) != cuts {
+                self.live.note(format_args!(
+                    "frame {seq} does not continue the previous one: the simulator rolled back or jumped"
+                ));
+                self.verifier.cut();
+            }
+            let report = self.verifier.step_shared(seq, time, &set)?;
+            Ok((report, Some(set)))
+        });
+        let (report, curves) = match outcome {
+            Ok(verified) => verified,
+            Err(Error::CertificateMismatch { certificate, model }) if self.from_first_frame => {
+                let other_curves = Error::LayoutChanged {
+                    what: "curves",
+                    before: certificate as u64,
+                    now: model as u64,
+                };
+                (self.verifier.reject(seq, time, &other_curves), None)
+            }
+            Err(
+                e @ (Error::CertificateMismatch { .. }
+                | Error::NothingClosed { .. }
+                | Error::Cancelled),
+            ) => return Err(e),
+            Err(e) => (self.verifier.reject(seq, time, &e), None),
+        };
+        let check = took + start.elapsed();
+        #[cfg(feature = "bus")]
+        {
+            self.last_check = Some(check);
+        }
+        let (work, offload) = match report.verdict {
+            Verdict::Rejected => Default::default(),
+            _ => (self.verifier.work(), self.verifier.offload()),
+        };
+        if work.disagreed {
+            tracing::error!(
+                "frame {seq}: the incremental verification was wrong, which is an error of linkwatch; \
+                 the full one holds, for this frame and from here on"
+            );
+            self.data_lost();
+        }
+        Ok(Judged {
+            report: Arc::new(report),
+            check,
+            work,
+            offload,
+            curves,
+            cuts,
+            model: None,
+        })
+    }
+
+    /// Curves that no sink holds any more, or a copy: later frames must have the layout of the first.
+    fn free_curves(&mut self) -> Option<CurveSet> {
+        let free = self
+            .pool
+            .iter_mut()
+            .position(|set| Arc::get_mut(set).is_some());
+        match free {
+            Some(k) => Arc::try_unwrap(self.pool.swap_remove(k)).ok(),
+            None => self.pool.first().map(|set| CurveSet::clone(set)),
+        }
+    }
+
+    /// Hands a frame to the sinks and tells the user what is new.
+    pub fn publish(&mut self, judged: Judged, tally: Tally) {
+        self.tally = tally;
+        self.outcome = self.outcome.max(Outcome::of(judged.report.verdict));
+        if let Some(certificate) = self.verifier.baseline().filter(|_| !self.begun) {
+            let record = Arc::new(BaselineRecord {
+                certificate: Arc::new(certificate.clone()),
+                origin: self.origin.clone(),
+            });
+            self.queues
+                .iter()
+                .for_each(|q| q.begin(Arc::clone(&record)));
+            self.begun = true;
+        }
+        if judged.report.verdict != Verdict::Rejected {
+            if self.open_curves.is_none() {
+                self.warn_of_scene(&judged);
+                self.open_curves = Some(judged.report.stats.open_curves);
+            }
+            self.checks.add(judged.check);
+            self.routes[judged.work.route as usize] += 1;
+        }
+        self.tell(&judged);
+        let record = Arc::new(FrameRecord {
+            curves: judged.curves,
+            cuts: judged.cuts,
+            report: judged.report,
+            verified: tally.verified,
+            skipped: tally.skipped,
+            rejected: tally.rejected,
+            check: judged.check,
+            work: judged.work,
+            received: SystemTime::now(),
+        });
+        self.queues
+            .iter()
+            .for_each(|q| q.frame(Arc::clone(&record)));
+    }
+
+    /// Warns of properties of the curves, after the first frame.
+    fn warn_of_scene(&self, judged: &Judged) {
+        let name = judged.model.as_deref().unwrap_or("the frames");
+        output::warn_of_open_curves(name, &judged.report.stats, Some(self.events));
+        if let Some(curves) = &judged.curves {
+            output::warn_of_long_segment(name, curves);
+        }
+    }
+
+    /// Prints the part of the report that is new.
+    fn tell(&mut self, judged: &Judged) {
+        let Judged {
+            report,
+            check,
+            work,
+            offload,
+            model,
+            ..
+        } = judged;
+        if self.json {
+            let mut line = serde_json::json!({
+                "report": report,
+                "ms": check.as_secs_f64() * 1e3,
+                "work": work,
+                "offload": offload,
+                "verified": self.tally.verified,
+                "skipped": self.tally.skipped,
+                "rejected": self.tally.rejected,
+            });
+            if let Some(model) = model {
+                line["model"] = model.as_str().into();
+            }
+            output::json(&line);
+        }
+        self.unresolved.add(report);
+        let news = self.news.of(report, model.as_deref());
+        match model {
+            _ if self.json => {}
+            Some(model) => tell_of_model(model, report, &news),
+            None if news.notable => tell_of_frame(report, *check, &news),
+            None => {}
+        }
+        if model.is_none() {
+            self.live.status(format_args!(
+                "{}: {}, {} ({}); {} verified, {} skipped",
+                report.frame(),
+                report.verdict,
+                millis(*check),
+                in_words(work, *offload),
+                count(self.tally.verified),
+                count(self.tally.skipped),
+            ));
+        }
+    }
+
+    /// Something else happened that makes the run less than complete.
+    pub fn data_lost(&mut self) {
+        self.outcome = self.outcome.max(Outcome::Undecided);
+    }
+
+    /// Treats frames as model files, which have names and cannot be skipped.
+    pub fn of_files(mut self) -> Session {
+        self.files = true;
+        self
+    }
+
+    /// Closes the sinks and sums up. `tally` is the last word on all frames.
+    pub fn finish(mut self, tally: Tally) -> Outcome {
+        self.tally = tally;
+        let mut kept = Vec::new();
+        let mut summaries = Vec::new();
+        let start = Instant::now();
+        for queue in std::mem::take(&mut self.queues) {
+            let complete = queue.is_to_be_complete();
+            let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
+            let all = plural(summary.written + summary.dropped, "frame");
+            match &summary.failed {
+                // The sink logged the reason when it failed.
+                Some(why) => tracing::error!(
+                    "{} is incomplete: at least {} of {all} are in it: {why}",
+                    summary.name,
+                    count(summary.written),
+                ),
+                None if summary.dropped > 0 => {
+                    let missed = count(summary.dropped);
+                    kept.push(format!(
+                        "{} missed {missed} of {all}: it is too slow",
+                        summary.name
+                    ));
+                }
+                None => {}
+            }
+            if summary.failed.is_some() || complete && summary.dropped > 0 {
+                self.data_lost();
+            }
+            summaries.push(summary);
+        }
+        if tally.verified == 0 {
+            self.outcome = self.outcome.max(Outcome::Undecided);
+        }
+        self.live.clear();
+        // The verdict on a single model is its summary.
+        if !(self.files && tally.verified + tally.rejected <= 1) {
+            self.sum_up(&summaries, kept);
+        }
+        self.outcome
+    }
+
+    /// Prints the last lines.
+    fn sum_up(&self, sinks: &[SinkSummary], notes: Vec<String>) {
+        let tally = self.tally;
+        let word = match (tally.verified, self.outcome) {
+            (0, _) => "nothing was verified",
+            (_, Outcome::Fine) => "intact",
+            (_, Outcome::Changed) => "changed",
+            (_, Outcome::Undecided) => "undecided or incomplete",
+        };
+        let [full, quiet, partial] = self.routes;
+        let first = &self.news.first_violation;
+        let checked = self.events != Events::Off;
+        if self.json {
+            output::json(&serde_json::json!({
+                "summary": {
+                    "verdict": word,
+                    "verified": tally.verified,
+                    "skipped": tally.skipped,
+                    "skipped_share": tally.skipped_share(),
+                    "rejected": tally.rejected,
+                    "median_ms": self.checks.median().as_secs_f64() * 1e3,
+                    "max_ms": self.checks.longest.as_secs_f64() * 1e3,
+                    "first_violation": first,
+                    "routes": { "full": full, "quiet": quiet, "partial": partial },
+                    "open_curves": self.open_curves,
+                    "open_curves_verified": checked,
+                    "sinks": sinks,
+                    "unresolved": self.unresolved,
+                }
+            }));
+            return;
+        }
+        let mut line = format!("{word}: {}", tally.words(self.files));
+        if tally.verified > 0 {
+            line += &format!("; {}", self.checks.words());
+        }
+        if quiet + partial > 0 {
+            let [quiet, partial, full] = [quiet, partial, full].map(count);
+            line += &format!("\nframes: {quiet} quiet, {partial} partial, {full} full");
+        }
+        if let Some(first) = first {
+            line += &format!("\nfirst violation: {first}");
+        }
+        if self.unresolved.pull_throughs > 0 {
+            line += &format!("\n{}", self.unresolved.words());
+        }
+        if let Some(n @ 1..) = self.open_curves {
+            let curves = plural(n, "open curve");
+            line += &match checked {
+                true => format!("\n{curves} verified for pull-throughs, without linking numbers"),
+                false => format!("\nnot verified: {curves} (--events looks for pull-throughs)"),
+            };
+        }
+        for note in notes {
+            line += &format!("\n{note}");
+        }
+        output::line(line);
+    }
+}
+
+/// Prints the verdict on a frame of a stream, and its new findings.
+fn tell_of_frame(report: &Report, check: Duration, news: &New) {
+    output::line(format_args!(
+        "{} (checked in {})",
+        report.headline(),
+        millis(check)
+    ));
+    for sentence in news.sentences.iter().take(SENTENCES) {
+        output::line(format_args!("  {sentence}"));
+    }
+    if news.sentences.len() > SENTENCES {
+        let more = news.sentences.len() - SENTENCES;
+        output::line(format_args!("  and {more} more"));
+    }
+    if report.abort {
+        output::line("  abort sent: the simulator is asked to stop");
+    }
+}
+
+/// Prints the verdict on a model file, and its new findings.
+fn tell_of_model(model: &str, report: &Report, news: &New) {
+    output::line(format_args!("{model}: {}", report.verdict));
+    for sentence in news.sentences.iter().chain(&report.rejected) {
+        output::line(format_args!("  {sentence}"));
+    }
+    if news.known > 0 {
+        let known = plural(news.known as u64, "finding");
+        output::line(format_args!("  {known} as in the model before"));
+    }
+    if report.stats.unchecked > 0 {
+        let unchecked = plural(report.stats.unchecked, "pair");
+        output::line(format_args!("  {unchecked} left unchecked"));
+    }
+}
+
+/// What a frame took, in a few words.
+fn in_words(work: &Work, offload: Offload) -> String {
+    let age = match work.reference_age {
+        Some(age) => format!(", reference {}", plural(age, "frame")),
+        None => String::new(),
+    };
+    match work.route {
+        Route::Quiet => format!("quiet{age}"),
+        Route::Full => {
+            let summed = match work.summed {
+                0 => String::new(),
+                n => format!(", {} decided by sums", count(n)),
+            };
+            let offloaded = match offload.tests {
+                0 => String::new(),
+                n => format!(", {} on the device", plural(n, "test")),
+            };
+            format!(
+                "full, {}{summed}{offloaded}{age}",
+                plural(work.recomputed, "pair")
+            )
+        }
+        Route::Partial => format!(
+            "{} of {} blocks marked, {} recomputed{age}",
+            count(work.marked),
+            count(work.blocks),
+            plural(work.recomputed, "pair"),
+        ),
+    }
+}

@@ -1,0 +1,142 @@
+//! Findings of a frame that are new: what lasts over several frames is printed once.
+
+use linkwatch::{Change, Defect, DefectKind, Point, Report, Verdict};
+use std::collections::BTreeSet;
+
+/// A finding that may last over several frames: a change, identified by its curves and number, or a
+/// defect, identified by its curves and kind.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Lasting {
+    Change(u32, u32, i64),
+    Defect(u32, Option<u32>, DefectKind),
+}
+
+impl From<&Change> for Lasting {
+    fn from(c: &Change) -> Lasting {
+        Lasting::Change(c.i, c.j, c.found)
+    }
+}
+
+impl From<&Defect> for Lasting {
+    fn from(d: &Defect) -> Lasting {
+        Lasting::Defect(d.i, d.j, d.kind)
+    }
+}
+
+/// Location of a finding.
+struct Located {
+    lasting: Option<Lasting>,
+    curves: Vec<u32>,
+    point: Option<Point>,
+}
+
+/// Returns the locations of all findings, in the order of [`Report::findings`].
+fn located(report: &Report) -> impl Iterator<Item = Located> + '_ {
+    let changes = report.changes.iter().map(|c| Located {
+        lasting: Some(c.into()),
+        curves: vec![c.i, c.j],
+        point: c.place.map(|place| place.point),
+    });
+    let pull_through = |p: &linkwatch::PullThrough| Located {
+        lasting: None,
+        curves: vec![p.i, p.j],
+        point: Some(p.point),
+    };
+    let defects = report.defects.iter().map(|d| Located {
+        lasting: Some(d.into()),
+        curves: std::iter::once(d.i).chain(d.j).collect(),
+        point: Some(d.place.point),
+    });
+    let events = report.events.iter().map(pull_through);
+    let unresolved = report.unresolved.iter().map(pull_through);
+    changes.chain(events).chain(defects).chain(unresolved)
+}
+
+/// The first frame whose verdict is not intact, with its first finding.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Violation {
+    /// Sequence number of the frame.
+    frame: u64,
+    /// Simulation time of the frame, in seconds.
+    time: f64,
+    /// The frame in words: its number and time, or its model file.
+    name: String,
+    verdict: Verdict,
+    /// Curves of the finding; the same curve twice if it was pulled through itself.
+    curves: Vec<u32>,
+    /// Place of the finding, in the units of the simulation.
+    point: Option<Point>,
+    /// The finding in words.
+    finding: Option<String>,
+}
+
+impl std::fmt::Display for Violation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.name)?;
+        match &self.finding {
+            Some(finding) => write!(f, ": {finding}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The findings of a frame that were not part of the last one.
+pub struct New {
+    /// Sentences about the new findings.
+    pub sentences: Vec<String>,
+    /// Number of findings that were part of the last frame as well.
+    pub known: usize,
+    /// True if the frame is worth a message: a new finding, or another verdict than before.
+    pub notable: bool,
+}
+
+/// What was printed so far.
+#[derive(Default)]
+pub struct News {
+    /// Changes and defects of the last frame.
+    known: BTreeSet<Lasting>,
+    last_verdict: Option<Verdict>,
+    pub first_violation: Option<Violation>,
+}
+
+impl News {
+    /// Takes a report and returns its news. `model` is the file of the frame, if it has one.
+    pub fn of(&mut self, report: &Report, model: Option<&str>) -> New {
+        let mut new = New {
+            sentences: Vec::new(),
+            known: 0,
+            notable: self.last_verdict.unwrap_or(Verdict::Intact) != report.verdict,
+        };
+        let mut first: Option<Located> = None;
+        let mut lasting = BTreeSet::new();
+        for (finding, sentence) in located(report).zip(report.findings()) {
+            lasting.extend(finding.lasting);
+            if finding.lasting.is_some_and(|l| self.known.contains(&l)) {
+                new.known += 1;
+                continue;
+            }
+            new.sentences.push(sentence);
+            first.get_or_insert(finding);
+        }
+        new.notable |= !new.sentences.is_empty();
+        if report.verdict != Verdict::Intact && self.first_violation.is_none() {
+            let first = first.as_ref();
+            self.first_violation = Some(Violation {
+                frame: report.seq,
+                time: report.time,
+                name: model.map_or_else(|| report.frame(), str::to_owned),
+                verdict: report.verdict,
+                curves: first.map_or_else(Vec::new, |f| f.curves.clone()),
+                point: first.and_then(|f| f.point),
+                finding: new.sentences.first().or(report.rejected.as_ref()).cloned(),
+            });
+        }
+        self.last_verdict = Some(report.verdict);
+        // Nothing is known of the findings of a rejected frame. Others that ended are printed again
+        // if they return.
+        if report.verdict != Verdict::Rejected {
+            self.known = lasting;
+        }
+        new
+    }
+}

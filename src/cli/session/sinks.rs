@@ -1,0 +1,141 @@
+//! `--record`, `--view`, `--rrd` and `--connect`: destinations of verified frames.
+
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use crate::cli::files::{Content, claim};
+use crate::cli::files::{Files, Overwrite};
+use linkwatch::{Overflow, Result, SinkQueue};
+#[cfg(feature = "rerun")]
+use linkwatch::{ViewerSink, ViewerTarget};
+use std::collections::BTreeMap;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use std::path::PathBuf;
+#[cfg(feature = "rerun")]
+use std::time::Duration;
+
+/// Frames that may wait for a sink.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+const WAITING: usize = 8;
+
+/// Number of points of the frames that may wait for a file in addition: about 50 MB.
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+const WAITING_POINTS: usize = 1_000_000;
+
+/// Time limit for a viewer to open before the run begins. After that it opens in the background.
+#[cfg(feature = "rerun")]
+const OPEN: Duration = Duration::from_secs(10);
+
+/// Where verified frames go.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Sinks {
+    /// Record every verified frame and verdict to an MCAP file
+    #[cfg(feature = "mcap")]
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
+    /// Open the viewer (an installed `rerun`) and show every frame
+    #[cfg(feature = "rerun")]
+    #[arg(long, group = "shown")]
+    view: bool,
+    /// Log to a file for the viewer
+    #[cfg(feature = "rerun")]
+    #[arg(long, value_name = "FILE.rrd", group = "shown")]
+    rrd: Option<PathBuf>,
+    /// Log to a viewer that is running
+    #[cfg(feature = "rerun")]
+    #[arg(long, value_name = "URL", group = "shown")]
+    connect: Option<String>,
+    #[command(flatten)]
+    pub overwrite: Overwrite,
+}
+
+impl Sinks {
+    /// Checks the output files, which must differ from all other files of the command.
+    #[cfg_attr(
+        not(any(feature = "mcap", feature = "rerun")),
+        expect(unused_variables, reason = "no sink writes a file")
+    )]
+    pub fn check_files(&self, files: &mut Files) -> Result<()> {
+        #[cfg(feature = "mcap")]
+        if let Some(path) = &self.record {
+            files.writes("--record", path, Content::Recording)?;
+        }
+        #[cfg(feature = "rerun")]
+        if let Some(path) = &self.rrd {
+            files.writes("--rrd", path, Content::Viewer)?;
+        }
+        Ok(())
+    }
+
+    /// Opens the sinks. Files are created at the first frame. `title` names the run in the viewer.
+    pub fn open(
+        &self,
+        title: &str,
+        metadata: &BTreeMap<String, String>,
+        overflow: Overflow,
+    ) -> Result<Vec<SinkQueue>> {
+        let queues = [
+            self.open_recording(metadata, overflow)?,
+            self.open_viewer(title, overflow)?,
+        ];
+        Ok(queues.into_iter().flatten().collect())
+    }
+
+    #[cfg(feature = "mcap")]
+    fn open_recording(
+        &self,
+        metadata: &BTreeMap<String, String>,
+        overflow: Overflow,
+    ) -> Result<Option<SinkQueue>> {
+        let Some(path) = self.record.clone() else {
+            return Ok(None);
+        };
+        let (metadata, overwrite) = (metadata.clone(), self.overwrite);
+        let queue = SinkQueue::spawn("recording", WAITING, overflow, move || {
+            claim(&path, overwrite)?;
+            Ok(Box::new(linkwatch::RecordingSink::create(
+                &path, &metadata,
+            )?))
+        })?;
+        Ok(Some(queue.with_points(WAITING_POINTS)))
+    }
+
+    #[cfg(not(feature = "mcap"))]
+    fn open_recording(
+        &self,
+        _: &BTreeMap<String, String>,
+        _: Overflow,
+    ) -> Result<Option<SinkQueue>> {
+        Ok(None)
+    }
+
+    #[cfg(feature = "rerun")]
+    fn open_viewer(&self, title: &str, overflow: Overflow) -> Result<Option<SinkQueue>> {
+        let (title, overwrite) = (title.to_owned(), self.overwrite);
+        if let Some(path) = self.rrd.clone() {
+            let queue = SinkQueue::spawn("viewer", WAITING, overflow, move || {
+                claim(&path, overwrite)?;
+                Ok(Box::new(ViewerSink::open(
+                    &ViewerTarget::File(path),
+                    &title,
+                )?))
+            });
+            return Ok(Some(queue?.with_points(WAITING_POINTS)));
+        }
+        let target = match &self.connect {
+            Some(url) => ViewerTarget::Connect(url.clone()),
+            None if self.view => ViewerTarget::Spawn,
+            None => return Ok(None),
+        };
+        // A file must be complete, or it misleads; a live viewer may miss a frame.
+        let queue = SinkQueue::spawn("viewer", WAITING, Overflow::DropOldest, move || {
+            Ok(Box::new(ViewerSink::open(&target, &title)?))
+        })?;
+        // If the viewer cannot be reached, the command fails at once, not at its first frame.
+        queue.open(OPEN)?;
+        Ok(Some(queue))
+    }
+
+    #[cfg(not(feature = "rerun"))]
+    fn open_viewer(&self, _: &str, _: Overflow) -> Result<Option<SinkQueue>> {
+        Ok(None)
+    }
+}

@@ -1,0 +1,134 @@
+//! The last lines of a run: how many frames had which end, and how long they took.
+
+use crate::cli::output::{count, millis, percent, plural};
+use linkwatch::Report;
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// Frames verified, skipped and rejected so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tally {
+    pub verified: u64,
+    pub skipped: u64,
+    pub rejected: u64,
+}
+
+impl Tally {
+    /// Returns the share of all frames that were skipped.
+    pub fn skipped_share(self) -> f64 {
+        let all = self.verified + self.skipped + self.rejected;
+        self.skipped as f64 / all.max(1) as f64
+    }
+
+    /// Returns the counts in words. Model files cannot be skipped.
+    pub fn words(self, files: bool) -> String {
+        let mut parts = vec![format!("{} verified", plural(self.verified, "frame"))];
+        match self.skipped {
+            0 if files => {}
+            0 => parts.push("0 skipped".into()),
+            n => {
+                let share = percent(self.skipped_share());
+                parts.push(format!("{} skipped ({share})", count(n)));
+            }
+        }
+        parts.push(format!("{} rejected", count(self.rejected)));
+        parts.join(", ")
+    }
+}
+
+/// Pull-throughs that cannot be resolved, because the frames are too far apart.
+#[derive(Clone, Copy, Default, serde::Serialize)]
+pub struct Unresolved {
+    pub pull_throughs: u64,
+    pub frames: u64,
+    /// The largest motion of the unresolved pull-throughs, in segment lengths.
+    pub lengths: f64,
+    /// The limit of the motion, in segment lengths.
+    pub limit: f64,
+}
+
+impl Unresolved {
+    pub fn add(&mut self, report: &Report) {
+        self.pull_throughs += report.unresolved.len() as u64;
+        self.frames += u64::from(!report.unresolved.is_empty());
+        let lengths = report.unresolved.iter().map(|p| p.lengths);
+        self.lengths = lengths.fold(self.lengths, f64::max);
+    }
+
+    /// Returns a sentence with their number, and the factor by which frames would have to be closer
+    /// together to keep all of them within the limit.
+    pub fn words(&self) -> String {
+        let remedy = match self.limit {
+            0.0 => "none is resolved".to_owned(),
+            limit => {
+                let closer = (self.lengths / limit).ceil();
+                format!("frames {closer} times closer together would resolve them")
+            }
+        };
+        format!(
+            "unresolved pull-throughs: {} in {}, with motions of up to {:.1} segment lengths a \
+             frame; {remedy} (--motion-limit {})",
+            count(self.pull_throughs),
+            plural(self.frames, "frame"),
+            self.lengths,
+            self.limit,
+        )
+    }
+}
+
+/// Durations in buckets of 5 %: a run may last for days.
+#[derive(Default)]
+pub struct Durations {
+    buckets: BTreeMap<i32, u64>,
+    pub longest: Duration,
+}
+
+impl Durations {
+    /// Ratio of neighbouring buckets.
+    const RATIO: f64 = 1.05;
+
+    pub fn add(&mut self, d: Duration) {
+        let bucket = d.as_secs_f64().max(1e-9).ln() / Self::RATIO.ln();
+        *self.buckets.entry(bucket.round() as i32).or_default() += 1;
+        self.longest = self.longest.max(d);
+    }
+
+    /// The median, within a bucket.
+    pub fn median(&self) -> Duration {
+        let half = self.buckets.values().sum::<u64>() / 2;
+        let mut seen = 0;
+        let middle = self.buckets.iter().find(|(_, n)| {
+            seen += **n;
+            seen > half
+        });
+        middle.map_or(Duration::ZERO, |(&bucket, _)| {
+            Duration::from_secs_f64(Self::RATIO.powi(bucket)).min(self.longest)
+        })
+    }
+
+    /// Returns median and maximum in words.
+    pub fn words(&self) -> String {
+        format!(
+            "a check took {} (median), {} at most",
+            millis(self.median()),
+            millis(self.longest)
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_right_within_a_bucket() {
+        let mut d = Durations::default();
+        assert_eq!(d.median(), Duration::ZERO);
+        for ms in 1..=101 {
+            d.add(Duration::from_millis(ms));
+        }
+        let median = d.median().as_secs_f64();
+        assert!((median / 0.051 - 1.0).abs() < 0.05, "{median}");
+        assert_eq!(d.longest, Duration::from_millis(101));
+    }
+}

@@ -1,0 +1,163 @@
+//! The extent of a scene, and segments that are too long for it.
+
+use super::{CurveSet, Point, significant};
+use std::fmt;
+
+/// A segment is suspicious if it spans more than this share of the scene along an axis ..
+const SHARE: f64 = 0.5;
+
+/// .. and is longer than this many segments of average length.
+const AVERAGES: f64 = 3.0;
+
+/// A segment that spans more than half of the scene.
+///
+/// Curves of a periodic box look like this if their coordinates are wrapped into the box.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct LongSegment {
+    /// Curve, from 0.
+    pub curve: usize,
+    /// Segment of the curve, from 0, counted in control points.
+    pub segment: usize,
+    /// Axis along which it is long: `x`, `y` or `z`.
+    pub axis: char,
+    /// Length along that axis, in the units of the simulation.
+    pub length: f64,
+    /// Extent of the scene along that axis.
+    pub extent: f64,
+    /// Number of segments that span more than half of the scene.
+    pub count: usize,
+}
+
+impl fmt::Display for LongSegment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "segment {} of curve {} spans {:.0} % of the scene along {} ({} of {})",
+            self.segment,
+            self.curve,
+            100.0 * self.length / self.extent,
+            self.axis,
+            significant(self.length),
+            significant(self.extent),
+        )
+    }
+}
+
+impl CurveSet {
+    /// Returns the sides of the bounding box of all control points.
+    fn sides(&self) -> Point {
+        let mut low = [f64::INFINITY; 3];
+        let mut high = [f64::NEG_INFINITY; 3];
+        for i in 0..self.len() {
+            for k in 0..self.curve(i).points as usize {
+                let p = self.point(i, k);
+                for x in 0..3 {
+                    low[x] = low[x].min(p[x]);
+                    high[x] = high[x].max(p[x]);
+                }
+            }
+        }
+        // Halved, since the difference of two finite numbers may be infinite.
+        [0, 1, 2].map(|x| (2.0 * (0.5 * high[x] - 0.5 * low[x])).clamp(0.0, f64::MAX))
+    }
+
+    /// Returns the longest side of the bounding box of all control points, in the units of the
+    /// simulation. Infinite extents count as the largest number. Costs a pass over all points.
+    pub fn extent(&self) -> f64 {
+        self.sides().into_iter().fold(0.0, f64::max)
+    }
+
+    /// Returns the longest of the segments that span more than half of the scene along an axis and
+    /// are much longer than the average segment, if there are any. Costs two passes over all points.
+    ///
+    /// In a scene without a periodic box such a segment is unusual, but valid.
+    pub fn long_segment(&self) -> Option<LongSegment> {
+        let sides = self.sides();
+        let (mut sum, mut edges) = ([0.0; 3], 0.0);
+        self.for_each_edge(|_, _, d| {
+            edges += 1.0;
+            (0..3).for_each(|x| sum[x] += d[x].abs());
+        });
+        let limit = [0, 1, 2].map(|x| (SHARE * sides[x]).max(AVERAGES * sum[x] / edges));
+        let mut longest: Option<LongSegment> = None;
+        let mut count = 0;
+        self.for_each_edge(|curve, segment, d| {
+            let axes = (0..3).filter(|&x| d[x].abs() > limit[x]);
+            let Some(x) = axes.max_by(|&a, &b| d[a].abs().total_cmp(&d[b].abs())) else {
+                return;
+            };
+            count += 1;
+            let length = d[x].abs();
+            if longest.is_none_or(|l| length > l.length) {
+                longest = Some(LongSegment {
+                    curve,
+                    segment,
+                    axis: ['x', 'y', 'z'][x],
+                    length,
+                    extent: sides[x],
+                    count: 0,
+                });
+            }
+        });
+        longest.map(|l| LongSegment { count, ..l })
+    }
+
+    /// Visits all vectors from a control point to the next one of its curve.
+    fn for_each_edge(&self, mut visit: impl FnMut(usize, usize, Point)) {
+        for (i, c) in self.curves().iter().enumerate() {
+            let n = c.points as usize;
+            for k in 0..n - usize::from(!c.closed) {
+                let (a, b) = (self.point(i, k), self.point(i, (k + 1) % n));
+                visit(i, k, [0, 1, 2].map(|x| b[x] - a[x]));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::curve::{Basis, CurveSet, Positions};
+
+    /// Rings of radius 2 and 40 points along a diagonal, in a box of 10 with coordinates wrapped
+    /// into it if `wrapped`.
+    fn rings(wrapped: bool) -> CurveSet {
+        let mut xyz = Vec::new();
+        for ring in 0..6 {
+            for k in 0..40 {
+                let angle = f64::from(k) / 40.0 * std::f64::consts::TAU;
+                let center = f64::from(ring) * 1.7;
+                let p = [2.0 * angle.cos(), 2.0 * angle.sin(), 0.1 * angle.sin()];
+                xyz.extend(p.map(|x| match wrapped {
+                    true => (x + center).rem_euclid(10.0),
+                    false => x + center,
+                }));
+            }
+        }
+        CurveSet::from_counts(Basis::Polyline, &[-40; 6], Positions::F64(&xyz)).unwrap()
+    }
+
+    #[test]
+    fn a_wrapped_curve_has_a_segment_longer_than_half_the_scene() {
+        let long = rings(true).long_segment().unwrap();
+        assert!(long.length > 9.0 && long.extent > 9.0, "{long:?}");
+        assert!(long.count >= 4, "{long:?}");
+        assert_eq!(rings(false).long_segment(), None);
+    }
+
+    #[test]
+    fn coarse_curves_have_no_suspicious_segments() {
+        // The sides of a square span it, as all its segments do.
+        let xyz = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
+        let square = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F64(&xyz)).unwrap();
+        assert_eq!(square.long_segment(), None);
+        assert_eq!(square.extent(), 1.0);
+    }
+
+    #[test]
+    fn the_extent_of_extreme_coordinates_is_finite() {
+        let xyz = [-f64::MAX, 0., 0., f64::MAX, 0., 0., 0., 1., 0.];
+        let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&xyz)).unwrap();
+        assert_eq!(set.extent(), f64::MAX);
+        set.long_segment();
+    }
+}
