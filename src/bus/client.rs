@@ -102,6 +102,8 @@ enum Watcher {
 /// A client is one session: one layout of curves and frames numbered from 0. Dropping it without
 /// [`finish`](Client::finish), by an error or a panic, tells the watcher that the session ended early.
 ///
+/// Programs in other languages do the same from [the wire format](crate::wire_format).
+///
 /// ```no_run
 /// use linkwatch::{Basis, Client, ClientOptions, Precision};
 ///

@@ -5,6 +5,9 @@
 //!                           ◀─<name>/verdicts──
 //! ```
 //!
+//! `docs/wire.md` describes services, layouts and codes for programs in other languages; `page`
+//! compares its tables with the code.
+//!
 //! Both directions are publish-subscribe with safe overflow: nobody ever waits for a slow, stopped or dead
 //! peer. An event beside each is a hint to look sooner; both sides look on a timer as well, since an event
 //! may be lost (always over a bridge between hosts, now and then elsewhere).
@@ -20,6 +23,8 @@ mod client;
 mod event;
 mod loan;
 mod message;
+#[cfg(test)]
+mod page;
 mod service;
 mod sidecar;
 mod wire;

@@ -5,6 +5,8 @@
 //!
 //! Payload of a frame: `n_curves` counts (`i32`, negative: closed, as in BCC files), zeros up to a multiple
 //! of 64 bytes, then `3 * n_points` coordinates. Everything is in the byte order of the machine.
+//!
+//! `docs/wire.md` describes this for other languages. A change of a layout changes that page.
 
 use crate::curve::{Basis, Positions, Precision};
 use crate::error::{Error, Result};

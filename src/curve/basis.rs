@@ -7,7 +7,7 @@ use std::ops::{Add, Mul, Sub};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Basis {
-    /// Straight segments between the points (`PL`).
+    /// Straight segments between the points (`PL`): chains of beads, molecules, straight rods.
     Polyline,
     /// Uniform Catmull-Rom: passes through its control points (`C0`).
     CatmullRom,

@@ -212,6 +212,10 @@ const AHEAD: usize = 16;
 /// Asks for a block: the processor does so by itself only up to the end of each page, and what was used a frame ago
 /// may be far away by now.
 #[inline(always)]
+#[cfg_attr(
+    not(target_arch = "x86_64"),
+    expect(unused_variables, reason = "no hint on this architecture")
+)]
 fn fetch(packed: &[Packed], block: usize) {
     #[cfg(target_arch = "x86_64")]
     if let Some(block) = packed.get(block) {

@@ -1,0 +1,321 @@
+//! Compares the tables of `docs/wire.md` with the code.
+
+use super::message::{Counters, MessageKind};
+use super::service::{Endpoint, Role};
+use super::wire::{
+    ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
+    FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, NO_CURVE,
+    VERDICT_MAGIC, VerdictWire, payload_bytes,
+};
+use crate::curve::{Basis, Precision};
+use crate::verdict::{DefectKind, Verdict};
+use iceoryx2::prelude::PortFactory;
+use iceoryx2::service::static_config::publish_subscribe::StaticConfig;
+use std::any::type_name_of_val;
+use std::mem::{align_of, offset_of, size_of, size_of_val};
+
+const PAGE: &str = include_str!("../../docs/wire.md");
+
+/// Rows of the first table behind `heading` whose first column has this title, without backticks.
+fn rows(heading: &str, title: &str) -> Vec<Vec<String>> {
+    let (_, section) = PAGE.split_once(heading).expect("the page has the heading");
+    let start = format!("| {title} |");
+    let mut lines = section.lines().skip_while(|l| !l.starts_with(&start));
+    let table = lines.by_ref().take_while(|l| l.starts_with('|')).skip(2);
+    let cells = |line: &str| {
+        let inner = line.trim_matches('|').replace('`', "");
+        inner
+            .split('|')
+            .map(|cell| cell.trim().to_owned())
+            .collect()
+    };
+    table.map(cells).collect()
+}
+
+/// The first `n` columns of these rows.
+fn columns(n: usize, rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
+    rows.into_iter().map(|row| row[..n].to_vec()).collect()
+}
+
+/// Offset, size, type and name of every field. Does not compile if a field is missing.
+macro_rules! fields {
+    ($value:expr, $struct:ident { $($field:ident),* $(,)? }) => {{
+        let $struct { $($field),* } = $value;
+        vec![$(vec![
+            offset_of!($struct, $field).to_string(),
+            size_of_val(&$field).to_string(),
+            type_name_of_val(&$field).to_owned(),
+            stringify!($field).to_owned(),
+        ]),*]
+    }};
+}
+
+fn codes<'a>(names: impl IntoIterator<Item = (u32, &'a str)>) -> Vec<Vec<String>> {
+    let row = |(code, name): (u32, &str)| vec![code.to_string(), name.to_owned()];
+    names.into_iter().map(row).collect()
+}
+
+#[test]
+fn the_wire_page_has_every_field_of_a_frame_header() {
+    let header = FrameHeader::default();
+    let expected = fields!(
+        header,
+        FrameHeader {
+            magic,
+            version,
+            flags,
+            session,
+            seq,
+            time,
+            n_points,
+            n_curves,
+            basis,
+            coordinate_bytes,
+            cuts,
+        }
+    );
+    let found = rows("## A frame", "offset");
+    assert_eq!(columns(4, found.clone()), expected);
+    assert!(
+        found[0][4].contains(&format!("{FRAME_MAGIC:#018x}")),
+        "{}",
+        found[0][4]
+    );
+    assert_eq!(found[1][4], LAYOUT_VERSION.to_string());
+}
+
+#[test]
+fn the_wire_page_has_every_field_of_a_verdict() {
+    let hello = VerdictWire::new(MessageKind::Hello, 0, Counters::default());
+    let expected = fields!(
+        hello,
+        VerdictWire {
+            magic,
+            version,
+            kind,
+            session,
+            seq,
+            time,
+            verdict,
+            abort,
+            lost,
+            gained,
+            changed,
+            defects,
+            events,
+            finding,
+            i,
+            j,
+            defect_kind,
+            segments,
+            has_place,
+            reason_len,
+            unresolved,
+            expected,
+            found,
+            point,
+            distance,
+            lengths,
+            extent,
+            verified,
+            skipped,
+            rejected,
+            check_ns,
+            reason,
+        }
+    );
+    let found = rows("## A message", "offset");
+    assert_eq!(columns(4, found.clone()), expected);
+    assert!(
+        found[0][4].contains(&format!("{VERDICT_MAGIC:#018x}")),
+        "{}",
+        found[0][4]
+    );
+    assert_eq!(found[1][4], LAYOUT_VERSION.to_string());
+    let j = found.iter().find(|row| row[3] == "j").unwrap();
+    assert!(j[4].contains(&NO_CURVE.to_string()), "{}", j[4]);
+    let alignment = align_of::<VerdictWire>();
+    assert_eq!(align_of::<FrameHeader>(), alignment);
+    let sizes = format!(
+        "({} and {} bytes) and the alignment ({alignment} bytes for both)",
+        size_of::<FrameHeader>(),
+        size_of::<VerdictWire>(),
+    );
+    assert!(PAGE.contains(&sizes), "{sizes}");
+    let version = format!("The version of this layout is **{LAYOUT_VERSION}**.");
+    assert!(PAGE.contains(&version), "{version}");
+}
+
+#[test]
+fn the_wire_page_has_every_code() {
+    let flags = [
+        (FLAG_LOCKSTEP, "lockstep"),
+        (FLAG_END, "end"),
+        (FLAG_ANNOUNCE, "announce"),
+        (FLAG_UNFINISHED, "unfinished"),
+    ];
+    assert_eq!(columns(2, rows("## A frame", "flag")), codes(flags));
+
+    let kinds = [
+        MessageKind::Hello,
+        MessageKind::Verdict,
+        MessageKind::Goodbye,
+    ];
+    let kinds = kinds.map(|k| (k as u32, format!("{k:?}").to_lowercase()));
+    let kinds = kinds.iter().map(|(code, name)| (*code, name.as_str()));
+    assert_eq!(columns(2, rows("## A message", "kind")), codes(kinds));
+
+    let verdicts = Verdict::ALL.map(|v| (v as u32, v.word()));
+    assert_eq!(columns(2, rows("## A message", "verdict")), codes(verdicts));
+
+    let findings = [
+        (FINDING_NONE, "none"),
+        (FINDING_CHANGE, "change"),
+        (FINDING_DEFECT, "defect"),
+        (FINDING_EVENT, "pull-through"),
+    ];
+    assert_eq!(columns(2, rows("## A message", "finding")), codes(findings));
+
+    let defects = DefectKind::ALL.map(|d| (d as u32, serde_json::to_string(&d).unwrap()));
+    let defects = defects
+        .iter()
+        .map(|(code, name)| (*code, name.trim_matches('"')));
+    assert_eq!(columns(2, rows("## A message", "defect")), codes(defects));
+}
+
+#[test]
+fn the_wire_page_says_which_numbers_of_points_a_basis_takes() {
+    let found = rows("## A frame", "basis code");
+    assert_eq!(found.len(), Basis::ALL.len());
+    for (basis, row) in Basis::ALL.into_iter().zip(found) {
+        assert_eq!(row[0], basis.code().to_string());
+        for (closed, cell) in [(true, &row[3]), (false, &row[4])] {
+            let valid = (0..=10).filter(|&n| basis.segments(n, closed).is_some());
+            let valid: Vec<String> = valid.map(|n| n.to_string()).collect();
+            let expected = match basis {
+                Basis::Bezier => format!("{}, ..", valid.join(", ")),
+                _ => format!("{} or more", valid[0]),
+            };
+            assert_eq!(*cell, expected, "{basis:?}");
+        }
+    }
+    let example = payload_bytes(2, 200, Precision::F32).unwrap();
+    assert!(PAGE.contains(&format!("2400 bytes of positions: {example} bytes.")));
+}
+
+/// Opens both services, and compares what iceoryx2 says of them.
+#[test]
+fn the_wire_page_has_the_settings_of_both_services() {
+    let name = format!("linkwatch-page-{}", std::process::id());
+    let endpoint = Endpoint::open(&name, Role::Simulator).unwrap();
+    let of = |service: &StaticConfig| {
+        let switch = if service.has_safe_overflow() {
+            "on"
+        } else {
+            "off"
+        };
+        vec![
+            (
+                "payload alignment",
+                service
+                    .message_type_details()
+                    .payload
+                    .alignment()
+                    .to_string(),
+            ),
+            ("maximum publishers", service.max_publishers().to_string()),
+            ("maximum subscribers", service.max_subscribers().to_string()),
+            (
+                "subscriber buffer size",
+                service.subscriber_max_buffer_size().to_string(),
+            ),
+            (
+                "subscriber borrowed samples",
+                service.subscriber_max_borrowed_samples().to_string(),
+            ),
+            ("history size", service.history_size().to_string()),
+            ("safe overflow", switch.to_owned()),
+        ]
+    };
+    let (frames, verdicts) = (
+        endpoint.frames.static_config(),
+        endpoint.verdicts.static_config(),
+    );
+    let expected: Vec<Vec<String>> = of(frames)
+        .into_iter()
+        .zip(of(verdicts))
+        .map(|((setting, f), (_, v))| vec![setting.to_owned(), f, v])
+        .collect();
+    assert_eq!(rows("## Services", "setting"), expected);
+    assert_eq!(frames.message_type_details().payload.alignment(), ALIGNMENT);
+    let named = rows("## Services", "service");
+    let header = frames
+        .message_type_details()
+        .user_header
+        .type_name()
+        .to_string();
+    let verdict = verdicts
+        .message_type_details()
+        .payload
+        .type_name()
+        .to_string();
+    assert_eq!((&named[0][5], &named[2][4]), (&header, &verdict));
+}
+
+/// Writes a file as the page says, for each basis, and reads it.
+#[test]
+fn the_wire_page_describes_files_that_are_read() {
+    let offsets = columns(1, rows("## Frames in files", "BCC offset"));
+    assert_eq!(offsets.concat(), ["0", "4", "6", "8", "16", "24", "64"]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.bcc");
+    for (basis, row) in Basis::ALL.into_iter().zip(rows("## A frame", "basis code")) {
+        let mut file = b"BCC\x44".to_vec();
+        file.extend(row[1].as_bytes());
+        file.extend([3, 0]);
+        file.extend(1_u64.to_le_bytes());
+        file.extend(3_u64.to_le_bytes());
+        file.extend([0; 40]);
+        file.extend((-3_i32).to_le_bytes());
+        file.extend((0..9).flat_map(|x: u8| f32::from(x).to_le_bytes()));
+        std::fs::write(&path, &file).unwrap();
+        let set = crate::model::read(&path).unwrap();
+        assert_eq!(
+            (set.basis(), set.counts().collect::<Vec<_>>()),
+            (basis, vec![-3])
+        );
+        assert_eq!(set.point(0, 2), [6.0, 7.0, 8.0]);
+    }
+}
+
+#[test]
+fn the_client_in_python_has_the_fields_of_the_wire_page() {
+    const CLIENT: &str = include_str!("../../examples/rings.py");
+    assert!(CLIENT.contains(&format!("\nVERSION = {LAYOUT_VERSION}\n")));
+    let in_python = |t: &str| {
+        let (item, times) = match t.trim_matches(['[', ']']).split_once("; ") {
+            Some((item, n)) => (item, format!(" * {n}")),
+            None => (t, String::new()),
+        };
+        let name = match item.split_at(1) {
+            ("f", "64") => "double".to_owned(),
+            ("u", bits) => format!("uint{bits}"),
+            (_, bits) => format!("int{bits}"),
+        };
+        format!("ctypes.c_{name}{times}")
+    };
+    for (class, heading) in [("FrameHeader", "## A frame"), ("Verdict", "## A message")] {
+        let (_, class) = CLIENT.split_once(&format!("class {class}(")).unwrap();
+        let (fields, _) = class.split_once("    ]").unwrap();
+        let fields: Vec<&str> = fields
+            .lines()
+            .map(str::trim)
+            .filter(|line| line.starts_with("(\""))
+            .collect();
+        let expected: Vec<String> = rows(heading, "offset")
+            .iter()
+            .map(|row| format!("(\"{}\", {}),", row[3], in_python(&row[2])))
+            .collect();
+        assert_eq!(fields, expected);
+    }
+}
