@@ -9,6 +9,9 @@ const DIGITS: i32 = 6;
 /// Powers of ten that are written in full. Beyond them the power is written as a factor.
 const PLAIN: std::ops::RangeInclusive<i32> = -4..=8;
 
+/// Coordinates beyond this many extents of the scene have a notation of their own.
+const FAR: f64 = 1e9;
+
 /// Notation of coordinates: six significant digits of a scale, which is the extent of the scene.
 ///
 /// All coordinates of a scene have the same number of decimals, so a coordinate that is 0 but for
@@ -36,12 +39,13 @@ impl Notation {
         }
     }
 
-    /// Returns the notation of a place in a scene of unknown extent (0): six significant digits of
-    /// its largest coordinate.
+    /// Returns the notation of a place in a scene of this extent. If the extent is unknown (0), or
+    /// the place is far outside, because a simulation blew up: that of its largest coordinate.
     pub fn of_scene(extent: f64, place: Point) -> Notation {
-        match extent > 0.0 {
+        let largest = place.into_iter().fold(0.0, |a, x| x.abs().max(a));
+        match largest < FAR * extent || largest == 0.0 {
             true => Notation::of(extent),
-            false => Notation::of(place.into_iter().fold(0.0, |a, x| x.abs().max(a))),
+            false => Notation::of(largest),
         }
     }
 
@@ -152,10 +156,13 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_of_unknown_extent_takes_the_digits_of_the_place() {
+    fn a_place_far_outside_of_the_scene_has_a_notation_of_its_own() {
         let place = [0.012_345_678, 0.0, 0.0];
         let text = Notation::of_scene(0.0, place).point(place);
         assert_eq!(text, "(0.0123457, 0.0000000, 0.0000000)");
+        let far = [6.915_656e23, -2e24, 0.0];
+        let text = Notation::of_scene(10.0, far).point(far);
+        assert_eq!(text, "(0.69157, -2.00000, 0.00000) x 10^24");
         let text = Notation::of_scene(0.0, [0.0; 3]).point([-0.0; 3]);
         assert_eq!(text, "(0.00000, 0.00000, 0.00000)");
     }
