@@ -91,7 +91,7 @@ class Verdict(ctypes.Structure):
         return "linkwatch.Verdict"
 
     def __str__(self):
-        text = f"frame {self.seq} at {self.time:g}: {VERDICTS[self.verdict]}"
+        text = f"frame {self.seq} at {self.time:g} s: {VERDICTS[self.verdict]}"
         if self.finding:
             second = "" if self.j == 0xFFFFFFFF else f" and {self.j}"
             text += f", first at curves {self.i}{second}"
@@ -292,7 +292,7 @@ def main():
         context.getIntegrator().step(STEPS_A_FRAME)
         state = context.getState(getPositions=True)
         positions = state.getPositions(asNumpy=True).value_in_unit(unit.nanometer)
-        seq = client.publish(state.getTime().value_in_unit(unit.picosecond), positions)
+        seq = client.publish(state.getTime().value_in_unit(unit.second), positions)
         verdict = lambda message: KINDS[message.kind] == "verdict" and message.seq == seq
         last = client.wait(verdict, 5) if args.lockstep else client.poll()
         if args.lockstep and last is None:
