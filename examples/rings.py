@@ -119,8 +119,8 @@ class Client:
 
         iox2.set_log_level_from_env_or(iox2.LogLevel.Error)
         off = iox2.SignalHandlingMode.Disabled
-        self.node = iox2.NodeBuilder.new().signal_handling_mode(off).create(iox2.ServiceType.Ipc)
-        name = lambda part: self.node.service_builder(iox2.ServiceName.new(f"{service}/{part}"))
+        node = iox2.NodeBuilder.new().signal_handling_mode(off).create(iox2.ServiceType.Ipc)
+        name = lambda part: node.service_builder(iox2.ServiceName.new(f"{service}/{part}"))
         lock = name("simulator").request_response(ctypes.c_uint64, ctypes.c_uint64)
         lock = lock.max_servers(1).max_clients(1).open_or_create()
         self.lock = lock.server_builder().create()  # fails if another simulator has it
@@ -158,6 +158,7 @@ class Client:
             .backpressure_strategy(iox2.BackpressureStrategy.DiscardData)
             .create()
         )
+        self.node = node  # last, so that it is freed after its ports
 
     def send(self, length, flags=0, seconds=0.0, positions=None):
         sample = self.publisher.loan_slice_uninit(length)
