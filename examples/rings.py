@@ -91,7 +91,7 @@ class Verdict(ctypes.Structure):
         return "linkwatch.Verdict"
 
     def __str__(self):
-        text = f"frame {self.seq} at {self.time:g}: {VERDICTS[self.verdict]}"
+        text = f"frame {self.seq} at {self.time:g} s: {VERDICTS[self.verdict]}"
         if self.finding:
             second = "" if self.j == 0xFFFFFFFF else f" and {self.j}"
             text += f", first at curves {self.i}{second}"
@@ -119,8 +119,8 @@ class Client:
 
         iox2.set_log_level_from_env_or(iox2.LogLevel.Error)
         off = iox2.SignalHandlingMode.Disabled
-        self.node = iox2.NodeBuilder.new().signal_handling_mode(off).create(iox2.ServiceType.Ipc)
-        name = lambda part: self.node.service_builder(iox2.ServiceName.new(f"{service}/{part}"))
+        node = iox2.NodeBuilder.new().signal_handling_mode(off).create(iox2.ServiceType.Ipc)
+        name = lambda part: node.service_builder(iox2.ServiceName.new(f"{service}/{part}"))
         lock = name("simulator").request_response(ctypes.c_uint64, ctypes.c_uint64)
         lock = lock.max_servers(1).max_clients(1).open_or_create()
         self.lock = lock.server_builder().create()  # fails if another simulator has it
@@ -158,6 +158,7 @@ class Client:
             .backpressure_strategy(iox2.BackpressureStrategy.DiscardData)
             .create()
         )
+        self.node = node  # last, so that it is freed after its ports
 
     def send(self, length, flags=0, seconds=0.0, positions=None):
         sample = self.publisher.loan_slice_uninit(length)
@@ -292,7 +293,7 @@ def main():
         context.getIntegrator().step(STEPS_A_FRAME)
         state = context.getState(getPositions=True)
         positions = state.getPositions(asNumpy=True).value_in_unit(unit.nanometer)
-        seq = client.publish(state.getTime().value_in_unit(unit.picosecond), positions)
+        seq = client.publish(state.getTime().value_in_unit(unit.second), positions)
         verdict = lambda message: KINDS[message.kind] == "verdict" and message.seq == seq
         last = client.wait(verdict, 5) if args.lockstep else client.poll()
         if args.lockstep and last is None:
