@@ -1,7 +1,11 @@
 //! The viewer sink on a small piece of chainmail of which two rings come apart, and on crossings that no linking number
 //! sees.
 //!
-//! To look at them: `LINKWATCH_RRD=. cargo test --features rerun --test viewer`, then `rerun mail.rrd`.
+//! To look at them: `LINKWATCH_RRD=. cargo test --features rerun --test viewer`, then `rerun
+//! mail.rrd`; `chain.rrd` has 30 rings and a break, `pairs.rrd` 40 rings and 20 breaks. For a
+//! picture: `rerun chain.rrd --screenshot-to chain.png --window-size 1600x1000`. To look at a scene
+//! live: start `rerun`, then `LINKWATCH_VIEW=localhost cargo test --features rerun --test viewer
+//! twenty`.
 
 use linkwatch::{
     AbortOn, BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events,
@@ -256,6 +260,94 @@ fn what_linking_numbers_do_not_see_is_shown() {
     }
     sink.finish().unwrap();
     assert!(std::fs::metadata(&path).unwrap().len() > 1000);
+}
+
+/// A ring of radius 1 around `center`, in the plane of `u` and `v`.
+fn ring(center: [f32; 3], u: [f32; 3], v: [f32; 3]) -> impl Iterator<Item = f32> {
+    (0..POINTS).flat_map(move |k| {
+        let angle = std::f32::consts::TAU * (k as f32 + 0.3) / POINTS as f32;
+        let (sin, cos) = angle.sin_cos();
+        [0, 1, 2].map(|x| center[x] + cos * u[x] + sin * v[x])
+    })
+}
+
+const UP: [f32; 3] = [0.0, 0.0, 1.0];
+
+/// A chain of 30 rings along an arc. From frame 5 on its second half moves on, and the links
+/// between rings 14 and 15 part.
+fn chain(frame: u64) -> Vec<f32> {
+    let moved = 0.15 * frame.saturating_sub(4) as f32;
+    let shape = |k: usize| {
+        let along = 1.3 * k as f32 + if k < 15 { 0.0 } else { moved };
+        let (sin, cos) = (along / 7.5).sin_cos();
+        let (center, tangent) = ([7.5 * cos, 7.5 * sin, 0.0], [-sin, cos, 0.0]);
+        let side = [[cos, sin, 0.0], UP][k % 2];
+        ring(center, tangent, side)
+    };
+    (0..30).flat_map(shape).collect()
+}
+
+/// 20 pairs of linked rings. Ring 2 p + 1 is drawn out of ring 2 p, each pair later than another.
+fn pairs(frame: u64) -> Vec<f32> {
+    let shape = |k: usize| {
+        let pair = k / 2;
+        let start = 2 + 7 * pair as u64 % 20;
+        let (sin, cos) = (0.9 * pair as f32).sin_cos();
+        let along = match k % 2 {
+            0 => 0.0,
+            _ => 1.1 + 0.17 * frame.saturating_sub(start).min(11) as f32,
+        };
+        let corner = [7.0 * (pair % 5) as f32, 7.0 * (pair / 5) as f32];
+        let center = [corner[0] + along * cos, corner[1] + along * sin, 0.0];
+        let side = [[-sin, cos, 0.0], UP][k % 2];
+        ring(center, [cos, sin, 0.0], side)
+    };
+    (0..40).flat_map(shape).collect()
+}
+
+/// Verifies the frames of a motion and shows them; returns the frame of each link that was lost.
+fn show(name: &str, unit: f32, frames: u64, motion: fn(u64) -> Vec<f32>) -> Vec<u64> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(&format!("{name}.rrd"), folder.path());
+    let live = std::env::var("LINKWATCH_VIEW").ok();
+    let target = match &live {
+        Some(address) => ViewerTarget::Connect(address.clone()),
+        None => ViewerTarget::File(path.clone()),
+    };
+    let mut sink = Box::new(ViewerSink::open(&target, name).unwrap());
+    let mut verifier = Verifier::new(AbortOn::Any);
+    verifier.set_events(Events::All);
+    let mut lost = Vec::new();
+    for seq in 0..frames {
+        let xyz: Vec<f32> = motion(seq).iter().map(|x| x * unit).collect();
+        let counts = vec![-(POINTS as i32); xyz.len() / 3 / POINTS];
+        let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
+        let set = Arc::new(set);
+        let report = verifier.step_shared(seq, seq as f64 / 60.0, &set).unwrap();
+        lost.resize(report.changes.len(), seq);
+        sink.frame(&verified(set, report, verifier.work())).unwrap();
+    }
+    sink.finish().unwrap();
+    assert!(live.is_some() || std::fs::metadata(&path).unwrap().len() > 1000);
+    lost
+}
+
+#[test]
+fn a_chain_that_breaks_once_is_shown() {
+    assert_eq!(show("chain", 1.0, 24, chain), [9]);
+}
+
+#[test]
+fn twenty_breaks_are_shown() {
+    let expected: Vec<u64> = (8..28).collect();
+    assert_eq!(show("pairs", 1.0, 44, pairs), expected);
+}
+
+#[test]
+fn tiny_and_large_scenes_are_shown() {
+    for (name, unit) in [("tiny", 1e-9), ("large", 1e6)] {
+        assert_eq!(show(name, unit, 24, chain), [9], "{name}");
+    }
 }
 
 #[test]

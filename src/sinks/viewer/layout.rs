@@ -4,8 +4,8 @@ use super::passed::{Passed, name};
 use super::{Findings, entity};
 use crate::curve::{CurveSet, Point};
 use crate::verdict::{Defect, Report, Verdict};
-use rerun::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
-use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
+use rerun::blueprint::components::{BackgroundKind, PanelState, PlayState};
+use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel,
     Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
@@ -22,22 +22,54 @@ use rerun::{
 pub(super) const FRAME: &str = "frame";
 pub(super) const SIM_TIME: &str = "sim_time";
 
+/// Timeline of the frames up to the first violation, in files. A layout cannot place the time
+/// cursor, but a viewer that follows a timeline opens at its end.
+pub(super) const UNTIL: &str = "until_violation";
+
+/// The colours of everything, in words: legends would cover a third of the plots.
+pub(super) const KEY: &str = "\
+**Curves** red: changed; orange: no verdict
+
+**Marks** blue star: pull-through in this frame; blue dot: an earlier one; pale dots: where two \
+curves are closest
+
+**Links** red: lost; violet: gained; orange: changed; blue: pull-throughs
+
+**Check** red: full; orange: partial; green: quiet
+";
+
 /// Dark and even, so that muted curves are seen and red ones stand out.
 const BACKGROUND: u32 = 0x0f1318ff;
 
 /// Distance of the eye from the middle of the scene, in radii of the scene.
 const EYE_DISTANCE: f64 = 2.0;
 
+/// Distance of the eye from a violation, in sizes of the feature there (see
+/// [`super::local::feature`]). A ring takes a third of the height.
+const EYE_DISTANCE_NEAR: f64 = 4.0;
+
+/// Mean length of a segment from which on curves are drawn as large as they are, and segments
+/// that the mean is taken of.
+const SMALL: f64 = 0.05;
+const SAMPLED: usize = 100_000;
+
+/// Digits by which curves are enlarged at most: single precision has 38.
+const MOST_DIGITS: f64 = 36.0;
+
 /// Directions from which a scene is looked at, by the axis along which it is thinnest: cloth is seen face on, a
 /// little from the side, z upwards.
 const LOOK_FROM: [Point; 3] = [[1.0, -0.3, 0.4], [-0.3, -1.0, 0.4], [-0.25, -0.65, 1.0]];
 
-/// Sends the layout. It opens at the newest frame: the end of a broken run shows what is broken.
-///
-/// With `last`, the curves to look at, the eye is set to see all of them; without, the viewer follows the scene.
-pub(super) fn send(rec: &RecordingStream, last: Option<&CurveSet>) -> RecordingStreamResult<()> {
+/// Sends the layout. It opens at the end of `timeline`. Without an eye, the viewer follows the
+/// scene.
+pub(super) fn send(
+    rec: &RecordingStream,
+    timeline: &str,
+    eye: Option<&EyeControls3D>,
+) -> RecordingStreamResult<()> {
     let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
+    let key = TextDocumentView::new("colours").with_origin(entity::KEY);
     let log = TextLogView::new("log").with_origin(entity::LOG);
     let links = TimeSeriesView::new("links and pull-throughs").with_contents(["/links/**"]);
     let check = TimeSeriesView::new("check, ms").with_contents(["/check/**"]);
@@ -57,8 +89,8 @@ pub(super) fn send(rec: &RecordingStream, last: Option<&CurveSet>) -> RecordingS
             "LineGrid3D",
             Box::new(LineGrid3D::new().with_visible(false)),
         );
-        if let Some(eye) = last.and_then(eye) {
-            property("EyeControls3D", Box::new(eye));
+        if let Some(eye) = eye {
+            property("EyeControls3D", Box::new(eye.clone()));
         }
     }
     if let ContainerLike::View(view) = &log {
@@ -68,29 +100,37 @@ pub(super) fn send(rec: &RecordingStream, last: Option<&CurveSet>) -> RecordingS
                 visible: true.into(),
                 kind,
             });
-        let columns = TextLogColumns::new().with_text_log_columns(columns);
+        // The frame on every timeline: a click on it goes there.
+        let frame = TimelineColumn {
+            visible: true.into(),
+            timeline: FRAME.into(),
+        };
+        let columns = TextLogColumns::new()
+            .with_timeline_columns([frame])
+            .with_text_log_columns(columns);
         let path = format!("{}/TextLogColumns", view.blueprint_path());
         properties.push((path.into(), Box::new(columns)));
     }
-    let (links, check) = (ContainerLike::from(links), ContainerLike::from(check));
-    for plot in [&links, &check] {
+    let plots = [links, check, marked, recomputed, skipped].map(ContainerLike::from);
+    for plot in &plots {
         if let ContainerLike::View(view) = plot {
-            // Most lines rise late: the left is free at the top.
-            let legend = PlotLegend::new().with_corner(Corner2D::LeftTop);
+            let legend = PlotLegend::new().with_visible(false);
             let path = format!("{}/PlotLegend", view.blueprint_path());
             properties.push((path.into(), Box::new(legend)));
         }
     }
-    let top = Horizontal::new([scene, status.into()]).with_column_shares([4.0, 1.1]);
+    let [links, check, marked, recomputed, skipped] = plots;
+    let words = Vertical::new([status.into(), key.into()]).with_row_shares([2.4, 1.0]);
+    let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
     // What made checks take their time, one above the other; counts of frames and pairs share no axis.
-    let work = Vertical::new([marked.into(), recomputed.into()]).with_name("work");
-    let costs = Tabs::new([check, work.into(), skipped.into()]);
+    let work = Vertical::new([marked, recomputed]).with_name("work");
+    let costs = Tabs::new([check, work.into(), skipped]);
     let bottom = Horizontal::new([log, links, costs.into()]);
     let bottom = bottom.with_column_shares([2.6, 1.25, 1.25]);
     let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
     let time = TimePanel::new()
         .with_state(PanelState::Collapsed)
-        .with_timeline(FRAME)
+        .with_timeline(timeline)
         .with_play_state(PlayState::Following);
     let blueprint = Blueprint::new(root)
         .with_auto_views(false)
@@ -137,36 +177,85 @@ fn send_with(
     Ok(())
 }
 
-/// Corners of the box around all control points, and half its diagonal; none where there is no extent.
-pub(super) fn extent(set: &CurveSet) -> Option<(Point, Point, f64)> {
-    let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for (i, curve) in set.curves().iter().enumerate() {
-        for k in 0..curve.points as usize {
-            let p = set.point(i, k);
-            for x in 0..3 {
-                (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
-            }
-        }
-    }
-    let size_sq: f64 = (0..3).map(|x| (hi[x] - lo[x]).powi(2)).sum();
-    let radius = 0.5 * size_sq.sqrt();
-    (radius > 0.0 && radius.is_finite()).then_some((lo, hi, radius))
+/// The box around all control points, and the direction from which it is looked at.
+pub(super) struct Scene {
+    center: Point,
+    /// Half the diagonal.
+    pub radius: f64,
+    /// From the scene to the eye; of length 1.
+    from: Point,
 }
 
-/// An eye that sees all curves.
-fn eye(set: &CurveSet) -> Option<EyeControls3D> {
-    let (lo, hi, radius) = extent(set)?;
-    let size = [0, 1, 2].map(|x| hi[x] - lo[x]);
-    let thinnest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b]))?;
-    let from = LOOK_FROM[thinnest];
-    let away = EYE_DISTANCE * radius / from.iter().map(|f| f * f).sum::<f64>().sqrt();
-    let center = [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x]));
-    let position = [0, 1, 2].map(|x| (center[x] + away * from[x]) as f32);
-    let eye = EyeControls3D::new()
-        .with_position(position)
-        .with_look_target(center.map(|x| x as f32))
-        .with_eye_up([0.0, 0.0, 1.0]);
-    Some(eye)
+impl Scene {
+    /// Returns `None` if there is no extent.
+    pub fn of(set: &CurveSet) -> Option<Scene> {
+        let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for (i, curve) in set.curves().iter().enumerate() {
+            for k in 0..curve.points as usize {
+                let p = set.point(i, k);
+                for x in 0..3 {
+                    (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
+                }
+            }
+        }
+        let size = [0, 1, 2].map(|x| hi[x] - lo[x]);
+        let radius = 0.5 * size[0].hypot(size[1]).hypot(size[2]);
+        let thinnest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b]))?;
+        (radius > 0.0 && radius.is_finite()).then(|| Scene {
+            center: [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x])),
+            radius,
+            from: unit(LOOK_FROM[thinnest]),
+        })
+    }
+
+    /// Returns the direction that points down on the screen, of length 1.
+    pub fn down(&self) -> Point {
+        let [x, y, z] = self.from;
+        unit([z * x, z * y, z * z - 1.0])
+    }
+
+    /// Returns an eye that sees all curves, or those around a place if there is one. Viewers draw
+    /// curves `scale` times as large as they are.
+    pub fn eye(&self, place: Option<(Point, f64)>, scale: f64) -> EyeControls3D {
+        let far = EYE_DISTANCE * self.radius;
+        let (target, away) = match place {
+            Some((point, size)) if size > 0.0 => (point, (EYE_DISTANCE_NEAR * size).min(far)),
+            Some((point, _)) => (point, far),
+            None => (self.center, far),
+        };
+        let position = [0, 1, 2].map(|x| (scale * (target[x] + away * self.from[x])) as f32);
+        EyeControls3D::new()
+            .with_position(position)
+            .with_look_target(target.map(|x| (scale * x) as f32))
+            .with_eye_up([0.0, 0.0, 1.0])
+    }
+}
+
+fn unit(v: Point) -> Point {
+    let length = v[0].hypot(v[1]).hypot(v[2]);
+    v.map(|x| x / length)
+}
+
+/// Returns how many times as large as they are curves are drawn: a power of ten, 1 for most.
+///
+/// The viewer draws nothing that is closer to the eye than 0.01, and the eye comes no closer to
+/// what it looks at than 0.02, whatever the size of the scene.
+pub(super) fn scale(set: &CurveSet) -> f64 {
+    let segments = set.curves().iter().enumerate().flat_map(|(i, curve)| {
+        let knots = (0..=curve.segments as usize).map(move |s| set.knot(i, s));
+        let next = knots.clone().skip(1);
+        knots.zip(next)
+    });
+    let length = |(p, q): (Point, Point)| (q[0] - p[0]).hypot(q[1] - p[1]).hypot(q[2] - p[2]);
+    let (count, sum) = segments.take(SAMPLED).fold((0, 0.0), |(count, sum), ends| {
+        (count + 1, sum + length(ends))
+    });
+    let mean = sum / f64::from(count.max(1));
+    if mean > 0.0 && mean < SMALL {
+        10.0_f64.powi((SMALL / mean).log10().ceil().min(MOST_DIGITS) as i32)
+    } else {
+        1.0
+    }
 }
 
 /// What tells a finding that lasts from another: the curves, and the number found or the kind of the defect.
@@ -225,21 +314,23 @@ pub(super) fn status(
         text.push_str("\nEvery linking number is the expected one.\n");
     }
     if !(report.changes.is_empty() && report.defects.is_empty()) {
-        text.push_str("\n| curves | was | is | since |\n|---|---|---|---|\n");
+        text.push_str("\n| curves | linking number | since |\n|---|---|---|\n");
     }
     let changes = report.changes.iter().map(|c| {
-        let (was, is) = (c.expected.to_string(), c.found.to_string());
-        (c.i, Some(c.j), was, is)
+        let words = format!("was {}, is {}", c.expected, c.found);
+        (c.i, Some(c.j), words)
     });
     let defects = report.defects.iter().map(|d| {
-        let what = d.kind.words().to_owned();
-        (d.i, d.j, String::new(), what)
+        let words = d.kind.words().to_owned();
+        (d.i, d.j, words)
     });
     let rows = changes.chain(defects).zip(keys(report).flatten());
-    for ((i, j, was, is), key) in rows.take(shown) {
+    let frame = |key| seen.get(&key).copied().unwrap_or(since);
+    let mut rows: Vec<_> = rows.map(|(row, key)| (frame(key), row)).collect();
+    rows.sort_by_key(|(frame, _)| *frame);
+    for (frame, (i, j, words)) in rows.into_iter().take(shown) {
         let curves = j.map_or(format!("{i}"), |j| format!("{i} & {j}"));
-        let frame = seen.get(&key).copied().unwrap_or(since);
-        text.push_str(&format!("| **{curves}** | {was} | {is} | {frame} |\n"));
+        text.push_str(&format!("| **{curves}** | {words} | {frame} |\n"));
     }
     let more = |count: usize| {
         let more = count.saturating_sub(shown);
@@ -272,6 +363,7 @@ mod tests {
     use crate::curve::{Basis, Positions};
     use crate::incremental::PullThrough;
     use crate::verdict::{DefectKind, Place};
+    use rerun::Loggable;
 
     fn report(changes: u32) -> Report {
         let change = |k| Change {
@@ -305,8 +397,55 @@ mod tests {
             text.starts_with("# TOPOLOGY CHANGED\n## since frame 2\n"),
             "{text}"
         );
-        assert!(text.contains("| **1 & 101** | 1 | 0 | 4 |"), "{text}");
+        assert!(text.contains("| **1 & 101** | was 1, is 0 | 4 |"), "{text}");
         assert!(text.ends_with("\nand 1 more\n"), "{text}");
+    }
+
+    #[test]
+    fn the_table_is_sorted_by_the_frame_of_the_break() {
+        let report = report(3);
+        let seen = keys(&report).flatten().zip([30, 10, 20]).collect();
+        let text = status(&report, 2, &seen, &Passed::default(), 2);
+        let rows: Vec<&str> = text.lines().filter(|l| l.starts_with("| **")).collect();
+        assert_eq!(
+            rows,
+            [
+                "| **1 & 101** | was 1, is 0 | 10 |",
+                "| **2 & 102** | was 1, is 0 | 20 |"
+            ]
+        );
+        let header = "| curves | linking number | since |";
+        assert!(text.contains(header), "{text}");
+    }
+
+    #[test]
+    fn small_scenes_are_drawn_larger() {
+        for (unit, expected) in [(1e-9, 1e8), (0.01, 10.0), (0.1, 1.0), (1e6, 1.0)] {
+            let points = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].map(|x| x * unit);
+            let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&points));
+            assert_eq!(scale(&set.unwrap()), expected, "{unit}");
+        }
+    }
+
+    #[test]
+    fn the_eye_is_near_a_violation_and_sees_everything_otherwise() {
+        let points = [0.0, 0.0, 0.0, 200.0, 0.0, 0.0, 0.0, 200.0, 40.0];
+        let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&points)).unwrap();
+        let scene = Scene::of(&set).unwrap();
+        let down = scene.down();
+        let across: f64 = (0..3).map(|x| down[x] * scene.from[x]).sum();
+        assert!(across.abs() < 1e-12 && down[2] < 0.0, "{down:?}");
+        let position = |place, scale| {
+            let eye = scene.eye(place, scale);
+            let batch = eye.position.unwrap().array;
+            let points = rerun::components::Position3D::from_arrow(&batch).unwrap();
+            [points[0].x(), points[0].y(), points[0].z()].map(f64::from)
+        };
+        let distance = |p: Point, q: Point| (0..3).map(|x| (p[x] - q[x]).powi(2)).sum::<f64>();
+        let near = distance(position(Some(([9.0; 3], 2.0)), 1.0), [9.0; 3]).sqrt();
+        assert!((near - 8.0).abs() < 1e-5, "{near}");
+        let far = distance(position(None, 10.0), scene.center.map(|x| 10.0 * x)).sqrt();
+        assert!((far / scene.radius - 20.0).abs() < 1e-5, "{far}");
     }
 
     fn event(i: u32, j: u32) -> PullThrough {
@@ -351,7 +490,7 @@ mod tests {
         let mut report = report(0);
         report.events = vec![event(18, 19), event(7, 7)];
         let mut passed = Passed::default();
-        passed.add(&report);
+        passed.add(&report, None);
         let text = status(&report, 2, &Findings::new(), &passed, 4);
         assert!(
             text.starts_with("# PULLED THROUGH\n## in frame 9\n"),
@@ -379,8 +518,10 @@ mod tests {
     fn a_scene_without_extent_has_no_eye_of_its_own() {
         let point = [1.0_f32; 9];
         let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F32(&point)).unwrap();
-        assert!(eye(&set).is_none());
+        assert!(Scene::of(&set).is_none());
+        assert_eq!(scale(&set), 1.0);
         let empty = CurveSet::from_counts(Basis::Polyline, &[], Positions::F32(&[])).unwrap();
-        assert!(eye(&empty).is_none());
+        assert!(Scene::of(&empty).is_none());
+        assert_eq!(scale(&empty), 1.0);
     }
 }

@@ -1,16 +1,21 @@
 //! Shows frames in the rerun viewer: a running one, one that is started here, or a file for later.
 //!
-//! The picture answers three questions at a glance: is the topology whole, which curves broke, since when.
-//! Intact curves are thin and muted; curves of a change are thick and red, those without a verdict orange, each
-//! group an entity of its own; marks say which pair and what its number was and is. A pull-through is marked where it
-//! happened, in a colour of its own; a small mark stays on the curve from then on. Widths are in points of the screen,
-//! so that a scene of any size looks the same.
+//! The picture answers three questions at a glance: is the topology whole, which curves broke,
+//! since when. Intact curves are thin and muted; curves of a change are thick and red, those
+//! without a verdict orange, each group an entity of its own; marks say which pair and what its
+//! number was and is. A pull-through is marked where it happened, in a colour of its own; a small
+//! mark stays on the curve from then on. Widths are in points of the screen, so that a scene of any
+//! size looks the same; stars and the distance of labels take their size from the curves around
+//! them.
+//!
+//! The eye goes to the first violation, once: later it is where the user puts it.
 //!
 //! One strip a curve: a strip a segment was measured to cost seven times as much.
 //!
 //! Only this module knows the crate `rerun`.
 
 mod layout;
+mod local;
 mod passed;
 mod target;
 
@@ -22,11 +27,14 @@ use crate::error::{Error, Result};
 use crate::incremental::Route;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::{Report, Verdict};
+use layout::Scene;
+use local::Spot;
 use passed::Passed;
 use rerun::components::{InterpolationMode, MarkerShape};
+use rerun::external::re_sdk_types::blueprint::archetypes::EyeControls3D;
 use rerun::{
     Color, LineStrips3D, Points3D, Radius, RecordingStream, Scalars, SeriesLines, SeriesPoints,
-    TextDocument, TextLog, TextLogLevel,
+    TextDocument, TextLog, TextLogLevel, Transform3D,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -34,15 +42,19 @@ use std::time::Duration;
 
 /// Paths of the entities.
 mod entity {
+    pub const CURVES: &str = "curves";
     pub const INTACT: &str = "curves/intact";
     pub const BROKEN: &str = "curves/broken";
     pub const UNDECIDED: &str = "curves/undecided";
     pub const PLACES: &str = "curves/places";
+    pub const LABELS: &str = "curves/labels";
+    pub const LEADERS: &str = "curves/labels/lines";
     pub const EVENTS: &str = "curves/pull-throughs/now";
     pub const STARS: &str = "curves/pull-throughs/stars";
     pub const PASSED: &str = "curves/pull-throughs/before";
     pub const LOG: &str = "log";
     pub const STATUS: &str = "status";
+    pub const KEY: &str = "key";
     pub const LOST: &str = "links/lost";
     pub const GAINED: &str = "links/gained";
     pub const CHANGED: &str = "links/changed";
@@ -76,8 +88,13 @@ const SHOWN: usize = 20;
 /// Marks closer than this, in radii of the scene, share a label.
 const NEAR: f64 = 0.12;
 
-/// Length of the rays of a pull-through's mark, in radii of the scene.
-const STAR: f64 = 0.11;
+/// Length of the rays of a pull-through's star, and distance of a label from what it names: in
+/// sizes of the feature there (see [`local::feature`]). A ray is a fifth of the radius of a ring.
+const STAR: f64 = 0.14;
+const DROP: f64 = 0.4;
+
+/// Size of a feature without extent, in radii of the scene.
+const DOT: f64 = 0.05;
 
 /// From this many curves on, intact ones are drawn thinner: they would merge into a surface.
 const MANY: usize = 2000;
@@ -104,6 +121,21 @@ pub struct ViewerSink {
     passed: Passed,
     /// The newest curves.
     last: Option<Arc<CurveSet>>,
+    /// How many times as large as they are curves are drawn. Known with the first curves.
+    scale: Option<f64>,
+    /// The newest status.
+    status: String,
+    first: Option<First>,
+}
+
+/// The first violation.
+struct First {
+    frame: i64,
+    /// Near the place of the violation, if it has one.
+    eye: Option<EyeControls3D>,
+    status: String,
+    /// Frames since then.
+    later: u64,
 }
 
 /// Findings that last, and the frame since which each has been there without a break.
@@ -138,8 +170,13 @@ impl ViewerSink {
             is_file,
             passed: Passed::default(),
             last: None,
+            scale: None,
+            status: String::new(),
+            first: None,
         };
-        layout::send(&sink.rec, None).map_err(failed)?;
+        sink.layout(layout::FRAME, None)?;
+        let key = TextDocument::from_markdown(layout::KEY);
+        sink.rec.log_static(entity::KEY, &key).map_err(failed)?;
         let series = [
             (entity::LOST, RED, "links lost"),
             (entity::GAINED, VIOLET, "links gained"),
@@ -162,31 +199,95 @@ impl ViewerSink {
                 .with_interpolation_mode(mode);
             sink.rec.log_static(path, &style).map_err(failed)?;
         }
-        let points = |color, name, shape, size| {
-            SeriesPoints::new()
-                .with_colors([color])
-                .with_names([name])
-                .with_markers([shape])
-                .with_marker_sizes([size])
-        };
         for (path, route) in entity::ROUTES.into_iter().zip(Route::ALL) {
             let color = match route {
                 Route::Full => RED,
                 Route::Quiet => GREEN,
                 Route::Partial => ORANGE,
             };
-            let style = points(color, route.word(), MarkerShape::Circle, 3.5);
+            let style = series_points(color, route.word(), MarkerShape::Circle, 3.5);
             sink.rec.log_static(path, &style).map_err(failed)?;
         }
-        let style = points(CYAN, "pull-throughs", MarkerShape::Diamond, 6.0);
-        sink.rec
-            .log_static(entity::EVENT_COUNT, &style)
-            .map_err(failed)?;
         Ok(sink)
     }
 
     fn log(&self, path: &str, what: &impl rerun::AsComponents) -> Result<()> {
         self.rec.log(path, what).map_err(failed)
+    }
+
+    /// Logs a line. Those of later frames are at the end of the timeline of the first violation,
+    /// too: a file opens with the whole log.
+    fn say(&self, line: &TextLog) -> Result<()> {
+        match &self.first {
+            Some(first) if self.is_file => {
+                self.rec.set_time_sequence(layout::UNTIL, first.frame);
+                let logged = self.log(entity::LOG, line);
+                self.rec.disable_timeline(layout::UNTIL);
+                logged
+            }
+            _ => self.log(entity::LOG, line),
+        }
+    }
+
+    fn layout(&self, timeline: &str, eye: Option<&EyeControls3D>) -> Result<()> {
+        layout::send(&self.rec, timeline, eye).map_err(failed)
+    }
+
+    /// Returns an eye that sees all of the newest curves, or those around a place if there is one.
+    fn eye(&self, place: Option<(Point, f64)>) -> Option<EyeControls3D> {
+        let scene = Scene::of(self.last.as_deref()?)?;
+        Some(scene.eye(place, self.scale.unwrap_or(1.0)))
+    }
+
+    /// Remembers the first violation, and sends the eye there.
+    fn note_first(&mut self, frame: i64, record: &FrameRecord) -> Result<()> {
+        let report = record.report.as_ref();
+        if let Some(first) = &mut self.first {
+            first.later += 1;
+        } else if report.verdict != Verdict::Intact {
+            let set = record.curves.as_deref();
+            let place = set.and_then(|set| local::first(set, report));
+            let eye = place.and_then(|place| self.eye(Some(place)));
+            if eye.is_some() {
+                self.layout(layout::FRAME, eye.as_ref())?;
+            }
+            self.first = Some(First {
+                frame,
+                eye,
+                status: self.status.clone(),
+                later: 0,
+            });
+        }
+        Ok(())
+    }
+
+    /// Makes a file open at the first violation, or at its end if there is none.
+    fn open_at_first(&mut self) -> Result<()> {
+        let (timeline, near) = match self.first.take() {
+            Some(first) if first.later > 0 => {
+                let (frames, follow) = match first.later {
+                    1 => ("frame", "follows"),
+                    _ => ("frames", "follow"),
+                };
+                let status = format!(
+                    "{}
+This is the first violation. {} {frames} {follow}: click on a frame of the \
+                     log, or choose the timeline *{}* below.
+",
+                    first.status,
+                    first.later,
+                    layout::FRAME
+                );
+                self.rec.reset_time();
+                self.rec.set_time_sequence(layout::UNTIL, first.frame);
+                self.log(entity::STATUS, &TextDocument::from_markdown(status))?;
+                (layout::UNTIL, first.eye)
+            }
+            Some(first) => (layout::FRAME, first.eye),
+            None => (layout::FRAME, None),
+        };
+        let eye = near.or_else(|| self.eye(None));
+        self.layout(timeline, eye.as_ref())
     }
 
     /// All curves, each in the group that it belongs to. Empty groups are logged too: they wipe the marks of
@@ -218,8 +319,8 @@ impl ViewerSink {
         let quiet = if set.len() < MANY { 0.8 } else { 0.35 };
         for (group, path, color, width) in [
             (0, entity::INTACT, QUIET, quiet),
-            (1, entity::UNDECIDED, ORANGE, 2.5),
-            (2, entity::BROKEN, RED, 3.5),
+            (1, entity::UNDECIDED, ORANGE, 2.0),
+            (2, entity::BROKEN, RED, 2.5),
         ] {
             let members = (0..set.len()).filter(|&i| groups[i] == group);
             let strips = members.map(|i| set.display_polyline(i, detail));
@@ -231,87 +332,107 @@ impl ViewerSink {
         Ok(())
     }
 
-    /// A mark with a label at the place of each finding, broken pairs first. Findings close together share one:
-    /// their labels would cover one another.
+    /// A dot on each curve of a finding, a star at each pull-through of this frame, and a label
+    /// beside each place, broken pairs first. Findings close together share a label: labels would
+    /// cover one another.
     fn places(&self, set: &CurveSet, report: &Report) -> Result<()> {
         let changes = report.changes.iter().filter_map(|c| {
-            let text = format!("{} & {}: {} → {}", c.i, c.j, c.expected, c.found);
-            Some((c.place?.point, text, PALE_RED))
-        });
-        let events = report.events.iter().map(|e| {
-            let text = match e.i == e.j {
-                true => passed::name(e),
-                false => format!("{}, {:+}", passed::name(e), e.sign),
-            };
-            (e.point, text, CYAN)
+            let (numbers, place) = ((c.expected, c.found), c.place?);
+            let text = format!(
+                "{} & {}: linking number was {}, is {}",
+                c.i, c.j, numbers.0, numbers.1
+            );
+            let spot = local::spot(set, [c.i, c.j], place.segments, place.point);
+            Some((spot, text, PALE_RED))
         });
         let defects = report.defects.iter().map(|d| {
             let text = match d.j {
                 Some(j) => format!("{} & {j} {}", d.i, d.kind.words()),
                 None => format!("{} {}", d.i, d.kind.words()),
             };
-            (d.place.point, text, PALE_ORANGE)
+            let curves = [d.i, d.j.unwrap_or(d.i)];
+            let spot = local::spot(set, curves, d.place.segments, d.place.point);
+            (spot, text, PALE_ORANGE)
         });
         let unresolved = report.unresolved.iter().map(|e| {
             let text = format!("{}: unresolved", passed::name(e));
-            (e.point, text, PALE_ORANGE)
+            let spot = local::spot(set, [e.i, e.j], e.segments, e.point);
+            (spot, text, PALE_ORANGE)
         });
-        let (changes, events) = (changes.take(SHOWN), events.take(SHOWN));
         let undecided = defects.take(SHOWN).chain(unresolved.take(SHOWN));
-        let marks: Vec<_> = changes.chain(events).chain(undecided).collect();
-        let near = match marks.len() {
-            0 | 1 => 0.0,
-            _ => layout::extent(set).map_or(0.0, |(.., radius)| NEAR * radius),
-        };
-        let mut places: Vec<(Point, Vec<String>, u32)> = Vec::new();
-        for (point, text, color) in marks {
-            let close = |p: &Point| {
-                let dist_sq: f64 = (0..3).map(|x| (p[x] - point[x]).powi(2)).sum();
-                dist_sq < near * near
+        let marked: Vec<(Spot, String, u32)> = changes.take(SHOWN).chain(undecided).collect();
+        let events = report.events.iter().take(passed::KEPT).map(|e| {
+            let text = match e.i == e.j {
+                true => passed::name(e),
+                false => format!("{}, {:+}", passed::name(e), e.sign),
             };
-            match places.iter_mut().find(|(p, ..)| close(p)) {
+            let mut spot = local::spot(set, [e.i, e.j], e.segments, e.point);
+            spot.marks = vec![e.point];
+            (spot, text, CYAN)
+        });
+        let events: Vec<(Spot, String, u32)> = events.collect();
+
+        let dots = marked
+            .iter()
+            .flat_map(|(spot, _, color)| spot.marks.iter().map(|&p| (narrow(p), *color)));
+        let (dots, colors): (Vec<_>, Vec<_>) = dots.unzip();
+        self.log(entity::PLACES, &points(dots, 5.0).with_colors(colors))?;
+        let centers = events.iter().map(|(spot, ..)| narrow(spot.marks[0]));
+        self.log(entity::EVENTS, &points(centers, 6.5).with_colors([CYAN]))?;
+
+        let scene = match marked.is_empty() && events.is_empty() {
+            true => None,
+            false => Scene::of(set),
+        };
+        let (radius, down) = scene.map_or((0.0, [0.0; 3]), |s| (s.radius, s.down()));
+        let size = |spot: &Spot| match spot.size > 0.0 {
+            true => spot.size.min(radius),
+            false => DOT * radius,
+        };
+        let rays = events.iter().flat_map(|(spot, ..)| {
+            let (center, reach) = (spot.marks[0], STAR * size(spot));
+            [0, 1, 2].map(|x| {
+                [-reach, reach].map(|reach| {
+                    let mut end = center;
+                    end[x] += reach;
+                    narrow(end)
+                })
+            })
+        });
+        self.log(entity::STARS, &lines(rays, 2.0).with_colors([CYAN]))?;
+
+        let near_sq = (NEAR * radius).powi(2);
+        let mut labels: Vec<(&Spot, Vec<&str>, u32)> = Vec::new();
+        for (spot, text, color) in marked.iter().chain(events.iter().take(SHOWN)) {
+            let point = spot.marks[0];
+            let close = |other: &Spot| {
+                let other = other.marks[0];
+                (0..3).map(|x| (other[x] - point[x]).powi(2)).sum::<f64>() < near_sq
+            };
+            match labels.iter_mut().find(|(other, ..)| close(other)) {
                 Some((_, texts, _)) => texts.push(text),
-                None => places.push((point, vec![text], color)),
+                None => labels.push((spot, vec![text], *color)),
             }
         }
-        let points = Points3D::new(places.iter().map(|(p, ..)| narrow(*p)))
-            .with_labels(places.iter().map(|(_, texts, _)| texts.join("\n")))
-            .with_colors(places.iter().map(|(.., color)| *color))
-            .with_radii([Radius::new_ui_points(5.0)])
+        let colors: Vec<u32> = labels.iter().map(|(.., color)| *color).collect();
+        // From the mark to the label, which hangs below its point.
+        let leaders = labels.iter().map(|(spot, ..)| {
+            let (start, drop) = (spot.marks[0], DROP * size(spot));
+            [start, [0, 1, 2].map(|x| start[x] + drop * down[x])].map(narrow)
+        });
+        let leaders: Vec<_> = leaders.collect();
+        let labelled = points(leaders.iter().map(|[_, end]| *end), 0.0)
+            .with_labels(labels.iter().map(|(_, texts, _)| texts.join("\n")))
+            .with_colors(colors.clone())
             .with_show_labels(true);
-        self.log(entity::PLACES, &points)
+        self.log(entity::LABELS, &labelled)?;
+        self.log(entity::LEADERS, &lines(leaders, 0.6).with_colors(colors))
     }
 
-    /// A star at each pull-through of this frame, and a small mark on the curve for those of earlier frames.
-    fn pull_throughs(&self, set: &CurveSet, report: &Report) -> Result<()> {
-        let now = report.events.iter().map(|e| e.point).take(passed::KEPT);
-        let now: Vec<Point> = now.collect();
-        let marks = |points: Vec<[f32; 3]>, size| {
-            Points3D::new(points)
-                .with_colors([CYAN])
-                .with_radii([Radius::new_ui_points(size)])
-        };
-        let dots = now.iter().copied().map(narrow).collect();
-        self.log(entity::EVENTS, &marks(dots, 10.0))?;
-        // Its rays reach out of the thick curves around.
-        let reach = match now.is_empty() {
-            true => 0.0,
-            false => layout::extent(set).map_or(0.0, |(.., radius)| STAR * radius),
-        };
-        let ray = |p: Point, x: usize| {
-            [-reach, reach].map(|reach| {
-                let mut end = p;
-                end[x] += reach;
-                narrow(end)
-            })
-        };
-        let rays = now.iter().flat_map(|&p| [0, 1, 2].map(|x| ray(p, x)));
-        let rays = LineStrips3D::new(rays)
-            .with_colors([CYAN])
-            .with_radii([Radius::new_ui_points(1.6)]);
-        self.log(entity::STARS, &rays)?;
-        let before = self.passed.points(set).map(narrow).collect();
-        self.log(entity::PASSED, &marks(before, 5.5))
+    /// A small mark on the curves for the pull-throughs of earlier frames.
+    fn passed(&self, set: &CurveSet) -> Result<()> {
+        let before = self.passed.points(set).map(narrow);
+        self.log(entity::PASSED, &points(before, 5.0).with_colors([CYAN]))
     }
 
     fn series(&self, record: &FrameRecord) -> Result<()> {
@@ -366,7 +487,7 @@ impl ViewerSink {
         let news = turned || has_events || findings != known;
         let due = news || report.seq.abs_diff(last) >= QUIET_FRAMES;
         if due {
-            self.log(entity::LOG, &line(report.verdict, report.headline()))?;
+            self.say(&line(report.verdict, report.headline()))?;
         }
         if news {
             let sentences = layout::keys(report).zip(report.findings());
@@ -379,19 +500,17 @@ impl ViewerSink {
                     None => line.with_color(Color::from_u32(CYAN)),
                     Some(_) => line,
                 };
-                self.log(entity::LOG, &line)?;
+                self.say(&line)?;
             }
             let more = new.count();
             if more > 0 {
-                self.log(
-                    entity::LOG,
-                    &line(report.verdict, format!("and {more} more")),
-                )?;
+                self.say(&line(report.verdict, format!("and {more} more")))?;
             }
         }
         if news || had_events {
-            let status = layout::status(report, since, &findings, &self.passed, SHOWN);
-            self.log(entity::STATUS, &TextDocument::from_markdown(status))?;
+            self.status = layout::status(report, since, &findings, &self.passed, SHOWN);
+            let status = TextDocument::from_markdown(self.status.clone());
+            self.log(entity::STATUS, &status)?;
         }
         self.told = Some(Told {
             verdict: report.verdict,
@@ -425,35 +544,74 @@ impl Sink for ViewerSink {
         let report = record.report.as_ref();
         let seq = i64::try_from(report.seq).unwrap_or(i64::MAX);
         self.rec.set_time_sequence(layout::FRAME, seq);
+        if self.is_file {
+            match &self.first {
+                None => self.rec.set_time_sequence(layout::UNTIL, seq),
+                Some(_) => self.rec.disable_timeline(layout::UNTIL),
+            }
+        }
         if report.time.is_finite() {
             self.rec.set_duration_secs(layout::SIM_TIME, report.time);
         }
         if let Some(text) = self.greeting.take() {
-            self.log(entity::LOG, &line(Verdict::Intact, text))?;
+            self.say(&line(Verdict::Intact, text))?;
         }
         if let Some(set) = &record.curves {
+            if self.scale.is_none() {
+                let scale = layout::scale(set);
+                let larger = Transform3D::from_scale(scale as f32);
+                self.rec
+                    .log_static(entity::CURVES, &larger)
+                    .map_err(failed)?;
+                self.scale = Some(scale);
+            }
             self.curves(set, report)?;
             self.places(set, report)?;
-            self.pull_throughs(set, report)?;
+            self.passed(set)?;
             self.last = Some(Arc::clone(set));
         }
-        self.passed.add(report);
+        if self.passed.words().is_none() && !report.events.is_empty() {
+            // Not before there is one: the viewer reports an error for a series without data.
+            let style = series_points(CYAN, "pull-throughs", MarkerShape::Diamond, 6.0);
+            self.rec
+                .log_static(entity::EVENT_COUNT, &style)
+                .map_err(failed)?;
+        }
+        self.passed.add(report, record.curves.as_deref());
         self.series(record)?;
-        self.words(record)
+        self.words(record)?;
+        self.note_first(seq, record)
     }
 
     fn flush(&mut self) -> Result<()> {
         self.rec.flush_async().map_err(failed)
     }
 
-    fn finish(self: Box<Self>) -> Result<()> {
-        // A file opens where it ends: the eye can be set on what is there. Whoever watches a live viewer has
-        // put the eye where they want it.
+    fn finish(mut self: Box<Self>) -> Result<()> {
         if self.is_file {
-            layout::send(&self.rec, self.last.as_deref()).map_err(failed)?;
+            self.open_at_first()?;
         }
         self.rec.flush_with_timeout(FLUSH_LIMIT).map_err(failed)
     }
+}
+
+/// Style of a series of points.
+fn series_points(color: u32, name: &str, shape: MarkerShape, size: f32) -> SeriesPoints {
+    SeriesPoints::new()
+        .with_colors([color])
+        .with_names([name])
+        .with_markers([shape])
+        .with_marker_sizes([size])
+}
+
+/// Points of a size on the screen.
+fn points(points: impl IntoIterator<Item = [f32; 3]>, size: f32) -> Points3D {
+    Points3D::new(points).with_radii([Radius::new_ui_points(size)])
+}
+
+/// Lines of a width on the screen.
+fn lines(lines: impl IntoIterator<Item = [[f32; 3]; 2]>, width: f32) -> LineStrips3D {
+    LineStrips3D::new(lines).with_radii([Radius::new_ui_points(width)])
 }
 
 fn narrow(p: Point) -> [f32; 3] {
@@ -489,6 +647,7 @@ mod tests {
     use crate::curve::{Basis, Positions};
     use crate::incremental::{PullThrough, Work};
     use rerun::RecordingStreamBuilder;
+    use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
     use rerun::log::{Chunk, LogMsg};
     use rerun::sink::MemorySinkStorage;
     use std::time::SystemTime;
@@ -599,14 +758,95 @@ mod tests {
         let now: Vec<Vec<_>> = marked(entity::EVENTS);
         assert_eq!(now, [vec![], vec![[1.0, 1.25, 1.0]; 2], vec![]]);
         let before: Vec<Vec<_>> = marked(entity::PASSED);
-        assert_eq!(before, [vec![], vec![], vec![[1.0, 1.0, 7.0]; 2]]);
+        assert_eq!(before, [vec![], vec![], vec![[0.875, 1.125, 7.0]; 2]]);
         // One label for both, in their frame only.
-        let places = points(&messages, entity::PLACES);
+        let places = points(&messages, entity::LABELS);
         let labels: Vec<_> = places.into_iter().map(|(_, words)| words).collect();
         let both = "0 through itself\n0 through itself".to_owned();
         assert_eq!(labels, [vec![], vec![both], vec![]]);
         let broken: Vec<_> = strips(&messages, entity::BROKEN);
         assert_eq!(broken, [0, 1, 0]);
+    }
+
+    /// The messages of a file.
+    fn written(frames: &[FrameRecord]) -> Vec<LogMsg> {
+        let (rec, storage): (_, MemorySinkStorage) =
+            RecordingStreamBuilder::new(APPLICATION).memory().unwrap();
+        let mut sink = ViewerSink::log_to(rec, true).unwrap();
+        for frame in frames {
+            sink.frame(frame).unwrap();
+        }
+        Box::new(sink).finish().unwrap();
+        storage.take()
+    }
+
+    /// The timelines of the layouts, in the order in which they were sent, and the number of eyes.
+    fn layouts(messages: &[LogMsg]) -> (Vec<String>, usize) {
+        let chunks = messages.iter().filter_map(|message| match message {
+            LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
+            _ => None,
+        });
+        let is_eye = |c: &Chunk| c.entity_path().to_string().ends_with("EyeControls3D");
+        let eyes = chunks.filter(is_eye).count();
+        let timeline = TimePanelBlueprint::descriptor_timeline().component;
+        let mut timelines = Vec::new();
+        for chunk in self::chunks(messages, "time_panel") {
+            let rows = chunk.iter_slices::<String>(timeline);
+            timelines.extend(rows.flatten().map(|name| name.to_string()));
+        }
+        (timelines, eyes)
+    }
+
+    fn broken(seq: u64) -> FrameRecord {
+        record(seq, Some(0.0), vec![event([1.0, 1.0, 0.0])])
+    }
+
+    fn intact(seq: u64) -> FrameRecord {
+        record(seq, Some(0.0), Vec::new())
+    }
+
+    #[test]
+    fn a_file_opens_at_the_first_violation_and_has_the_whole_log() {
+        let messages = written(&[intact(1), broken(2), intact(3), broken(4)]);
+        let (timelines, eyes) = layouts(&messages);
+        assert_eq!(timelines, ["frame", "frame", "until_violation"]);
+        assert_eq!(eyes, 2, "at the violation, and at the end");
+        let until = layout::UNTIL.into();
+        let ends = messages.iter().filter_map(|message| match message {
+            LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
+            _ => None,
+        });
+        let ends = ends.filter_map(|c| Some(c.timelines().get(&until)?.time_range().max()));
+        assert_eq!(ends.max().map(|t| t.as_i64()), Some(2));
+        let is_until = |c: &Chunk| c.timelines().contains_key(&until);
+        let lines = chunks(&messages, entity::LOG).filter(is_until);
+        let lines: usize = lines.map(|c| c.num_rows()).sum();
+        assert_eq!(lines, texts(&messages, entity::LOG).len());
+        // Chunks of different timelines come in any order; the note is on the one timeline only.
+        let mut noted = chunks(&messages, entity::STATUS).filter(|c| c.timelines().len() == 1);
+        let text = TextDocument::descriptor_text().component;
+        let note = noted.next().unwrap();
+        assert!(is_until(&note) && noted.next().is_none());
+        let words: Vec<_> = note.iter_slices::<String>(text).flatten().collect();
+        let follow = "This is the first violation. 2 frames follow: click";
+        assert!(words[0].contains(follow), "{words:?}");
+    }
+
+    #[test]
+    fn a_file_opens_at_its_end_if_nothing_follows_the_violation() {
+        for frames in [[intact(1), broken(2)], [intact(1), intact(2)]] {
+            let (timelines, eyes) = layouts(&written(&frames));
+            assert_eq!(timelines.last().map(String::as_str), Some("frame"));
+            assert!(eyes > 0);
+        }
+    }
+
+    #[test]
+    fn the_eye_of_a_live_viewer_is_moved_once() {
+        let messages = logged(&[intact(1), broken(2), broken(3), intact(4), broken(5)]);
+        let (timelines, eyes) = layouts(&messages);
+        assert_eq!(timelines, ["frame", "frame"]);
+        assert_eq!(eyes, 1);
     }
 
     /// Curves of an entity, a number for each time that they were logged.

@@ -1,6 +1,7 @@
 //! Pull-throughs told so far: their marks stay and move with the curves, so that whoever looks at a later frame still
 //! sees where strands went through one another.
 
+use super::local;
 use crate::curve::{CurveSet, Point};
 use crate::incremental::PullThrough;
 use crate::verdict::Report;
@@ -12,32 +13,36 @@ pub(super) const KEPT: usize = 300;
 /// What is remembered of the pull-throughs of a run.
 #[derive(Debug, Default)]
 pub(super) struct Passed {
-    /// Curve and segment of the newest.
-    marks: VecDeque<(u32, u32)>,
+    /// Curve, segment and parameter of the newest.
+    marks: VecDeque<(u32, u32, f64)>,
     /// All so far, and the frame of the last.
     told: Option<(u64, u64)>,
 }
 
 impl Passed {
-    /// Takes note of those of a frame.
-    pub fn add(&mut self, report: &Report) {
+    /// Takes note of those of a frame, and of the points of its curves that are next to them.
+    pub fn add(&mut self, report: &Report, set: Option<&CurveSet>) {
         if report.events.is_empty() {
             return;
         }
         let count = self.told.map_or(0, |(count, _)| count) + report.events.len() as u64;
         self.told = Some((count, report.seq));
-        let marks = report.events.iter().map(|e| (e.i, e.segments[0]));
+        let marks = report.events.iter().map(|e| {
+            let (i, s) = (e.i, e.segments[0]);
+            let t = set.and_then(|set| local::nearest(set, i, s, e.point));
+            (i, s, t.unwrap_or(0.5))
+        });
         self.marks.extend(marks);
         self.marks.drain(..self.marks.len().saturating_sub(KEPT));
     }
 
-    /// Where they are now: in the middle of the segment that was pulled through.
+    /// Returns the points of the curves where strands passed, as they lie in this frame.
     pub fn points<'a>(&'a self, set: &'a CurveSet) -> impl Iterator<Item = Point> + 'a {
-        let place = |&(i, s): &(u32, u32)| {
+        let place = |&(i, s, t): &(u32, u32, f64)| {
             let (i, s) = (i as usize, s as usize);
             // A set of other curves has other segments.
             let curve = set.curves().get(i)?;
-            (s < curve.segments as usize).then(|| set.eval(i, s, 0.5))
+            (s < curve.segments as usize).then(|| set.eval(i, s, t))
         };
         self.marks.iter().filter_map(place)
     }
@@ -104,13 +109,20 @@ mod tests {
     #[test]
     fn marks_stay_on_their_segments() {
         let mut passed = Passed::default();
-        passed.add(&report(3, vec![event(0, 0), event(0, 1)]));
-        passed.add(&report(4, Vec::new()));
+        passed.add(&report(3, vec![event(0, 0), event(0, 1)]), None);
+        passed.add(&report(4, Vec::new()), None);
         for z in [0.0, 5.0] {
             let points: Vec<_> = passed.points(&triangle(z)).collect();
             let z = f64::from(z);
             assert_eq!(points, [[1.0, 0.0, z], [1.0, 1.0, z]]);
         }
+        // Next to where the strands passed, if the curves of that frame are there.
+        let mut beside = event(0, 0);
+        beside.point = [0.5, 1.0, 0.0];
+        let mut passed_beside = Passed::default();
+        passed_beside.add(&report(3, vec![beside]), Some(&triangle(0.0)));
+        let points: Vec<_> = passed_beside.points(&triangle(5.0)).collect();
+        assert_eq!(points, [[0.5, 0.0, 5.0]]);
         let words = passed.words().unwrap();
         assert_eq!(words, "2 pull-throughs so far, the last in frame 3");
     }
@@ -120,9 +132,9 @@ mod tests {
         let mut passed = Passed::default();
         assert_eq!(passed.words(), None);
         for seq in 0..KEPT as u64 {
-            passed.add(&report(seq, vec![event(0, 0), event(0, 1)]));
+            passed.add(&report(seq, vec![event(0, 0), event(0, 1)]), None);
         }
-        passed.add(&report(999, vec![event(0, 2)]));
+        passed.add(&report(999, vec![event(0, 2)]), None);
         assert_eq!(passed.points(&triangle(0.0)).count(), KEPT);
         let last = passed.points(&triangle(0.0)).last();
         assert_eq!(last, Some([0.0, 1.0, 0.0]));
@@ -133,7 +145,7 @@ mod tests {
     #[test]
     fn other_curves_have_no_marks() {
         let mut passed = Passed::default();
-        passed.add(&report(1, vec![event(0, 3), event(1, 0)]));
+        passed.add(&report(1, vec![event(0, 3), event(1, 0)]), None);
         assert_eq!(passed.points(&triangle(0.0)).count(), 0);
     }
 }
