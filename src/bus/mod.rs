@@ -21,6 +21,7 @@ mod event;
 mod loan;
 mod message;
 mod service;
+mod services;
 mod sidecar;
 mod wire;
 
@@ -28,4 +29,5 @@ pub use client::{Client, ClientOptions, Departure, Outcome};
 pub use event::{Event, Frame};
 pub use loan::FrameLoan;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
+pub use services::{Attached, ServiceInfo, services};
 pub use sidecar::{Sidecar, SidecarOptions};
