@@ -17,20 +17,20 @@ pub struct Args {
     #[arg(required = true, value_name = "MODEL")]
     models: Vec<PathBuf>,
     /// The certificate to compare with, as `linkwatch certify -o` writes it
-    #[arg(long, value_name = "CERT")]
+    #[arg(long, value_name = "CERT", help_heading = super::COMPARE)]
     against: PathBuf,
     /// Stop at the first change of a model, the most suspect pairs first
-    #[arg(long, conflicts_with_all = ["events", "own", "method"])]
+    #[arg(long, conflicts_with_all = ["events", "own", "method"], help_heading = super::COMPARE)]
     early_exit: bool,
     #[command(flatten)]
     look_for: LookFor,
     #[command(flatten)]
     kernel: KernelArgs,
     /// Write the pairs that differ, a line `i,j,expected,found` each
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
     diff_pairs: Option<PathBuf>,
     /// Write the curves that take part in a difference, a line each
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
     diff_curves: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,

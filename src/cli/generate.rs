@@ -19,10 +19,10 @@ pub struct Args {
     #[arg(value_name = "SCENE", requires = "output")]
     scene: Option<Scene>,
     /// Write the model, a .bcc file
-    #[arg(short, long, value_name = "FILE", requires = "scene")]
+    #[arg(short, long, help_heading = super::WRITE, value_name = "FILE", requires = "scene")]
     output: Option<PathBuf>,
     /// Write the certificate that follows from the construction
-    #[arg(long, value_name = "CERT", requires = "scene")]
+    #[arg(long, value_name = "CERT", requires = "scene", help_heading = super::WRITE)]
     certificate: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,

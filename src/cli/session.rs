@@ -53,6 +53,7 @@ const OPEN: Duration = Duration::from_secs(10);
 
 /// What frames are compared with, what is looked for, and what to do about it.
 #[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = super::COMPARE)]
 pub struct Judge {
     /// What frames are compared with: `first-frame`, or a certificate file
     #[arg(long, value_name = "first-frame|CERT")]
@@ -63,10 +64,11 @@ pub struct Judge {
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
     pub look_for: LookFor,
-    #[command(flatten)]
+    /// Set by the command, so that its help lists kernels last.
+    #[arg(skip)]
     pub kernel: KernelArgs,
-    /// Compute every frame in full as well, and compare: slow, for those who want to be sure
-    #[arg(long)]
+    /// Verify every frame in full as well, and compare: slow, a test of linkwatch itself
+    #[arg(long, hide_short_help = true)]
     pub paranoid: bool,
 }
 
@@ -89,20 +91,21 @@ impl FromStr for Baseline {
 
 /// Where verified frames go.
 #[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = super::WRITE)]
 pub struct Sinks {
     /// Record every verified frame and verdict to an MCAP file
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
-    /// Open the viewer (an installed `rerun`) and show every frame
+    /// Show every frame in the viewer (opens an installed `rerun`)
     #[cfg(feature = "rerun")]
     #[arg(long, group = "shown")]
     view: bool,
-    /// Log to a file for the viewer
+    /// Write every frame to a file for the viewer (`rerun FILE.rrd` opens it)
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "FILE.rrd", group = "shown")]
     rrd: Option<PathBuf>,
-    /// Log to a viewer that is running
+    /// Show every frame in a viewer that is running
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "URL", group = "shown")]
     connect: Option<String>,
@@ -340,6 +343,8 @@ pub struct Session {
     routes: [u64; 3],
     /// Curves left out of every verdict, once a frame was verified.
     open_curves: Option<u64>,
+    /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
+    comparison: Option<(String, serde_json::Value)>,
 }
 
 impl Session {
@@ -402,6 +407,7 @@ impl Session {
             last_check: None,
             routes: [0; 3],
             open_curves: None,
+            comparison: None,
         })
     }
 
@@ -623,6 +629,12 @@ impl Session {
         lines.iter().for_each(output::line);
     }
 
+    /// Adds the comparison with the recorded verdicts to the summary.
+    #[cfg(feature = "mcap")]
+    pub fn compared(&mut self, words: String, json: serde_json::Value) {
+        self.comparison = Some((words, json));
+    }
+
     /// Something else happened that makes the run less than complete.
     pub fn data_lost(&mut self) {
         self.outcome = self.outcome.max(Outcome::Undecided);
@@ -685,6 +697,7 @@ impl Session {
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
                     "open_curves": self.open_curves,
                     "sinks": summaries,
+                    "recorded_verdicts": self.comparison.map(|(_, json)| json),
                     "unresolved": {
                         "pull_throughs": self.unresolved.count,
                         "frames": self.unresolved.frames,
@@ -722,6 +735,9 @@ impl Session {
         }
         if let Some(n @ 1..) = self.open_curves {
             line += &format!("\nnot verified: {}", plural(n, "open curve"));
+        }
+        if let Some((words, _)) = &self.comparison {
+            line += &format!("\n{words}");
         }
         for note in kept {
             line += &format!("\n{note}");
