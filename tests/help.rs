@@ -199,6 +199,7 @@ fn a_folder_or_a_misspelt_scene_is_answered_with_advice() {
     for (args, expected) in [
         (["certify", path], advice.as_str()),
         (["plan", path], advice.as_str()),
+        (["certify", "run.mcap"], "`linkwatch replay` verifies"),
         (["certify", "knti"], "the nearest is 'knit'"),
         (["plan", "ribbon:segmnts=20"], "the nearest is 'segments'"),
     ] {

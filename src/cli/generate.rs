@@ -18,6 +18,9 @@ pub struct Args {
     /// The scene; without one, all scenes are listed
     #[arg(value_name = "SCENE", requires = "output")]
     scene: Option<Scene>,
+    /// List all scenes with their parameters
+    #[arg(long, conflicts_with = "scene")]
+    list: bool,
     /// Write the model, a .bcc file
     #[arg(short, long, help_heading = super::WRITE, value_name = "FILE", requires = "scene")]
     output: Option<PathBuf>,
@@ -26,9 +29,6 @@ pub struct Args {
     certificate: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// List all scenes with their parameters
-    #[arg(long, conflicts_with = "scene")]
-    list: bool,
 }
 
 /// Runs the command.

@@ -15,7 +15,7 @@ pub struct LookFor {
     own: bool,
     /// Motion between two frames, in segment lengths, beyond which two pull-throughs that cancel
     /// count as unresolved: the frames are too far apart to decide whether they took place
-    /// [default: 1.5]
+    /// [default: 1.5; replay: as recorded]
     #[arg(long, value_name = "LENGTHS")]
     pub motion_limit: Option<f64>,
 }

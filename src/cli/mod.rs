@@ -63,6 +63,7 @@ struct Cli {
 }
 
 /// Headings of `--help`. Options under no heading are those of a command's own.
+#[cfg(feature = "bus")]
 const WATCH: &str = "What to watch";
 const COMPARE: &str = "What to compare";
 const WRITE: &str = "Where to write";

@@ -16,7 +16,8 @@ pub struct Args {
     /// Run it N times, too, and print the measured medians beside the plan
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     repeat: Option<u32>,
-    /// Device that would run the kernels: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
+    /// Device that would run the kernels: auto, cpu, gpu, or the index or name of an adapter
+    /// (`linkwatch devices`)
     #[arg(long, value_name = "DEVICE", default_value_t, help_heading = super::KERNELS)]
     device: Device,
 }

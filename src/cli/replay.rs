@@ -19,6 +19,9 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Verify a recording again, frame by frame, and compare with the verdicts that were given live
+///
+/// Without options, the settings and the baseline are those of the recording, and the verdicts must
+/// be the same. The last line tells how many are.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A recording, as `linkwatch watch --record` writes it

@@ -55,11 +55,12 @@ const OPEN: Duration = Duration::from_secs(10);
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct Judge {
-    /// What frames are compared with: `first-frame`, or a certificate file
+    /// What frames are compared with: `first-frame`, or a certificate file [default: first-frame;
+    /// replay: as recorded]
     #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
     /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected or
-    /// never [default: any]
+    /// never [default: any; replay: as recorded]
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]

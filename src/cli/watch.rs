@@ -149,12 +149,12 @@ impl<'s> Checker<'s> {
                 progress.cancel();
             }
             let (done, total) = progress.pairs();
-            live.status(format_args!(
-                "frame {seq}: {} of {} in {:.0} s",
-                count(done),
-                plural(total, "pair"),
-                start.elapsed().as_secs_f64()
-            ));
+            let work = match total {
+                0 => "looking for pairs that come close".to_owned(),
+                _ => format!("{} of {}", count(done), plural(total, "pair")),
+            };
+            let seconds = start.elapsed().as_secs_f64();
+            live.status(format_args!("frame {seq}: {work} in {seconds:.0} s"));
             if beat.elapsed() >= HEARTBEAT {
                 beat = Instant::now();
                 // If the bus fails, the verdict cannot be sent, so cancel the check.

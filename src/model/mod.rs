@@ -33,6 +33,13 @@ pub fn read(path: &Path) -> Result<CurveSet> {
         let path = path.into();
         return Err(Error::Folder { path, advice });
     }
+    if path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
+    {
+        let why = "a recording (.mcap), which `linkwatch replay` verifies";
+        return Err(Error::unsupported("model", why).in_file(path));
+    }
     let format = Format::of(path)?;
     // Asked before opening, which would wait for the writer of a pipe.
     let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
