@@ -403,7 +403,8 @@ impl Client {
             .filter(|s| s.watcher.is_some() && s.simulator.is_none());
         if let Some(free) = free.next() {
             tracing::warn!(
-                "no watcher came to service '{}'; one waits for a simulator on another service: {free}",
+                "no watcher came to service '{}'; one waits for a simulator on another service: \
+                 {free}",
                 self.service,
             );
         }

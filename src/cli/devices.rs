@@ -8,9 +8,9 @@ use std::path::PathBuf;
 
 /// List the graphics processors that kernels can run on; measure them
 ///
-/// Without options, the adapters are listed. `linkwatch devices --calibrate` measures one of them and
-/// keeps the costs, which `--device auto` needs to choose it. `--measure` shows from which size of a
-/// scene on each kernel is faster on the adapter than on the CPU.
+/// Without options, the adapters are listed. `linkwatch devices --calibrate` measures one of them
+/// and keeps the costs, which `--device auto` needs to choose it. `--measure` shows from which size
+/// of a scene on each kernel is faster on the adapter than on the CPU.
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("measured").multiple(true)))]
 pub struct Args {
@@ -19,8 +19,8 @@ pub struct Args {
     /// from which on the adapter is faster
     #[arg(long, value_name = "MODEL|SCENE", num_args = 0.., group = "measured")]
     measure: Option<Vec<PathBuf>>,
-    /// Measure the costs of counting crossings, direct sums and Barnes-Hut on the adapter and on the
-    /// CPU, and keep them for `--device auto`
+    /// Measure the costs of counting crossings, direct sums and Barnes-Hut on the adapter and on
+    /// the CPU, and keep them for `--device auto`
     #[arg(long, group = "measured")]
     calibrate: bool,
     /// Adapter to measure: gpu, or the index or name of an adapter

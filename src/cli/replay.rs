@@ -191,6 +191,9 @@ impl Comparison {
                 self.differing.join(", ")
             );
         }
+        if self.equal + self.unlike + self.rejected + self.after_missing == 0 {
+            return "verdicts: the recording has none to compare with".into();
+        }
         let unlike = match self.unlike {
             0 => String::new(),
             n => format!(", {} unlike them", count(n)),

@@ -29,7 +29,8 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// Ends when the simulator does, on Ctrl-C or on SIGTERM.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Name of the service that the simulator publishes on (`linkwatch services` lists the live ones)
+    /// Name of the service that the simulator publishes on (`linkwatch services` lists the live
+    /// ones)
     #[arg(long, help_heading = super::WATCH, value_name = "NAME", default_value = "linkwatch")]
     service: String,
     /// Give up if no simulator comes within this time [default: wait for ever]

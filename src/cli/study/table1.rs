@@ -35,8 +35,8 @@ pub struct Args {
     /// A folder with files of the models that cannot be generated, such as glove.bcc
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
-    /// Skip models of more segments: on some of them Barnes-Hut takes minutes, which --limit does not
-    /// stop, and gigabytes of memory
+    /// Skip models of more segments: on some of them Barnes-Hut takes minutes, which --limit does
+    /// not stop, and gigabytes of memory
     #[arg(long, value_name = "N", default_value = "6e5", value_parser = super::sizes::size)]
     segments: u64,
     /// Number of runs of each kernel; the median is printed
