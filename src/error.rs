@@ -37,7 +37,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// A folder was given in place of a model file.
-    #[error("{path}: a folder, not a model file; {advice}")]
+    #[error("{path}: not a regular file but a folder; {advice}")]
     Folder {
         /// The folder.
         path: PathBuf,

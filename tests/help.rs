@@ -194,8 +194,9 @@ fn a_folder_or_a_misspelt_scene_is_answered_with_advice() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("a.vect"), "VECT").unwrap();
     let path = folder.path().to_str().expect("UTF-8");
-    let advice =
-        format!("{path}: a folder, not a model file; for the models in it, give {path}/*.vect");
+    let advice = format!(
+        "{path}: not a regular file but a folder; for the models in it, give {path}/*.vect"
+    );
     for (args, expected) in [
         (["certify", path], advice.as_str()),
         (["plan", path], advice.as_str()),

@@ -178,7 +178,7 @@ mod tests {
         let says = |path: &Path| read(path).unwrap_err().to_string();
         let path = folder.path();
         let empty = format!(
-            "{}: a folder, not a model file; it holds no models",
+            "{}: not a regular file but a folder; it holds no models",
             path.display()
         );
         assert!(says(path).starts_with(&empty), "{}", says(path));

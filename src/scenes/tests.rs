@@ -193,7 +193,7 @@ fn a_misspelt_name_suggests_the_nearest() {
     for (text, expected) in [
         ("knti", "woundball); the nearest is 'knit'"),
         ("Chainmial:rows=2", "; the nearest is 'chainmail'"),
-        ("torus", "; the nearest is 'torus_link'"),
+        ("wound", "; the nearest is 'woundball'"),
         (
             "ribbon:segmnts=20",
             "(known: segments, lambda); the nearest is 'segments'",
