@@ -36,6 +36,14 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// A folder was given in place of a model file.
+    #[error("{path}: not a regular file but a folder; {advice}")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// How to name its models, or that it holds none.
+        advice: String,
+    },
     /// A valid file of a kind that linkwatch does not read or cannot write.
     #[error("unsupported {format}: {what}")]
     Unsupported {

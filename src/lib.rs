@@ -95,8 +95,8 @@ pub mod wire_format {}
 
 #[cfg(feature = "bus")]
 pub use bus::{
-    Client, ClientOptions, Counters, Departure, Event, Finding, Frame, FrameLoan, MessageKind,
-    Outcome, Sidecar, SidecarOptions, VerdictMessage,
+    Attached, Client, ClientOptions, Counters, Departure, Event, Finding, Frame, FrameLoan,
+    MessageKind, Outcome, ServiceInfo, Sidecar, SidecarOptions, VerdictMessage, services,
 };
 pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
 pub use curve::{

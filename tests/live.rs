@@ -1,8 +1,9 @@
 //! Live: `linkwatch watch` as a process, simulators in this one or in processes that are killed.
 
+use iceoryx2::prelude::ZeroCopySend;
 use linkwatch::{
     Basis, Client, ClientOptions, Departure, FrameRecord, Outcome, Positions, Precision,
-    RecordedItem, RecordingReader, RecordingSink, Sink, Verdict,
+    RecordedItem, RecordingReader, RecordingSink, Report, Sink, Verdict,
 };
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -466,16 +467,13 @@ fn kept_recordings_give_their_verdicts() {
     }
 }
 
-/// A recorder with a slow disk drops frames. The motion to the frame after such a gap differs from
-/// that of the live run.
-#[test]
-fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
-    let folder = TempDir::new().unwrap();
-    let gappy = folder.path().join("gappy.mcap");
+/// Writes the recording of the flight anew, with other reports. A frame whose report is not kept
+/// leaves a gap.
+fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
     let mut reader = RecordingReader::open(&recordings().join("flight.mcap")).unwrap();
     let (mut sink, mut curves, mut set) = (None, None, None);
     while let Some(item) = reader.next_item().unwrap() {
-        let create = || RecordingSink::create(&gappy, reader.metadata()).unwrap();
+        let create = || RecordingSink::create(to, reader.metadata()).unwrap();
         let sink = sink.get_or_insert_with(|| Box::new(create()));
         match item {
             RecordedItem::Baseline(baseline) => sink.begin(&baseline).unwrap(),
@@ -483,8 +481,10 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
                 frame.ingest(&mut set).unwrap();
                 curves = set.clone().map(Arc::new);
             }
-            RecordedItem::Verdict(verdict) if verdict.report.seq == 2 => {}
-            RecordedItem::Verdict(verdict) => {
+            RecordedItem::Verdict(mut verdict) => {
+                if !keep(&mut verdict.report) {
+                    continue;
+                }
                 let progress = verdict.progress;
                 let record = FrameRecord {
                     curves: curves.take(),
@@ -502,6 +502,15 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
         }
     }
     sink.unwrap().finish().unwrap();
+}
+
+/// A recorder with a slow disk drops frames. The motion to the frame after such a gap differs from
+/// that of the live run.
+#[test]
+fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
+    let folder = TempDir::new().unwrap();
+    let gappy = folder.path().join("gappy.mcap");
+    rewrite_flight(&gappy, |report| report.seq != 2);
     let replayed = replay(&gappy);
     assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
     assert_eq!(replayed.reports().len(), 4);
@@ -509,6 +518,11 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
         replayed.stderr.contains("1 frame missing"),
         "{}",
         replayed.stderr
+    );
+    let compared = &replayed.summary()["recorded_verdicts"];
+    assert_eq!(
+        (&compared["equal"], &compared["after_missing"]),
+        (&3.into(), &1.into())
     );
     assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
 }
@@ -1281,4 +1295,239 @@ fn round_trips_of_small_and_larger_frames() {
         sim.finish().unwrap();
         watch.end();
     }
+}
+
+/// The command without `--json`: its exit code and all that it prints.
+fn printed(args: &[&str]) -> (Option<i32>, String) {
+    let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(args)
+        .output();
+    let run = run.unwrap();
+    let all = [run.stdout, run.stderr].concat();
+    (run.status.code(), String::from_utf8(all).unwrap())
+}
+
+/// The stderr of a watch, once it has all of these words.
+fn stderr_with(watch: &Watch, words: &[&str]) -> String {
+    let start = Instant::now();
+    loop {
+        let stderr = std::fs::read_to_string(&watch.stderr).unwrap();
+        if words.iter().all(|word| stderr.contains(word)) {
+            return stderr;
+        }
+        assert!(start.elapsed() < PATIENCE, "{words:?} in {stderr}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn a_wrong_service_name_lists_the_live_services() {
+    let folder = TempDir::new().unwrap();
+    let (right, wrong) = (service("right"), service("wrong"));
+    let sim = client(&right);
+    let watch = Watch::start(folder.path(), "watch", &wrong, &[]);
+    let simulator = format!("{right}: simulator (process {}, live-", std::process::id());
+    let told = format!("no simulator came to service '{wrong}' in 5 s");
+    stderr_with(&watch, &[&told, &simulator]);
+    // Told once.
+    std::thread::sleep(Duration::from_millis(5500));
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(
+        ended.stderr.matches(&simulator).count(),
+        1,
+        "{}",
+        ended.stderr
+    );
+    assert!(
+        ended.stderr.contains("to watch one of them: --service"),
+        "{}",
+        ended.stderr
+    );
+    drop(sim);
+}
+
+#[test]
+fn the_live_services_are_listed_and_a_killed_watcher_is_not() {
+    let folder = TempDir::new().unwrap();
+    let [both, killed] = ["both", "killed"].map(service);
+    let mut sim = client(&both);
+    let watch = Watch::start(folder.path(), "watch", &both, &[]);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    let mut other = Watch::start(folder.path(), "other", &killed, &[]);
+    stderr_with(&other, &["waiting for a simulator"]);
+    let list = || printed(&["services"]).1;
+    assert!(
+        list().contains(&format!("{killed}: no simulator, watcher (process ")),
+        "{}",
+        list()
+    );
+    other.process.kill().unwrap();
+    other.process.wait().unwrap();
+    assert!(!list().contains(&killed), "{}", list());
+
+    let (code, lines) = printed(&["services", "--json"]);
+    assert_eq!(code, Some(0), "{lines}");
+    let found = json_lines(&lines)
+        .into_iter()
+        .find(|s| s["service"] == both.as_str());
+    let found = found.expect("the service");
+    assert_eq!(found["simulator"]["process"], std::process::id());
+    assert_eq!(found["watcher"]["process"], watch.process.id());
+    assert_eq!(found["watcher"]["program"], "linkwatch");
+    assert_eq!(found["compatible"], true);
+    // The session goes on.
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    sim.finish().unwrap();
+    assert_eq!(watch.end().code, Some(0));
+}
+
+#[test]
+fn a_silent_simulator_is_told_from_a_wrong_name() {
+    let folder = TempDir::new().unwrap();
+    let service = service("silent");
+    let sim = client(&service);
+    let watch = Watch::start(folder.path(), "watch", &service, &["--wait", "0.3"]);
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    let told = format!(
+        "the simulator on service '{service}' (process {}",
+        std::process::id()
+    );
+    assert!(ended.stderr.contains(&told), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("has sent nothing yet"),
+        "{}",
+        ended.stderr
+    );
+    drop(sim);
+}
+
+/// A header as another version of linkwatch would publish it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
+#[type_name("linkwatch.FrameHeader")]
+struct Header {
+    magic: u64,
+    version: u32,
+    rest: [u32; 13],
+}
+
+#[test]
+fn a_simulator_of_another_version_is_told_once_with_advice() {
+    use iceoryx2::prelude::{Alignment, NodeBuilder, ServiceName, ipc};
+    let folder = TempDir::new().unwrap();
+    let service = service("version");
+    let watch = Watch::start(folder.path(), "watch", &service, &[]);
+    stderr_with(&watch, &["waiting for a simulator"]);
+    let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
+    let frames = ServiceName::new(&format!("{service}/frames")).unwrap();
+    let frames = node
+        .service_builder(&frames)
+        .publish_subscribe::<[u8]>()
+        .user_header::<Header>()
+        .payload_alignment(Alignment::new(64).unwrap())
+        .open()
+        .unwrap();
+    let publisher = frames.publisher_builder().create().unwrap();
+    let send = || {
+        let mut sample = publisher.loan_slice(0).unwrap();
+        *sample.user_header_mut() = Header {
+            magic: u64::from_le_bytes(*b"LWFRAME\0"),
+            version: 99,
+            ..Header::default()
+        };
+        sample.send().unwrap();
+    };
+    send();
+    let told = "the frame has version 99";
+    stderr_with(&watch, &[told, "use one version on both sides"]);
+    for _ in 0..10 {
+        send();
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert_eq!(ended.stderr.matches(told).count(), 1, "{}", ended.stderr);
+}
+
+/// Log messages of the library, as a simulator with a subscriber of its own sees them.
+fn logged(work: impl FnOnce()) -> String {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("log");
+    let log = Arc::new(std::fs::File::create(&path).unwrap());
+    let subscriber = tracing_subscriber::fmt().with_writer(log).finish();
+    tracing::subscriber::with_default(subscriber, work);
+    std::fs::read_to_string(&path).unwrap()
+}
+
+#[test]
+fn a_client_that_nobody_watches_learns_who_waits_elsewhere() {
+    let folder = TempDir::new().unwrap();
+    let [right, wrong] = ["elsewhere", "nobody"].map(service);
+    let watch = Watch::start(folder.path(), "watch", &right, &[]);
+    stderr_with(&watch, &["waiting for a simulator"]);
+    let mut sim = client(&wrong);
+    let log = logged(|| {
+        let wait = Duration::from_millis(1100);
+        assert!(!sim.wait_for_watcher(wait).unwrap());
+        assert!(!sim.wait_for_watcher(wait).unwrap());
+    });
+    let told = format!("no watcher came to service '{wrong}'");
+    assert_eq!(log.matches(&told).count(), 1, "{log}");
+    // Other tests have watchers, too; one of those that wait is named.
+    assert!(log.contains("no simulator, watcher (process "), "{log}");
+}
+
+#[test]
+fn a_replay_says_whether_its_verdicts_equal_the_recorded_ones() {
+    let recording = recordings().join("squares.mcap");
+    let path = recording.to_str().unwrap();
+    let last = |args: &[&str]| {
+        let (_, all) = printed(&[&["replay", path, "--quiet"], args].concat());
+        let line = all.lines().find(|l| l.starts_with("verdicts: "));
+        line.unwrap_or_else(|| panic!("{all}")).to_owned()
+    };
+    let equal =
+        "verdicts: 19 equal to the recorded ones; 1 not compared: the curves of rejected frames";
+    assert!(last(&[]).starts_with(equal), "{}", last(&[]));
+    assert!(last(&["--kernel", "direct"]).starts_with(equal));
+    for (args, option) in [
+        (&["--abort-on", "lost"][..], "--abort-on"),
+        (&["--baseline", "first-frame"], "--baseline"),
+        (&["--events"], "--events or --self"),
+        (&["--motion-limit", "2"], "--motion-limit"),
+        (
+            &["--self", "--abort-on", "never"],
+            "--abort-on, --events or --self",
+        ),
+    ] {
+        let expected = format!(
+            "verdicts: not compared with the recorded ones: recorded with another {option}"
+        );
+        assert_eq!(last(args), expected);
+    }
+    let compared = replay(&recording).summary()["recorded_verdicts"].clone();
+    let counts = ["equal", "unlike", "rejected", "after_missing"].map(|n| compared[n].clone());
+    assert_eq!(counts, [19, 0, 1, 0]);
+    assert_eq!(compared["differing"], serde_json::json!([]));
+}
+
+#[test]
+fn a_verdict_unlike_the_recorded_one_is_counted() {
+    let folder = TempDir::new().unwrap();
+    let changed = folder.path().join("changed.mcap");
+    rewrite_flight(&changed, |report| {
+        if report.seq == 1 {
+            report.verdict = Verdict::Undecided;
+        }
+        true
+    });
+    let (code, all) = printed(&["replay", changed.to_str().unwrap()]);
+    assert_eq!(code, Some(1), "{all}");
+    assert!(
+        all.contains("verdicts: 4 equal to the recorded ones, 1 unlike them"),
+        "{all}"
+    );
 }

@@ -3,6 +3,7 @@
 use super::loan::FrameLoan;
 use super::message::{MessageKind, VerdictMessage};
 use super::service::{Endpoint, Ipc, NodeId, Role, bus};
+use super::services::services;
 use super::wire::{
     FLAG_ANNOUNCE, FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader,
     LAYOUT_VERSION, VerdictWire, payload_bytes, table_bytes,
@@ -28,6 +29,9 @@ const TICK: Duration = Duration::from_millis(10);
 /// Silence after which a waiting client checks that the process of the watcher exists, and the time
 /// between two such checks. Each check takes a few dozen system calls.
 const LIVENESS: Duration = Duration::from_millis(250);
+
+/// Wait for a watcher from which on it is worth the look for other services.
+const HINT: Duration = Duration::from_secs(1);
 
 /// How a simulator uses the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -145,6 +149,9 @@ pub struct Client {
     aborts_from: u64,
     goodbye: Option<VerdictMessage>,
     finished: bool,
+    /// True if the user was told which services have a watcher.
+    hinted: bool,
+    service: String,
     endpoint: Endpoint,
 }
 
@@ -188,6 +195,8 @@ impl Client {
             aborts_from: 0,
             goodbye: None,
             finished: false,
+            hinted: false,
+            service: service.to_owned(),
             endpoint,
         })
     }
@@ -358,6 +367,9 @@ impl Client {
     ///
     /// Only needed where the first frames must not be missed: a simulator that runs alone is fine, and a
     /// watcher that comes later gets the newest frame.
+    ///
+    /// If nobody came for a second or more, a watcher that waits on another service is logged as a
+    /// warning ([`tracing`]), since the name may be wrong; [`services`](crate::services) lists all.
     pub fn wait_for_watcher(&mut self, timeout: Duration) -> Result<bool> {
         const REPEAT: Duration = Duration::from_millis(100);
         let start = Instant::now();
@@ -376,8 +388,27 @@ impl Client {
                 said = Some(Instant::now());
             }
             if !self.sleep(start, timeout) {
+                self.hint(start.elapsed());
                 return Ok(false);
             }
+        }
+    }
+
+    /// Logs which services have a watcher that waits for a simulator, once, after a wait in vain.
+    fn hint(&mut self, waited: Duration) {
+        if waited < HINT || std::mem::replace(&mut self.hinted, true) {
+            return;
+        }
+        let all = services().unwrap_or_default();
+        let mut free = all
+            .iter()
+            .filter(|s| s.watcher.is_some() && s.simulator.is_none());
+        if let Some(free) = free.next() {
+            tracing::warn!(
+                "no watcher came to service '{}'; one waits for a simulator on another service: \
+                 {free}",
+                self.service,
+            );
         }
     }
 

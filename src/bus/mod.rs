@@ -26,6 +26,7 @@ mod message;
 #[cfg(test)]
 mod page;
 mod service;
+mod services;
 mod sidecar;
 mod wire;
 
@@ -33,4 +34,5 @@ pub use client::{Client, ClientOptions, Departure, Outcome};
 pub use event::{Event, Frame};
 pub use loan::FrameLoan;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
+pub use services::{Attached, ServiceInfo, services};
 pub use sidecar::{Sidecar, SidecarOptions};

@@ -10,6 +10,7 @@
 //! there is one simulator and one watcher is the locks' business: a service with room for one server, which
 //! bridges do not relay, and whose place is freed with everything else of a process that died.
 
+use super::services::user_of;
 use super::wire::{ALIGNMENT, FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use iceoryx2::node::NodeView;
@@ -189,7 +190,7 @@ fn cleanup() {
 
 /// iceoryx2 writes warnings of its own to stderr, about things that are handled here (a peer that is
 /// stopped, a configuration file that nobody needs). Only errors pass, unless IOX2_LOG_LEVEL says otherwise.
-fn quiet() {
+pub(super) fn quiet() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Error));
 }
@@ -292,21 +293,25 @@ fn patiently<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E
 }
 
 fn cannot_open<E: Debug>(name: &ServiceName) -> impl FnOnce(E) -> Error {
-    let name = name.as_str().to_string();
+    let name = name.clone();
     move |e| {
         let words = format!("{e:?}");
         let why = if words.contains("Incompatible") {
-            " It exists with another layout: another program uses the name, or another version of \
-             linkwatch. Choose another service name, or use one version on both sides"
+            let who = user_of(&name).map_or(String::new(), |user| format!(" ({user})"));
+            format!(
+                " It exists with another layout: another program uses the name, or another version \
+                 of linkwatch{who}. Choose another service name, or use one version on both sides"
+            )
         } else if words.contains("Corrupted") {
             " It was created by another version of iceoryx2 (this is 0.9.3), or by a process that was \
              killed halfway: stop all processes that use it, and remove their files in /tmp/iceoryx2"
+                .into()
         } else if words.contains("Permission") {
-            " Simulator and watcher must run as the same user"
+            " Simulator and watcher must run as the same user".into()
         } else if words.contains("ExceedsMaxNumberOfNodes") {
-            " Too many processes use it"
+            " Too many processes use it".into()
         } else {
-            ""
+            String::new()
         };
         Error::Bus(format!("cannot open service \"{name}\" ({words}).{why}"))
     }

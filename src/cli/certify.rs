@@ -19,20 +19,21 @@ pub struct Args {
     #[arg(required = true, value_name = "MODEL|SCENE")]
     models: Vec<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
-    #[arg(short, long, value_name = "CERT")]
+    #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
     output: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// How splines become polylines
-    #[arg(long, value_enum, default_value_t, conflicts_with = "method")]
+    #[arg(long, value_enum, default_value_t, conflicts_with = "method", help_heading = super::KERNELS, hide_short_help = true)]
     discretize: Discretize,
     #[command(flatten)]
     kernel: KernelArgs,
-    /// Only linking numbers that stay wherever vertices are within R along each axis (polylines)
-    #[arg(long, value_name = "R", conflicts_with_all = ["discretize", "method"])]
+    /// Keep only linking numbers that cannot change if every vertex moves by up to R along each
+    /// axis (polylines)
+    #[arg(long, value_name = "R", help_heading = super::KERNELS, conflicts_with_all = ["discretize", "method"])]
     noise: Option<f64>,
-    /// Certify each model so many times, and give the median times of all stages
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "method", "noise", "output"])]
+    /// Certify each model N times and print the median times of all stages, not the certificate
+    #[arg(long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "method", "noise", "output"])]
     repeat: Option<u32>,
 }
 
@@ -143,6 +144,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             outcome = Outcome::Undecided;
         }
         tracing::info!("{}: {}", path.display(), summary(&c));
+        if c.stats.exact > 0 {
+            tracing::info!(
+                "{}: {} were too close for floating point and decided exactly ({}): slower, but \
+                 the numbers are as certain",
+                path.display(),
+                plural(c.stats.exact, "orientation test"),
+                percent(c.stats.exact_share()),
+            );
+        }
         if let Some(l) = c.ladder.as_ref().filter(|l| l.summed > 0 || asked_to_sum) {
             tracing::info!(
                 "{}: {} decided {} ({} off at most, proven within {}), counting {}; the sums took {}",
@@ -203,17 +213,8 @@ fn summary(c: &Certified) -> String {
             plural_of(n as u64, "pair or curve", "pairs or curves")
         ),
     };
-    // Worth a word where it happens: it costs time, and in most scenes it does not.
-    let exact = match c.stats.exact {
-        0 => String::new(),
-        n => format!(
-            ", {} decided exactly ({})",
-            plural(n, "test"),
-            percent(c.stats.exact_share())
-        ),
-    };
     format!(
-        "{} of {}, {}, {}{undefined}{exact} ({})",
+        "{} of {}, {}, {}{undefined} ({})",
         plural(c.stats.curves, "curve"),
         plural(c.stats.segments, "segment"),
         plural(c.stats.potential_links, "potential link"),

@@ -23,28 +23,28 @@ pub struct Args {
     /// if their names differ in numbers only
     #[arg(required = true, value_name = "MODEL")]
     models: Vec<PathBuf>,
-    /// Expected linking numbers: those of the first model, or a certificate as `linkwatch certify
-    /// -o` writes it [default: first-frame]
-    #[arg(long, value_name = "first-frame|CERT")]
-    against: Option<Baseline>,
     /// Keep the order in which the models are given
     #[arg(long)]
     keep_order: bool,
-    /// Stop at the first change of a model, the most suspect pairs first
-    #[arg(long, conflicts_with_all = ["events", "own", "method"])]
-    early_exit: bool,
+    /// Expected linking numbers: those of the first model, or a certificate as `linkwatch certify
+    /// -o` writes it [default: first-frame]
+    #[arg(long, value_name = "first-frame|CERT", help_heading = super::COMPARE)]
+    against: Option<Baseline>,
     #[command(flatten)]
     look_for: LookFor,
-    #[command(flatten)]
-    kernel: KernelArgs,
+    /// Stop at the first change of a model, the most suspect pairs first
+    #[arg(long, conflicts_with_all = ["events", "own", "method"], help_heading = super::COMPARE)]
+    early_exit: bool,
     /// Write the pairs that differ, a line `i,j,expected,found` each
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
     diff_pairs: Option<PathBuf>,
     /// Write the curves that take part in a difference, a line each
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
     diff_curves: Option<PathBuf>,
     #[command(flatten)]
     sinks: Sinks,
+    #[command(flatten)]
+    kernel: KernelArgs,
 }
 
 /// Runs the command.

@@ -8,26 +8,28 @@ use std::path::PathBuf;
 
 /// List the graphics processors that kernels can run on; measure them
 ///
-/// `linkwatch devices --calibrate --measure` measures all there is to measure of one: what kernels cost there and here, kept for
-/// `--device auto`, and the sizes of scenes from which on each of them is faster there.
+/// Without options, the adapters are listed. `linkwatch devices --calibrate` measures one of them
+/// and keeps the costs, which `--device auto` needs to choose it. `--measure` shows from which size
+/// of a scene on each kernel is faster on the adapter than on the CPU.
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("measured").multiple(true)))]
 pub struct Args {
-    /// Measure every kernel on these models or scenes, whole frames and frames that are on the device already, beside
-    /// the processor; on scenes of growing size where none is named, and say from where on the device is faster
+    /// Measure every kernel on these models or scenes, on the adapter (with and without the upload
+    /// of the frame) and on the CPU. Without a name: on scenes of growing size, and print the size
+    /// from which on the adapter is faster
     #[arg(long, value_name = "MODEL|SCENE", num_args = 0.., group = "measured")]
     measure: Option<Vec<PathBuf>>,
-    /// Measure what counting crossings, direct sums and Barnes-Hut cost there and here, and keep it: `--device auto` goes
-    /// by that
+    /// Measure the costs of counting crossings, direct sums and Barnes-Hut on the adapter and on
+    /// the CPU, and keep them for `--device auto`
     #[arg(long, group = "measured")]
     calibrate: bool,
     /// Adapter to measure: gpu, or the index or name of an adapter
     #[arg(long, value_name = "DEVICE", default_value_t = Device::Gpu, requires = "measured")]
     device: Device,
-    /// Runs of each kernel, for a median
+    /// Number of runs of each kernel; the median is printed
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..), requires = "measure")]
     repeat: u32,
-    /// Leave out sums on the processor that would take longer than this
+    /// Skip sums on the CPU that would take longer than this
     #[arg(
         long,
         value_name = "SECONDS",

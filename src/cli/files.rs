@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// The `--force` option of every command that writes files.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[command(next_help_heading = super::WRITE)]
 pub struct Overwrite {
     /// Overwrite existing output files
     #[arg(long)]

@@ -18,17 +18,17 @@ pub struct Args {
     /// The scene; without one, all scenes are listed
     #[arg(value_name = "SCENE", requires = "output")]
     scene: Option<Scene>,
-    /// Write the model, a .bcc file
-    #[arg(short, long, value_name = "FILE", requires = "scene")]
-    output: Option<PathBuf>,
-    /// Write the certificate that follows from the construction
-    #[arg(long, value_name = "CERT", requires = "scene")]
-    certificate: Option<PathBuf>,
-    #[command(flatten)]
-    overwrite: Overwrite,
     /// List all scenes with their parameters
     #[arg(long, conflicts_with = "scene")]
     list: bool,
+    /// Write the model, a .bcc file
+    #[arg(short, long, help_heading = super::WRITE, value_name = "FILE", requires = "scene")]
+    output: Option<PathBuf>,
+    /// Write the certificate that follows from the construction
+    #[arg(long, value_name = "CERT", requires = "scene", help_heading = super::WRITE)]
+    certificate: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
 }
 
 /// Runs the command.

@@ -6,22 +6,25 @@ use linkwatch::{Error, Verifier};
 
 /// Which kernel computes linking numbers.
 #[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = super::KERNELS)]
 pub struct KernelArgs {
-    /// Which kernel computes: auto, crossings, direct, angle-sum, barnes-hut, fmm or interval; what the bound of a sum does
-    /// not decide is counted
+    /// Kernel that computes linking numbers: auto, crossings, direct, angle-sum, barnes-hut, fmm or
+    /// interval. All give the same numbers: pairs that the error bound of a sum does not decide are
+    /// decided by counting crossings
     #[arg(long = "kernel", value_name = "KERNEL", default_value_t)]
     pub method: Method,
-    /// Barnes-Hut by distance: expand where nodes are further apart than B times their radii [default: by the bound]
-    #[arg(long, value_name = "B", value_parser = beta)]
+    /// barnes-hut: expand nodes that are further apart than B times their radii [default: by the
+    /// error bound]
+    #[arg(long, hide_short_help = true, value_name = "B", value_parser = beta)]
     beta: Option<f64>,
-    /// With --beta: sum once more where the published estimate of the error is above E
-    #[arg(long, value_name = "E", requires = "beta", value_parser = positive)]
+    /// With --beta: sum again if the published estimate of the error is above E
+    #[arg(long, hide_short_help = true, value_name = "E", requires = "beta", value_parser = positive)]
     target: Option<f64>,
-    /// Barnes-Hut without quadrupoles
-    #[arg(long)]
+    /// barnes-hut: expand to dipoles only, not to quadrupoles
+    #[arg(long, hide_short_help = true)]
     dipole: bool,
-    /// The order of fmm's expansions, 2 to 20 [default: by the bound]
-    #[arg(long, value_name = "P", value_parser = clap::value_parser!(u32).range(2..=20))]
+    /// fmm: order of the expansions, 2 to 20 [default: by the error bound]
+    #[arg(long, hide_short_help = true, value_name = "P", value_parser = clap::value_parser!(u32).range(2..=20))]
     order: Option<u32>,
     /// Device that runs the kernel: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
     /// devices`)

@@ -4,16 +4,18 @@ use linkwatch::{AbortOn, Events};
 
 /// Which pull-throughs are looked for from frame to frame.
 #[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = super::COMPARE)]
 pub struct LookFor {
-    /// Tell every pull-through with its place and moment, also those that cancel, and those of open curves
+    /// Report every pull-through with its place and moment: also those that cancel, and those of
+    /// open curves
     #[arg(long)]
     events: bool,
-    /// Tell curves that are pulled through themselves, too (implies --events)
+    /// Report curves that are pulled through themselves, too (implies --events)
     #[arg(long = "self")]
     own: bool,
     /// Motion between two frames, in segment lengths, beyond which two pull-throughs that cancel
     /// count as unresolved: the frames are too far apart to decide whether they took place
-    /// [default: 1.5]
+    /// [default: 1.5; replay: as recorded]
     #[arg(long, value_name = "LENGTHS")]
     pub motion_limit: Option<f64>,
 }

@@ -2,6 +2,7 @@
 
 mod certify;
 mod check;
+mod completions;
 mod devices;
 mod files;
 mod generate;
@@ -9,6 +10,7 @@ mod input;
 mod kernel;
 mod live;
 mod look_for;
+mod man;
 mod measure;
 mod number;
 mod order;
@@ -16,6 +18,8 @@ mod output;
 mod plan;
 #[cfg(feature = "mcap")]
 mod replay;
+#[cfg(feature = "bus")]
+mod services;
 mod session;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod signals;
@@ -28,7 +32,7 @@ mod study;
 #[cfg(feature = "bus")]
 mod watch;
 
-use clap::{Parser, Subcommand};
+use clap::{ArgAction, Parser, Subcommand};
 use linkwatch::{Error, Result, Verdict};
 use std::process::ExitCode;
 #[cfg(unix)]
@@ -36,20 +40,34 @@ use std::sync::Arc;
 
 /// Watches a simulation of yarn, chainmail or any loopy structure: verifies the linking numbers of every frame.
 #[derive(Debug, Parser)]
-#[command(version, about, after_help = EXIT_CODES)]
+#[command(version, about, after_help = EXIT_CODES, disable_help_flag = true, disable_version_flag = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Results as JSON, a line each, on stdout
-    #[arg(long, global = true)]
+    /// Print results as JSON on stdout, a line each
+    #[arg(long, global = true, help_heading = GENERAL)]
     json: bool,
-    /// Threads to compute with [default: one a core]
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
-    threads: Option<u16>,
-    /// Say less on stderr (warnings and errors only)
-    #[arg(short, long, global = true)]
+    /// Print only warnings and errors on stderr
+    #[arg(short, long, global = true, help_heading = GENERAL)]
     quiet: bool,
+    /// Number of CPU threads to compute with [default: one per core]
+    #[arg(long, global = true, help_heading = GENERAL, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    threads: Option<u16>,
+    /// Print help (`-h`: everyday options, `--help`: all)
+    #[arg(short, long, global = true, help_heading = GENERAL, action = ArgAction::Help)]
+    help: Option<bool>,
+    /// Print the version
+    #[arg(short = 'V', long, help_heading = GENERAL, action = ArgAction::Version)]
+    version: Option<bool>,
 }
+
+/// Headings of `--help`. Options under no heading are those of a command's own.
+#[cfg(feature = "bus")]
+const WATCH: &str = "What to watch";
+const COMPARE: &str = "What to compare";
+const WRITE: &str = "Where to write";
+const KERNELS: &str = "Kernels";
+const GENERAL: &str = "General";
 
 /// Maximum of --threads: more than the cores of any machine that linkwatch targets, and few enough
 /// to start.
@@ -59,18 +77,23 @@ const EXIT_CODES: &str = "\
 Exit codes: 0 intact or done, 1 topology changed, 2 bad arguments or bad input, \
 3 undecided (curves touch or are too close) or data lost";
 
+// The everyday commands first: `--help` lists them in this order.
 #[derive(Debug, Subcommand)]
 enum Command {
-    Certify(certify::Args),
-    Check(check::Args),
-    Devices(devices::Args),
-    Generate(generate::Args),
-    Plan(plan::Args),
-    Study(study::Args),
     #[cfg(feature = "bus")]
     Watch(watch::Args),
+    #[cfg(feature = "bus")]
+    Services(services::Args),
     #[cfg(feature = "mcap")]
     Replay(replay::Args),
+    Certify(certify::Args),
+    Check(check::Args),
+    Generate(generate::Args),
+    Plan(plan::Args),
+    Devices(devices::Args),
+    Study(study::Args),
+    Completions(completions::Args),
+    Man(man::Args),
 }
 
 /// How a command ended, worst last.
@@ -141,6 +164,10 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]
         Command::Replay(args) => replay::run(args, cli.json),
+        #[cfg(feature = "bus")]
+        Command::Services(_) => services::run(cli.json),
+        Command::Completions(args) => completions::run(args),
+        Command::Man(args) => man::run(args),
     }
 }
 

@@ -1,8 +1,9 @@
 //! What a person or a program sees: results on stdout, everything else on stderr.
 
 use super::stream::{self, Lost, Target};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use linkwatch::{CurveSet, Events, Progress, Stats};
+use std::fmt;
 use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::mpsc;
@@ -44,6 +45,11 @@ impl Write for Log {
 /// watched simulation still needs its verdicts, and the exit code still gives the outcome.
 pub fn line(text: impl std::fmt::Display) {
     stream::put(Target::Out, format!("{text}\n").into_bytes());
+}
+
+/// Writes a text of several lines to stdout, as [`line`] does.
+pub fn text(bytes: Vec<u8>) {
+    stream::put(Target::Out, bytes);
 }
 
 /// Writes a value as one line of JSON to stdout.
@@ -93,19 +99,11 @@ pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce()
             {
                 return;
             }
-            let bar = ProgressBar::new(0).with_style(
-                ProgressStyle::with_template(
-                    "{msg} [{bar:40}] {human_pos}/{human_len} pairs, {eta} left",
-                )
-                .expect("the template is constant and valid"),
-            );
-            bar.set_message(what.to_owned());
+            let bar = ProgressBar::no_length().with_message(what.to_owned());
             while ended.recv_timeout(Duration::from_millis(100))
                 == Err(mpsc::RecvTimeoutError::Timeout)
             {
-                let (done, total) = progress.pairs();
-                bar.set_length(total);
-                bar.set_position(done);
+                show_pairs(&bar, progress.pairs());
             }
             bar.finish_and_clear();
         });
@@ -116,12 +114,36 @@ pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce()
     })
 }
 
+/// Shows the progress of a frame. As long as its pairs are not counted there is no bar, since a bar
+/// without a length looks full.
+fn show_pairs(bar: &ProgressBar, (done, total): (u64, u64)) {
+    if total == 0 {
+        bar.set_style(style("{msg}: looking for pairs that come close, {elapsed}"));
+    } else if bar.length().is_none() {
+        bar.set_style(bar_of("pairs"));
+        bar.set_length(total);
+    }
+    bar.set_position(done);
+}
+
 /// A progress bar of so many frames, rows or the like; nothing where stderr is no terminal. It is drawn by the caller's
 /// thread, between them.
 pub fn bar(length: u64, of: &str) -> ProgressBar {
-    let template = format!("{{msg}} [{{bar:40}}] {{human_pos}}/{{human_len}} {of}, {{eta}} left");
-    let style = ProgressStyle::with_template(&template);
-    ProgressBar::new(length).with_style(style.expect("the template is constant and valid"))
+    ProgressBar::new(length).with_style(bar_of(of))
+}
+
+fn bar_of(items: &str) -> ProgressStyle {
+    let template = format!("{{msg}} [{{bar:40}}] {{human_pos}}/{{human_len}} {items}{{left}}");
+    style(&template).with_key("left", |state: &ProgressState, out: &mut dyn fmt::Write| {
+        // Before the first item is done, the time left is unknown.
+        if state.pos() > 0 {
+            write!(out, ", {:#} left", HumanDuration(state.eta())).ok();
+        }
+    })
+}
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).expect("the template is valid")
 }
 
 /// Whether stderr is a terminal.
@@ -214,6 +236,18 @@ pub fn millis(d: Duration) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Regression test: a bar of length 0 is drawn full.
+    #[test]
+    fn a_progress_bar_does_not_start_full() {
+        let bar = ProgressBar::no_length();
+        show_pairs(&bar, (0, 0));
+        assert_eq!((bar.position(), bar.length()), (0, None));
+        show_pairs(&bar, (0, 12));
+        assert_eq!((bar.position(), bar.length()), (0, Some(12)));
+        show_pairs(&bar, (5, 12));
+        assert_eq!((bar.position(), bar.length()), (5, Some(12)));
+    }
 
     #[test]
     fn counts_read_well() {

@@ -13,11 +13,12 @@ pub struct Args {
     /// Models (.bcc, .obj or .vect), or scenes as `linkwatch generate` takes them
     #[arg(required = true, value_name = "MODEL|SCENE")]
     inputs: Vec<PathBuf>,
-    /// Compare with what it does cost: the medians of so many runs
+    /// Run it N times, too, and print the measured medians beside the plan
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     repeat: Option<u32>,
-    /// Where kernels are to run: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
-    #[arg(long, value_name = "DEVICE", default_value_t)]
+    /// Device that would run the kernels: auto, cpu, gpu, or the index or name of an adapter
+    /// (`linkwatch devices`)
+    #[arg(long, value_name = "DEVICE", default_value_t, help_heading = super::KERNELS)]
     device: Device,
 }
 

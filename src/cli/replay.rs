@@ -2,12 +2,14 @@
 
 use super::Outcome;
 use super::files::Files;
+use super::kernel::KernelArgs;
 use super::output::{self, count, plural};
 use super::session::{Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks, Tally};
 use linkwatch::{
     AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
     Report, Result, Verdict,
 };
+use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -18,6 +20,9 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Verify a recording again, frame by frame, and compare with the verdicts that were given live
+///
+/// Without options, the settings and the baseline are those of the recording, and the verdicts must
+/// be the same. The last line tells how many are.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A recording, as `linkwatch watch --record` writes it
@@ -27,6 +32,8 @@ pub struct Args {
     judge: Judge,
     #[command(flatten)]
     sinks: Sinks,
+    #[command(flatten)]
+    kernel: KernelArgs,
 }
 
 /// Runs the command.
@@ -59,12 +66,30 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let limit: f64 = limit.and_then(|l| l.parse().ok()).unwrap_or(f64::INFINITY);
     let judge = Judge {
         abort_on: args.judge.abort_on.or(recorded),
+        kernel: args.kernel.clone(),
         ..args.judge.clone()
     };
     let mut files = Files::new(args.sinks.overwrite);
     files.reads(&args.recording);
     let overflow = Overflow::WaitForProgress(PATIENCE);
     output::detach(overflow)?;
+    // Other settings give other verdicts, and are meant to.
+    let settings = [
+        (
+            "--abort-on",
+            judge.abort_on.unwrap_or_default() != recorded.unwrap_or_default(),
+        ),
+        ("--baseline", judge.baseline.is_some()),
+        (
+            "--events or --self",
+            judge.look_for.events(AbortOn::Never) > looked_for,
+        ),
+        (
+            "--motion-limit",
+            judge.look_for.motion_limit.is_some_and(|l| l != limit),
+        ),
+    ];
+    let differing = settings.iter().filter(|(_, differs)| *differs);
     let mut replay = Replay {
         session: Session::new(Run {
             judge: &judge,
@@ -79,16 +104,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             overflow,
             json,
         })?,
-        // Another policy or baseline gives other verdicts, and is meant to.
-        compare: judge.abort_on.unwrap_or_default() == recorded.unwrap_or_default()
-            && judge.baseline.is_none()
-            && judge.look_for.events(AbortOn::Never) <= looked_for
-            && judge.look_for.motion_limit.is_none_or(|l| l == limit),
+        comparison: Comparison {
+            differing: differing.map(|(option, _)| *option).collect(),
+            ..Comparison::default()
+        },
         policy: args.judge.abort_on,
         tally: Tally::default(),
         waiting: VecDeque::new(),
         last: None,
-        unlike: 0,
         answered: 0,
         missing: 0,
         motion: looked_for != Events::Off,
@@ -124,7 +147,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let Replay {
         mut session,
         tally,
-        unlike,
+        comparison,
         missing,
         ..
     } = replay;
@@ -145,11 +168,61 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         );
         session.data_lost();
     }
-    if unlike > 0 {
-        tracing::error!("{} unlike those given live", plural(unlike, "verdict"));
+    if comparison.unlike > 0 {
+        let verdicts = plural(comparison.unlike, "verdict");
+        tracing::error!("{verdicts} unlike those given live");
         session.data_lost();
     }
+    session.compared(comparison.words(), serde_json::json!(comparison));
     Ok(session.finish(tally))
+}
+
+/// Verdicts of a replay beside the recorded ones.
+#[derive(Default, Serialize)]
+struct Comparison {
+    /// Options that differ from those of the recording; if there are any, nothing is compared.
+    differing: Vec<&'static str>,
+    equal: u64,
+    unlike: u64,
+    /// Rejected frames. Their curves are not recorded, so their verdicts cannot be repeated.
+    rejected: u64,
+    /// Frames after missing ones: the motion to them differs from the recorded one.
+    after_missing: u64,
+}
+
+impl Comparison {
+    fn words(&self) -> String {
+        if !self.differing.is_empty() {
+            return format!(
+                "verdicts: not compared with the recorded ones: recorded with another {}",
+                self.differing.join(", ")
+            );
+        }
+        if self.equal + self.unlike + self.rejected + self.after_missing == 0 {
+            return "verdicts: the recording has none to compare with".into();
+        }
+        let unlike = match self.unlike {
+            0 => String::new(),
+            n => format!(", {} unlike them", count(n)),
+        };
+        let uncompared = [
+            (
+                self.rejected,
+                "not compared: the curves of rejected frames are not recorded",
+            ),
+            (
+                self.after_missing,
+                "not compared: the frames before them are missing",
+            ),
+        ];
+        let uncompared = uncompared.iter().filter(|(n, _)| *n > 0);
+        let uncompared = uncompared.map(|(n, why)| format!("; {} {why}", count(*n)));
+        format!(
+            "verdicts: {} equal to the recorded ones{unlike}{}",
+            count(self.equal),
+            uncompared.collect::<String>()
+        )
+    }
 }
 
 /// A frame, or what was said of it live.
@@ -171,15 +244,12 @@ struct Replay {
     session: Session,
     /// A frame waits for the next one, which is announced before it is judged; and so do the verdicts between.
     waiting: VecDeque<Waiting>,
-    /// Whether verdicts must equal the recorded ones.
-    compare: bool,
+    comparison: Comparison,
     /// Policy of this replay, if it overrides that of the recording.
     policy: Option<AbortOn>,
     tally: Tally,
     /// The report on the frame before.
     last: Option<Arc<Report>>,
-    /// Verdicts unlike the recorded ones.
-    unlike: u64,
     /// Frames that had a verdict when the last recorded one was written.
     answered: u64,
     /// Frames that the recorder dropped.
@@ -254,14 +324,16 @@ impl Replay {
         self.missing += gap;
         // Since the recorder dropped frames, the motion to this frame differs from the recorded
         // one.
-        let compare = self.compare && !(gap > 0 && self.motion);
+        let moved = gap > 0 && self.motion;
         match self.last.take().filter(|r| r.seq == report.seq) {
-            Some(found) if compare && !alike(&found, &report) => {
+            Some(_) if !self.comparison.differing.is_empty() => {}
+            Some(_) if moved => self.comparison.after_missing += 1,
+            Some(found) if alike(&found, &report) => self.comparison.equal += 1,
+            Some(found) => {
                 tracing::error!("live:   {}", report.headline());
                 tracing::error!("replay: {}", found.headline());
-                self.unlike += 1;
+                self.comparison.unlike += 1;
             }
-            Some(_) => {}
             None if report.verdict == Verdict::Rejected => {
                 // A rejected frame has no recorded curves; only its verdict remains. Its abort flag
                 // is kept, too, unless another policy is given: in older recordings, `any` did not
@@ -269,6 +341,7 @@ impl Replay {
                 if let Some(policy) = self.policy {
                     report.abort = policy.aborts(&report, |_| false);
                 }
+                self.comparison.rejected += 1;
                 self.count(report.verdict);
                 let judged = Judged {
                     report: Arc::new(report),
@@ -283,7 +356,7 @@ impl Replay {
             }
             None => {
                 tracing::error!("frame {}: a verdict without its frame", report.seq);
-                self.unlike += 1;
+                self.comparison.unlike += 1;
             }
         }
         Ok(())

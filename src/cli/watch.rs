@@ -1,11 +1,12 @@
 //! `linkwatch watch`: a live simulation in, verdicts back to it.
 
-use super::Outcome;
 use super::files::Files;
+use super::kernel::KernelArgs;
 use super::number::{seconds, share};
 use super::output::{self, count, percent, plural};
 use super::session::{Ingested, Judge, Judged, Run, Session, Sinks, Tally};
 use super::signals::{TICK, stop_on_signals};
+use super::{Outcome, services};
 use linkwatch::{
     Counters, Error, Event, Events, Overflow, Result, Sidecar, SidecarOptions, Verifier,
 };
@@ -17,6 +18,9 @@ use std::time::{Duration, Instant};
 /// Interval of the heartbeats during a long check.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
+/// Time without a simulator after which the live services are listed, once.
+const HINT: Duration = Duration::from_secs(5);
+
 /// Maximum total time that a sink or standard output may delay verdicts until it has caught up.
 /// After that, frames or lines are dropped and counted.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -26,20 +30,23 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// Ends when the simulator does, on Ctrl-C or on SIGTERM.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Name of the service that the simulator publishes on
-    #[arg(long, value_name = "NAME", default_value = "linkwatch")]
+    /// Name of the service that the simulator publishes on (`linkwatch services` lists the live
+    /// ones)
+    #[arg(long, help_heading = super::WATCH, value_name = "NAME", default_value = "linkwatch")]
     service: String,
-    /// Give up when no simulator has come after this time [default: wait for ever]
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    /// Give up if no simulator comes within this time [default: wait for ever]
+    #[arg(long, help_heading = super::WATCH, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
-    /// Exit code 3 if a larger share of the frames was skipped: 0 to 1, or a percentage (`5%`)
-    /// [default: no limit]
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    /// Exit code 3 if a larger share of the frames was skipped, since frames came faster than they
+    /// could be verified: 0 to 1, or a percentage (`5%`) [default: no limit]
+    #[arg(long, help_heading = super::WATCH, value_name = "SHARE", value_parser = share)]
     max_skipped: Option<f64>,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
     sinks: Sinks,
+    #[command(flatten)]
+    kernel: KernelArgs,
 }
 
 /// Runs the command.
@@ -47,9 +54,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let stop = stop_on_signals()?;
     let metadata = BTreeMap::from([("service".to_owned(), args.service.clone())]);
     output::detach(Overflow::Wait(PATIENCE))?;
+    let judge = Judge {
+        kernel: args.kernel.clone(),
+        ..args.judge.clone()
+    };
     // Opened before the simulators see the watcher, since a viewer may take a while to open.
     let mut session = Session::new(Run {
-        judge: &args.judge,
+        judge: &judge,
         sinks: &args.sinks,
         files: Files::new(args.sinks.overwrite),
         full: false,
@@ -143,12 +154,12 @@ impl<'s> Checker<'s> {
                 progress.cancel();
             }
             let (done, total) = progress.pairs();
-            live.status(format_args!(
-                "frame {seq}: {} of {} in {:.0} s",
-                count(done),
-                plural(total, "pair"),
-                start.elapsed().as_secs_f64()
-            ));
+            let work = match total {
+                0 => "looking for pairs that come close".to_owned(),
+                _ => format!("{} of {}", count(done), plural(total, "pair")),
+            };
+            let seconds = start.elapsed().as_secs_f64();
+            live.status(format_args!("frame {seq}: {work} in {seconds:.0} s"));
             if beat.elapsed() >= HEARTBEAT {
                 beat = Instant::now();
                 // If the bus fails, the verdict cannot be sent, so cancel the check.
@@ -171,6 +182,9 @@ fn watch<'s>(
 ) -> Result<Counters> {
     let start = Instant::now();
     let mut met = false;
+    let mut hinted = false;
+    // The last message about something that was no frame.
+    let mut unreadable = String::new();
     loop {
         if stop.load(Ordering::Relaxed) {
             session.live().note("stopped by a signal");
@@ -217,7 +231,20 @@ fn watch<'s>(
                 sent?;
             }
             Event::Unreadable(why) => {
-                tracing::warn!("something that is no frame was rejected: {why}");
+                let advice = match why {
+                    Error::Version { .. } => {
+                        "; the simulator was built with another version of linkwatch: use one \
+                         version on both sides"
+                    }
+                    _ => "",
+                };
+                let why = format!("something that is no frame was rejected: {why}{advice}");
+                // A simulator sends the same for each frame.
+                if why != unreadable {
+                    tracing::warn!("{why}");
+                    unreadable = why;
+                }
+                hinted = true;
                 session.data_lost();
             }
             Event::End {
@@ -246,8 +273,14 @@ fn watch<'s>(
                 return Ok(counters);
             }
             Event::Idle => {
-                if !met && args.wait.is_some_and(|wait| start.elapsed() > wait) {
-                    tracing::warn!("no simulator came");
+                let given_up = args.wait.filter(|&wait| start.elapsed() > wait);
+                if !met && !hinted && (given_up.is_some() || start.elapsed() > HINT) {
+                    hinted = true;
+                    let waited = given_up.unwrap_or(HINT).as_secs_f64();
+                    services::hint(&args.service, &format!("{waited} s"));
+                }
+                if !met && given_up.is_some() {
+                    tracing::warn!("no simulator came: gave up (--wait)");
                     return Ok(Counters::default());
                 }
             }

@@ -28,6 +28,18 @@ use std::path::Path;
 ///
 /// It must be a regular file, since a pipe does not tell its length. Every error names `path`.
 pub fn read(path: &Path) -> Result<CurveSet> {
+    if path.is_dir() {
+        let advice = advice_on(path);
+        let path = path.into();
+        return Err(Error::Folder { path, advice });
+    }
+    if path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
+    {
+        let why = "a recording (.mcap), which `linkwatch replay` verifies";
+        return Err(Error::unsupported("model", why).in_file(path));
+    }
     let format = Format::of(path)?;
     // Asked before opening, which would wait for the writer of a pipe.
     let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
@@ -54,6 +66,22 @@ enum Format {
     Bcc,
     Obj,
     Vect,
+}
+
+/// Returns how to name the models in a folder.
+fn advice_on(folder: &Path) -> String {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let models = files
+        .map(|file| file.path())
+        .filter(|path| Format::of(path).is_ok());
+    match models.min() {
+        Some(model) => {
+            let extension = model.extension().unwrap_or_default();
+            let pattern = folder.join("*").with_extension(extension);
+            format!("for the models in it, give {}", pattern.display())
+        }
+        None => "it holds no models (.bcc, .obj, .vect)".into(),
+    }
 }
 
 impl Format {
@@ -142,6 +170,27 @@ mod tests {
             (Format::Obj, obj.into()),
             (Format::Vect, vect.into()),
         ]
+    }
+
+    #[test]
+    fn a_folder_in_place_of_a_model_says_how_to_name_its_models() {
+        let folder = tempfile::tempdir().unwrap();
+        let says = |path: &Path| read(path).unwrap_err().to_string();
+        let path = folder.path();
+        let empty = format!(
+            "{}: not a regular file but a folder; it holds no models",
+            path.display()
+        );
+        assert!(says(path).starts_with(&empty), "{}", says(path));
+        for name in ["b.bcc", "notes.txt"] {
+            std::fs::write(path.join(name), "").unwrap();
+        }
+        let advice = format!("for the models in it, give {}/*.bcc", path.display());
+        assert!(says(path).ends_with(&advice), "{}", says(path));
+        // A folder may be called like a model.
+        let inner = path.join("frames.bcc");
+        std::fs::create_dir(&inner).unwrap();
+        assert!(says(&inner).contains("a folder"), "{}", says(&inner));
     }
 
     #[test]

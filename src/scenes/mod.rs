@@ -260,7 +260,7 @@ impl FromStr for Scene {
         };
         let Some(kind) = KINDS.iter().find(|k| k.name == name) else {
             let known: Vec<&str> = KINDS.iter().map(|k| k.name).collect();
-            return Err(wrong(format!("unknown (known: {})", known.join(", "))));
+            return Err(wrong(format!("unknown {}", hint(name, &known))));
         };
         let mut given = vec![None; kind.parameters.len()];
         for argument in arguments.into_iter().flat_map(|a| a.split(',')) {
@@ -269,11 +269,8 @@ impl FromStr for Scene {
             };
             let Some(at) = kind.parameters.iter().position(|p| p.name == key) else {
                 let known: Vec<&str> = kind.parameters.iter().map(|p| p.name).collect();
-                return Err(wrong(format!(
-                    "unknown parameter '{}' (known: {})",
-                    clip(key),
-                    known.join(", ")
-                )));
+                let (key, hint) = (clip(key), hint(key, &known));
+                return Err(wrong(format!("unknown parameter '{key}' {hint}")));
             };
             let value = kind.parameters[at].parse(value).map_err(wrong)?;
             if given[at].replace(value).is_some() {
@@ -300,6 +297,23 @@ impl fmt::Display for Scene {
 /// A piece of somebody's text, short and harmless enough for a message.
 fn clip(text: &str) -> String {
     text.chars().take(60).flat_map(char::escape_debug).collect()
+}
+
+/// Returns the known names, and the one that a misspelt name most likely means.
+fn hint(word: &str, known: &[&str]) -> String {
+    /// Similarity, from 0 to 1, from which a name is suggested.
+    const ALIKE: f64 = 0.8;
+    let word = word.to_lowercase();
+    let alike = known
+        .iter()
+        .map(|name| (strsim::jaro_winkler(&word, name), name));
+    let nearest = alike.max_by(|a, b| a.0.total_cmp(&b.0));
+    let nearest = nearest
+        .filter(|(likeness, _)| *likeness > ALIKE)
+        .map_or(String::new(), |(_, name)| {
+            format!("; the nearest is '{name}'")
+        });
+    format!("(known: {}){nearest}", known.join(", "))
 }
 
 /// How far rounding to single precision moves a point whose coordinates are at most `extent`, an upper bound: each

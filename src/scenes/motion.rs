@@ -15,9 +15,9 @@
 //! # Ok::<(), linkwatch::Error>(())
 //! ```
 
-use super::clip;
 use super::pull_through::PullThrough;
 use super::random::Random;
+use super::{clip, hint};
 use crate::curve::{CurveSet, Point, Positions, Precision};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
@@ -145,9 +145,9 @@ impl FromStr for Motion {
         let kind = |word: &str| {
             let found = MotionKind::ALL.into_iter().find(|k| k.word() == word);
             found.ok_or_else(|| {
-                let known = MotionKind::ALL.map(MotionKind::word).join(", ");
+                let hint = hint(word, &MotionKind::ALL.map(MotionKind::word));
                 let word = clip(word);
-                Error::Usage(format!("unknown motion '{word}' (known: {known})"))
+                Error::Usage(format!("unknown motion '{word}' {hint}"))
             })
         };
         let kinds: Result<Vec<_>> = text.split('+').map(kind).collect();

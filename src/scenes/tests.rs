@@ -189,6 +189,24 @@ fn descriptions_round_trip() {
 }
 
 #[test]
+fn a_misspelt_name_suggests_the_nearest() {
+    for (text, expected) in [
+        ("knti", "woundball); the nearest is 'knit'"),
+        ("Chainmial:rows=2", "; the nearest is 'chainmail'"),
+        ("wound", "; the nearest is 'woundball'"),
+        (
+            "ribbon:segmnts=20",
+            "(known: segments, lambda); the nearest is 'segments'",
+        ),
+    ] {
+        says(text.parse::<Scene>(), expected);
+    }
+    says("smoth".parse::<Motion>(), "; the nearest is 'smooth'");
+    let e = "rope".parse::<Scene>().unwrap_err().to_string();
+    assert!(!e.contains("nearest"), "{e}");
+}
+
+#[test]
 fn bad_descriptions_are_told() {
     for (text, expected) in [
         ("", "unknown (known: chainmail, knit, ribbon"),

@@ -204,6 +204,9 @@ impl FullRun {
     /// The stages before the linking numbers: boxes and potential links. Nothing is certified yet.
     pub fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
+        // Until the pairs are found, those of the previous frame would look like finished work.
+        self.progress.total.store(0, Ordering::Relaxed);
+        self.progress.done.store(0, Ordering::Relaxed);
         self.trees.refit(set);
         let boxed = Instant::now();
         let Certificate {
@@ -216,7 +219,6 @@ impl FullRun {
         undefined.clear();
         undefined.extend(degenerate_curves(set));
         let pairs = potential_links(&self.trees, &mut self.search, undefined);
-        self.progress.done.store(0, Ordering::Relaxed);
         let total = pairs.len() as u64;
         self.progress.total.store(total, Ordering::Relaxed);
         self.timings = Timings {

@@ -4,6 +4,7 @@ mod death;
 mod hostile;
 mod lockstep;
 mod random;
+mod services;
 mod sessions;
 
 use linkwatch::{

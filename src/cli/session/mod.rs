@@ -45,20 +45,23 @@ const FINISH: Duration = Duration::from_secs(30);
 
 /// What frames are compared with, what is looked for, and what to do about it.
 #[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = super::COMPARE)]
 pub struct Judge {
-    /// What frames are compared with: `first-frame`, or a certificate file
+    /// What frames are compared with: `first-frame`, or a certificate file [default: first-frame;
+    /// replay: as recorded]
     #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
     /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected or
-    /// never [default: any]
+    /// never [default: any; replay: as recorded]
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
     pub look_for: LookFor,
-    #[command(flatten)]
+    /// Set by the command, so that its help lists kernels last.
+    #[arg(skip)]
     pub kernel: KernelArgs,
-    /// Compute every frame in full as well, and compare: slow, for those who want to be sure
-    #[arg(long)]
+    /// Verify every frame in full as well, and compare: slow, a test of linkwatch itself
+    #[arg(long, hide_short_help = true)]
     pub paranoid: bool,
 }
 
@@ -162,6 +165,8 @@ pub struct Session {
     open_curves: Option<u64>,
     /// True if frames are model files.
     files: bool,
+    /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
+    comparison: Option<(String, serde_json::Value)>,
 }
 
 impl Session {
@@ -227,6 +232,7 @@ impl Session {
             routes: [0; 3],
             open_curves: None,
             files: false,
+            comparison: None,
         })
     }
 
@@ -444,6 +450,12 @@ impl Session {
         self.outcome = self.outcome.max(Outcome::Undecided);
     }
 
+    /// Adds the comparison with the recorded verdicts to the summary.
+    #[cfg(feature = "mcap")]
+    pub fn compared(&mut self, words: String, json: serde_json::Value) {
+        self.comparison = Some((words, json));
+    }
+
     /// Treats frames as model files, which have names and cannot be skipped.
     pub fn of_files(mut self) -> Session {
         self.files = true;
@@ -519,6 +531,7 @@ impl Session {
                     "open_curves": self.open_curves,
                     "open_curves_verified": checked,
                     "sinks": sinks,
+                    "recorded_verdicts": self.comparison.as_ref().map(|(_, json)| json),
                     "unresolved": self.unresolved,
                 }
             }));
@@ -547,6 +560,9 @@ impl Session {
                 true => format!("\n{curves} verified for pull-throughs, without linking numbers"),
                 false => format!("\nnot verified: {curves} (--events looks for pull-throughs)"),
             };
+        }
+        if let Some((words, _)) = &self.comparison {
+            line += &format!("\n{words}");
         }
         for note in notes {
             line += &format!("\n{note}");

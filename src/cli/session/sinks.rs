@@ -26,20 +26,21 @@ const OPEN: Duration = Duration::from_secs(10);
 
 /// Where verified frames go.
 #[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = crate::cli::WRITE)]
 pub struct Sinks {
     /// Record every verified frame and verdict to an MCAP file
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
-    /// Open the viewer (an installed `rerun`) and show every frame
+    /// Show every frame in the viewer (opens an installed `rerun`)
     #[cfg(feature = "rerun")]
     #[arg(long, group = "shown")]
     view: bool,
-    /// Log to a file for the viewer
+    /// Write every frame to a file for the viewer (`rerun FILE.rrd` opens it)
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "FILE.rrd", group = "shown")]
     rrd: Option<PathBuf>,
-    /// Log to a viewer that is running
+    /// Show every frame in a viewer that is running
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "URL", group = "shown")]
     connect: Option<String>,

@@ -29,10 +29,10 @@ pub struct Args {
     /// A model (.bcc, .obj, .vect), or a scene as `linkwatch generate` takes it
     #[arg(value_name = "MODEL|SCENE")]
     input: String,
-    /// Diameter of the yarn, in units of the model [default: that of the scene, where it has one]
+    /// Diameter of the yarn, in units of the model [default: that of the scene, if it has one]
     #[arg(long, value_name = "D", value_parser = positive)]
     diameter: Option<f64>,
-    /// Frames of each motion and amplitude
+    /// Number of frames of each motion and amplitude
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..))]
     frames: u64,
     /// Motions, separated by commas

@@ -29,7 +29,7 @@ pub struct Args {
     /// A model (.bcc, .obj, .vect), or a scene as `linkwatch generate` takes it
     #[arg(value_name = "MODEL|SCENE")]
     input: String,
-    /// Betas of Barnes-Hut, separated by commas
+    /// Betas of Barnes-Hut (distance of expanded nodes, in radii), separated by commas
     #[arg(
         long,
         value_name = "LIST",
@@ -38,24 +38,25 @@ pub struct Args {
         value_parser = beta
     )]
     betas: Vec<f64>,
-    /// Measure a generated scene at these sizes as well, segments separated by commas [default with --plot: a 64th, a 16th
-    /// and a 4th of its own]
+    /// Measure a generated scene at these sizes, too: numbers of segments, separated by commas
+    /// [default with --plot: a 64th, a 16th and a 4th of its own]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = sizes::size)]
     sizes: Vec<u64>,
-    /// Where the kernels run: auto, cpu, gpu, or the name of an adapter (`linkwatch devices`)
-    #[arg(long, value_name = "DEVICE", default_value_t = Device::Cpu)]
+    /// Device that runs the kernels: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
+    /// devices`)
+    #[arg(long, help_heading = crate::cli::KERNELS, value_name = "DEVICE", default_value_t = Device::Cpu)]
     device: Device,
-    /// Runs of each kernel, for a median
+    /// Number of runs of each kernel; the median is printed
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
     /// Skip sums over all pairs of segments that would take longer than this; repeat nothing beyond it
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
     limit: f64,
     /// Write the table to a file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = crate::cli::WRITE)]
     csv: Option<PathBuf>,
     /// Write plots into a folder, as PNG and SVG: error against time and against beta, time against size
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = crate::cli::WRITE)]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,

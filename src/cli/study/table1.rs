@@ -35,18 +35,18 @@ pub struct Args {
     /// A folder with files of the models that cannot be generated, such as glove.bcc
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
-    /// Leave out models of more segments: on some of them Barnes-Hut takes minutes, which --limit does not stop, and
-    /// gigabytes of memory
+    /// Skip models of more segments: on some of them Barnes-Hut takes minutes, which --limit does
+    /// not stop, and gigabytes of memory
     #[arg(long, value_name = "N", default_value = "6e5", value_parser = super::sizes::size)]
     segments: u64,
-    /// Runs of each kernel, for a median
+    /// Number of runs of each kernel; the median is printed
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
     /// Skip sums over all pairs of segments that would take longer than this; repeat nothing beyond it
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
     limit: f64,
     /// Write the table to a file, a line for each model and kernel
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = crate::cli::WRITE)]
     csv: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,

@@ -1,0 +1,183 @@
+//! The services of this machine, from their files alone: nothing is opened, created or removed, so
+//! a running session is not disturbed.
+
+use super::service::{Ipc, quiet};
+use super::wire::{FrameHeader, VerdictWire};
+use crate::error::{Error, Result};
+use iceoryx2::identifiers::UniqueNodeId;
+use iceoryx2::node::NodeView;
+use iceoryx2::prelude::{CallbackProgression, Config, NodeState, ServiceName};
+use iceoryx2::service::Service as _;
+use iceoryx2::service::ServiceDetails;
+use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
+use iceoryx2::service::static_config::messaging_pattern::MessagingPattern;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// A process that uses a service.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct Attached {
+    /// Process id.
+    pub process: u32,
+    /// File name of its program, if it is known.
+    pub program: Option<String>,
+}
+
+impl fmt::Display for Attached {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "process {}", self.process)?;
+        match &self.program {
+            Some(program) => write!(f, ", {}", program.escape_debug()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A service of linkwatch that at least one living process uses.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub struct ServiceInfo {
+    /// Name, as [`Client::open`](crate::Client::open) and `linkwatch watch --service` take it.
+    pub service: String,
+    /// The simulator that is attached.
+    pub simulator: Option<Attached>,
+    /// The watcher that is attached.
+    pub watcher: Option<Attached>,
+    /// Other processes that are attached, for example a bridge to another host.
+    pub others: Vec<Attached>,
+    /// True if the service has the layout of this version of linkwatch.
+    pub compatible: bool,
+}
+
+impl fmt::Display for ServiceInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: ", self.service.escape_debug())?;
+        for (role, attached) in [("simulator", &self.simulator), ("watcher", &self.watcher)] {
+            match attached {
+                Some(process) => write!(f, "{role} ({process})")?,
+                None => write!(f, "no {role}")?,
+            }
+            f.write_str(if role == "simulator" { ", " } else { "" })?;
+        }
+        if let Some(first) = self.others.first() {
+            let n = self.others.len();
+            write!(f, ", {n} other (a bridge, for example; {first})")?;
+        }
+        if !self.compatible {
+            f.write_str("; of another version of linkwatch")?;
+        }
+        Ok(())
+    }
+}
+
+/// Lists the services of this machine that living processes of this user attach to, sorted by name.
+///
+/// Services of other programs are skipped, and so are the files that killed processes leave behind.
+/// Number and size of the curves are not known: only a subscriber to the frames sees them.
+pub fn services() -> Result<Vec<ServiceInfo>> {
+    let mut found: BTreeMap<String, Found> = BTreeMap::new();
+    list(|details| {
+        let name = details.static_details.name().as_str();
+        let Some((name, part)) = name.rsplit_once('/') else {
+            return;
+        };
+        let attached = living(&details);
+        match (part, details.static_details.messaging_pattern()) {
+            ("frames", MessagingPattern::PublishSubscribe(config)) => {
+                let expected = TypeDetail::new::<FrameHeader>(TypeVariant::FixedSize);
+                let header = config.message_type_details().user_header;
+                if header.type_name() == expected.type_name() {
+                    let service = found.entry(name.to_owned()).or_default();
+                    service.frames = Some((attached, header == expected));
+                }
+            }
+            ("verdicts", MessagingPattern::PublishSubscribe(config)) => {
+                let expected = TypeDetail::new::<VerdictWire>(TypeVariant::FixedSize);
+                let service = found.entry(name.to_owned()).or_default();
+                service.strange = config.message_type_details().payload != expected;
+            }
+            ("simulator", MessagingPattern::RequestResponse(_)) => {
+                found.entry(name.to_owned()).or_default().simulators = attached;
+            }
+            ("watcher", MessagingPattern::RequestResponse(_)) => {
+                found.entry(name.to_owned()).or_default().watchers = attached;
+            }
+            _ => {}
+        }
+    })?;
+    let services = found.into_iter().filter_map(|(name, f)| f.info(name));
+    Ok(services.collect())
+}
+
+/// Returns a living process that uses a service of iceoryx2, whatever its types.
+pub(super) fn user_of(service: &ServiceName) -> Option<Attached> {
+    let mut user = None;
+    let look = |details: ServiceDetails<Ipc>| {
+        if details.static_details.name() == service {
+            user = user.take().or(living(&details).into_values().next());
+        }
+    };
+    list(look).ok().and(user)
+}
+
+/// The parts of a service, as far as they were found.
+#[derive(Default)]
+struct Found {
+    /// Users of the frames, and true if these have the layout of this version.
+    frames: Option<(BTreeMap<UniqueNodeId, Attached>, bool)>,
+    /// True if the verdicts have another layout.
+    strange: bool,
+    simulators: BTreeMap<UniqueNodeId, Attached>,
+    watchers: BTreeMap<UniqueNodeId, Attached>,
+}
+
+impl Found {
+    /// Returns `None` if this is no service of linkwatch, or if nobody uses it.
+    fn info(self, service: String) -> Option<ServiceInfo> {
+        let (mut attached, known) = self.frames?;
+        if attached.is_empty() {
+            return None;
+        }
+        // A process that is refused holds no frames: another one has its role already.
+        let mut with_role = |role: BTreeMap<UniqueNodeId, Attached>| {
+            let nodes: Vec<Attached> = role.keys().filter_map(|id| attached.remove(id)).collect();
+            nodes.into_iter().next()
+        };
+        Some(ServiceInfo {
+            simulator: with_role(self.simulators),
+            watcher: with_role(self.watchers),
+            others: attached.into_values().collect(),
+            compatible: known && !self.strange,
+            service,
+        })
+    }
+}
+
+/// Calls `look` with every service of iceoryx2 on this machine.
+fn list(mut look: impl FnMut(ServiceDetails<Ipc>)) -> Result<()> {
+    quiet();
+    Ipc::list(Config::global_config(), |details| {
+        look(details);
+        CallbackProgression::Continue
+    })
+    .map_err(|e| Error::Bus(format!("cannot list the services of this machine ({e:?})")))
+}
+
+/// Returns the living processes that use a service. A process lives as long as it holds a lock on a
+/// file, so that one that was killed does not count.
+fn living(details: &ServiceDetails<Ipc>) -> BTreeMap<UniqueNodeId, Attached> {
+    let nodes = details.dynamic_details.iter().flat_map(|d| &d.nodes);
+    let alive = nodes.filter_map(|state| match state {
+        NodeState::Alive(view) => Some(view),
+        _ => None,
+    });
+    alive
+        .map(|view| {
+            let program = view.details().as_ref().map(|d| d.executable().to_string());
+            let process = view.id().pid().value() as u32;
+            (*view.id(), Attached { process, program })
+        })
+        .collect()
+}

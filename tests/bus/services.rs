@@ -1,0 +1,157 @@
+//! The list of live services: of linkwatch, of living processes, and without a trace.
+
+use super::death::Process;
+use super::*;
+use iceoryx2::prelude::*;
+use linkwatch::{ServiceInfo, services};
+
+fn find(name: &str) -> Option<ServiceInfo> {
+    let all = services().expect("services");
+    assert!(all.is_sorted_by(|a, b| a.service < b.service));
+    all.into_iter().find(|s| s.service == name)
+}
+
+/// Process ids of the simulator and of the watcher.
+fn roles(name: &str) -> Option<[Option<u32>; 2]> {
+    find(name).map(|s| [s.simulator, s.watcher].map(|a| a.map(|a| a.process)))
+}
+
+#[test]
+fn a_service_is_listed_with_its_simulator_and_its_watcher() {
+    let name = service();
+    let own = Some(std::process::id());
+    assert_eq!(roles(&name), None);
+    let watcher = sidecar(&name);
+    assert_eq!(roles(&name), Some([None, own]));
+    let simulator = client(&name);
+    assert_eq!(roles(&name), Some([own, own]));
+    let found = find(&name).unwrap();
+    assert!(found.compatible && found.others.is_empty(), "{found:?}");
+    let words = found.to_string();
+    let expected = format!("{name}: simulator (process {}, bus-", std::process::id());
+    assert!(words.starts_with(&expected), "{words}");
+    drop(watcher);
+    assert_eq!(roles(&name), Some([own, None]));
+    assert!(find(&name).unwrap().to_string().ends_with(", no watcher"));
+    drop(simulator);
+    assert_eq!(roles(&name), None);
+}
+
+#[test]
+fn a_refused_simulator_is_not_listed_in_place_of_the_first() {
+    let name = service();
+    let simulator = Process::start("silent simulator", &name, None);
+    let first = wait_for(|| roles(&name).filter(|r| r[0].is_some()));
+    let refused = std::thread::spawn({
+        let name = name.clone();
+        move || Client::open(&name, &ClientOptions::default()).is_err()
+    });
+    while !refused.is_finished() {
+        assert_eq!(roles(&name), Some(first));
+    }
+    assert!(refused.join().unwrap());
+    simulator.kill();
+}
+
+#[test]
+fn a_killed_process_is_not_listed() {
+    let name = service();
+    let simulator = Process::start("silent simulator", &name, None);
+    wait_for(|| roles(&name).filter(|r| r[0].is_some()));
+    simulator.kill();
+    // Its files are still there: nobody has opened the service since.
+    assert_eq!(roles(&name), None);
+
+    let watcher = Process::start("watcher", &name, None);
+    wait_for(|| roles(&name).filter(|r| r[1].is_some()));
+    let simulator = client(&name);
+    watcher.kill();
+    assert_eq!(roles(&name), Some([Some(std::process::id()), None]));
+    drop(simulator);
+}
+
+#[test]
+fn a_stopped_process_is_listed() {
+    let name = service();
+    let simulator = Process::start("silent simulator", &name, None);
+    let found = wait_for(|| roles(&name).filter(|r| r[0].is_some()));
+    simulator.stop();
+    assert_eq!(roles(&name), Some(found));
+    simulator.kill();
+}
+
+fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        if let Some(found) = look() {
+            return found;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    panic!("it did not come");
+}
+
+/// Names and patterns as linkwatch has them, but other types.
+#[test]
+fn services_of_other_programs_are_ignored() {
+    let name = service();
+    let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
+    let part = |part: &str| ServiceName::new(&format!("{name}/{part}")).unwrap();
+    let (frames, lock) = (part("frames"), part("simulator"));
+    let frames = node.service_builder(&frames).publish_subscribe::<[u8]>();
+    let frames = frames.user_header::<u64>().create().unwrap();
+    let lock = node.service_builder(&lock).request_response::<u64, u64>();
+    let lock = lock.create().unwrap();
+    assert_eq!(find(&name), None);
+    drop((frames, lock));
+}
+
+/// A header of another version of linkwatch.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
+#[type_name("linkwatch.FrameHeader")]
+struct LaterHeader([u64; 9]);
+
+#[test]
+fn a_service_of_another_version_is_told_with_its_process() {
+    let name = service();
+    let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
+    let frames = ServiceName::new(&format!("{name}/frames")).unwrap();
+    let frames = node.service_builder(&frames).publish_subscribe::<[u8]>();
+    let frames = frames.user_header::<LaterHeader>().create().unwrap();
+    let found = find(&name).expect("a service of linkwatch");
+    assert!(!found.compatible);
+    assert_eq!(found.others.len(), 1);
+    let words = found.to_string();
+    assert!(words.contains("another version of linkwatch"), "{words}");
+    let e = Client::open(&name, &ClientOptions::default()).unwrap_err();
+    let words = e.to_string();
+    let process = format!("(process {}, ", std::process::id());
+    assert!(words.contains(&process), "{words}");
+    drop(frames);
+}
+
+#[test]
+fn a_session_is_not_disturbed_by_the_list() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut client = client(&name);
+    let simulator = std::thread::spawn(move || {
+        assert!(client.wait_for_watcher(PATIENCE).unwrap());
+        for seq in 0..300 {
+            publish(&mut client, seq);
+            let outcome = client.wait(seq, PATIENCE).unwrap();
+            assert!(matches!(outcome, linkwatch::Outcome::Verdict(_)));
+        }
+        client.finish().unwrap();
+    });
+    let watcher = std::thread::spawn(move || watch_to_the_end(&mut sidecar, Duration::ZERO));
+    let mut lists = 0;
+    while !watcher.is_finished() {
+        lists += u64::from(find(&name).is_some());
+    }
+    let (published, counters, clean) = watcher.join().unwrap();
+    simulator.join().unwrap();
+    assert!(clean && lists > 0);
+    assert_eq!((published, counters.verified), (300, 300));
+}

@@ -1,0 +1,241 @@
+//! The help, the completions and the manual, as a shell and a reader see them.
+//!
+//! Without bash or groff, the tests that need them are shown as ignored, never as passed.
+
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::io::Write;
+use std::process::{Command, Output, Stdio};
+
+const COMMANDS: [&str; 7] = [
+    "certify",
+    "check",
+    "generate",
+    "plan",
+    "devices",
+    "completions",
+    "man",
+];
+
+fn linkwatch(args: &[&str]) -> Output {
+    let output = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(args)
+        .output();
+    output.expect("the command starts")
+}
+
+/// Standard output of a command that must succeed.
+fn stdout(args: &[&str]) -> String {
+    let output = linkwatch(args);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{args:?}: {stderr}");
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+/// Gives a text to a program; returns all that it prints.
+fn give(program: &str, args: &[&str], text: &str) -> Option<String> {
+    let mut child = Command::new(program)
+        .args(args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .ok()?;
+    let mut stdin = child.stdin.take().expect("a pipe");
+    stdin.write_all(text.as_bytes()).expect("it reads");
+    drop(stdin);
+    let output = child.wait_with_output().expect("it ends");
+    let all = [output.stdout, output.stderr].concat();
+    let printed = String::from_utf8_lossy(&all).into_owned();
+    assert!(output.status.success(), "{program}: {printed}");
+    Some(printed)
+}
+
+fn exists(program: &str) -> bool {
+    let version = Command::new(program).arg("--version").output();
+    version.is_ok_and(|output| output.status.success())
+}
+
+fn short_help_shows_everyday_options_and_long_help_all() {
+    for command in COMMANDS {
+        let [short, long] = ["-h", "--help"].map(|help| stdout(&[command, help]));
+        for help in [&short, &long] {
+            assert!(
+                help.contains(&format!("Usage: linkwatch {command}")),
+                "{help}"
+            );
+            // Options that all commands share come last.
+            let general = help.rfind("General:").expect("a heading");
+            let last = help.rfind(":\n").expect("a heading");
+            assert_eq!(general + "General".len(), last, "{help}");
+            for option in ["--json", "--quiet", "--threads", "--help"] {
+                assert!(help[general..].contains(option), "{help}");
+            }
+        }
+    }
+    let [short, long] = ["-h", "--help"].map(|help| stdout(&["certify", help]));
+    assert!(
+        long.contains("--dipole") && !short.contains("--dipole"),
+        "{short}"
+    );
+    assert!(short.contains("--kernel"), "{short}");
+}
+
+#[cfg(all(feature = "bus", feature = "mcap"))]
+fn options_of_watch_stand_under_headings() {
+    let help = stdout(&["watch", "-h"]);
+    let mut rest = help.as_str();
+    for (heading, options) in [
+        ("What to watch:", &["--service", "--wait"][..]),
+        (
+            "What to compare:",
+            &["--baseline", "--abort-on", "--events"],
+        ),
+        ("Where to write:", &["--record", "--force"]),
+        ("Kernels:", &["--kernel", "--device"]),
+        ("General:", &["--json", "--quiet", "--threads", "--help"]),
+    ] {
+        let (_, section) = rest
+            .split_once(heading)
+            .expect("the headings in this order");
+        for option in options {
+            let at = section.find(option).expect("an option under this heading");
+            assert!(!section[..at].contains(":\n"), "{option} in {section}");
+        }
+        rest = section;
+    }
+    assert!(!help.contains("\nOptions:"), "{help}");
+}
+
+fn completions_know_commands_and_options() {
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let script = stdout(&["completions", shell]);
+        for word in COMMANDS.iter().chain(&["kernel", "diff-pairs"]) {
+            assert!(script.contains(word), "{shell}: {word}");
+        }
+    }
+    let output = linkwatch(&["completions", "tcsh"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+fn bash_completes_a_command_and_an_option() {
+    let script = stdout(&["completions", "bash"]);
+    give("bash", &["-n"], &script).expect("bash");
+    let ask = |words: &str, at: usize| {
+        let script = format!(
+            "{script}\nCOMP_WORDS=({words})\nCOMP_CWORD={at}\n\
+             _linkwatch linkwatch \"${{COMP_WORDS[{at}]}}\" \"\"\nprintf '%s\\n' \"${{COMPREPLY[@]}}\"\n"
+        );
+        give("bash", &["--norc"], &script).expect("bash")
+    };
+    assert_eq!(ask("linkwatch cert", 1).trim(), "certify");
+    assert_eq!(ask("linkwatch check --aga", 2).trim(), "--against");
+}
+
+fn the_manual_has_every_command_and_every_option() {
+    let manual = stdout(&["man"]);
+    assert_eq!(manual.matches(".TH ").count(), 1);
+    assert!(manual.contains("EXIT STATUS"));
+    for command in COMMANDS {
+        let heading = format!(".SH \"LINKWATCH {}\"\n", command.to_uppercase());
+        let (_, section) = manual.split_once(&heading).expect("a section");
+        let section = section.split(".SH \"").next().expect("a section");
+        let section = section.replace('\\', "");
+        let help = stdout(&[command, "--help"]);
+        let (own, _) = help.split_once("\nGeneral:").expect("a heading");
+        let words = own.split_whitespace().filter(|word| word.starts_with("--"));
+        for option in words.filter(|word| word.trim_start_matches('-').len() > 1) {
+            let option = option.trim_matches(|c: char| !c.is_alphanumeric());
+            let named = section.contains(option);
+            assert!(named, "{command}: {option}\n{section}");
+        }
+    }
+    // An option that the short help omits has its text, too.
+    assert!(manual.contains("expand to dipoles only"));
+}
+
+fn the_manual_formats_without_warnings() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().to_str().expect("UTF-8");
+    stdout(&["man", "--out", out]);
+    let pages = std::fs::read_dir(out).expect("a folder");
+    let pages = pages.map(|page| std::fs::read_to_string(page.unwrap().path()).unwrap());
+    let mut pages: Vec<String> = pages.collect();
+    assert!(pages.len() > COMMANDS.len());
+    pages.push(stdout(&["man"]));
+    for page in pages {
+        let warnings = give("groff", &["-man", "-Tutf8", "-ww", "-z"], &page);
+        assert_eq!(warnings.expect("groff"), "");
+    }
+}
+
+fn manual_pages_replace_no_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("man1");
+    let args = ["man", "--out", out.to_str().expect("UTF-8")];
+    stdout(&args);
+    let page = out.join("linkwatch-certify.1");
+    std::fs::write(&page, "mine").unwrap();
+    std::fs::remove_file(out.join("linkwatch.1")).unwrap();
+    let refused = linkwatch(&args);
+    assert_eq!(refused.status.code(), Some(2));
+    let stderr = String::from_utf8_lossy(&refused.stderr);
+    assert!(stderr.contains("the file exists; --force"), "{stderr}");
+    assert_eq!(std::fs::read_to_string(&page).unwrap(), "mine");
+    assert!(!out.join("linkwatch.1").exists(), "nothing was written");
+    stdout(&[&args[..], &["--force"]].concat());
+    assert!(
+        std::fs::read_to_string(&page)
+            .unwrap()
+            .contains(".TH linkwatch-certify 1")
+    );
+}
+
+fn a_folder_or_a_misspelt_scene_is_answered_with_advice() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("a.vect"), "VECT").unwrap();
+    let path = folder.path().to_str().expect("UTF-8");
+    let advice = format!(
+        "{path}: not a regular file but a folder; for the models in it, give {path}/*.vect"
+    );
+    for (args, expected) in [
+        (["certify", path], advice.as_str()),
+        (["plan", path], advice.as_str()),
+        (["certify", "run.mcap"], "`linkwatch replay` verifies"),
+        (["certify", "knti"], "the nearest is 'knit'"),
+        (["plan", "ribbon:segmnts=20"], "the nearest is 'segments'"),
+    ] {
+        let output = linkwatch(&args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(stderr.contains(expected), "{stderr}");
+    }
+}
+
+fn main() {
+    let trial = |name: &str, run: fn(), needs: &[&str]| {
+        let run = move || -> Result<(), Failed> {
+            run();
+            Ok(())
+        };
+        let ignored = !needs.iter().all(|program| exists(program));
+        Trial::test(name, run).with_ignored_flag(ignored)
+    };
+    let mut trials = Vec::new();
+    macro_rules! add {
+        ($($name:ident $(needs $program:literal)?),* $(,)?) => {
+            $(trials.push(trial(stringify!($name), $name, &[$($program)?]));)*
+        };
+    }
+    add!(
+        short_help_shows_everyday_options_and_long_help_all,
+        completions_know_commands_and_options,
+        bash_completes_a_command_and_an_option needs "bash",
+        the_manual_has_every_command_and_every_option,
+        the_manual_formats_without_warnings needs "groff",
+        manual_pages_replace_no_file,
+        a_folder_or_a_misspelt_scene_is_answered_with_advice,
+    );
+    #[cfg(all(feature = "bus", feature = "mcap"))]
+    add!(options_of_watch_stand_under_headings);
+    libtest_mimic::run(&Arguments::from_args(), trials).exit();
+}
