@@ -96,7 +96,7 @@ class Verdict(ctypes.Structure):
             second = "" if self.j == 0xFFFFFFFF else f" and {self.j}"
             text += f", first at curves {self.i}{second}"
         if self.finding == 1:
-            text += f": linking number {self.expected} expected, {self.found} found"
+            text += f": linking number was {self.expected}, is {self.found}"
         return text + (f": {self.words()}" if self.reason_len else "")
 
     def words(self):

@@ -391,7 +391,7 @@ mod tests {
         assert_eq!(
             m.to_string(),
             "frame 12: changed, 1 link lost, 1 link changed: curves 3 and 4 came apart: linking \
-             number 1 expected, 0 found, near (1.00000, 2.00000, 3.00000), segments 7 and 8, 0.25 \
+             number was 1, is 0, near (1.00000, 2.00000, 3.00000), segments 7 and 8, 0.25 \
              apart. Stop or roll back"
         );
     }

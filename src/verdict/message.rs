@@ -38,7 +38,7 @@ impl Change {
             ChangeKind::Changed => "changed their link",
         };
         let mut text = format!(
-            "curves {} and {} {what}: linking number {} expected, {} found",
+            "curves {} and {} {what}: linking number was {}, is {}",
             self.i, self.j, self.expected, self.found
         );
         if let Some(place) = &self.place {

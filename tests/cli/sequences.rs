@@ -209,7 +209,7 @@ fn places_have_six_significant_digits_in_any_unit() {
         let models = motion(folder.path(), unit, true);
         let run = check(&models, &["--events"]);
         assert_eq!(run.code, 1, "{}", run.stderr);
-        let place = run.stdout.split_once("found, near ").unwrap().1;
+        let place = run.stdout.split_once("is 0, near ").unwrap().1;
         let place = place.lines().next().unwrap();
         let expected = format!("(0.95642, 0.10418, 0.35000){factor}, segments 0 and 14, ");
         assert!(place.starts_with(&expected), "{place}");
