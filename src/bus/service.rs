@@ -293,7 +293,7 @@ fn patiently<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E
 }
 
 fn cannot_open<E: Debug>(name: &ServiceName) -> impl FnOnce(E) -> Error {
-    let name = name.clone();
+    let name = *name;
     move |e| {
         let words = format!("{e:?}");
         let why = if words.contains("Incompatible") {

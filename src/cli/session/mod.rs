@@ -411,7 +411,7 @@ impl Session {
         } = judged;
         if self.json {
             let mut line = serde_json::json!({
-                "report": report,
+                "report": **report,
                 "ms": check.as_secs_f64() * 1e3,
                 "work": work,
                 "offload": offload,
