@@ -148,6 +148,7 @@ pub struct Session {
     queues: Vec<SinkQueue>,
     begun: bool,
     /// Frames that sinks may still hold; one that nobody holds any more takes the next frame.
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pool: Vec<Arc<CurveSet>>,
     json: bool,
     live: Live,
@@ -216,6 +217,7 @@ impl Session {
             events,
             queues: sinks.open(run.title, &metadata, run.overflow)?,
             begun: false,
+            #[cfg(any(feature = "bus", feature = "mcap"))]
             pool: Vec::new(),
             json: run.json,
             live: Live::new(),
@@ -250,11 +252,13 @@ impl Session {
     }
 
     /// What is printed while the run lasts.
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn live(&self) -> &Live {
         &self.live
     }
 
     /// Moves a frame into curves. One that breaks its contract is rejected when it is judged.
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn ingest(&mut self, ingest: impl FnOnce(&mut Option<CurveSet>) -> Result<()>) -> Ingested {
         let start = Instant::now();
         let mut set = self.free_curves();
@@ -340,6 +344,7 @@ impl Session {
     }
 
     /// Curves that no sink holds any more, or a copy: later frames must have the layout of the first.
+    #[cfg(any(feature = "bus", feature = "mcap"))]
     fn free_curves(&mut self) -> Option<CurveSet> {
         let free = self
             .pool
