@@ -204,7 +204,10 @@ impl Error {
         let path = path.into();
         match self {
             Self::Io(source) => Self::File { path, source },
-            named @ (Self::File { .. } | Self::InFile { .. }) => named,
+            named @ (Self::File { .. }
+            | Self::InFile { .. }
+            | Self::UnknownModel { .. }
+            | Self::Folder { .. }) => named,
             other => Self::InFile {
                 path,
                 source: Box::new(other),

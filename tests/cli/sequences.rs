@@ -306,6 +306,27 @@ fn a_baseline_with_an_undefined_pair_takes_its_number_once() {
     assert!(run.stdout.contains("again.bcc: intact"), "{}", run.stdout);
 }
 
+/// Regression test: `error: edge: edge: unknown kind of file`.
+#[test]
+fn a_file_that_is_no_model_is_named_once() {
+    let folder = TempDir::new().unwrap();
+    let models = motion(folder.path(), 1.0, true);
+    let notes = folder.path().join("notes.txt");
+    std::fs::write(&notes, "x").unwrap();
+    for other in [folder.path(), &notes] {
+        let other = text(other).to_owned();
+        let run = check(&[models[0].clone(), other.clone()], &[]);
+        assert_eq!(run.code, 2);
+        let error = run.stderr.lines().last().unwrap();
+        assert!(error.starts_with(&format!("error: {other}: ")), "{error}");
+        let named = error
+            .split(' ')
+            .filter(|w| *w == format!("{other}:"))
+            .count();
+        assert_eq!(named, 1, "{error}");
+    }
+}
+
 #[test]
 fn a_model_as_a_certificate_is_named_as_such() {
     let folder = TempDir::new().unwrap();
