@@ -35,46 +35,48 @@ fn parts(name: &str) -> Vec<Part<'_>> {
     parts
 }
 
-/// Compares two names that differ only in their numbers, by these numbers. Returns `None` if they
-/// differ in anything else.
-fn compare(a: &str, b: &str) -> Option<Ordering> {
+/// Compares two names by their parts: texts as texts, numbers by value.
+fn compare(a: &str, b: &str) -> Ordering {
     let (a, b) = (parts(a), parts(b));
-    if a.len() != b.len() {
-        return None;
-    }
-    let mut order = Ordering::Equal;
     for pair in a.iter().zip(&b) {
-        match pair {
-            (Part::Text(a), Part::Text(b)) if a == b => {}
+        let order = match pair {
             (Part::Number(a, f), Part::Number(b, g)) => {
-                let whole = a.len().cmp(&b.len()).then_with(|| a.cmp(b));
-                order = order.then(whole).then_with(|| f.cmp(g));
+                a.len().cmp(&b.len()).then(a.cmp(b)).then(f.cmp(g))
             }
-            _ => return None,
+            (Part::Text(a), Part::Text(b)) => a.cmp(b),
+            (Part::Number(..), Part::Text(_)) => Ordering::Less,
+            (Part::Text(_), Part::Number(..)) => Ordering::Greater,
+        };
+        if order != Ordering::Equal {
+            return order;
         }
     }
-    Some(order)
+    a.len().cmp(&b.len())
 }
 
-/// Sorts files by the numbers in their names, if the names differ in nothing else. Returns true if
-/// the order changed.
-pub fn sort(files: &mut [PathBuf]) -> bool {
-    let Some((first, others)) = files.split_first() else {
-        return false;
+/// Returns true if the names differ in nothing but their numbers.
+fn same_texts(a: &str, b: &str) -> bool {
+    let (a, b) = (parts(a), parts(b));
+    let same = |pair: (&Part<'_>, &Part<'_>)| match pair {
+        (Part::Text(a), Part::Text(b)) => a == b,
+        (a, b) => std::mem::discriminant(a) == std::mem::discriminant(b),
     };
-    let name = |path: &PathBuf| path.to_string_lossy().into_owned();
-    let first = name(first);
-    if others
+    a.len() == b.len() && a.iter().zip(&b).all(same)
+}
+
+/// Sorts files by the numbers in their names. Files keep their order if somebody chose it: if their
+/// names differ in more than numbers, and the order is not the alphabetical one of a shell. Returns
+/// true if the order changed.
+pub fn sort(files: &mut [PathBuf]) -> bool {
+    let names: Vec<String> = files
         .iter()
-        .any(|file| compare(&first, &name(file)).is_none())
-    {
+        .map(|f| f.to_string_lossy().into_owned())
+        .collect();
+    let numbered = names.array_windows().all(|[a, b]| same_texts(a, b));
+    if !(numbered || names.is_sorted()) || names.is_sorted_by(|a, b| compare(a, b).is_le()) {
         return false;
     }
-    let sorted = |w: &[PathBuf; 2]| compare(&name(&w[0]), &name(&w[1])) != Some(Ordering::Greater);
-    if files.array_windows().all(sorted) {
-        return false;
-    }
-    files.sort_by(|a, b| compare(&name(a), &name(b)).unwrap_or(Ordering::Equal));
+    files.sort_by(|a, b| compare(&a.to_string_lossy(), &b.to_string_lossy()));
     true
 }
 
@@ -117,6 +119,13 @@ mod tests {
             }
             assert!(!sorted(expected).1);
         }
+    }
+
+    #[test]
+    fn the_order_of_a_shell_is_replaced_even_if_names_differ_in_more_than_numbers() {
+        let (names, changed) = sorted(&["F1.bcc", "F10.bcc", "F2.bcc", "F2b.bcc", "end.bcc"]);
+        assert_eq!(names, ["F1.bcc", "F2.bcc", "F2b.bcc", "F10.bcc", "end.bcc"]);
+        assert!(changed);
     }
 
     #[test]
