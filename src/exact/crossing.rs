@@ -6,14 +6,14 @@
 //!
 //! # The translation rule for ties
 //!
-//! Ties are decided as if the upper loop were translated by `(e, e^2)` in the projection plane `(u,
-//! v)`, with `e` positive and arbitrarily small.
+//! Ties are decided as if the upper loop were translated by `(e, e^2)` in the projection plane
+//! `(u, v)`, with `e` positive and arbitrarily small.
 //!
 //! 1. The two loops are compact and disjoint, so a small translation changes no linking number.
 //! 2. The translations that move a vertex of one loop onto a projected edge of the other, or two
-//!    projected edges onto one line, lie on finitely many lines of the plane. The parabola `(e,
-//!    e^2)` meets each line in at most two points. So every sufficiently small `e` is in general
-//!    position.
+//!    projected edges onto one line, lie on finitely many lines of the plane. The parabola
+//!    `(e, e^2)` meets each line in at most two points. So every sufficiently small `e` is in
+//!    general position.
 //! 3. A determinant `orient2d(edge, vertex)` that is 0 therefore gets the sign of its derivative
 //!    along the translation. For an edge of the upper loop with direction `d` that is `sign(d_v)`,
 //!    or `-sign(d_u)` if `d_v` is 0. If the vertex belongs to the upper loop, it is the opposite

@@ -11,7 +11,7 @@ type Track<R> = [Polynomial<R>; 3];
 
 /// Two moving edges, as polynomials in time.
 #[derive(Clone)]
-pub(super) struct Motion<R> {
+pub(super) struct MovingEdges<R> {
     /// Vector from the start of the first edge to its end.
     first: Track<R>,
     /// Vector from the start of the second edge to its end.
@@ -35,7 +35,7 @@ pub(super) struct Motion<R> {
 /// the root, and at most 8 if `p^2` is compared with `q^2 d`.
 pub(super) const TRANSLATION: [u32; 3] = [1, 16, 256];
 
-impl Motion<BigInt> {
+impl MovingEdges<BigInt> {
     pub fn new(before: &Edges, after: &Edges) -> Self {
         let ends = [before, after].map(|edges| edges.as_flattened().as_flattened());
         let mut all = [0.0; 24];
@@ -51,7 +51,7 @@ impl Motion<BigInt> {
                 Polynomial::new([start, slope])
             })
         };
-        Motion {
+        MovingEdges {
             first: track(0, 1),
             second: track(2, 3),
             between: track(0, 2),
@@ -59,7 +59,7 @@ impl Motion<BigInt> {
     }
 
     /// Returns the motion with the first curve translated by powers of `e`.
-    pub fn translated(&self, exponents: [u32; 3]) -> Motion<Infinitesimal> {
+    pub fn translated(&self, exponents: [u32; 3]) -> MovingEdges<Infinitesimal> {
         let lift = |track: &Track<BigInt>| {
             [0, 1, 2].map(|x| {
                 let lifted = track[x].coefficients().iter();
@@ -71,7 +71,7 @@ impl Motion<BigInt> {
             let by = Infinitesimal::term(exponents[x], BigInt::from(1));
             *along = along.minus(&Polynomial::new([by]));
         }
-        Motion {
+        MovingEdges {
             first: lift(&self.first),
             second: lift(&self.second),
             between,
@@ -162,7 +162,7 @@ enum Meeting {
     Tie,
 }
 
-/// Number of times that [`Motion::always_apart`] halves the step.
+/// Number of times that [`MovingEdges::always_apart`] halves the step.
 const HALVINGS: u32 = 6;
 
 /// Net passages at one time, with the sum of their signs.
@@ -191,7 +191,7 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
     if before == after || point(0) || point(1) {
         return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
-    let motion = Motion::new(before, after);
+    let motion = MovingEdges::new(before, after);
     let volume = motion.volume();
     let flat = volume.is_zero();
     let mut translated = None;
@@ -276,7 +276,7 @@ fn lowest(f: &Polynomial<Infinitesimal>) -> Polynomial<BigInt> {
     )
 }
 
-impl<R: Ring> Motion<R> {
+impl<R: Ring> MovingEdges<R> {
     /// Returns [`orient3d`](super::super::Predicates::orient3d) of the four ends, a cubic
     /// polynomial: `(c - a) . ((b - a) x (d - c))`.
     pub fn volume(&self) -> Polynomial<R> {
@@ -286,9 +286,9 @@ impl<R: Ring> Motion<R> {
     }
 
     /// Returns the sides of the ends `a b c d` relative to the other edge, seen against axis `w`:
-    /// `orient2d(c, d, a)`, `orient2d(c, d, b)`, `orient2d(a, b, c)`, `orient2d(a, b, d)`. With `r
-    /// = c - a` and `n = (b - a) x (d - c)` these are `r x (d - c)`, the same minus `n`, `(b - a) x
-    /// r`, and the same plus `n`.
+    /// `orient2d(c, d, a)`, `orient2d(c, d, b)`, `orient2d(a, b, c)`, `orient2d(a, b, d)`. With
+    /// `r = c - a` and `n = (b - a) x (d - c)` these are `r x (d - c)`, the same minus `n`,
+    /// `(b - a) x r`, and the same plus `n`.
     pub fn sides(&self, w: usize) -> [Polynomial<R>; 4] {
         let n = cross_along(&self.first, &self.second, w);
         let a = cross_along(&self.between, &self.second, w);

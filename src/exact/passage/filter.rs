@@ -17,18 +17,18 @@
 //!
 //! - Components of a cross product are at most `2 P Q`, with an error of `8 u P Q`. The middle
 //!   Bernstein coefficient, half the sum of two, has an error of `10 u P Q`.
-//! - `r . n` of such components has an error of `46 u P Q R` (three products with errors of `8 + 2
-//!   + 2`, and two sums with `4` and `6`); with the middle coefficient `52 u P Q R`. A third of the
-//!   sum of two of the latter and one of the former has an error of `(104 + 46 + 18) / 3`, plus
-//!   `12` for the rounded third: `68 u P Q R`. Every volume is at most `6 P Q R`.
+//! - `r . n` of such components has an error of `46 u P Q R` (three products with errors of
+//!   `8 + 2 + 2`, and two sums with `4` and `6`); with the middle coefficient `52 u P Q R`. A third
+//!   of the sum of two of the latter and one of the former has an error of `(104 + 46 + 18) / 3`,
+//!   plus `12` for the rounded third: `68 u P Q R`. Every volume is at most `6 P Q R`.
 //! - The sides of `a` and `b` are at most `2 (P + R) Q`, with an error of `12 u (P + R) Q`. For
 //!   those of `c` and `d`, `P` and `Q` are swapped.
 //!
 //! A round of de Casteljau at a ratio that is a float adds `3 u` of the largest coefficient (the
-//! complement of the ratio, a product, a sum): `54 u P Q R` for the three rounds of a volume, `12 u
-//! (P + R) Q` for the two rounds of a side. The constants below have a margin for the terms in
-//! `u^2` and for underflow, which is below `u^2` of the products because of the limits on `P, Q,
-//! R`.
+//! complement of the ratio, a product, a sum): `54 u P Q R` for the three rounds of a volume,
+//! `12 u (P + R) Q` for the two rounds of a side. The constants below have a margin for the terms
+//! in `u^2` and for underflow, which is below `u^2` of the products because of the limits on
+//! `P, Q, R`.
 
 use super::{Edges, Moment, Passage, along};
 use crate::curve::{Point, pow2};

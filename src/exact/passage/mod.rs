@@ -47,11 +47,11 @@
 //! other four faces count the times at which one of the four ends moves over or under the other
 //! edge, so that the crossing is handed over to the neighbour of its edge.
 //!
-//! Let `X(t)` be the crossing that the pair adds to the linking number at time `t`. If `orient2d(c,
-//! d, a)` of the end `a` changes from minus to plus above an inner point of the projection of `c
-//! d`, then `X` increases by 1: either a crossing of sign 1 begins, or one of sign -1 ends. `b` is
-//! the other end of the edge and decreases `X`. Likewise `c` (below, by `orient2d(a, b, c)`)
-//! decreases `X`, and `d` increases it. So
+//! Let `X(t)` be the crossing that the pair adds to the linking number at time `t`. If
+//! `orient2d(c, d, a)` of the end `a` changes from minus to plus above an inner point of the
+//! projection of `c d`, then `X` increases by 1: either a crossing of sign 1 begins, or one of sign
+//! -1 ends. `b` is the other end of the edge and decreases `X`. Likewise `c` (below, by
+//! `orient2d(a, b, c)`) decreases `X`, and `d` increases it. So
 //!
 //! ```text
 //! passages in (t, t') = X(t') - X(t) - hand-overs of a + those of b + those of c - those of d

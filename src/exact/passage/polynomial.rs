@@ -329,8 +329,8 @@ fn chain<R: Ring>(f: Polynomial<R>, g: Polynomial<R>) -> Vec<Polynomial<R>> {
     chain
 }
 
-/// A root of a polynomial of degree at most 2 at which the polynomial changes its sign: `(x + y
-/// sqrt(d)) / z`.
+/// A root of a polynomial of degree at most 2 at which the polynomial changes its sign:
+/// `(x + y sqrt(d)) / z`.
 pub(super) struct Root<R> {
     x: R,
     y: R,
@@ -481,7 +481,8 @@ mod tests {
             // The same, with an infinitesimal factor that changes no sign.
             let lift = |f: &Polynomial<BigInt>| {
                 let e = Infinitesimal::term(2, BigInt::from(1));
-                Polynomial::new(f.coefficients().iter().map(|c| e.times(&Infinitesimal::from(c.clone()))))
+                let lifted = f.coefficients().iter().map(|c| Infinitesimal::from(c.clone()));
+                Polynomial::new(lifted.map(|c| e.times(&c)))
             };
             prop_assert_eq!(lift(&f).signs_at_roots(&lift(&g_polynomial), &within), want);
         }

@@ -1,7 +1,7 @@
 //! Tests of the invariant against the slow oracle, of the methods against one another, and of known
 //! passages.
 
-use super::exact::{Motion, TRANSLATION, events};
+use super::exact::{MovingEdges, TRANSLATION, events};
 use super::polynomial::{Interval, Polynomial, index};
 use super::ring::Infinitesimal;
 use super::*;
@@ -444,7 +444,7 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
         }) {
             continue;
         }
-        let motion = Motion::new(before, after);
+        let motion = MovingEdges::new(before, after);
         let all = events(before, after, Ties::Translate).unwrap();
         let all: i32 = all.iter().map(|e| e.sign).sum();
         let count = |exponents: [u32; 3]| {
@@ -481,7 +481,7 @@ fn the_translation_is_on_no_surface_of_an_end_and_an_edge() {
         if r.next(2) == 0 {
             frames.iter_mut().for_each(|f| f[0].reverse());
         }
-        let translated = Motion::new(&frames[0], &frames[1]).translated(TRANSLATION);
+        let translated = MovingEdges::new(&frames[0], &frames[1]).translated(TRANSLATION);
         let counts = [0, 1, 2].map(|w| translated.net_passages(&Interval::step(), w));
         assert!(
             counts.iter().all(|&n| n == counts[0]),
@@ -498,7 +498,7 @@ fn the_translation_is_on_no_surface_of_an_end_and_an_edge() {
 /// sides of the other. The sum, over the roots of `f` at which both are positive, of the direction
 /// of the sign change of `f` is a quarter of the sum of the Cauchy indices of `1/f`, `g/f`, `h/f`
 /// and `gh/f`.
-fn cauchy(motion: &Motion<Infinitesimal>) -> Option<i32> {
+fn cauchy(motion: &MovingEdges<Infinitesimal>) -> Option<i32> {
     let f = motion.volume();
     let step = Interval::step();
     if f.sign_at(&step.from) == 0 || f.sign_at(&step.to) == 0 {
@@ -638,7 +638,7 @@ fn a_tie_at_a_vertex_counts_once() {
     }
 }
 
-/// Motion in one plane at all times is reported as a tie only if the edges meet.
+/// MovingEdges in one plane at all times is reported as a tie only if the edges meet.
 #[test]
 fn motion_in_one_plane_is_a_tie_only_if_edges_meet() {
     let at = |x: f64, y: f64| [x, y, x + y];
