@@ -241,8 +241,9 @@ fn extent(v: &[f64; 4]) -> [f64; 2] {
 /// Let `M = 5/3 max_abs` and `u = 2^-53`. [`Hull::sides_along`] computes `n . (p - o)` with an
 /// error of at most `|n|_1 (2 M u + 3 * 2 M u (1 + u)^3)`: the difference is at most `2 M` and is
 /// rounded once; the scalar product has three terms, each rounded at most three times. The error
-/// counts twice, for the two sides, and the errors of both hulls are added. `64 u max_abs = max_abs
-/// 2^-47` covers the former, `pad` (at most `29 u max_abs`, see there) the latter.
+/// counts twice, for the two sides, and the errors of both hulls are added.
+/// `64 u max_abs = max_abs 2^-47` covers the former, `pad` (at most `29 u max_abs`, see there) the
+/// latter.
 pub(super) fn separation_margin(max_abs: f64, pad: f64) -> f64 {
     pad + max_abs * pow2(-47)
 }
@@ -345,13 +346,20 @@ mod tests {
         /// Curves in separated hulls have no common point, and hulls that share a point are never
         /// separated.
         #[test]
-        fn separation_is_sound(a in bezier(), b in bezier(), shift in 0.0f64..2.5, s in 0.0f64..1.0, t in 0.0f64..1.0) {
+        fn separation_is_sound(
+            a in bezier(),
+            b in bezier(),
+            shift in 0.0f64..2.5,
+            s in 0.0f64..1.0,
+            t in 0.0f64..1.0,
+        ) {
             let mut moved = b;
             moved.iter_mut().for_each(|p| p[2] += shift);
             if separated(&a, &moved, 1e-14) {
                 for k in 0..=20 {
                     for l in 0..=20 {
-                        let (p, q) = (point_at(&a, f64::from(k) / 20.0), point_at(&moved, f64::from(l) / 20.0));
+                        let [s, t] = [k, l].map(|k| f64::from(k) / 20.0);
+                        let (p, q) = (point_at(&a, s), point_at(&moved, t));
                         prop_assert!((0..3).any(|x| (p[x] - q[x]).abs() > 1e-14));
                     }
                 }

@@ -241,7 +241,10 @@ mod tests {
         /// The sweep finds all pairs and no others, with ties and empty boxes.
         #[test]
         fn sweep_equals_brute_force(
-            raw in prop::collection::vec((prop::array::uniform3(0u8..20), prop::array::uniform3(0u8..6), 0u8..10), 0..120)
+            raw in prop::collection::vec(
+                (prop::array::uniform3(0u8..20), prop::array::uniform3(0u8..6), 0u8..10),
+                0..120,
+            )
         ) {
             let boxes: Vec<Box3> = raw.iter().map(|(lo, size, kind)| {
                 if *kind == 0 {

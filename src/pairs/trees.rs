@@ -1,10 +1,11 @@
 //! Trees of boxes (BVH), one per curve.
 //!
 //! A curve is spatially coherent, so its tree is implicit: node `g` of level `k` covers the
-//! segments `g 8^(k+1) .. (g+1) 8^(k+1)`. Its children are the nodes (at level 0: the segments) `8
-//! g .. 8 g + 8` of the level below. Nothing is built or sorted; only boxes are refitted. The boxes
-//! of polyline edges are not stored: eight of them are computed from the coordinates each time a
-//! leaf is visited, which costs no more than loading them. The boxes of spline segments are stored.
+//! segments `g 8^(k+1) .. (g+1) 8^(k+1)`. Its children are the nodes (at level 0: the segments)
+//! `8 g .. 8 g + 8` of the level below. Nothing is built or sorted; only boxes are refitted. The
+//! boxes of polyline edges are not stored: eight of them are computed from the coordinates each
+//! time a leaf is visited, which costs no more than loading them. The boxes of spline segments are
+//! stored.
 
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
