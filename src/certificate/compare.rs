@@ -1,23 +1,23 @@
-//! What differs between two certificates: links lost, gained and changed.
+//! Comparison of two certificates: lost, gained and changed links.
 
 use super::{Certificate, Link};
 use crate::error::{Error, Result};
 use crate::verdict::{Defect, DefectKind, Place};
 
-/// How a linking number differs from the expected one.
+/// Kind of the difference between a linking number and the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ChangeKind {
-    /// The curves were linked and are not any more.
+    /// The curves were linked in the baseline and no longer are.
     Lost,
-    /// The curves were not linked and now are.
+    /// The curves were not linked in the baseline and now are.
     Gained,
-    /// The curves are linked as they were, by another number.
+    /// The curves are linked as in the baseline, but with another linking number.
     Changed,
 }
 
 impl ChangeKind {
-    /// One word.
+    /// Returns the word for this kind.
     pub fn word(self) -> &'static str {
         match self {
             ChangeKind::Lost => "lost",
@@ -27,7 +27,7 @@ impl ChangeKind {
     }
 }
 
-/// A linking number that is not the expected one.
+/// A linking number that differs from the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Change {
     /// First curve, from 0; less than `j`.
@@ -36,14 +36,15 @@ pub struct Change {
     pub j: u32,
     /// Linking number in the baseline.
     pub expected: i64,
-    /// Linking number found.
+    /// Linking number in the current frame.
     pub found: i64,
-    /// Where the curves are closest now: right after a pull-through, its place.
+    /// Place at which the curves are closest in the current frame. Right after a pull-through, this
+    /// is its place.
     pub place: Option<Place>,
 }
 
 impl Change {
-    /// Lost, gained or changed.
+    /// Returns the kind of the change.
     pub fn kind(&self) -> ChangeKind {
         match (self.expected, self.found) {
             (_, 0) => ChangeKind::Lost,
@@ -53,20 +54,21 @@ impl Change {
     }
 }
 
-/// The outcome of comparing a frame with its baseline.
+/// Result of comparing a frame with its baseline.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
-    /// Pairs whose numbers differ, sorted.
+    /// Pairs with different linking numbers, sorted.
     pub changes: Vec<Change>,
-    /// Pairs that could not be compared, sorted: what the frame leaves undefined, and what has a number now
-    /// but had none in the baseline.
+    /// Pairs that could not be compared, sorted: those without a linking number in the frame, and
+    /// those that have one now but had none in the baseline.
     pub defects: Vec<Defect>,
     /// Nonzero linking numbers of pairs that had none in the baseline, sorted.
     pub adopted: Vec<Link>,
 }
 
 impl Comparison {
-    /// This comparison with what another one says of these pairs, which are sorted.
+    /// Returns this comparison with the entries of these pairs, which must be sorted, replaced by
+    /// those of another comparison.
     pub(crate) fn patched(&self, pairs: &[(u32, u32)], with: Comparison) -> Comparison {
         let mut out = self.clone();
         let other = |i: u32, j: u32| pairs.binary_search(&(i, j)).is_err();
@@ -97,7 +99,7 @@ impl Certificate {
         }
         let has = |i: u32, j: Option<u32>| fresh.iter().any(|d| (d.i, d.j) == (i, j));
         self.undefined.retain(|d| !has(d.i, d.j));
-        // A curve that has linking numbers again may still touch another one.
+        // A curve that has linking numbers again may still touch another curve.
         let still = missing
             .into_iter()
             .filter(|d| d.j.is_some_and(|j| has(d.i, None) || has(j, None)));
@@ -129,7 +131,8 @@ impl Certificate {
         self.compare_except(baseline, &[])
     }
 
-    /// [`Certificate::compare`] without the pairs `unchecked`, which are sorted: nothing is known of them.
+    /// [`Certificate::compare`] without the pairs `unchecked`, which must be sorted: they were not
+    /// computed.
     pub(crate) fn compare_except(
         &self,
         baseline: &Certificate,
@@ -147,7 +150,7 @@ impl Certificate {
             adopted: Vec::new(),
         };
         // Both lists are sorted by pair.
-        let own = |d: &Defect| {
+        let is_undefined = |d: &Defect| {
             let key = (d.i, d.j);
             self.undefined
                 .binary_search_by_key(&key, |e| (e.i, e.j))
@@ -156,7 +159,10 @@ impl Certificate {
         let checked = |d: &Defect| {
             d.j.is_none_or(|j| unchecked.binary_search(&(d.i, j)).is_err())
         };
-        let missing = baseline.undefined.iter().filter(|d| !own(d) && checked(d));
+        let missing = baseline
+            .undefined
+            .iter()
+            .filter(|d| !is_undefined(d) && checked(d));
         out.defects.extend(missing.map(|d| Defect {
             kind: DefectKind::NoBaseline,
             ..*d
@@ -190,7 +196,7 @@ impl Certificate {
                 });
             }
         };
-        // Both lists are sorted: one merge.
+        // Both lists are sorted, so a single merge suffices.
         let (mut a, mut b) = (
             baseline.links.iter().peekable(),
             self.links.iter().peekable(),
@@ -245,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_gained_and_changed_are_told_apart() {
+    fn distinguishes_lost_gained_and_changed_links() {
         let before = certificate(&[(0, 1, 1), (0, 3, 2), (5, 6, -1)], &[]);
         let after = certificate(&[(0, 3, 3), (2, 4, 1), (5, 6, -1)], &[]);
         let c = after.compare(&before).unwrap();
@@ -267,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_without_a_number_is_reported_and_hides_no_other() {
+    fn a_pair_without_a_linking_number_is_reported_and_hides_no_other() {
         let before = certificate(&[(0, 1, 1), (2, 3, 1)], &[(4, Some(5))]);
         let after = certificate(&[(4, 5, 1)], &[(0, Some(1))]);
         let c = after.compare(&before).unwrap();
@@ -281,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_degenerate_curve_takes_its_pairs_out_only() {
+    fn a_degenerate_curve_excludes_only_its_pairs() {
         let before = certificate(&[(0, 1, 1), (1, 2, 1), (3, 4, 1)], &[]);
         let after = certificate(&[], &[(1, None)]);
         let c = after.compare(&before).unwrap();
@@ -290,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn certificates_of_other_models_do_not_compare() {
+    fn rejects_the_certificate_of_another_model() {
         let a = certificate(&[], &[]);
         let mut b = a.clone();
         b.curves = 8;

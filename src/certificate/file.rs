@@ -1,5 +1,5 @@
-//! The text file of a certificate, in the layout of verifycurves (Qu & James 2021): the number of curves on
-//! the first line, then `i,j,lambda` for every non-zero pair, 0-based, sorted.
+//! Text format of a certificate, as defined by verifycurves (Qu & James 2021): the number of curves
+//! on the first line, then `i,j,lambda` for every nonzero pair, 0-based, sorted.
 //!
 //! ```text
 //! 39 # lines: 2
@@ -7,14 +7,14 @@
 //! 7,9,1
 //! ```
 //!
-//! A pair that has no linking number, because its curves touch or are too close to decide, is listed
+//! A pair without a linking number, because its curves touch or are too close to decide, is listed
 //! as `i,j,undefined`; `i,,undefined` stands for all pairs of a degenerate curve `i`. (verifycurves
 //! has no such pairs; it reads these as 0.)
 //!
-//! The comment states how many lines the file has after the first. Without it, a file that was
-//! truncated at a line end would be a valid certificate with fewer links. It is in the first line,
-//! because readers that do not know it most likely ignore it there: verifycurves reads the number
-//! with `atoi`, and table readers skip the first line. Files without it are read as before.
+//! The comment states the number of lines after the first one. Without it, a file that was
+//! truncated at the end of a line would be a valid certificate with fewer links. It is on the first
+//! line, because other readers most likely ignore it there: verifycurves reads the number with
+//! `atoi`, and table readers skip the first line. Files without the comment are accepted.
 
 use super::{Certificate, Link};
 use crate::error::{Error, Result};
@@ -26,11 +26,11 @@ use std::path::Path;
 const UNDEFINED: &str = "undefined";
 
 impl fmt::Display for Certificate {
-    /// Writes the text of the file. Pairs without a number are listed as `i,j,undefined`, or
-    /// `i,,undefined` for all pairs of a curve. If they were left out, they would read as 0.
+    /// Writes the text of the file. Pairs without a linking number are listed as `i,j,undefined`,
+    /// or `i,,undefined` for all pairs of a curve. If they were omitted, they would read as 0.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let lines = self.links.len() + self.undefined.len();
-        writeln!(f, "{} {}", self.curves, promise(lines))?;
+        writeln!(f, "{} {}", self.curves, line_count(lines))?;
         for l in &self.links {
             writeln!(f, "{},{},{}", l.i, l.j, l.lambda)?;
         }
@@ -44,10 +44,11 @@ impl fmt::Display for Certificate {
 
 impl Certificate {
     /// Parses the text of a certificate. Lines may be in any order. If the first line states their
-    /// number, all of them must be there.
+    /// number, it must match.
     ///
-    /// The text does not tell why or where a pair is undefined. Parsed pairs have the kind
-    /// [`DefectKind::TooClose`], curves have [`DefectKind::Degenerate`], and the place is the origin.
+    /// The text does not contain the reason or the place of an undefined pair. Parsed pairs have
+    /// the kind [`DefectKind::TooClose`], curves have [`DefectKind::Degenerate`], and the place is
+    /// the origin.
     pub fn parse(text: &str) -> Result<Certificate> {
         let bad = |line: usize, what: String| {
             Error::format("certificate", format_args!("line {}", line + 1), what)
@@ -90,17 +91,19 @@ impl Certificate {
             match (j, lambda) {
                 (Some(j), Some(lambda)) if lambda != 0 => links.push(Link { i, j, lambda }),
                 (_, Some(_)) => {}
-                (_, None) => undefined.push(unknown(i, j)),
+                (_, None) => undefined.push(undefined_entry(i, j)),
             }
         }
         // The last line may be truncated within its number.
-        let whole = comment.is_none_or(|c| text.ends_with('\n') && c.trim_end() == promise(found));
+        let whole =
+            comment.is_none_or(|c| text.ends_with('\n') && c.trim_end() == line_count(found));
         if !whole {
             return Err(Error::format(
                 "certificate",
                 format_args!("line {}", at + 1),
                 format_args!(
-                    "'{}', found {found}: the file was cut or edited (without this comment all is read)",
+                    "'{}', found {found}: the file was cut or edited (remove the comment to \
+                     read it anyway)",
                     clip(first)
                 ),
             ));
@@ -124,8 +127,10 @@ impl Certificate {
 
     /// Reads a certificate file.
     ///
-    /// Errors: [`Error::File`] if it cannot be read; [`Error::Format`] (within [`Error::InFile`]) if
-    /// it is not a certificate, a model for example.
+    /// # Errors
+    ///
+    /// [`Error::File`] if the file cannot be read. [`Error::Format`] (within [`Error::InFile`]) if
+    /// it is not a certificate but a model, for example.
     pub fn read(path: &Path) -> Result<Certificate> {
         let bytes = std::fs::read(path).map_err(Error::file(path))?;
         let parsed = match String::from_utf8(bytes) {
@@ -139,7 +144,10 @@ impl Certificate {
         parsed.map_err(|e| match extension.to_str() {
             Some("bcc" | "obj" | "vect") => {
                 let name = path.display();
-                let what = format!("a model; `linkwatch certify {name} -o CERT` writes one of it");
+                let what = format!(
+                    "a model, not a certificate; `linkwatch certify {name} -o CERT` writes \
+                     one for it"
+                );
                 Error::format("certificate", "whole file", what).in_file(path)
             }
             _ => e.in_file(path),
@@ -152,8 +160,8 @@ impl Certificate {
     }
 }
 
-/// Parses a line: a curve, the other curve (or none, for all of them), and the linking number (or
-/// none, if it is undefined). Returns `None` if the line is malformed.
+/// Parses a line: a curve, the other curve (or `None` for all curves), and the linking number (or
+/// `None` if it is undefined). Returns `None` if the line is malformed.
 fn entry(line: &str) -> Option<(u32, Option<u32>, Option<i64>)> {
     let mut fields = line.split(',').map(str::trim);
     let (i, j, lambda) = (fields.next()?.parse().ok()?, fields.next()?, fields.next()?);
@@ -165,8 +173,8 @@ fn entry(line: &str) -> Option<(u32, Option<u32>, Option<i64>)> {
     fields.next().is_none().then_some(entry)
 }
 
-/// Returns a pair without a linking number, or a curve without any, for an unknown reason.
-fn unknown(i: u32, j: Option<u32>) -> Defect {
+/// Returns a defect of a pair, or of all pairs of a curve, for an unknown reason.
+fn undefined_entry(i: u32, j: Option<u32>) -> Defect {
     let kind = match j {
         Some(_) => DefectKind::TooClose,
         None => DefectKind::Degenerate,
@@ -180,11 +188,11 @@ fn unknown(i: u32, j: Option<u32>) -> Defect {
 }
 
 /// Returns the comment of the first line.
-fn promise(lines: usize) -> String {
+fn line_count(lines: usize) -> String {
     format!("# lines: {lines}")
 }
 
-/// A piece of somebody's file, short enough for a message.
+/// Returns the start of a line of the file, short enough for a message.
 fn clip(s: &str) -> String {
     s.chars().take(40).collect()
 }
@@ -199,7 +207,7 @@ mod tests {
         let c = Certificate::parse(text).unwrap();
         assert_eq!(c.curves, 39);
         assert_eq!(c.to_string(), text);
-        // The format that verifycurves and earlier versions write.
+        // Files of verifycurves and of earlier versions.
         for plain in ["39\n5,6,-2\n7,9,1\n", "39\n 7, 9, 1\n5,6,-2\n1,2,0"] {
             assert_eq!(Certificate::parse(plain).unwrap(), c);
         }
@@ -221,9 +229,9 @@ mod tests {
     }
 
     #[test]
-    fn a_certificate_that_was_cut_anywhere_is_refused() {
+    fn rejects_a_truncated_certificate() {
         for text in ["39 # lines: 2\n5,6,-2\n7,9,12\n", "70 # lines: 0\n"] {
-            // The number of curves alone is a complete file of an earlier version.
+            // The number of curves by itself is a complete file of an earlier version.
             for end in 3..text.len() {
                 let cut = &text[..end];
                 let e = Certificate::parse(cut)
@@ -246,7 +254,7 @@ mod tests {
     /// The algorithm of the published tool: it reads numbers with `atoi` and skips lines with fewer
     /// than three fields.
     #[test]
-    fn the_reader_of_verifycurves_is_not_disturbed() {
+    fn verifycurves_can_read_the_file() {
         fn atoi(text: &str) -> i64 {
             let end = text
                 .char_indices()
@@ -266,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_text_is_named_by_line() {
+    fn errors_name_the_line() {
         for (text, says) in [
             ("", "line 1"),
             ("x\n", "number of curves"),

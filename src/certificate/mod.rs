@@ -1,4 +1,5 @@
-//! The certificate of a frame's topology: the sparse matrix of linking numbers, its file, its comparison.
+//! Certificate of the topology of a frame: the sparse matrix of linking numbers, its file format,
+//! its comparison.
 
 mod compare;
 mod file;
@@ -7,38 +8,42 @@ pub use compare::{Change, ChangeKind, Comparison};
 
 use crate::verdict::Defect;
 
-/// A non-zero entry of the linking matrix.
+/// A nonzero entry of the linking matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 pub struct Link {
     /// First curve, from 0; less than `j`.
     pub i: u32,
     /// Second curve.
     pub j: u32,
-    /// Their linking number, never 0.
+    /// Linking number of the curves, never 0.
     pub lambda: i64,
 }
 
-/// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021, section 3).
+/// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021,
+/// section 3).
 ///
-/// Pairs that are listed neither in [`Certificate::links`] nor in [`Certificate::undefined`] have the linking
-/// number 0, proven.
+/// A pair that is listed neither in [`Certificate::links`] nor in [`Certificate::undefined`] has
+/// the proven linking number 0.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Certificate {
     /// Number of curves.
     pub curves: usize,
-    /// Non-zero linking numbers, sorted by `(i, j)`.
+    /// Nonzero linking numbers, sorted by `(i, j)`.
     pub links: Vec<Link>,
-    /// What has no linking number (touching, too close, degenerate), sorted; see [`Defect`].
+    /// Pairs and curves without a linking number (contact, too close, degenerate), sorted; see
+    /// [`Defect`].
     pub undefined: Vec<Defect>,
 }
 
 impl Certificate {
-    /// What it says of these pairs, which are sorted, and of curves that have no numbers at all.
+    /// Returns the entries of these pairs, which must be sorted, and of curves without any linking
+    /// number.
     pub(crate) fn of_pairs(&self, pairs: &[(u32, u32)]) -> Certificate {
         self.filtered(|i, j| j.is_none_or(|j| pairs.binary_search(&(i, j)).is_ok()))
     }
 
-    /// This certificate with what another one says of these pairs, which are sorted.
+    /// Returns this certificate with the entries of these pairs, which must be sorted, replaced by
+    /// those of another certificate.
     pub(crate) fn patched(&self, pairs: &[(u32, u32)], with: &Certificate) -> Certificate {
         let mut out = self.filtered(|i, j| j.is_none_or(|j| pairs.binary_search(&(i, j)).is_err()));
         out.links.extend_from_slice(&with.links);
@@ -59,7 +64,7 @@ impl Certificate {
         }
     }
 
-    /// Takes the numbers of these pairs back: they turned out not to be proven.
+    /// Withdraws the linking numbers of pairs that turned out not to be proven.
     pub fn withdraw(&mut self, defects: impl IntoIterator<Item = Defect>) {
         self.undefined.extend(defects);
         self.undefined.sort_by_key(|d| (d.i, d.j));

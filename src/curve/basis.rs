@@ -3,7 +3,8 @@
 use super::Point;
 use std::ops::{Add, Mul, Sub};
 
-/// How control points become a curve. One basis holds for a whole [`crate::CurveSet`].
+/// Rule that turns control points into a curve. All curves of a [`crate::CurveSet`] have the same
+/// basis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Basis {
@@ -18,7 +19,7 @@ pub enum Basis {
 }
 
 impl Basis {
-    /// Every basis, in the order of its wire code.
+    /// All bases, in the order of their wire codes.
     pub const ALL: [Basis; 4] = [
         Basis::Polyline,
         Basis::CatmullRom,
@@ -26,16 +27,17 @@ impl Basis {
         Basis::Bezier,
     ];
 
-    /// Place in [`Basis::ALL`]: the code on the wire.
+    /// Returns the wire code: the index in [`Basis::ALL`].
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pub(crate) fn code(self) -> u32 {
         self as u32
     }
 
-    /// Segments of a curve of `points` control points, or `None` where the count does not fit the basis.
+    /// Returns the number of segments of a curve of `points` control points, or `None` if the basis
+    /// does not allow that number of points.
     ///
-    /// A closed curve of a uniform basis has a segment for every control point. An open one has a segment
-    /// for every window of its basis: two points for polylines, four for the cubic ones.
+    /// A closed curve of a uniform basis has one segment per control point. An open curve has one
+    /// segment per window of its basis: two points for polylines, four for cubic bases.
     pub fn segments(self, points: usize, closed: bool) -> Option<usize> {
         match (self, closed) {
             (Basis::Polyline, true) => (points >= 1).then_some(points),
@@ -47,28 +49,30 @@ impl Basis {
         }
     }
 
-    /// Control points between the starts of neighbouring segments.
+    /// Returns the number of control points from the start of one segment to the start of the next
+    /// one.
     pub(crate) fn stride(self) -> usize {
         if self == Basis::Bezier { 3 } else { 1 }
     }
 
-    /// Control points of one segment.
+    /// Returns the number of control points of one segment.
     pub(crate) fn window(self) -> usize {
         if self == Basis::Polyline { 2 } else { 4 }
     }
 
-    /// Wrapped control points stored before the first one of a closed curve, so that segment `s` starts
-    /// at (Catmull-Rom) or beside (B-spline) control point `s`.
+    /// Returns the number of wrapped control points that are stored before the first one of a
+    /// closed curve. With them, segment `s` starts at (Catmull-Rom) or beside (B-spline) control
+    /// point `s`.
     pub(crate) fn lead(self, closed: bool) -> usize {
         usize::from(closed && matches!(self, Basis::CatmullRom | Basis::BSpline))
     }
 
-    /// Whether segments are straight, so that a curve is its own polyline.
+    /// Returns true if segments are straight, so that a curve is its own polyline.
     pub fn is_polyline(self) -> bool {
         self == Basis::Polyline
     }
 
-    /// Two words for messages.
+    /// Returns the words for this kind of curve in messages.
     pub(crate) fn describe(self, closed: bool) -> &'static str {
         match (self, closed) {
             (Basis::Polyline, true) => "closed polyline",
@@ -82,7 +86,7 @@ impl Basis {
         }
     }
 
-    /// What [`Basis::segments`] asks of the number of points, in words.
+    /// Returns, in words, the condition that [`Basis::segments`] puts on the number of points.
     pub(crate) fn needs(self, closed: bool) -> &'static str {
         match (self, closed) {
             (Basis::Polyline, true) => "at least one",
@@ -94,12 +98,19 @@ impl Basis {
         }
     }
 
-    /// Bezier control points, on one axis, of the segment with control points `q` (for polylines its ends, twice).
+    /// Returns the Bezier control points, on one axis, of the segment with control points `q` (for
+    /// polylines: its ends, twice).
     ///
-    /// Rounding: with `M` the largest magnitude in `q` and `u` half a unit in the last place of 1, every result is
-    /// within `4 M u` of the exact one. B-spline ends: a sum of at most `5 M` and one of at most `6 M` round by
-    /// `11 M u`, a sixth of which is left, and the constant and its product by `M u` each. Inner points: one sum
-    /// of `3 M`, likewise. Catmull-Rom: a third of `2 M`, rounded three times, and a sum of at most `4/3 M`.
+    /// # Rounding error: every result is within `4 M u` of the exact one
+    ///
+    /// Let `M` be the largest magnitude in `q`, and `u` half a unit in the last place of 1.
+    ///
+    /// - B-spline, ends: a sum of at most `5 M` and one of at most `6 M` are rounded by `11 M u`
+    ///   together. Multiplied by one sixth, that is `11/6 M u`. The rounded constant and the
+    ///   product add `M u` each.
+    /// - B-spline, inner points: the same with one sum of at most `3 M`.
+    /// - Catmull-Rom: one sixth of a difference of at most `2 M`, rounded three times, and a sum of
+    ///   at most `4/3 M`.
     #[inline(always)]
     pub(crate) fn hull<T: Real>(self, [q0, q1, q2, q3]: [T; 4]) -> [T; 4] {
         match self {
@@ -119,19 +130,19 @@ impl Basis {
     }
 }
 
-/// The point of a uniform cubic B-spline beside its control point `b`, on one axis.
+/// Returns the point of a uniform cubic B-spline beside its control point `b`, on one axis.
 #[inline(always)]
 pub(crate) fn bspline_knot<T: Real>(a: T, b: T, c: T) -> T {
     (a + T::FOUR * b + c) * T::SIXTH
 }
 
-/// A cubic segment by its four Bezier control points.
+/// A cubic segment, given by its four Bezier control points.
 pub(crate) type Bezier = [Point; 4];
 
 /// Smallest and largest coordinates, in double precision.
 pub(crate) type Bounds = (Point, Point);
 
-/// A floating-point type that bounds are computed in.
+/// A floating-point type in which bounds are computed.
 pub(crate) trait Real:
     Copy + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Default
 {
@@ -157,11 +168,11 @@ impl Real for f64 {
     const SIXTH: f64 = 1.0 / 6.0;
 }
 
-/// Bounds of eight consecutive segments of a uniform cubic basis on one axis, from their eleven control points:
-/// the extremes of [`Basis::hull`].
+/// Returns the bounds of eight consecutive segments of a uniform cubic basis on one axis, given
+/// their eleven control points: the minimum and the maximum of [`Basis::hull`].
 #[inline(always)]
 pub(crate) fn uniform_bounds<T: Real>(basis: Basis, q: &[T; 11]) -> [[T; 8]; 2] {
-    // The basis is decided outside the loop.
+    // The branch on the basis stays outside of the loop.
     if basis == Basis::BSpline {
         bounds_of(Basis::BSpline, q)
     } else {
@@ -182,11 +193,14 @@ fn bounds_of<T: Real>(basis: Basis, q: &[T; 11]) -> [[T; 8]; 2] {
     [lo, hi]
 }
 
-/// The polar form of a cubic: control points of any sub-segment are its values at the ends.
+/// Evaluates the polar form (blossom) of a cubic. With the ends of a sub-segment as arguments, its
+/// values are the control points of that sub-segment.
 ///
-/// Rounding: three rounds of `p + (q - p) t`, each within `5 M u` (difference of at most `2M`, product,
-/// sum), where `M` bounds the coordinates of `b` and `u = 2^-53`; rounds do not amplify one another, since
-/// each is a convex combination. Within `15 M u` in all.
+/// # Rounding error: at most `15 M u`
+///
+/// `M` bounds the coordinates of `b`, and `u = 2^-53`. There are three rounds of `p + (q - p) t`,
+/// each with an error of at most `5 M u` (a difference of at most `2 M`, a product, a sum). Each
+/// round is a convex combination, so it does not amplify the errors of the round before.
 fn blossom(b: &Bezier, r: f64, s: f64, t: f64) -> Point {
     let mut out = [0.0; 3];
     for (x, out) in out.iter_mut().enumerate() {
@@ -201,12 +215,12 @@ fn blossom(b: &Bezier, r: f64, s: f64, t: f64) -> Point {
     out
 }
 
-/// The point of a cubic segment at parameter `t` in `[0, 1]`.
+/// Returns the point of a cubic segment at parameter `t` in `[0, 1]`.
 pub(crate) fn point_at(b: &Bezier, t: f64) -> Point {
     blossom(b, t, t, t)
 }
 
-/// Bezier form of the part of `b` between the parameters `t0` and `t1`.
+/// Returns the Bezier form of the part of `b` between the parameters `t0` and `t1`.
 pub(crate) fn sub_segment(b: &Bezier, t0: f64, t1: f64) -> Bezier {
     [
         blossom(b, t0, t0, t0),

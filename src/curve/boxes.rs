@@ -1,10 +1,12 @@
-//! Axis-aligned boxes, alone and eight at a time.
+//! Axis-aligned boxes, single and in groups of eight.
 
-/// Boxes in one [`BoxGroup`], and children of one tree node.
+use super::pow2;
+
+/// Number of boxes in a [`BoxGroup`], and of children of a tree node.
 pub(crate) const LANES: usize = 8;
 
-/// An axis-aligned box in single precision, closed; it always contains what it bounds (values are rounded
-/// outward where they are no single-precision numbers).
+/// A closed axis-aligned box in single precision. Values that are not representable are rounded
+/// outward, so a box always contains what it bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Box3 {
     /// Smallest coordinates.
@@ -14,18 +16,18 @@ pub(crate) struct Box3 {
 }
 
 impl Box3 {
-    /// The box of nothing: overlaps no box.
+    /// The empty box: overlaps no box.
     pub const EMPTY: Box3 = Box3 {
         lo: [f32::INFINITY; 3],
         hi: [f32::NEG_INFINITY; 3],
     };
 
-    /// Whether the closed boxes share a point.
+    /// Returns true if the closed boxes share a point.
     pub fn overlaps(&self, other: &Box3) -> bool {
         (0..3).all(|x| self.lo[x] <= other.hi[x] && other.lo[x] <= self.hi[x])
     }
 
-    /// A box around a point and everything within `slack` of it along an axis.
+    /// Returns a box that contains all points within `slack` of `p` along every axis.
     pub fn around(p: [f64; 3], slack: f64) -> Box3 {
         Box3 {
             lo: p.map(|x| below(x - slack)),
@@ -33,10 +35,10 @@ impl Box3 {
         }
     }
 
-    /// The box and everything within `reach` of it along an axis, up to the ends of the range; the empty box stays
-    /// empty.
+    /// Returns the box grown by `reach` on all sides, up to the range of single precision. The
+    /// empty box stays empty.
     pub fn dilated(&self, reach: f32) -> Box3 {
-        // As in `below`: a box without bounds would overlap the empty one.
+        // As in `below`: a box with infinite bounds would overlap the empty box.
         let reach = reach.min(f32::MAX);
         Box3 {
             lo: self.lo.map(|x| (x - reach).max(f32::MIN)),
@@ -44,7 +46,7 @@ impl Box3 {
         }
     }
 
-    /// The box around both.
+    /// Returns the smallest box that contains both.
     pub fn union(&self, other: &Box3) -> Box3 {
         Box3 {
             lo: [0, 1, 2].map(|x| smaller(self.lo[x], other.lo[x])),
@@ -52,7 +54,8 @@ impl Box3 {
         }
     }
 
-    /// The largest distance that a bound has from that of another box, along an axis.
+    /// Returns the largest difference between a bound of this box and the same bound of another
+    /// one, over all axes.
     pub fn largest_shift(&self, other: &Box3) -> f32 {
         let shift = |x: usize| {
             let (lo, hi) = (self.lo[x] - other.lo[x], self.hi[x] - other.hi[x]);
@@ -61,7 +64,8 @@ impl Box3 {
         shift(0).max(shift(1)).max(shift(2))
     }
 
-    /// How far one of two boxes must move along an axis to overlap the other no more.
+    /// Returns the smallest translation along an axis after which the boxes no longer overlap, or 0
+    /// if they do not overlap.
     pub fn overlap_depth(&self, other: &Box3) -> f32 {
         let depth = |x: usize| (self.hi[x] - other.lo[x]).min(other.hi[x] - self.lo[x]);
         depth(0).min(depth(1)).min(depth(2)).max(0.0)
@@ -72,7 +76,7 @@ impl Box3 {
         self.lo[0] > self.hi[0]
     }
 
-    /// Square of the distance between the boxes, a lower bound (rounded down generously) for what is in them.
+    /// Returns a lower bound of the squared distance between the boxes (rounded down generously).
     pub(crate) fn dist_sq_below(&self, other: &Box3) -> f64 {
         // If the other box is infinite in all directions, the differences below are NaN.
         if self.is_empty() || other.is_empty() {
@@ -99,13 +103,13 @@ pub(crate) struct BoxGroup {
 }
 
 impl BoxGroup {
-    /// Eight boxes of nothing.
+    /// Eight empty boxes.
     pub const EMPTY: BoxGroup = BoxGroup {
         lo: [[f32::INFINITY; LANES]; 3],
         hi: [[f32::NEG_INFINITY; LANES]; 3],
     };
 
-    /// The box of one lane.
+    /// Returns the box in a lane.
     #[inline(always)]
     pub fn lane(&self, i: usize) -> Box3 {
         Box3 {
@@ -114,7 +118,7 @@ impl BoxGroup {
         }
     }
 
-    /// In every lane the box around the boxes of both groups.
+    /// Returns, lane by lane, the smallest box that contains the boxes of both groups.
     #[inline(always)]
     pub fn union(&self, other: &BoxGroup) -> BoxGroup {
         let mut out = BoxGroup::EMPTY;
@@ -127,7 +131,7 @@ impl BoxGroup {
         out
     }
 
-    /// Empties the lanes from `count` on.
+    /// Makes the boxes of all lanes from `count` on empty.
     #[inline(always)]
     pub fn clear_from(&mut self, count: usize) {
         for x in 0..3 {
@@ -136,7 +140,7 @@ impl BoxGroup {
         }
     }
 
-    /// The box around all eight.
+    /// Returns the smallest box that contains all eight.
     #[inline(always)]
     pub fn bounds(&self) -> Box3 {
         let fold = |v: &[f32; LANES], pick: fn(f32, f32) -> f32| {
@@ -150,41 +154,42 @@ impl BoxGroup {
     }
 }
 
-/// The smaller of two numbers, neither of which is NaN (one instruction, unlike `f32::min`).
+/// Returns the smaller of two numbers that are not NaN (one instruction, unlike `f32::min`).
 #[inline(always)]
 pub(crate) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// The larger of two numbers, neither of which is NaN.
+/// Returns the larger of two numbers that are not NaN.
 #[inline(always)]
 pub(crate) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// A finite single-precision number at or below `x`, or the least one where there is none.
+/// Returns a finite single-precision number at or below `x`, or the smallest one if there is none.
 ///
-/// The nearest single is off by at most `2^-24 |x|` (or `2^-150` where it is subnormal); twice that is taken off
-/// first, and the rounding of the subtraction in double precision is far below the difference.
+/// The nearest single-precision number differs from `x` by at most `2^-24 |x|` (by `2^-150` if it
+/// is subnormal). Twice that is subtracted first. The rounding error of this subtraction in double
+/// precision is far below the difference.
 ///
-/// Numbers beyond the range of singles saturate: boxes are only ever compared, and clamping is monotone, so no
-/// overlap is lost. Infinite bounds are kept for empty boxes alone.
+/// Numbers beyond the range of single precision saturate. No overlap is lost by that, because boxes
+/// are only ever compared, and clamping is monotone. Only empty boxes have infinite bounds.
 #[inline(always)]
 pub(crate) fn below(x: f64) -> f32 {
     ((x - x.abs() * OUTWARD - TINY) as f32).clamp(f32::MIN, f32::MAX)
 }
 
-/// A finite single-precision number at or above `x`, likewise.
+/// Returns a finite single-precision number at or above `x`, or the largest one if there is none.
 #[inline(always)]
 pub(crate) fn above(x: f64) -> f32 {
     ((x + x.abs() * OUTWARD + TINY) as f32).clamp(f32::MIN, f32::MAX)
 }
 
-/// `2^-23`.
+/// Relative outward rounding: `2^-23`.
 const OUTWARD: f64 = f32::EPSILON as f64;
 
-/// `2^-149`, the smallest single.
-const TINY: f64 = f64::from_bits((1023 - 149) << 52);
+/// Absolute outward rounding: `2^-149`, the smallest single-precision number.
+const TINY: f64 = pow2(-149);
 
 #[cfg(test)]
 mod tests {
@@ -212,7 +217,7 @@ mod tests {
                 "{x}: {width}"
             );
         }
-        // Infinite bounds would make a box overlap the empty one.
+        // With infinite bounds, a box would overlap the empty one.
         for x in [top, 1.001 * top, 1e60, f64::MAX] {
             assert_eq!((above(x), below(-x)), (f32::MAX, f32::MIN));
             assert!(below(x).is_finite() && above(-x).is_finite());
@@ -230,9 +235,9 @@ mod tests {
         assert!(!Box3::EMPTY.overlaps(&Box3::EMPTY));
     }
 
-    /// A sweep over boxes without bounds read past its end.
+    /// Regression: a sweep over boxes with infinite bounds read past its end.
     #[test]
-    fn a_box_that_grows_ends_at_the_range_and_the_empty_one_stays_empty() {
+    fn dilated_boxes_stay_finite_and_empty_boxes_stay_empty() {
         let all = Box3 {
             lo: [f32::MIN; 3],
             hi: [f32::MAX; 3],

@@ -1,4 +1,4 @@
-//! Curve sets from counts and positions, in one go or curve by curve.
+//! Construction of curve sets from counts and positions, all at once or curve by curve.
 
 use super::set::{Curve, CurveSet, slots_of};
 use super::{Basis, Positions, Precision};
@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 use std::sync::Arc;
 
 impl CurveSet {
-    /// Starts a set. `points` is a hint that saves reallocation; check it against the data that backs it first.
+    /// Starts a set. `points` is a capacity hint that saves reallocation. Check it against the
+    /// length of the data first.
     pub fn builder(basis: Basis, precision: Precision, points: usize) -> CurveSetBuilder {
         CurveSetBuilder {
             set: CurveSet::empty(basis, precision, points),
@@ -14,8 +15,8 @@ impl CurveSet {
         }
     }
 
-    /// A set from counts and positions in one go. Each count is the number of control points of a curve,
-    /// negative where the curve is closed, as in a BCC file.
+    /// Returns the set of all curves of `positions`. Each count is the number of control points of
+    /// a curve, negative if the curve is closed, as in a BCC file.
     pub fn from_counts(basis: Basis, counts: &[i32], positions: Positions<'_>) -> Result<CurveSet> {
         let points: u64 = counts.iter().map(|c| u64::from(c.unsigned_abs())).sum();
         if points.checked_mul(3) != Some(positions.len() as u64) {
@@ -42,26 +43,27 @@ impl CurveSet {
     }
 }
 
-/// Slots that a curve takes, or `None` where the count does not fit the basis.
+/// Returns the number of slots of a curve, or `None` if the basis does not allow this number of
+/// points.
 fn slots(basis: Basis, points: usize, closed: bool) -> Option<usize> {
     Some(slots_of(basis, basis.segments(points, closed)?))
 }
 
-/// Fills a [`CurveSet`] curve by curve, from a stream of any chunk size.
+/// Fills a [`CurveSet`] curve by curve, from a stream with chunks of any size.
 #[derive(Debug)]
 pub struct CurveSetBuilder {
     set: CurveSet,
-    /// Control points written of the last curve.
+    /// Number of control points of the last curve that are written.
     written: usize,
 }
 
 impl CurveSetBuilder {
-    /// Starts a curve of `points` control points. The curve before it must be complete.
+    /// Starts a curve of `points` control points. The previous curve must be complete.
     ///
-    /// Allocates for all of its points: compare `points` with the length of the data first.
+    /// Allocates memory for all points. Compare `points` with the length of the data first.
     pub fn start_curve(&mut self, points: usize, closed: bool) -> Result<()> {
         self.check_complete()?;
-        // Counts are signed on the bus and in files.
+        // The bus and files store counts as signed 32-bit integers.
         if i32::try_from(points).is_err() {
             return Err(Error::Count {
                 what: "points of a curve",
@@ -82,7 +84,7 @@ impl CurveSetBuilder {
                 needed: basis.needs(closed),
             });
         };
-        // Before anything is allocated.
+        // Checked before anything is allocated.
         let first = set.coordinates.len();
         if u32::try_from(first + slots).is_err() {
             return Err(Error::Count {
@@ -105,15 +107,15 @@ impl CurveSetBuilder {
         Ok(())
     }
 
-    /// Appends control points to the curve started last.
+    /// Appends control points to the last curve that was started.
     pub fn push(&mut self, positions: Positions<'_>) -> Result<()> {
         let i = self.set.curves.len().wrapping_sub(1);
-        let room = self.set.curves.last().map_or(0, |c| c.points as usize) - self.written;
+        let missing = self.set.curves.last().map_or(0, |c| c.points as usize) - self.written;
         let n = positions.len() / 3;
-        if n > room || !positions.len().is_multiple_of(3) {
+        if n > missing || !positions.len().is_multiple_of(3) {
             return Err(Error::Count {
                 what: "coordinates of a curve",
-                promised: 3 * room as u64,
+                promised: 3 * missing as u64,
                 available: positions.len() as u64,
             });
         }
@@ -129,7 +131,7 @@ impl CurveSetBuilder {
         }
         self.set.write(i, self.written, positions)?;
         self.written += n;
-        if n == room {
+        if n == missing {
             self.set.wrap(i);
         }
         Ok(())
@@ -146,7 +148,7 @@ impl CurveSetBuilder {
         }
     }
 
-    /// The finished set.
+    /// Returns the finished set. Fails if the last curve is incomplete.
     pub fn finish(self) -> Result<CurveSet> {
         self.check_complete()?;
         Ok(self.set)

@@ -1,11 +1,11 @@
-//! Coordinates from outside, checked on their way into three arrays.
+//! Coordinates from outside, checked and stored in three arrays.
 
 use super::Point;
 use super::basis::bspline_knot;
 use crate::error::Result;
 use std::ops::Range;
 
-/// Type of the coordinates as they came in. They are kept in that type: nothing is rounded.
+/// Floating-point type of the input coordinates. They are stored in this type, without rounding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
@@ -16,7 +16,7 @@ pub enum Precision {
 }
 
 impl Precision {
-    /// Bytes of one coordinate.
+    /// Returns the number of bytes of one coordinate.
     pub fn bytes(self) -> usize {
         match self {
             Precision::F32 => 4,
@@ -25,7 +25,7 @@ impl Precision {
     }
 }
 
-/// Control points from outside: `x y z x y z ..`, curve after curve.
+/// Control points of the input: `x y z x y z ..`, curve after curve.
 #[derive(Clone, Copy, Debug)]
 pub enum Positions<'a> {
     /// Single precision.
@@ -35,7 +35,7 @@ pub enum Positions<'a> {
 }
 
 impl<'a> Positions<'a> {
-    /// Type of the coordinates.
+    /// Returns the type of the coordinates.
     pub fn precision(&self) -> Precision {
         match self {
             Positions::F32(_) => Precision::F32,
@@ -43,7 +43,7 @@ impl<'a> Positions<'a> {
         }
     }
 
-    /// Number of coordinates (three a point).
+    /// Returns the number of coordinates (three per point).
     pub fn len(&self) -> usize {
         match self {
             Positions::F32(v) => v.len(),
@@ -51,12 +51,12 @@ impl<'a> Positions<'a> {
         }
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no coordinates.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The coordinates in a range.
+    /// Returns the coordinates in a range.
     pub(super) fn part(&self, range: Range<usize>) -> Self {
         match self {
             Positions::F32(v) => Positions::F32(&v[range]),
@@ -65,7 +65,7 @@ impl<'a> Positions<'a> {
     }
 }
 
-/// Coordinates in three arrays, one an axis, in the precision that they came in.
+/// Coordinates in three arrays, one per axis, in the precision of the input.
 #[derive(Debug)]
 pub(super) enum Coordinates {
     F32([Vec<f32>; 3]),
@@ -89,11 +89,11 @@ impl Clone for Coordinates {
     }
 }
 
-/// A value that is not finite: point, axis, value.
+/// Position of a value that is not finite: point, axis, value.
 pub(super) type Bad = (usize, usize, f64);
 
 impl Coordinates {
-    /// No coordinates, and room for some.
+    /// Returns empty arrays with capacity for `slots` points.
     pub fn with_capacity(precision: Precision, slots: usize) -> Self {
         match precision {
             Precision::F32 => Self::F32([0; 3].map(|_| Vec::with_capacity(slots))),
@@ -108,7 +108,7 @@ impl Coordinates {
         }
     }
 
-    /// Number of slots.
+    /// Returns the number of slots.
     pub fn len(&self) -> usize {
         match self {
             Self::F32(v) => v[0].len(),
@@ -116,7 +116,7 @@ impl Coordinates {
         }
     }
 
-    /// Adds slots, at the origin.
+    /// Appends slots with points at the origin.
     pub fn grow(&mut self, slots: usize) {
         let len = self.len() + slots;
         match self {
@@ -125,7 +125,7 @@ impl Coordinates {
         }
     }
 
-    /// The point in a slot.
+    /// Returns the point in a slot.
     #[inline]
     pub fn at(&self, slot: usize) -> Point {
         match self {
@@ -134,7 +134,7 @@ impl Coordinates {
         }
     }
 
-    /// Coordinate `x` of the points in slots from `slot` on.
+    /// Returns coordinate `x` of the points in `N` slots from `slot` on.
     #[inline(always)]
     pub fn window<const N: usize>(&self, x: usize, slot: usize) -> [f64; N] {
         let mut out = [0.0; N];
@@ -157,8 +157,8 @@ impl Coordinates {
         }
     }
 
-    /// Writes points from slot `at` on, reading and checking every value once. `positions` has the
-    /// precision of these coordinates.
+    /// Writes points from slot `at` on. Reads every value once, and checks it. `positions` must
+    /// have the precision of these coordinates.
     pub fn write(&mut self, at: usize, positions: Positions<'_>) -> Result<f64, Bad> {
         match (self, positions) {
             (Self::F32(dst), Positions::F32(src)) => scatter(dst, at, src),
@@ -167,7 +167,8 @@ impl Coordinates {
         }
     }
 
-    /// Slots from `first` on that hold the same point as the next one.
+    /// Returns the number of slots in `first..first + count` that hold the same point as the next
+    /// slot.
     pub fn repeats(&self, first: usize, count: usize) -> usize {
         fn count_in<T: Scalar + PartialEq>(v: &[Vec<T>; 3], first: usize, count: usize) -> usize {
             let [x, y, z] = v.each_ref().map(|v| &v[first..first + count + 1]);
@@ -182,7 +183,7 @@ impl Coordinates {
         }
     }
 
-    /// Appends the point in a slot as little-endian bytes.
+    /// Appends the point in a slot to `out` as little-endian bytes.
     pub fn append_bytes(&self, slot: usize, out: &mut Vec<u8>) {
         match self {
             Self::F32(v) => v.iter().for_each(|v| out.extend(v[slot].to_le_bytes())),
@@ -191,13 +192,13 @@ impl Coordinates {
     }
 }
 
-/// A coordinate type.
+/// A type of coordinates.
 pub(super) trait Scalar: Copy + Into<f64> + Default {
-    /// Bits of the largest finite magnitude.
+    /// Bit pattern of the largest finite magnitude.
     const MAX_BITS: u64;
-    /// Bits of the largest magnitude.
+    /// Returns the bit pattern of the largest magnitude.
     fn largest(values: &[Self]) -> u64;
-    /// The number with these bits.
+    /// Returns the number with this bit pattern.
     fn from_magnitude(bits: u64) -> f64;
 }
 impl Scalar for f32 {
@@ -220,13 +221,15 @@ impl Scalar for f64 {
     }
 }
 
-/// Points that [`scatter`] takes in one go: they stay in the first-level cache.
+/// Number of points that [`scatter`] processes at a time. They fit into the first-level cache.
 const BLOCK: usize = 64;
 
-/// Spreads `x y z x y z ..` over three arrays. Returns the largest magnitude, or the first value that is not finite (point, axis, value).
+/// Spreads `x y z x y z ..` over three arrays. Returns the largest magnitude, or the first value
+/// that is not finite (point, axis, value).
 ///
-/// Magnitudes are compared as integers: the bits of a float without its sign grow with its magnitude, and
-/// those of infinities and NaN lie above all others. One maximum is both the range and the check.
+/// Magnitudes are compared as integers: without the sign bit, the bit pattern of a float increases
+/// with its magnitude, and the patterns of infinities and NaN are larger than all others. So one
+/// maximum gives the range and the check.
 fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<f64, Bad> {
     let n = src.len() / 3;
     let [x, y, z] = dst;
@@ -234,7 +237,7 @@ fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<f64
     let mut max = 0;
     let mut block = [T::default(); 3 * BLOCK];
     for (b, src) in src.chunks(3 * BLOCK).enumerate() {
-        // Copied first: in shared memory a second read may give another value.
+        // Copied first: in shared memory, a second read may return another value.
         let block = &mut block[..src.len()];
         block.copy_from_slice(src);
         let block_max = T::largest(block);
@@ -260,7 +263,7 @@ fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<f64
     Ok(T::from_magnitude(max))
 }
 
-/// The coordinates of all slots, an array an axis.
+/// Coordinates of all slots, one array per axis.
 #[derive(Clone, Copy)]
 pub(crate) enum Axes<'a> {
     /// Single precision.
@@ -270,7 +273,7 @@ pub(crate) enum Axes<'a> {
 }
 
 impl Coordinates {
-    /// All of them.
+    /// Returns the coordinates of all slots.
     pub fn axes(&self) -> Axes<'_> {
         match self {
             Self::F32(v) => Axes::F32(v.each_ref().map(Vec::as_slice)),
@@ -279,7 +282,8 @@ impl Coordinates {
     }
 }
 
-/// The knots of one curve in a frame `(u, v, w)`, for reading many of them: what is the same for all is decided once.
+/// Knots of one curve in a coordinate frame `(u, v, w)`. The type and the stride are matched once,
+/// before many knots are read.
 #[derive(Clone, Copy)]
 pub(crate) enum Knots<'a> {
     /// Single precision input.
@@ -292,15 +296,15 @@ pub(crate) enum Knots<'a> {
     ComputedF64(Computed<'a, f64>),
 }
 
-/// Knots that are control points.
+/// Knots that are control points of the input.
 #[derive(Clone, Copy)]
 pub(crate) struct Given<'a, T> {
     axes: [&'a [T]; 3],
-    /// Slots from one to the next.
+    /// Number of slots from one knot to the next one.
     stride: usize,
 }
 
-/// Knots of a uniform B-spline.
+/// Knots of a uniform B-spline, computed from its control points.
 #[derive(Clone, Copy)]
 pub(crate) struct Computed<'a, T> {
     axes: [&'a [T]; 3],
@@ -335,12 +339,12 @@ impl<'a> Knots<'a> {
     }
 }
 
-/// Something that knots are read from.
+/// A source of knots.
 pub(crate) trait ReadKnots {
-    /// Their precision.
+    /// Precision of the knots.
     type Number: Copy + Into<f64> + From<u8>;
 
-    /// Coordinate `x` of the frame, of knot `s` and of the next one.
+    /// Returns coordinate `x` (in the coordinate frame) of knot `s` and of the next knot.
     fn edge(&self, s: u32, x: usize) -> [Self::Number; 2];
 }
 

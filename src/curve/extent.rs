@@ -3,10 +3,10 @@
 use super::{CurveSet, Point, significant};
 use std::fmt;
 
-/// A segment is suspicious if it spans more than this share of the scene along an axis ..
+/// A segment is suspicious if it spans more than this share of the scene along an axis,
 const SHARE: f64 = 0.5;
 
-/// .. and is longer than this many segments of average length.
+/// and is longer than this many segments of average length.
 const AVERAGES: f64 = 3.0;
 
 /// A segment that spans more than half of the scene.
@@ -68,7 +68,8 @@ impl CurveSet {
     }
 
     /// Returns the longest of the segments that span more than half of the scene along an axis and
-    /// are much longer than the average segment, if there are any. Costs two passes over all points.
+    /// are much longer than the average segment, or `None` if there are no such segments. Costs two
+    /// passes over all points.
     ///
     /// In a scene without a periodic box such a segment is unusual, but valid.
     pub fn long_segment(&self) -> Option<LongSegment> {
@@ -146,7 +147,7 @@ mod tests {
 
     #[test]
     fn coarse_curves_have_no_suspicious_segments() {
-        // The sides of a square span it, as all its segments do.
+        // A side of a square spans the whole square, but so do all of its segments.
         let xyz = [0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.];
         let square = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F64(&xyz)).unwrap();
         assert_eq!(square.long_segment(), None);

@@ -1,20 +1,22 @@
-//! Eight single-precision numbers at once: one contract, a portable implementation and one for AVX2.
+//! Operations on eight single-precision numbers at once: one trait, with a portable implementation
+//! and one for AVX2.
 //!
-//! An implementation is a token. The one for AVX2 exists only where the processor has it, so that whoever
-//! holds it may use it. Code that takes a token is compiled once for each, inside a function that is allowed
-//! the instructions: everything between that function and the operations is `#[inline(always)]`, and no
-//! closure lies between them, because a closure is compiled without the instructions.
+//! An implementation is a token type. A token for AVX2 exists only if the CPU has AVX2, so code
+//! that has a token may use the instructions. Code that is generic over the token is compiled once
+//! per implementation, inside a function with the right target features. Everything between that
+//! function and the operations must be `#[inline(always)]`, and must not be a closure, because
+//! closures are compiled without the target features.
 
 use super::LANES;
 
 /// A row of eight lanes.
 type Row<T> = [T; LANES];
 
-/// Operations on eight lanes. No number among them is NaN.
+/// Operations on eight lanes. No number is NaN.
 pub(crate) trait Lanes: Copy {
     /// Eight numbers.
     type Floats: Copy;
-    /// Eight yes or no.
+    /// Eight booleans.
     type Mask: Copy;
     /// Eight unsigned integers.
     type Words: Copy;
@@ -25,30 +27,31 @@ pub(crate) trait Lanes: Copy {
     /// `a < b`.
     fn less(self, a: Self::Floats, b: Self::Floats) -> Self::Mask;
     fn or(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Lanes that are set, a bit each.
+    /// Returns one bit per lane: 1 if the lane is set.
     fn bits(self, m: Self::Mask) -> u32;
-    /// The least number of each row.
+    /// Returns the minimum of each row.
     fn least(self, rows: [Self::Floats; LANES]) -> Self::Floats;
-    /// The greatest number of each row.
+    /// Returns the maximum of each row.
     fn greatest(self, rows: [Self::Floats; LANES]) -> Self::Floats;
 
     fn splat_word(self, x: u32) -> Self::Words;
-    /// `words` in the lanes that `m` does not have, 0 in the others.
+    /// Returns `words` in the lanes that are not set in `m`, and 0 in the others.
     fn outside(self, m: Self::Mask, words: Self::Words) -> Self::Words;
     fn or_words(self, a: Self::Words, b: Self::Words) -> Self::Words;
     fn and_words(self, a: Self::Words, b: Self::Words) -> Self::Words;
-    /// Lanes that are not 0, a bit each.
+    /// Returns one bit per lane: 1 if the lane is not 0.
     fn nonzero(self, words: Self::Words) -> u32;
     fn store(self, words: Self::Words, to: &mut Row<u32>);
-    /// The order in which [`Lanes::permute`] puts the lanes with a bit first; the others follow in any order.
+    /// Returns the permutation for [`Lanes::permute`] that moves the lanes whose bit is set to the
+    /// front. The order of the other lanes is unspecified.
     fn packed(self, bits: u32) -> Self::Words;
-    /// For every lane, the lane of `words` that `order` says.
+    /// Returns, in every lane, the lane of `words` with the index in `order`.
     fn permute(self, words: Self::Words, order: Self::Words) -> Self::Words;
-    /// `first`, `first + 1`, ..
+    /// Returns `first`, `first + 1`, ..
     fn count_from(self, first: u32) -> Self::Words;
 }
 
-/// For every processor.
+/// The implementation for every CPU.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 
@@ -187,7 +190,7 @@ impl Lanes for Portable {
     }
 }
 
-/// For every set of lanes, their numbers in order.
+/// For every set of lanes: the indices of its lanes, in order.
 const PACKED: [[u8; LANES]; 256] = {
     let mut table = [[0; LANES]; 256];
     let mut bits = 0;
@@ -205,7 +208,7 @@ const PACKED: [[u8; LANES]; 256] = {
     table
 };
 
-/// For processors with AVX2.
+/// The implementation for CPUs with AVX2.
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 
@@ -215,12 +218,13 @@ mod avx2 {
     use super::{LANES, Lanes, PACKED, Row};
     use std::arch::x86_64::*;
 
-    /// The fold of each of eight rows, by three rounds of pairs. (A macro, because a function could not be given
-    /// the operation without a closure.)
+    /// Folds each of eight rows by three rounds of pairwise operations. (A macro, because a
+    /// function could only take the operation as a closure.)
     macro_rules! fold_rows {
         ($rows:expr, $pick:ident) => {{
             let [a, b, c, d, e, f, g, h] = $rows;
-            // Of two rows: the folds of their lanes 0 and 2, and 1 and 3, side by side in each half.
+            // For two rows: the folds of their lanes 0 and 2, and 1 and 3, side by side in each
+            // half.
             let ab = fold_rows!(@two a, b, $pick);
             let cd = fold_rows!(@two c, d, $pick);
             let ef = fold_rows!(@two e, f, $pick);
@@ -249,7 +253,8 @@ mod avx2 {
     pub(crate) struct Avx2(());
 
     impl Avx2 {
-        /// The token, where the processor has AVX2 and the instructions for bits that came with it.
+        /// Returns the token if the CPU has AVX2 and the bit manipulation instructions that came
+        /// with it.
         pub fn detect() -> Option<Avx2> {
             let all = std::arch::is_x86_feature_detected!("avx2")
                 && std::arch::is_x86_feature_detected!("bmi1")
@@ -259,8 +264,8 @@ mod avx2 {
         }
     }
 
-    // Every operation is safe because the token exists only where AVX2 was detected. Loads and stores go through
-    // references to eight elements and need no alignment.
+    // Every operation is sound because the token exists only if AVX2 was detected. Loads and stores
+    // use references to eight elements and need no alignment.
     impl Lanes for Avx2 {
         type Floats = __m256;
         type Mask = __m256;
@@ -268,61 +273,61 @@ mod avx2 {
 
         #[inline(always)]
         fn load(self, row: &Row<f32>) -> __m256 {
-            // SAFETY: AVX2 is there; eight numbers are read.
+            // SAFETY: the token proves that AVX2 is available; eight numbers are read.
             unsafe { _mm256_loadu_ps(row.as_ptr()) }
         }
 
         #[inline(always)]
         fn splat(self, x: f32) -> __m256 {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_set1_ps(x) }
         }
 
         #[inline(always)]
         fn less(self, a: __m256, b: __m256) -> __m256 {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
         }
 
         #[inline(always)]
         fn or(self, a: __m256, b: __m256) -> __m256 {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_or_ps(a, b) }
         }
 
         #[inline(always)]
         fn bits(self, m: __m256) -> u32 {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_movemask_ps(m) as u32 }
         }
 
         #[inline(always)]
         fn splat_word(self, x: u32) -> __m256i {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_set1_epi32(x as i32) }
         }
 
         #[inline(always)]
         fn outside(self, m: __m256, words: __m256i) -> __m256i {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_andnot_si256(_mm256_castps_si256(m), words) }
         }
 
         #[inline(always)]
         fn or_words(self, a: __m256i, b: __m256i) -> __m256i {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_or_si256(a, b) }
         }
 
         #[inline(always)]
         fn and_words(self, a: __m256i, b: __m256i) -> __m256i {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_and_si256(a, b) }
         }
 
         #[inline(always)]
         fn nonzero(self, words: __m256i) -> u32 {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe {
                 let zero = _mm256_cmpeq_epi32(words, _mm256_setzero_si256());
                 !_mm256_movemask_ps(_mm256_castsi256_ps(zero)) as u32 & 0xff
@@ -331,38 +336,38 @@ mod avx2 {
 
         #[inline(always)]
         fn store(self, words: __m256i, to: &mut Row<u32>) {
-            // SAFETY: AVX2 is there; eight words are written.
+            // SAFETY: the token proves that AVX2 is available; eight words are written.
             unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), words) }
         }
 
         #[inline(always)]
         fn packed(self, bits: u32) -> __m256i {
             let order = &PACKED[(bits & 0xff) as usize];
-            // SAFETY: AVX2 is there; eight bytes are read.
+            // SAFETY: the token proves that AVX2 is available; eight bytes are read.
             unsafe { _mm256_cvtepu8_epi32(_mm_loadl_epi64(order.as_ptr().cast())) }
         }
 
         #[inline(always)]
         fn permute(self, words: __m256i, order: __m256i) -> __m256i {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { _mm256_permutevar8x32_epi32(words, order) }
         }
 
         #[inline(always)]
         fn least(self, rows: [__m256; LANES]) -> __m256 {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { fold_rows!(rows, _mm256_min_ps) }
         }
 
         #[inline(always)]
         fn greatest(self, rows: [__m256; LANES]) -> __m256 {
-            // SAFETY: AVX2 is there.
+            // SAFETY: the token proves that AVX2 is available.
             unsafe { fold_rows!(rows, _mm256_max_ps) }
         }
 
         #[inline(always)]
         fn store_floats(self, x: __m256, to: &mut Row<f32>) {
-            // SAFETY: AVX2 is there; eight numbers are written.
+            // SAFETY: the token proves that AVX2 is available; eight numbers are written.
             unsafe { _mm256_storeu_ps(to.as_mut_ptr(), x) }
         }
 
@@ -377,7 +382,7 @@ mod avx2 {
                 }
                 steps
             };
-            // SAFETY: AVX2 is there; eight words are read.
+            // SAFETY: the token proves that AVX2 is available; eight words are read.
             unsafe {
                 let steps = _mm256_loadu_si256(STEPS.as_ptr().cast());
                 _mm256_add_epi32(_mm256_set1_epi32(first as i32), steps)
@@ -390,7 +395,7 @@ mod avx2 {
 mod tests {
     use super::*;
 
-    /// Numbers that compare in every way.
+    /// Numbers that cover all results of a comparison.
     const SPECIAL: Row<f32> = [
         0.0,
         -0.0,
@@ -466,12 +471,12 @@ mod tests {
     }
 
     #[test]
-    fn every_implementation_computes_alike() {
+    fn all_implementations_agree() {
         check(Portable);
         #[cfg(target_arch = "x86_64")]
         match Avx2::detect() {
             Some(avx2) => check(avx2),
-            None => eprintln!("skipped: no AVX2 here"),
+            None => eprintln!("skipped: this CPU has no AVX2"),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The vocabulary of curves: points, spline bases, and all curves of one frame.
+//! Curves: points, spline bases, and the set of all curves of one frame.
 
 mod basis;
 mod boxes;
@@ -23,4 +23,11 @@ pub(crate) use notation::{Notation, significant};
 pub use set::{Curve, CurveSet};
 
 /// A point in space, in the units of the simulation.
+/// A point in space, in the units of the simulation.
 pub type Point = [f64; 3];
+
+/// Returns `2^exponent`, for exponents of normal numbers (-1022 to 1023).
+pub(crate) const fn pow2(exponent: i32) -> f64 {
+    assert!(-1022 <= exponent && exponent <= 1023);
+    f64::from_bits(((1023 + exponent) as u64) << 52)
+}

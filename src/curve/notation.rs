@@ -1,4 +1,4 @@
-//! Numbers in sentences: coordinates, lengths and times, readable in any unit.
+//! Numbers in messages: coordinates, lengths and times, readable in any unit.
 
 use super::Point;
 use std::fmt::Write;
@@ -6,20 +6,20 @@ use std::fmt::Write;
 /// Significant digits of a coordinate at the scale of the scene.
 const DIGITS: i32 = 6;
 
-/// Powers of ten that are written in full. Beyond them the power is written as a factor.
+/// Powers of ten that are written in full. Other powers are written as a factor.
 const PLAIN: std::ops::RangeInclusive<i32> = -4..=8;
 
-/// Coordinates beyond this many extents of the scene have a notation of their own.
+/// Coordinates beyond this many extents of the scene have their own notation.
 const FAR: f64 = 1e9;
 
-/// Notation of coordinates: six significant digits of a scale, which is the extent of the scene.
+/// Notation of coordinates: six significant digits at a scale, usually the extent of the scene.
 ///
-/// All coordinates of a scene have the same number of decimals, so a coordinate that is 0 but for
-/// rounding is printed as 0. If the scale is below 10^-4 or from 10^9 on, its power of ten is
-/// written as a factor: `(1.23457, -0.50000, 0.00000) x 10^-9`.
+/// All coordinates of a scene have the same number of decimals, so a coordinate that would be 0
+/// without rounding errors is printed as 0. If the scale is below 10^-4, or at least 10^9, its
+/// power of ten is written as a factor: `(1.23457, -0.50000, 0.00000) x 10^-9`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Notation {
-    /// Power of ten that is written as a factor; 0 for none.
+    /// Power of ten that is written as a factor, or 0 for no factor.
     factor: i32,
     decimals: usize,
 }
@@ -40,7 +40,8 @@ impl Notation {
     }
 
     /// Returns the notation of a place in a scene of this extent. If the extent is unknown (0), or
-    /// the place is far outside, because a simulation blew up: that of its largest coordinate.
+    /// the place is far outside of the scene because a simulation diverged, the scale is the
+    /// largest coordinate of the place.
     pub fn of_scene(extent: f64, place: Point) -> Notation {
         let largest = place.into_iter().fold(0.0, |a, x| x.abs().max(a));
         match largest < FAR * extent || largest == 0.0 {
@@ -66,7 +67,7 @@ impl Notation {
     }
 
     fn scaled(self, x: f64) -> f64 {
-        // In two halves, since 10^308 is the largest power that is finite.
+        // In two halves, since 10^308 is the largest finite power.
         let half = -self.factor / 2;
         x * 10f64.powi(half) * 10f64.powi(-self.factor - half)
     }
@@ -81,7 +82,7 @@ impl Notation {
 
     fn with_factor(self, mut text: String) -> String {
         if self.factor != 0 {
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             let _ = write!(text, " x 10^{}", self.factor);
         }
         text
@@ -156,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_far_outside_of_the_scene_has_a_notation_of_its_own() {
+    fn a_place_far_outside_of_the_scene_has_its_own_notation() {
         let place = [0.012_345_678, 0.0, 0.0];
         let text = Notation::of_scene(0.0, place).point(place);
         assert_eq!(text, "(0.0123457, 0.0000000, 0.0000000)");

@@ -3,33 +3,34 @@
 use super::basis::{Real, bspline_knot, uniform_bounds};
 use super::boxes::{BoxGroup, LANES, above, below, larger, smaller};
 use super::coordinates::{Axes, Coordinates, Knots};
-use super::{Basis, Bezier, Point, Positions, Precision, point_at};
+use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
 use crate::error::{Error, Result};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// One curve of a [`CurveSet`]: its size and where its control points lie.
+/// Size of one curve of a [`CurveSet`], and the position of its control points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Curve {
-    /// First slot of the coordinate arrays (a wrapped control point where the basis needs one).
+    /// First slot of the curve in the coordinate arrays (a wrapped control point if the basis needs
+    /// one).
     pub(super) first: u32,
-    /// Control points.
+    /// Number of control points.
     pub points: u32,
-    /// Spline segments (for polylines: edges).
+    /// Number of spline segments (for polylines: edges).
     pub segments: u32,
-    /// Whether the end is joined to the start.
+    /// True if the end is joined to the start.
     pub closed: bool,
 }
 
 impl Curve {
-    /// Whether two of its segments are one, or follow one another.
+    /// Returns true if two segments of the curve are equal or consecutive.
     #[inline]
     pub(crate) fn adjacent(&self, s: u32, t: u32) -> bool {
         let apart = s.abs_diff(t);
         apart <= 1 || (self.closed && apart == self.segments - 1)
     }
 
-    /// The segment after this one; this one, where an open curve ends.
+    /// Returns the segment after `s`, or `s` itself if it is the last one of an open curve.
     #[inline]
     pub(crate) fn after(&self, s: u32) -> u32 {
         match (s + 1 < self.segments, self.closed) {
@@ -39,7 +40,7 @@ impl Curve {
         }
     }
 
-    /// The segment before this one; this one, where an open curve starts.
+    /// Returns the segment before `s`, or `s` itself if it is the first one of an open curve.
     #[inline]
     pub(crate) fn before(&self, s: u32) -> u32 {
         match (s, self.closed) {
@@ -50,25 +51,27 @@ impl Curve {
     }
 }
 
-/// Largest coordinate of a spline, `2^300`: the products of three differences of its points, which the
-/// discretization forms, then stay finite. (Polylines have no limit.)
-const SPLINE_RANGE: f64 = f64::from_bits((1023 + 300) << 52);
+/// Largest allowed coordinate of a spline. The discretization forms products of three differences
+/// of points, which stay finite up to this limit. (Polylines have no limit.)
+const SPLINE_RANGE: f64 = pow2(300);
 
 /// All curves of one frame.
 ///
-/// Control points lie in three arrays, one an axis, curve after curve. A closed curve carries copies of its
-/// first points after its last one (and of its last before its first where the basis needs it), so that
-/// every segment is a window of neighbouring slots and eight segments are read at once.
+/// Control points are stored in three arrays, one per axis, curve after curve. A closed curve
+/// stores copies of its first points after its last one (and of its last point before its first one
+/// if the basis needs it). So every segment is a window of adjacent slots, and eight segments are
+/// read at once.
 ///
 /// Invariant: every coordinate is finite, and every curve has as many points as its basis needs.
 #[derive(Debug)]
 pub struct CurveSet {
     pub(super) basis: Basis,
-    /// Shared by clones, so that those of one set are told to have the same curves at once.
+    /// Shared by clones, so that clones of one set are recognized as having the same layout at
+    /// once.
     pub(super) curves: Arc<Vec<Curve>>,
     pub(super) coordinates: Coordinates,
     pub(super) points: usize,
-    /// Counted when the curves came in: to ask for them costs no pass over the curves.
+    /// Counted during construction, so that reading it costs no pass over the curves.
     pub(super) segments: usize,
     pub(super) open_curves: usize,
     /// Largest magnitude of any coordinate.
@@ -84,7 +87,7 @@ impl Clone for CurveSet {
         }
     }
 
-    /// Copies into the memory that is there: frame after frame.
+    /// Copies into the existing buffers, so that copying frame after frame allocates nothing.
     fn clone_from(&mut self, source: &CurveSet) {
         let CurveSet {
             basis,
@@ -102,13 +105,14 @@ impl Clone for CurveSet {
     }
 }
 
-/// Slots that a curve takes: every window of the last, possibly partial, group of eight segments lies inside.
+/// Returns the number of slots of a curve: every window of the last, possibly partial, group of
+/// eight segments fits.
 pub(super) fn slots_of(basis: Basis, segments: usize) -> usize {
     (segments.next_multiple_of(LANES) - 1) * basis.stride() + basis.window()
 }
 
 impl CurveSet {
-    /// No curves yet.
+    /// Returns a set without curves.
     pub(super) fn empty(basis: Basis, precision: Precision, slots: usize) -> CurveSet {
         CurveSet {
             basis,
@@ -123,7 +127,7 @@ impl CurveSet {
 
     /// Replaces all positions by those of another frame of the same curves. Allocates nothing.
     ///
-    /// On an error the set holds a mixture of both frames and must be updated again before use.
+    /// After an error the set holds a mixture of both frames, and must be updated again before use.
     pub fn update(&mut self, positions: Positions<'_>) -> Result<()> {
         if positions.precision() != self.precision() {
             return Err(Error::LayoutChanged {
@@ -150,7 +154,7 @@ impl CurveSet {
         Ok(())
     }
 
-    /// Writes control points of curve `i` from its point `start` on, checking every value once.
+    /// Writes control points of curve `i` from its point `start` on. Checks every value once.
     pub(super) fn write(&mut self, i: usize, start: usize, positions: Positions<'_>) -> Result<()> {
         let c = self.curves[i];
         let at = c.first as usize + self.basis.lead(c.closed) + start;
@@ -172,8 +176,8 @@ impl CurveSet {
         Ok(())
     }
 
-    /// Copies the points that a closed curve repeats at its ends, up to its last slot: what pads the last group of
-    /// segments moves as the curve does.
+    /// Updates the copies of points that a closed curve stores at its ends, up to its last slot.
+    /// The padding of the last group of segments is updated as well.
     pub(super) fn wrap(&mut self, i: usize) {
         let c = self.curves[i];
         if !c.closed {
@@ -190,59 +194,61 @@ impl CurveSet {
         }
     }
 
-    /// Whether another set has the same curves, in the same precision: only positions may differ.
+    /// Returns true if another set has the same curves in the same precision, so that only
+    /// positions may differ.
     pub(crate) fn same_layout(&self, other: &CurveSet) -> bool {
         self.basis == other.basis
             && self.precision() == other.precision()
             && (Arc::ptr_eq(&self.curves, &other.curves) || self.curves == other.curves)
     }
 
-    /// How control points become curves.
+    /// Returns the basis of all curves.
     pub fn basis(&self) -> Basis {
         self.basis
     }
 
-    /// Type of the coordinates.
+    /// Returns the type of the coordinates.
     pub fn precision(&self) -> Precision {
         self.coordinates.precision()
     }
 
-    /// Number of curves.
+    /// Returns the number of curves.
     pub fn len(&self) -> usize {
         self.curves.len()
     }
 
-    /// Whether there are no curves.
+    /// Returns true if there are no curves.
     pub fn is_empty(&self) -> bool {
         self.curves.is_empty()
     }
 
-    /// Control points of all curves together.
+    /// Returns the number of control points of all curves.
     pub fn points(&self) -> usize {
         self.points
     }
 
-    /// Segments of all curves together.
+    /// Returns the number of segments of all curves.
     pub fn segments(&self) -> usize {
         self.segments
     }
 
-    /// Curves that are not closed.
+    /// Returns the number of open curves.
     pub(crate) fn open_curves(&self) -> usize {
         self.open_curves
     }
 
-    /// Curve `i`.
+    /// Returns curve `i`.
     pub fn curve(&self, i: usize) -> Curve {
         self.curves[i]
     }
 
-    /// All curves in order.
+    /// Returns all curves in order.
     pub fn curves(&self) -> &[Curve] {
         &self.curves
     }
 
-    /// Control points a curve, negative for closed curves: the layout on the bus and in recordings.
+    /// Returns the number of control points of each curve, negative for closed curves: the layout
+    /// on the bus and in recordings.
     pub fn counts(&self) -> impl Iterator<Item = i32> + '_ {
         self.curves.iter().map(|c| {
             let n = c.points as i32;
@@ -250,62 +256,68 @@ impl CurveSet {
         })
     }
 
-    /// Largest magnitude of any coordinate.
+    /// Returns the largest magnitude of any coordinate.
     pub fn max_abs(&self) -> f64 {
         self.max_abs
     }
 
-    /// Distance by which computed points and boxes of splines may be off, an upper bound: boxes are padded
-    /// by it. Zero for polylines, whose vertices are the input.
+    /// Returns an upper bound of the error of computed points and boxes of splines. Boxes are
+    /// padded by it. It is 0 for polylines, whose vertices are the input.
     ///
-    /// With `M` the largest coordinate and `u = 2^-53`: Bezier control points have coordinates of at most
-    /// `5/3 M` (B-spline and Bezier: `M`; Catmull-Rom: `4/3 M`) and are within `4 M u`
-    /// ([`Basis::hull`]), sub-segments within `15 * 5/3 M u` of them ([`sub_segment`]): 29 M u together,
-    /// below `32 M u = M 2^-48`. The tiny constant covers underflow.
+    /// # Derivation: the error is below `32 M u = M 2^-48`
+    ///
+    /// `M` is the largest coordinate and `u = 2^-53`. Bezier control points have coordinates of at
+    /// most `5/3 M` (B-spline and Bezier: `M`; Catmull-Rom: `4/3 M`), with an error of at most
+    /// `4 M u` ([`Basis::hull`]). Sub-segments add at most `15 * 5/3 M u` ([`sub_segment`]).
+    /// Together that is `29 M u`. The tiny constant covers underflow.
     ///
     /// [`sub_segment`]: super::sub_segment
     pub(crate) fn pad(&self) -> f64 {
         if self.basis.is_polyline() {
             0.0
         } else {
-            self.max_abs * f64::from_bits((1023 - 48) << 52) + 1e-300
+            self.max_abs * pow2(-48) + 1e-300
         }
     }
 
-    /// What boxes of uniform splines are padded by when they are computed in single precision; none where
-    /// that could overflow.
+    /// Returns the padding of boxes of uniform splines that are computed in single precision, or
+    /// `None` if this computation could overflow.
     ///
-    /// With `M` the largest coordinate and `u = 2^-24`, the operations of [`Basis::hull`] in single precision
-    /// err by less than `4 M u`, as shown there. The padded bound is of magnitude `5/3 M + pad` at most and
-    /// rounds by `1.7 M u`; points that the discretization computes are within `M 2^-48` of the curve (see
-    /// [`CurveSet::pad`]). That is below `6 M u`; `8 M u = M 2^-21` is taken. The constant covers underflow: each
-    /// of the few products is off by `2^-150` at most.
+    /// # Derivation: the error is below `8 M u = M 2^-21`
+    ///
+    /// `M` is the largest coordinate and `u = 2^-24`. In single precision, the operations of
+    /// [`Basis::hull`] have an error below `4 M u`, as shown there. The padded bound has a
+    /// magnitude of at most `5/3 M + pad`, and rounding it adds `1.7 M u`. Points that the
+    /// discretization computes are within `M 2^-48` of the curve (see [`CurveSet::pad`]). The sum
+    /// is below `6 M u`; the padding is `8 M u`. The constant covers underflow: each of the few
+    /// products has an error of at most `2^-150`.
     fn single_pad(&self) -> Option<f32> {
-        const LARGEST: f64 = f64::from_bits((1023 + 120) << 52);
-        const SHARE: f64 = f64::from_bits((1023 - 21) << 52);
-        const TINY: f64 = f64::from_bits((1023 - 140) << 52);
+        const LARGEST: f64 = pow2(120);
+        const SHARE: f64 = pow2(-21);
+        const TINY: f64 = pow2(-140);
         (self.max_abs <= LARGEST).then_some((self.max_abs * SHARE + TINY) as f32)
     }
 
-    /// The coordinates of all slots: control points, the copies that wrap closed curves, and padding.
+    /// Returns the coordinates of all slots: control points, the copies that wrap closed curves,
+    /// and padding.
     pub(crate) fn axes(&self) -> Axes<'_> {
         self.coordinates.axes()
     }
 
-    /// Slots in all.
+    /// Returns the number of slots of all curves.
     pub(crate) fn slots(&self) -> usize {
         self.coordinates.len()
     }
 
-    /// The slots of the control points of curve `i`, each of them once.
+    /// Returns the slots of the control points of curve `i`, without copies.
     pub(crate) fn body(&self, i: usize) -> Range<usize> {
         let c = &self.curves[i];
         let first = c.first as usize + self.basis.lead(c.closed);
         first..first + c.points as usize
     }
 
-    /// The slots of the control points that segment `s` of curve `i` depends on, copies mapped to what they are
-    /// copies of.
+    /// Returns the slots of the control points that segment `s` of curve `i` depends on. Copies are
+    /// mapped to their originals.
     pub(crate) fn support(&self, i: usize, s: u32) -> impl Iterator<Item = usize> + use<> {
         let c = self.curves[i];
         let body = self.body(i);
@@ -313,7 +325,7 @@ impl CurveSet {
         let at = s as usize * self.basis.stride();
         (at..at + self.basis.window()).map(move |k| {
             let k = k + n - lead;
-            // Seldom a division.
+            // Rarely a division.
             body.start
                 + if k < n {
                     k
@@ -325,8 +337,8 @@ impl CurveSet {
         })
     }
 
-    /// The segments of closed curves, and of open ones where asked for, that depend on a point in one of these slots, or
-    /// on the point that it is a copy of.
+    /// Calls `segment` with the segments of closed curves, and of open curves if `open` is set,
+    /// that depend on a point in one of these slots or on a copy of it.
     pub(crate) fn segments_at(
         &self,
         slots: Range<usize>,
@@ -348,7 +360,7 @@ impl CurveSet {
                 continue;
             }
             for slot in here {
-                // Windows that have the slot in them, around the end where they wrap.
+                // Windows that contain the slot. Windows of closed curves may wrap around the end.
                 let (n, at) = (c.segments as usize, slot - body.start + lead);
                 let last = at / stride;
                 for back in 0..window.div_ceil(stride) {
@@ -371,27 +383,29 @@ impl CurveSet {
         }
     }
 
-    /// The slot where segment `s` of curve `i` starts.
+    /// Returns the slot at which segment `s` of curve `i` starts.
     fn slot(&self, i: usize, s: usize) -> usize {
         self.curves[i].first as usize + s * self.basis.stride()
     }
 
-    /// The point in a slot.
+    /// Returns the point in a slot.
     #[inline]
     pub(crate) fn at(&self, slot: usize) -> Point {
         self.coordinates.at(slot)
     }
 
-    /// Control point `k` of curve `i`.
+    /// Returns control point `k` of curve `i`.
     pub fn point(&self, i: usize, k: usize) -> Point {
         let c = self.curves[i];
         assert!(k < c.points as usize, "curve {i} has {} points", c.points);
         self.at(c.first as usize + self.basis.lead(c.closed) + k)
     }
 
-    /// Start of segment `s` of curve `i`; for `s` = number of segments, the end of the last.
+    /// Returns the start of segment `s` of curve `i`. If `s` is the number of segments: the end of
+    /// the last one.
     ///
-    /// The input itself for polylines, Catmull-Rom and Bezier; computed in double precision for B-splines.
+    /// For polylines, Catmull-Rom and Bezier this is an input point. For B-splines it is computed
+    /// in double precision.
     pub fn knot(&self, i: usize, s: usize) -> Point {
         debug_assert!(s <= self.curves[i].segments as usize);
         let slot = self.slot(i, s);
@@ -405,7 +419,7 @@ impl CurveSet {
         }
     }
 
-    /// Bezier control points of segment `s` of curve `i`: `[axis][k]`.
+    /// Returns the Bezier control points of segment `s` of curve `i`: `[axis][k]`.
     #[inline(always)]
     pub(crate) fn hull(&self, i: usize, s: usize) -> [[f64; 4]; 3] {
         let slot = self.slot(i, s);
@@ -421,18 +435,19 @@ impl CurveSet {
         hull
     }
 
-    /// Bezier form of segment `s` of curve `i`.
+    /// Returns the Bezier form of segment `s` of curve `i`.
     pub(crate) fn segment(&self, i: usize, s: usize) -> Bezier {
         let hull = self.hull(i, s);
         [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| hull[x][k]))
     }
 
-    /// Point of curve `i` at parameter `t` in `[0, 1]` of its segment `s`.
+    /// Returns the point of curve `i` at parameter `t` in `[0, 1]` of its segment `s`.
     pub fn eval(&self, i: usize, s: usize, t: f64) -> Point {
         point_at(&self.segment(i, s), t)
     }
 
-    /// Curve `i` as a polyline for display, `per_segment` points a segment; a closed one repeats its start.
+    /// Returns curve `i` as a polyline for display, with `per_segment` points per segment. The
+    /// polyline of a closed curve repeats its start at the end.
     pub fn display_polyline(&self, i: usize, per_segment: usize) -> Vec<[f32; 3]> {
         let n = self.curves[i].segments as usize;
         let steps = if self.basis.is_polyline() {
@@ -452,8 +467,8 @@ impl CurveSet {
         out
     }
 
-    /// Appends the control points of all curves, `x y z` curve after curve, in their own precision, as
-    /// little-endian bytes: what a recording stores.
+    /// Appends the control points of all curves to `out`, `x y z` curve after curve, in their
+    /// precision, as little-endian bytes. Recordings store this form.
     pub fn write_positions(&self, out: &mut Vec<u8>) {
         out.reserve(3 * self.points * self.precision().bytes());
         for c in self.curves.iter() {
@@ -464,9 +479,11 @@ impl CurveSet {
         }
     }
 
-    /// Boxes of the segments `8 g .. 8 g + 8` of curve `i`; lanes past its end are empty.
+    /// Returns the boxes of the segments `8 g .. 8 g + 8` of curve `i`. Lanes past the last segment
+    /// are empty.
     ///
-    /// Each box contains the segment, its chord, and every point that the discretization may compute on it.
+    /// Each box contains the segment, its chord, and every point that the discretization may
+    /// compute on it.
     #[inline(always)]
     pub(crate) fn leaf_boxes(&self, i: usize, g: usize) -> BoxGroup {
         let count = self.curves[i].segments as usize - g * LANES;
@@ -498,7 +515,7 @@ impl CurveSet {
         group
     }
 
-    /// Boxes of eight segments of a uniform cubic basis, computed in double precision.
+    /// Returns the boxes of eight segments of a uniform cubic basis, computed in double precision.
     #[inline(always)]
     fn wide_boxes<T: Copy + Into<f64>>(&self, v: &[Vec<T>; 3], first: usize) -> BoxGroup {
         let pad = self.pad();
@@ -525,7 +542,7 @@ impl CurveSet {
         group
     }
 
-    /// The knots of curve `i`, for reading many, with the axis `w` as the last of the frame.
+    /// Returns a reader of the knots of curve `i`, in a coordinate frame whose last axis is `w`.
     pub(crate) fn knots(&self, i: usize, w: usize) -> Knots<'_> {
         // Catmull-Rom segments start at the second point of their window.
         let first = self.slot(i, 0) + usize::from(self.basis == Basis::CatmullRom);
@@ -540,7 +557,8 @@ impl CurveSet {
         )
     }
 
-    /// Vertices of polyline `i` that repeat the one before them (its first one, around the end).
+    /// Returns the number of vertices of polyline `i` that equal their successor (after the last
+    /// vertex of a closed polyline comes its first one).
     pub fn repeated_vertices(&self, i: usize) -> usize {
         if !self.basis.is_polyline() {
             return 0;
@@ -550,7 +568,8 @@ impl CurveSet {
             .repeats(c.first as usize, c.segments as usize)
     }
 
-    /// Whether curve `i` has at least three distinct control points: a loop with fewer bounds nothing.
+    /// Returns true if curve `i` has at least three distinct control points. A loop with fewer
+    /// bounds no area.
     pub fn has_three_distinct_points(&self, i: usize) -> bool {
         let n = self.curves[i].points as usize;
         let a = self.point(i, 0);
@@ -570,7 +589,7 @@ impl CurveSet {
     }
 }
 
-/// Boxes of eight edges of a polyline.
+/// Returns the boxes of eight edges of a polyline.
 #[inline(always)]
 fn edge_boxes<T: Copy>(
     v: &[Vec<T>; 3],
@@ -589,7 +608,7 @@ fn edge_boxes<T: Copy>(
     group
 }
 
-/// Boxes of eight segments of a uniform cubic basis, computed in the type `R`.
+/// Returns the boxes of eight segments of a uniform cubic basis, computed in the type `R`.
 #[inline(always)]
 fn uniform_boxes<T: Copy + Into<R>, R: Real>(
     basis: Basis,
@@ -623,7 +642,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_polyline_wraps() {
+    fn the_last_segment_of_a_closed_polyline_ends_at_its_start() {
         let set = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F32(&square())).unwrap();
         assert_eq!(set.knot(0, 4), set.knot(0, 0));
         assert_eq!(set.curve(0).segments, 4);
@@ -634,7 +653,7 @@ mod tests {
     }
 
     #[test]
-    fn every_basis_closes_smoothly_and_boxes_contain_the_curve() {
+    fn segments_are_connected_and_boxes_contain_the_curve() {
         for basis in Basis::ALL {
             for closed in [true, false] {
                 let n = if closed { 21 } else { 22 };
@@ -668,7 +687,7 @@ mod tests {
     }
 
     #[test]
-    fn segments_at_a_slot_are_those_that_it_supports() {
+    fn finds_the_segments_that_depend_on_a_slot() {
         for basis in Basis::ALL {
             let counts = [-3, -9, 10, -30, 4];
             let xyz = vec![0.5f32; 3 * 56];
@@ -716,7 +735,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_is_not_finite_is_named() {
+    fn errors_name_the_value_that_is_not_finite() {
         let mut xyz = square();
         xyz[7] = f32::NAN;
         let e = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F32(&xyz)).unwrap_err();
@@ -727,7 +746,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_that_lie_are_refused() {
+    fn rejects_counts_that_do_not_match_the_positions() {
         for counts in [&[-5][..], &[-3], &[], &[i32::MIN, i32::MIN]] {
             let e = CurveSet::from_counts(Basis::Polyline, counts, Positions::F32(&square()));
             assert!(matches!(e, Err(Error::Count { .. })), "{counts:?}");
@@ -746,7 +765,7 @@ mod tests {
     }
 
     #[test]
-    fn distinct_points_are_counted_past_repeats() {
+    fn repeated_points_do_not_count_as_distinct() {
         let p = |v: &[[f32; 3]]| {
             let flat: Vec<f32> = v.iter().flatten().copied().collect();
             CurveSet::from_counts(Basis::Polyline, &[-(v.len() as i32)], Positions::F32(&flat))

@@ -1,12 +1,14 @@
-//! Algorithm 3 of Qu & James 2021 as published: polylines for all curves at once.
+//! Algorithm 3 of Qu & James 2021 as published: polylines of all curves at once.
 //!
-//! Passes over all potential links: segments of different curves whose tight boxes overlap are halved, until
-//! none do. Changed here: candidates come from the trees over each curve instead of a new tree a pass (a
-//! half's box lies in the box of the whole, so only pairs of halves of overlapping pairs can overlap), and
-//! boxes are padded by the rounding bound.
+//! The algorithm makes passes over all potential links. Segments of different curves with
+//! overlapping tight boxes are halved until no such boxes overlap. There are two changes:
+//! candidates come from the trees of the curves instead of a new tree per pass (the box of a half
+//! lies in the box of the whole, so only halves of overlapping pairs can overlap), and boxes are
+//! padded by the rounding error bound.
 //!
-//! Cost: one box test for every pair of segments whose boxes overlap, and again for their halves. The pair-wise
-//! way ([`super::Separation`]) adds about a hundredth of the points on garments.
+//! Cost: one box test for every pair of segments with overlapping boxes, and again for their
+//! halves. The pairwise algorithm ([`super::Separation`]) adds about a hundredth of the points on
+//! garments.
 
 use super::MAX_LEVEL;
 use super::halving::Halving;
@@ -17,22 +19,23 @@ use crate::pairs::{LinkSearch, Pair, Trees, closest_of_segments, overlapping_seg
 use crate::verdict::{Defect, DefectKind};
 use rayon::prelude::*;
 
-/// What Algorithm 3 made of a frame.
+/// Result of Algorithm 3 for a frame.
 #[derive(Clone, Debug)]
 pub struct Polylines {
     /// The curves as polylines in double precision, link homotopic to the input.
     pub curves: CurveSet,
-    /// Segment pairs of the input whose tight boxes overlap.
+    /// Number of segment pairs of the input with overlapping tight boxes.
     pub overlaps: usize,
-    /// Passes over the segments.
+    /// Number of passes over the segments.
     pub passes: u32,
-    /// Pairs of curves that stayed too close; the polylines prove nothing about them.
+    /// Pairs of curves that stayed too close. The polylines prove nothing about these pairs.
     pub too_close: Vec<Defect>,
 }
 
-/// Discretizes all curves of a frame (open ones into their chords).
+/// Discretizes all curves of a frame (open curves into their chords).
 ///
-/// Errors: none of its own; the result has more points than `u32` can count only where the input nearly has.
+/// Fails only if the result has more points than `u32` can count, which requires an input of nearly
+/// that size.
 pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
     let mut trees = Trees::default();
     trees.refit(set);
@@ -53,8 +56,8 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
         for (&(i, j), refined) in pairs.iter().zip(&refined) {
             overlaps += refined.overlaps;
             passes = passes.max(refined.passes);
-            for (curve, own) in [i, j].into_iter().zip(&refined.splits) {
-                splits[curve as usize].extend(own);
+            for (curve, added) in [i, j].into_iter().zip(&refined.splits) {
+                splits[curve as usize].extend(added);
             }
             if let Some(segments) = refined.too_close {
                 too_close.push(Defect {
@@ -78,12 +81,12 @@ pub fn homotopic_polylines(set: &CurveSet) -> Result<Polylines> {
     })
 }
 
-/// What one pair asks for.
+/// Refinement of one pair of curves.
 struct Refined {
-    /// Segment pairs whose tight boxes overlap.
+    /// Number of segment pairs with overlapping tight boxes.
     overlaps: usize,
     passes: u32,
-    /// Splits of both curves; none where the pair stays too close.
+    /// Splits of both curves. Empty if the pair stays too close.
     splits: [Vec<(u32, f64)>; 2],
     too_close: Option<[u32; 2]>,
 }
@@ -101,7 +104,7 @@ fn refine(
     let whole = |i: usize, s: u32| tight_bounds(&set.segment(i, s as usize));
     meeting.retain(|&(s, t)| !apart(&whole(curves[0], s), &whole(curves[1], t)));
     let outcome = halving.halve(set, curves, &meeting, tight_bounds, apart);
-    // Splits of a pair that stays too close would prove nothing, and there may be millions.
+    // Splits of a pair that stays too close prove nothing, and there may be millions of them.
     let splits = match outcome {
         Ok(_) => halving.splits.each_ref().map(|s| s.at.clone()),
         Err(_) => Default::default(),
@@ -114,7 +117,7 @@ fn refine(
     }
 }
 
-/// The curves as polylines through all knots and splits.
+/// Returns the polylines through all knots and splits.
 fn polylines(set: &CurveSet, splits: &[Vec<(u32, f64)>]) -> Result<CurveSet> {
     let added: usize = splits.iter().map(Vec::len).sum();
     let mut builder = CurveSet::builder(

@@ -1,24 +1,24 @@
-//! Halving segments of two curves until the volumes of their pieces are apart.
+//! Subdivision of segments of two curves until the volumes of their pieces are apart.
 
 use super::{MAX_FRONT, MAX_LEVEL};
 use crate::curve::{Bezier, CurveSet, Point, point_at, sub_segment};
 
-/// Parameters at which segments of one curve are split, as the pair needs it.
+/// Parameters at which the segments of one curve are split for a pair of curves.
 #[derive(Debug, Default)]
 pub(crate) struct Splits {
     /// Segment and parameter, sorted.
     pub at: Vec<(u32, f64)>,
-    /// A bit for every segment that is split.
+    /// One bit per segment, set if the segment is split.
     marked: Vec<u64>,
 }
 
 impl Splits {
-    /// Number of points added.
+    /// Returns the number of added points.
     pub fn len(&self) -> usize {
         self.at.len()
     }
 
-    /// Forgets all splits.
+    /// Removes all splits.
     pub fn clear(&mut self) {
         for &(segment, _) in &self.at {
             if let Some(word) = self.marked.get_mut(segment as usize / 64) {
@@ -28,7 +28,7 @@ impl Splits {
         self.at.clear();
     }
 
-    /// Marks what is split, of a curve of `segments`, for [`Splits::splits`].
+    /// Sets the bits for [`Splits::splits`], for a curve with this number of segments.
     fn mark(&mut self, segments: u32) {
         let words = segments.div_ceil(64) as usize;
         if self.marked.len() < words {
@@ -51,14 +51,15 @@ impl Splits {
         &self.at[start..end]
     }
 
-    /// Whether a segment is split.
+    /// Returns true if a segment is split.
     #[inline(always)]
     pub fn splits(&self, segment: u32) -> bool {
         let word = self.marked.get(segment as usize / 64);
         word.is_some_and(|word| word >> (segment % 64) & 1 != 0)
     }
 
-    /// The vertices that stand for segment `s` of curve `i`, ends included.
+    /// Replaces `out` by the vertices of the polyline of segment `s` of curve `i`, including its
+    /// ends.
     pub fn polyline(&self, set: &CurveSet, i: usize, s: u32, out: &mut Vec<Point>) {
         out.clear();
         out.push(set.knot(i, s as usize));
@@ -71,28 +72,30 @@ impl Splits {
     }
 }
 
-/// Two pieces whose volumes meet: segment and index of the piece at the current level, for both curves.
+/// Two pieces with overlapping volumes: segments, and indices of the pieces at the current level,
+/// for both curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Overlap {
     segments: [u32; 2],
     pieces: [u64; 2],
 }
 
-/// Buffers of halving, and its result.
+/// Buffers and result of the subdivision.
 #[derive(Debug, Default)]
 pub(crate) struct Halving {
-    /// Where both curves are split.
+    /// Splits of both curves.
     pub splits: [Splits; 2],
     front: Vec<Overlap>,
     next: Vec<Overlap>,
 }
 
 impl Halving {
-    /// Splits segments of two curves until the volumes of no two pieces meet; returns the rounds that it took, or
-    /// two segments that stay too close (the splits prove nothing then).
+    /// Splits segments of two curves until no two volumes of pieces meet. Returns the number of
+    /// rounds, or two segments that stay too close (the splits then prove nothing).
     ///
-    /// `meeting` lists all segment pairs whose volumes meet; `volume` gives a convex set that contains a piece,
-    /// and `apart` tells whether two of them are apart beyond rounding.
+    /// `meeting` lists all segment pairs with overlapping volumes. `volume` returns a convex set
+    /// that contains a piece. `apart` returns true if two volumes are apart by more than rounding
+    /// errors.
     pub(super) fn halve<V>(
         &mut self,
         set: &CurveSet,
@@ -115,10 +118,11 @@ impl Halving {
         let mut rounds = 0;
         while !front.is_empty() {
             if rounds == MAX_LEVEL || front.len() > MAX_FRONT {
-                // The least one, whatever the order in which they were found.
+                // The minimum does not depend on the order in which pairs were found.
                 return Err(front.iter().min().map_or([0, 0], |o| o.segments));
             }
-            // Length of a half in the parameter of the whole segment: a power of two, so products are exact.
+            // Length of a half in the parameter of the whole segment. It is a power of two, so
+            // products are exact.
             let half = 0.5f64.powi(rounds as i32 + 1);
             rounds += 1;
             next.clear();
@@ -143,7 +147,7 @@ impl Halving {
                     }
                 }
             }
-            // A piece that overlaps several others was split once for each.
+            // A piece that overlaps several others was split once for each of them.
             splits.iter_mut().for_each(Splits::sort);
             std::mem::swap(front, next);
         }

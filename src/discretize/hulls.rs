@@ -1,34 +1,34 @@
-//! Are the convex hulls of two cubic segments apart, by more than rounding can hide?
+//! Separation of the convex hulls of two cubic segments, by more than rounding errors.
 
-use crate::curve::{Bezier, Bounds, Point};
+use crate::curve::{Bezier, Bounds, Point, pow2};
 
-/// The convex hull of a cubic segment, by its control points: `points[axis][k]`.
+/// Convex hull of a cubic segment, given by its control points: `points[axis][k]`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hull {
     pub(super) points: [[f64; 4]; 3],
 }
 
 impl Hull {
-    /// The hull of a segment, as [`crate::CurveSet`] gives it.
+    /// Returns the hull of a segment, given the points from [`crate::CurveSet`].
     #[inline(always)]
     pub fn new(points: [[f64; 4]; 3]) -> Hull {
         Hull { points }
     }
 
-    /// One of the four points.
+    /// Returns one of the four control points.
     #[inline(always)]
     pub fn point(&self, k: usize) -> Point {
         [0, 1, 2].map(|x| self.points[x][k])
     }
 
-    /// The mean of the four.
+    /// Returns the mean of the four control points.
     #[inline(always)]
     pub fn center(&self) -> Point {
         self.sum().map(|x| 0.25 * x)
     }
 
-    /// The hulls of both halves of the segment. Every mean is rounded once, and none enlarges what others err: within
-    /// `3 M u`, for coordinates of at most `M`.
+    /// Returns the hulls of both halves of the segment. Each mean is rounded once and does not
+    /// amplify other errors, so the error is at most `3 M u` for coordinates of at most `M`.
     pub fn halves(&self) -> [Hull; 2] {
         let mut out = [*self; 2];
         for (x, p) in self.points.iter().enumerate() {
@@ -42,7 +42,7 @@ impl Hull {
         out
     }
 
-    /// The point of the curve beside a point of its chord, roughly.
+    /// Returns, approximately, the point of the curve at the parameter of a point of its chord.
     pub fn beside(&self, p: Point) -> Point {
         let start = self.point(0);
         let d = self.chord();
@@ -53,19 +53,20 @@ impl Hull {
             .map(|p| a * p[0] + b * p[1] + c * p[2] + d * p[3])
     }
 
-    /// The heights of the points of both hulls along a vector, above the first point of this one.
+    /// Returns the heights of the control points of both hulls along a vector, relative to the
+    /// first point of this hull.
     #[inline(always)]
     pub fn heights_of_both(&self, other: &Hull, n: Point) -> [[f64; 4]; 2] {
         let origin = self.point(0);
         [self.heights(origin, n), other.heights(origin, n)]
     }
 
-    /// The gap of two hulls along a vector that points from this one to the other, within rounding; 0 where there is
-    /// none.
+    /// Returns the gap between two hulls along a vector from this one to the other one, within
+    /// rounding errors, or 0 if there is no gap.
     #[inline(always)]
     pub fn gap_along(&self, other: &Hull, n: Point) -> f64 {
         let length_sq = dot(n, n);
-        // Below this, squares may have lost digits.
+        // Below this limit, squares may have lost digits.
         if !(length_sq > 1e-200 && length_sq.is_finite()) {
             return 0.0;
         }
@@ -73,14 +74,14 @@ impl Hull {
         ((to[0] - from[1]) / length_sq.sqrt()).max(0.0)
     }
 
-    /// The hull of a piece of a segment.
+    /// Returns the hull of a piece of a segment.
     pub fn of_piece(p: &Bezier) -> Hull {
         Hull {
             points: [0, 1, 2].map(|x| [0, 1, 2, 3].map(|k| p[k][x])),
         }
     }
 
-    /// The vector from the start to the end.
+    /// Returns the vector from the start to the end.
     #[inline(always)]
     fn chord(&self) -> Point {
         let [x, y, z] = &self.points;
@@ -94,23 +95,27 @@ impl Hull {
         [sum(x), sum(y), sum(z)]
     }
 
-    /// Whether some tested axis separates the hulls, each of them dilated by `margin` in the maximum norm.
+    /// Returns true if a tested axis separates the hulls, each of them dilated by `margin` in the
+    /// maximum norm.
     ///
-    /// "No" means not known. `margin` bounds how far computed control points and computed curve points lie from
-    /// the true ones; see [`separation_margin`] for what it must cover beyond that.
+    /// The result `false` means unknown. `margin` bounds the distance of computed control points
+    /// and computed curve points from the exact ones. See [`separation_margin`] for the other
+    /// errors that it must cover.
     #[inline(always)]
     pub fn separated(&self, other: &Hull, margin: f64) -> bool {
         Self::separated_throughout([[self, other]], margin)
     }
 
-    /// Whether some tested axis separates the hulls of two segments in all these frames, the same one on the same
-    /// side: then it does at all times between, for control points that move on straight lines at constant speed.
+    /// Returns true if a tested axis separates the hulls of two segments in all frames, with the
+    /// same segment below. Then the axis separates them at all times in between, if control points
+    /// move on straight lines at constant speed.
     ///
-    /// For `n . p` of every control point is linear in time: if all of one segment are below all of the other at both
-    /// ends of a step, by some distance, they are by that distance at all times between.
+    /// Proof: `n . p` of every control point is linear in time. If all points of one segment are
+    /// below all points of the other by some distance at both ends of a step, they are by that
+    /// distance at all times in between.
     #[inline(always)]
     pub fn separated_throughout<const N: usize>(frames: [[&Hull; 2]; N], margin: f64) -> bool {
-        // Axes are chosen by the sums over the frames; which ones are, needs no proof.
+        // The axes are derived from sums over the frames. Any choice of axes is valid.
         let (mut da, mut db, mut between) = ([0.0; 3], [0.0; 3], [0.0; 3]);
         for [a, b] in frames {
             da = add(da, a.chord());
@@ -121,7 +126,7 @@ impl Hull {
         if apart_along(frames, cross(da, db), margin) || apart_along(frames, between, margin) {
             return true;
         }
-        // Nearly parallel strands: the way from one to the other, made orthogonal to a chord.
+        // Nearly parallel strands: the vector from one to the other, made orthogonal to a chord.
         for d in [da, db] {
             let length_sq = dot(d, d);
             if length_sq > 0.0 {
@@ -149,20 +154,21 @@ impl Hull {
         apart
     }
 
-    /// Whether this hull, dilated by `margin` as is the other one, lies before a plane with normal `n` that the other
-    /// lies behind; and whether it is the other way round.
+    /// Returns two results for a plane with normal `n`: true if this hull is before the plane and
+    /// the other one behind it, and true if it is the other way round. Both hulls are dilated by
+    /// `margin`.
     #[inline(always)]
     fn sides_along(&self, other: &Hull, n: Point, margin: f64) -> (bool, bool) {
-        // The constant covers underflow, of this product and of those below.
+        // The constant covers underflow of this product and of those below.
         let slack = 2.0 * margin * (n[0].abs() + n[1].abs() + n[2].abs()) + 1e-300;
         let origin = [self.points[0][0], self.points[1][0], self.points[2][0]];
         let [a_lo, a_hi] = extent(&self.heights(origin, n));
         let [b_lo, b_hi] = extent(&other.heights(origin, n));
-        // Strict: a normal of zero separates nothing.
+        // Strict comparisons: a zero normal separates nothing.
         (a_hi + slack < b_lo, b_hi + slack < a_lo)
     }
 
-    /// `n . (p - origin)` for all control points.
+    /// Returns `n . (p - origin)` for all control points.
     #[inline(always)]
     fn heights(&self, origin: Point, n: Point) -> [f64; 4] {
         let [x, y, z] = &self.points;
@@ -174,14 +180,15 @@ impl Hull {
         out
     }
 
-    /// Whether the curves of these segments run one way along some axis, in all frames and at all times between: no
-    /// point of theirs, taken in this order, is where another one is.
+    /// Returns true if the curves of these segments are monotonic along a common axis, in all
+    /// frames and at all times in between, so that no two of their points, in this order, coincide.
     ///
-    /// The derivative of a cubic is a convex combination of the differences of its control points. With all of
-    /// those in the half-space of one axis at both ends of a step, they are in it at all times between. A difference
-    /// is computed within twice the error of a control point, which `margin` covers as it does for heights.
+    /// Proof: the derivative of a cubic is a convex combination of the differences of its control
+    /// points. If all these differences are in the half-space of one axis at both ends of a step,
+    /// they are at all times in between. The error of a computed difference is at most twice that
+    /// of a control point, which `margin` covers as for heights.
     #[inline(always)]
-    pub fn run_one_way<const N: usize, const M: usize>(
+    pub fn are_monotonic<const N: usize, const M: usize>(
         frames: &[[Hull; M]; N],
         margin: f64,
     ) -> bool {
@@ -203,7 +210,8 @@ impl Hull {
     }
 }
 
-/// Whether a plane with normal `n` is between the hulls, dilated by `margin`, in every frame, on the same side.
+/// Returns true if a plane with normal `n` is between the hulls, dilated by `margin`, in every
+/// frame, with the same hull before it.
 #[inline(always)]
 fn apart_along<const N: usize>(frames: [[&Hull; 2]; N], n: Point, margin: f64) -> bool {
     let mut sides = [true; 2];
@@ -214,7 +222,7 @@ fn apart_along<const N: usize>(frames: [[&Hull; 2]; N], n: Point, margin: f64) -
     sides[0] | sides[1]
 }
 
-/// The smallest and the largest of four numbers, none of which is NaN.
+/// Returns the smallest and the largest of four numbers that are not NaN.
 #[inline(always)]
 fn extent(v: &[f64; 4]) -> [f64; 2] {
     let smaller = |a: f64, b: f64| if a < b { a } else { b };
@@ -225,18 +233,23 @@ fn extent(v: &[f64; 4]) -> [f64; 2] {
     ]
 }
 
-/// The margin for hulls whose control points are at most `max_abs` in magnitude times 5/3, and computed
-/// within [`crate::CurveSet::pad`].
+/// Returns the margin for hulls whose control points have magnitudes of at most 5/3 `max_abs` and
+/// errors of at most [`crate::CurveSet::pad`].
 ///
-/// With `M = 5/3 max_abs` and `u = 2^-53`, [`Hull::sides_along`] computes `n . (p - o)` with an error of at most
-/// `|n|_1 (2 M u + 3 * 2 M u (1 + u)^3)`: the difference is at most `2 M` and rounds once, the scalar product
-/// of three terms at most three times each. Twice that for the two sides, and the pads of both hulls; `32 M u`
-/// covers the first, the pad itself (`29 M u` at most, see there) the second.
+/// # Derivation
+///
+/// Let `M = 5/3 max_abs` and `u = 2^-53`. [`Hull::sides_along`] computes `n . (p - o)` with an
+/// error of at most `|n|_1 (2 M u + 3 * 2 M u (1 + u)^3)`: the difference is at most `2 M` and is
+/// rounded once; the scalar product has three terms, each rounded at most three times. The error
+/// counts twice, for the two sides, and the errors of both hulls are added.
+/// `64 u max_abs = max_abs 2^-47` covers the former, `pad` (at most `29 u max_abs`, see there) the
+/// latter.
 pub(super) fn separation_margin(max_abs: f64, pad: f64) -> f64 {
-    pad + max_abs * f64::from_bits((1023 - 47) << 52)
+    pad + max_abs * pow2(-47)
 }
 
-/// The box of the curve itself, within rounding: its ends and its extremes.
+/// Returns the bounding box of the curve itself, within rounding errors: of its ends and its
+/// extremes.
 pub(super) fn tight_bounds(p: &Bezier) -> Bounds {
     let (mut lo, mut hi) = ([0.0; 3], [0.0; 3]);
     for x in 0..3 {
@@ -253,7 +266,7 @@ pub(super) fn tight_bounds(p: &Bezier) -> Bounds {
                 hi[x] = hi[x].max(v);
             }
         };
-        // A third of the derivative: q2 t^2 + 2 q1 t + q0.
+        // One third of the derivative: q2 t^2 + 2 q1 t + q0.
         let (q0, q1, q2) = (b - a, a - 2.0 * b + c, d - a + 3.0 * (b - c));
         let discriminant = q1 * q1 - q2 * q0;
         if discriminant >= 0.0 {
@@ -269,7 +282,7 @@ pub(super) fn tight_bounds(p: &Bezier) -> Bounds {
     (lo, hi)
 }
 
-/// Whether two boxes are more than `2 margin` apart along an axis.
+/// Returns true if two boxes are more than `2 margin` apart along an axis.
 pub(super) fn boxes_apart(a: &Bounds, b: &Bounds, margin: f64) -> bool {
     (0..3).any(|x| a.1[x] + 2.0 * margin < b.0[x] || b.1[x] + 2.0 * margin < a.0[x])
 }
@@ -330,15 +343,23 @@ mod tests {
             }
         }
 
-        /// Separated hulls have no curve points at the same place, and hulls that share a point never separate.
+        /// Curves in separated hulls have no common point, and hulls that share a point are never
+        /// separated.
         #[test]
-        fn separation_is_sound(a in bezier(), b in bezier(), shift in 0.0f64..2.5, s in 0.0f64..1.0, t in 0.0f64..1.0) {
+        fn separation_is_sound(
+            a in bezier(),
+            b in bezier(),
+            shift in 0.0f64..2.5,
+            s in 0.0f64..1.0,
+            t in 0.0f64..1.0,
+        ) {
             let mut moved = b;
             moved.iter_mut().for_each(|p| p[2] += shift);
             if separated(&a, &moved, 1e-14) {
                 for k in 0..=20 {
                     for l in 0..=20 {
-                        let (p, q) = (point_at(&a, f64::from(k) / 20.0), point_at(&moved, f64::from(l) / 20.0));
+                        let [s, t] = [k, l].map(|k| f64::from(k) / 20.0);
+                        let (p, q) = (point_at(&a, s), point_at(&moved, t));
                         prop_assert!((0..3).any(|x| (p[x] - q[x]).abs() > 1e-14));
                     }
                 }
@@ -351,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn strands_at_an_angle_and_side_by_side_separate() {
+    fn separates_strands_at_an_angle_and_side_by_side() {
         let line =
             |p: Point, d: Point| [0.0, 1.0, 2.0, 3.0].map(|t| [0, 1, 2].map(|x| p[x] + t * d[x]));
         let a = line([0.0; 3], [1.0, 1.0, 0.0]);

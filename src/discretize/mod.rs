@@ -1,16 +1,17 @@
-//! Splines to polylines that are link homotopic to them.
+//! Discretization of splines into polylines that are link homotopic to them.
 //!
-//! If the convex volumes of two pieces of different curves do not meet, each piece can be pulled straight
-//! within its own volume without passing through the other (Qu & James 2021, Theorem A.2; it uses only that
-//! the volumes are convex). So pieces are halved until no two volumes of different curves meet.
+//! If the convex volumes of two pieces of different curves are disjoint, each piece can be pulled
+//! straight within its volume without passing through the other one (Qu & James 2021, Theorem A.2,
+//! which only requires convex volumes). So pieces are halved until no volumes of different curves
+//! meet.
 //!
-//! Two ways, with the same linking numbers:
-//! - [`Separation`]: within one pair of curves, lazily, only where their boxes overlap in space; volumes are
-//!   the hulls of the Bezier control points. What the crossing kernel uses.
-//! - [`homotopic_polylines`]: Algorithm 3 as published, for all pairs at once, with tight boxes; gives
-//!   polylines that stand alone.
+//! There are two algorithms, with the same linking numbers:
+//! - [`Separation`]: for one pair of curves, on demand, only at overlapping boxes. The volumes are
+//!   the hulls of the Bezier control points. The crossing kernel uses this one.
+//! - [`homotopic_polylines`]: Algorithm 3 as published, for all pairs at once, with tight boxes.
+//!   The resulting polylines can be used independently of the splines.
 //!
-//! Polylines go through neither.
+//! Polylines need no discretization.
 
 mod global;
 mod halving;
@@ -24,10 +25,12 @@ pub(crate) use hulls::Hull;
 pub(crate) use pair::{MovingSeparation, Separation};
 pub(crate) use pieces::{Sieve, pieces_between, pieces_within};
 
-/// Halvings of a segment after which a pair counts as too close: pieces are then `2^-30` of a segment, and
-/// their hulls, which flatten with the square of their length, thinner than coordinates can resolve.
+/// Number of halvings of a segment after which a pair counts as too close. Pieces then have `2^-30`
+/// of the length of a segment. Their hulls, whose thickness is quadratic in that length, are
+/// thinner than the resolution of coordinates.
 const MAX_LEVEL: u32 = 30;
 
-/// Pieces of one pair that may be under-refined at once. Strands that run within rounding of one another
-/// would double it at every level until memory ends.
+/// Maximum number of overlapping piece pairs of one pair of curves that are refined at once. For
+/// strands within a rounding error of each other, this number would double at every level until
+/// memory is exhausted.
 const MAX_FRONT: usize = 1 << 16;

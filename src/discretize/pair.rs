@@ -1,11 +1,11 @@
-//! Discretization of one pair of curves, only where they come near one another.
+//! Discretization of one pair of curves, only near each other.
 
 use super::halving::Halving;
 use super::hulls::{Hull, separation_margin};
 use crate::curve::CurveSet;
 use std::ops::Range;
 
-/// Are the hulls of two segments apart?
+/// Separation test for the hulls of two segments.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Separation<'a> {
     set: &'a CurveSet,
@@ -22,7 +22,7 @@ impl<'a> Separation<'a> {
         }
     }
 
-    /// Keeps the segment pairs whose hulls are not known to be apart, and adds them to `close`.
+    /// Adds the segment pairs whose hulls are not proven apart to `close`.
     #[inline(always)]
     pub fn add_close(&self, pairs: &[(u32, u32)], close: &mut Vec<(u32, u32)>) {
         for &(s, t) in pairs {
@@ -35,11 +35,11 @@ impl<'a> Separation<'a> {
         }
     }
 
-    /// Splits segments until no two pieces' hulls meet.
-    ///
-    /// `close` lists all segment pairs whose hulls meet. Every piece of a split segment takes part in the final
-    /// polyline of the pair, so candidates are evaluated only after this. On `Err`, the two segments that stay too
+    /// Splits segments until no hulls of two pieces meet. Returns two segments if they stay too
     /// close.
+    ///
+    /// `close` lists all segment pairs whose hulls meet. Every piece of a split segment is a part
+    /// of the final polyline of the pair, so candidates must be evaluated after this.
     pub fn refine(&self, close: &[(u32, u32)], halving: &mut Halving) -> Result<(), [u32; 2]> {
         let apart = |a: &Hull, b: &Hull| a.separated(b, self.margin);
         halving
@@ -48,8 +48,8 @@ impl<'a> Separation<'a> {
     }
 }
 
-/// Can two segments meet while their control points move from one frame to another, on straight lines at constant
-/// speed?
+/// Separation test for two segments whose control points move from one frame to another, on
+/// straight lines at constant speed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MovingSeparation<'a> {
     frames: [&'a CurveSet; 2],
@@ -67,7 +67,8 @@ impl<'a> MovingSeparation<'a> {
         }
     }
 
-    /// Whether the hulls of two segments are apart at all times, and so are all pieces of them.
+    /// Returns true if the hulls of two segments are proven apart at all times. This holds for all
+    /// pieces of the segments, too.
     #[inline(always)]
     pub fn apart(&self, s: u32, t: u32) -> bool {
         let [first, second] = [self.hulls(self.curves[0], s), self.hulls(self.curves[1], t)];
@@ -75,9 +76,10 @@ impl<'a> MovingSeparation<'a> {
         Hull::separated_throughout(frames, self.margin)
     }
 
-    /// Adds those of the segments of the first curve, with themselves and with the next ones, along which it is not
-    /// known to run one way at all times: where it does, neither of them meets itself or the other, but where they are
-    /// joined. `after` comes after the last one, and is the last one where the curve ends.
+    /// Adds the pairs of segments of the first curve with themselves and with their successors
+    /// along which the curve is not proven monotonic at all times. If it is monotonic, neither
+    /// segment meets itself or the other one, except at their joint. `after` is the segment after
+    /// the last one of the range, or the last one itself if the curve ends there.
     #[inline(always)]
     pub fn add_turns(&self, segments: Range<u32>, after: u32, near: &mut Vec<(u32, u32)>) {
         let i = self.curves[0];
@@ -86,7 +88,7 @@ impl<'a> MovingSeparation<'a> {
             let next = if s + 1 < segments.end { s + 1 } else { after };
             let [before_t, after_t] = self.hulls(i, next);
             let frames = [[before_s, before_t], [after_s, after_t]];
-            if !Hull::run_one_way(&frames, self.margin) {
+            if !Hull::are_monotonic(&frames, self.margin) {
                 near.push((s, s));
                 if s != next {
                     near.push((s.min(next), s.max(next)));
@@ -96,7 +98,7 @@ impl<'a> MovingSeparation<'a> {
         }
     }
 
-    /// The hull of a segment in both frames.
+    /// Returns the hulls of a segment in both frames.
     #[inline(always)]
     fn hulls(&self, i: usize, s: u32) -> [Hull; 2] {
         let [before, after] = self.frames;

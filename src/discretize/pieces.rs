@@ -1,17 +1,17 @@
-//! Enumerates pairs of near pieces of two polylines.
+//! Enumeration of the pairs of near pieces of two polylines.
 //!
 //! Splines that run near each other are split into thousands of pieces, and each piece is near only
-//! a few others. A test of all pairs is quadratic in the number of pieces, so long polylines are
-//! halved until their parts are apart or short. The cost is near-linear for polylines that are
-//! spatially coherent.
+//! a few others. A test of all pairs would be quadratic in the number of pieces, so long polylines
+//! are halved until their parts are apart or short. The cost is nearly linear for spatially
+//! coherent polylines.
 
 use std::ops::ControlFlow;
 
 /// Maximum number of vertices of a part that is not halved further.
 const FEW: usize = 5;
 
-/// A test that proves two parts of polylines with vertices `V` to be apart. If two parts are apart,
-/// all pairs of their pieces are.
+/// A test that proves that two parts of polylines with vertices `V` are apart. Then all pairs of
+/// their pieces are apart.
 pub(crate) trait Sieve<V> {
     /// Bounds of a part.
     type Bounds;
@@ -22,7 +22,7 @@ pub(crate) trait Sieve<V> {
 }
 
 /// Calls `test` for pairs of pieces, one of each polyline, until it breaks. Skips only pairs that
-/// the sieve proves to be apart.
+/// the sieve proves apart.
 pub(crate) fn pieces_between<V>(
     p: &[V],
     q: &[V],
@@ -36,7 +36,7 @@ pub(crate) fn pieces_between<V>(
     parts_between([&parts[0], &parts[1]], sieve, test)
 }
 
-/// Like [`pieces_between`], for a polyline and itself: every pair of different pieces once.
+/// Like [`pieces_between`] for a polyline and itself: every pair of different pieces once.
 pub(crate) fn pieces_within<V>(
     p: &[V],
     sieve: &impl Sieve<V>,

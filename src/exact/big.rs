@@ -1,11 +1,13 @@
-//! Orientation by big integers: right for all finite doubles, whatever their exponents. Slow, and rare.
+//! Orientation predicates in big integers: exact for all finite doubles, whatever their exponents.
+//! Slow, and rarely needed.
 
 use crate::curve::Point;
 use num_bigint::{BigInt, Sign};
 
-/// Coordinates as integers over one common power of two, the largest there is, so that short numbers stay short.
+/// Returns the coordinates as integers in units of a common power of two: the largest one possible,
+/// so that the integers stay short.
 pub(super) fn integers<const N: usize>(values: [f64; N]) -> [BigInt; N] {
-    // The number is `mantissa * 2^exponent`, the mantissa odd; `None` for 0.
+    // The number is `mantissa * 2^exponent` with an odd mantissa; `None` for 0.
     let split = |x: f64| {
         let bits = x.to_bits();
         let exponent = ((bits >> 52) & 0x7ff) as i32;
@@ -31,7 +33,7 @@ pub(super) fn integers<const N: usize>(values: [f64; N]) -> [BigInt; N] {
     })
 }
 
-/// Three-valued sign.
+/// Returns the sign: -1, 0 or 1.
 pub(super) fn sign(x: &BigInt) -> i32 {
     match x.sign() {
         Sign::Minus => -1,

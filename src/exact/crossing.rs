@@ -1,40 +1,49 @@
-//! Does one segment pass over another, seen along a coordinate axis, and with what sign?
+//! Crossing of two segments: does one pass over the other, seen along a coordinate axis, and with
+//! which sign?
 //!
-//! Projection along a coordinate axis keeps the input floats, so the predicates decide on the input itself.
-//! Ties are broken by one rule, stated here once.
+//! A projection along a coordinate axis keeps the input floats, so the predicates decide on the
+//! input itself. Ties are broken by one rule, which is stated here only.
 //!
-//! **The translation rule.** The loop on top is thought translated by `(e, e^2)` in the projection plane
-//! `(u, v)`, with `e` positive and as small as need be. The two loops are compact and disjoint, so a small
-//! translation changes no linking number. The translations that put a vertex of one loop on a projected edge
-//! of the other, or two projected edges on one line, lie on finitely many lines of the plane, and the
-//! parabola meets each in at most two points; so every small `e` is in general position. A determinant
-//! `orient2d(edge, vertex)` that is 0 then gets the sign of its derivative along the translation: for an
-//! edge of the upper loop with direction `d`, `sign(d_v)`, or `-sign(d_u)` where `d_v` is 0; the opposite
-//! where the vertex belongs to the upper loop. An edge that projects to a point gives 0 at both ends and so
-//! no crossing. Two edges that share a vertex get the same answer for it: no half-open bookkeeping.
+//! # The translation rule for ties
+//!
+//! Ties are decided as if the upper loop were translated by `(e, e^2)` in the projection plane
+//! `(u, v)`, with `e` positive and arbitrarily small.
+//!
+//! 1. The two loops are compact and disjoint, so a small translation changes no linking number.
+//! 2. The translations that move a vertex of one loop onto a projected edge of the other, or two
+//!    projected edges onto one line, lie on finitely many lines of the plane. The parabola
+//!    `(e, e^2)` meets each line in at most two points. So every sufficiently small `e` is in
+//!    general position.
+//! 3. A determinant `orient2d(edge, vertex)` that is 0 therefore gets the sign of its derivative
+//!    along the translation. For an edge of the upper loop with direction `d` that is `sign(d_v)`,
+//!    or `-sign(d_u)` if `d_v` is 0. If the vertex belongs to the upper loop, it is the opposite
+//!    sign.
+//! 4. An edge that projects to a point gives 0 at both ends, so it has no crossing. Two edges that
+//!    share a vertex get the same sign for it, so no half-open intervals are needed.
 
 use super::predicates::{ORIENT2D_BOUND, Predicates, UNDERFLOW, volume};
 use crate::curve::Point;
 
-/// What an upper and a lower segment do.
+/// Result for an upper and a lower segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Crossing {
     /// No crossing, or the upper segment passes below.
     None,
     /// The upper segment passes over the lower one, with this sign (1 or -1).
     Over(i32),
-    /// They share a point.
+    /// The segments share a point.
     Contact,
 }
 
-/// Which end of a tie the translated loop is on.
+/// Role of the translated loop in a tie.
 #[derive(Clone, Copy)]
 enum Translated {
     Edge,
     Vertex,
 }
 
-/// On which side of the edge `e0 e1` the vertex `p` lies, seen along an axis, ties broken by translation.
+/// Returns the side of the edge `e0 e1` on which the vertex `p` lies, seen along an axis. Ties are
+/// broken by the translation.
 #[inline]
 fn side(
     e0: Point,
@@ -48,7 +57,7 @@ fn side(
     if s != 0 {
         return s;
     }
-    // Not a difference: that could underflow.
+    // The sign of the comparison, not of the difference, which could underflow.
     let along = |x: usize| i32::from(e1[x] > e0[x]) - i32::from(e1[x] < e0[x]);
     let tie = match along(v) {
         0 => -along(u),
@@ -60,12 +69,12 @@ fn side(
     }
 }
 
-/// Whether segment `t0 t1` (of the loop that counts when on top) passes over `u0 u1`, seen against the
-/// axis `w`.
+/// Returns the crossing of segment `t0 t1`, whose passages over the other segment are counted, with
+/// `u0 u1`, seen against the axis `w`.
 ///
-/// The sum of the signs over all segment pairs of two disjoint loops is their linking number, with the sign
-/// of Arai's sum (Arai 2013): each loop's crossings under the other are the same number again, so only one
-/// side is counted.
+/// The sum of the signs over all segment pairs of two disjoint loops is their linking number, with
+/// the sign of the sum in Arai 2013. The crossings in which the first loop is below sum up to the
+/// same number, so only those above are counted.
 #[inline]
 pub(crate) fn crossing(
     t0: Point,
@@ -86,8 +95,9 @@ pub(crate) fn crossing(
     {
         return Crossing::None;
     }
-    // `after` is the sign of the cross product of the directions. The upper segment is above where the
-    // lower one's ends lie on the other side of the plane that it spans with the line of sight.
+    // `after` is the sign of the cross product of the directions. The upper segment is above if the
+    // ends of the lower one lie on the other side of the plane that the upper one spans with the
+    // line of sight.
     if t0[w].min(t1[w]) > u0[w].max(u1[w]) {
         return Crossing::Over(after);
     }
@@ -101,27 +111,29 @@ pub(crate) fn crossing(
     }
 }
 
-/// A batch of segment pairs, structure of arrays, in the frame `(u, v, w)` of a direction.
+/// A batch of eight segment pairs, structure of arrays, in the coordinate frame `(u, v, w)` of a
+/// direction.
 ///
-/// In the precision of the input: it widens eight numbers at once.
+/// It has the precision of the input. [`Batch::evaluate`] widens eight numbers at once.
 pub(crate) struct Batch<T> {
-    /// Coordinates of the ends: upper start, upper end, lower start, lower end; axis; lane.
+    /// Coordinates of the ends, by end (upper start, upper end, lower start, lower end), axis and
+    /// lane.
     pub ends: [[[T; 8]; 3]; 4],
 }
 
-/// The outcome of a batch.
+/// Result of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct BatchOutcome {
     /// Sum of the signs of the decided lanes.
     pub sum: i32,
-    /// Crossings among the decided lanes.
+    /// Number of crossings in the decided lanes.
     pub crossings: u32,
-    /// Lanes that floating point could not decide, a bit each.
+    /// Lanes that floating point could not decide, one bit each.
     pub undecided: u32,
 }
 
 impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
-    /// Segments that surely do not cross, in all lanes.
+    /// Returns a batch whose segments certainly do not cross, in all lanes.
     #[inline(always)]
     pub fn apart() -> Self {
         let (o, x) = ([T::from(0); 8], [T::from(1); 8]);
@@ -130,8 +142,8 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
         }
     }
 
-    /// [`crossing`] for eight at once, by floating point alone: a lane counts only where the bounds of all
-    /// determinants that it needs are met.
+    /// Evaluates [`crossing`] for eight pairs at once, in floating point only. A lane is decided
+    /// only if the bounds of all determinants that it needs are met.
     #[inline(always)]
     pub fn evaluate(&self) -> BatchOutcome {
         let mut wide = [[[0.0; 8]; 3]; 4];
@@ -143,7 +155,7 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
             }
         }
         let [a, b, c, d] = &wide;
-        // Signs, and all bits set where undecided.
+        // Signs; and undecided lanes, with all bits set.
         let (mut signs, mut undecided) = ([0i64; 8], [0i64; 8]);
         let det = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
             let l = (p[0] - r[0]) * (q[1] - r[1]);
@@ -157,7 +169,8 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
             let (d_side, d_err) = det(pa, pb, pd);
             let (a_side, a_err) = det(pc, pd, pa);
             let (b_side, b_err) = det(pc, pd, pb);
-            // Both ends surely on one side of either edge: no crossing, whatever the rest says.
+            // If both ends are certainly on one side of either edge, there is no crossing, and the
+            // other determinants do not matter.
             let one_side =
                 |p: f64, pe: f64, q: f64, qe: f64| ((p > pe) & (q > qe)) | ((-p > pe) & (-q > qe));
             let none =
@@ -199,7 +212,7 @@ mod tests {
     use crate::exact::segments_touch;
 
     #[test]
-    fn a_cross_counts_once_from_either_side() {
+    fn only_the_upper_segment_has_a_crossing() {
         let (t0, t1) = ([-1.0, 0.0, 1.0], [1.0, 0.0, 1.0]);
         let (u0, u1) = ([0.0, -1.0, 0.0], [0.0, 1.0, 0.0]);
         let mut p = Predicates::default();
@@ -210,12 +223,13 @@ mod tests {
     }
 
     #[test]
-    fn touching_in_the_middle_is_contact() {
+    fn segments_that_share_inner_points_are_in_contact() {
         let (t0, t1) = ([-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
         let (u0, u1) = ([0.0, -1.0, 0.0], [0.0, 1.0, 0.0]);
         let mut p = Predicates::default();
         for w in 0..3 {
-            // Along x and y one segment is seen from its end: no crossing there, contact only along z.
+            // Along x and y, one segment projects to a point: no crossing there, contact only along
+            // z.
             let want = if w == 2 {
                 Crossing::Contact
             } else {
@@ -226,8 +240,9 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_through_a_vertex_counts_once() {
-        // The upper polyline bends right above the lower segment: one of its two edges owns the crossing.
+    fn a_crossing_at_a_vertex_counts_once() {
+        // The upper polyline bends right above the lower segment. Exactly one of its two edges has
+        // the crossing.
         let bend = [[-1.0, -1.0, 1.0], [0.0, 0.0, 1.0], [1.0, -1.0, 1.0]];
         let through = [[-1.0, -1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0]];
         let (u0, u1) = ([-2.0, 0.0, 0.0], [2.0, 0.0, 0.0]);
@@ -245,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn batch_and_single_agree_where_the_batch_decides() {
+    fn decided_lanes_agree_with_single_crossings() {
         let mut state = 7u64;
         let mut next = || {
             state = state
@@ -270,7 +285,7 @@ mod tests {
                         continue;
                     }
                     decided += 1;
-                    // The frame of direction w.
+                    // The coordinate frame of direction w.
                     let [p0, p1, q0, q1] = batch.ends.map(|end| {
                         let mut p = [0.0; 3];
                         for x in 0..3 {
@@ -284,7 +299,7 @@ mod tests {
                         Crossing::Contact => panic!("the batch decided a contact"),
                     }
                     let touch = segments_touch(p0, p1, q0, q1, &mut Predicates::default());
-                    assert!(!touch, "segments that touch are left to exact arithmetic");
+                    assert!(!touch, "segments in contact need exact arithmetic");
                 }
                 assert_eq!((out.sum, out.crossings), (sum, crossings));
             }

@@ -1,8 +1,10 @@
-//! Exact predicates on the input floats: on which side, over or under, touching or not.
+//! Exact predicates on the input floats: the side of a point, crossings of projected segments,
+//! contact, and passages of moving edges.
 //!
-//! A ladder, each rung of which says a sign or hands on: floating point with a proven bound, adaptive
-//! expansions (crate `robust`, Shewchuk 1997), and big integers where exponents are so extreme that
-//! expansions could overflow or underflow. None of them guesses.
+//! Each predicate tries up to three methods, and each method either proves the sign or defers to
+//! the next one: floating point with a proven error bound, adaptive expansions (crate `robust`,
+//! Shewchuk 1997), and big integers if exponents are so extreme that expansions could overflow or
+//! underflow. The result is always exact.
 
 mod big;
 mod crossing;

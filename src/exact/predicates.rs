@@ -1,35 +1,38 @@
-//! Orientation of points: the floating-point rung, and the way down to the exact ones.
+//! Orientation of points: the floating-point filter, and the fallback to exact methods.
 
 use super::big;
-use crate::curve::Point;
+use crate::curve::{Point, pow2};
 use robust::{Coord, Coord3D};
 
-/// Bound of the rounding error of [`Predicates::orient2d`]'s determinant relative to the sum of the
-/// magnitudes of its two products: `(3 + 16 u) u` with `u = 2^-53` (Shewchuk 1997, stage A of ORIENT2D).
+/// Bound of the rounding error of the determinant in [`Predicates::orient2d`], relative to the sum
+/// of the magnitudes of its two products: `(3 + 16 u) u` with `u = 2^-53` (Shewchuk 1997, stage A
+/// of ORIENT2D).
 pub(crate) const ORIENT2D_BOUND: f64 = (3.0 + 16.0 * U) * U;
 
-/// The same for the three-dimensional determinant, relative to its permanent: `(7 + 56 u) u` (Shewchuk 1997,
-/// stage A of ORIENT3D).
+/// The same for the three-dimensional determinant, relative to its permanent: `(7 + 56 u) u`
+/// (Shewchuk 1997, stage A of ORIENT3D).
 pub(crate) const ORIENT3D_BOUND: f64 = (7.0 + 56.0 * U) * U;
 
-/// Half a unit in the last place of 1: largest relative error of one operation.
+/// Half a unit in the last place of 1: the largest relative error of one operation.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// What underflow can add to the error of a product, generously: a subnormal result is off by at most `2^-1075`.
-/// With it the bounds hold for all finite numbers; overflow gives infinities and NaN, which meet no bound.
+/// Bound of the error that underflow can add to a product, generously: the error of a subnormal
+/// result is at most `2^-1075`. With this term the bounds hold for all finite numbers. Overflow
+/// gives infinities or NaN, which never satisfy a bound.
 pub(crate) const UNDERFLOW: f64 = f64::from_bits(1 << 4);
 
-/// Exact orientation predicates, with a count of how often floating point could not decide.
+/// Exact orientation predicates, with a count of the calls that floating point could not decide.
 ///
-/// Signs are three-valued: -1, 0, 1. (`f64::signum` is not: it calls 0.0 positive.)
+/// Signs have three values: -1, 0, 1. (`f64::signum` has not: it returns 1 for 0.0.)
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Predicates {
-    /// Calls that an exact rung decided.
+    /// Number of calls that an exact method decided.
     pub exact: u64,
 }
 
 impl Predicates {
-    /// Sign of the area of the triangle `a b c`: 1 where it turns counterclockwise, 0 on one line.
+    /// Returns the sign of the area of the triangle `a b c`: 1 if it is counterclockwise, 0 if the
+    /// points lie on one line.
     #[inline]
     pub fn orient2d(&mut self, a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> i32 {
         let l = (a[0] - c[0]) * (b[1] - c[1]);
@@ -52,7 +55,8 @@ impl Predicates {
         sign(robust::orient2d(coord(a), coord(b), coord(c)))
     }
 
-    /// Sign of `(a - d) . ((b - d) x (c - d))`; 0 where the four points lie in one plane.
+    /// Returns the sign of `(a - d) . ((b - d) x (c - d))`, which is 0 if the four points lie in
+    /// one plane.
     #[inline]
     pub fn orient3d(&mut self, a: Point, b: Point, c: Point, d: Point) -> i32 {
         let (det, bound) = volume([a, b, c, d]);
@@ -78,10 +82,10 @@ impl Predicates {
     }
 }
 
-/// The determinant of [`Predicates::orient3d`] in floating point, and the bound of its error.
+/// Returns the determinant of [`Predicates::orient3d`] in floating point, and a bound of its error.
 ///
-/// Underflow: the six products of two are off by [`UNDERFLOW`] at most and are multiplied by a difference;
-/// the three products of those are off by as much again.
+/// Underflow: the six products of two numbers have an error of at most [`UNDERFLOW`] each, and are
+/// multiplied by a difference. The three products of those add as much again.
 #[inline(always)]
 pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> (f64, f64) {
     let [ad, bd, cd] = [a, b, c].map(|p| [p[0] - d[0], p[1] - d[1], p[2] - d[2]]);
@@ -99,16 +103,16 @@ pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> (f64, f64) {
     )
 }
 
-/// Whether expansions of products of three such numbers neither overflow nor underflow: a number of at least
-/// `2^-280` is a multiple of `2^-332`, and a product of three differences one of `2^-996`; at the other end it
-/// stays below `2^906`.
+/// Returns true if expansions of products of three such numbers neither overflow nor underflow. A
+/// number of at least `2^-280` is a multiple of `2^-332`, so a product of three differences is a
+/// multiple of `2^-996`. At the other end, such a product stays below `2^906`.
 fn suits_expansions(x: &f64) -> bool {
-    const SMALLEST: f64 = f64::from_bits((1023 - 280) << 52);
-    const LARGEST: f64 = f64::from_bits((1023 + 300) << 52);
+    const SMALLEST: f64 = pow2(-280);
+    const LARGEST: f64 = pow2(300);
     *x == 0.0 || (SMALLEST..=LARGEST).contains(&x.abs())
 }
 
-/// Three-valued sign.
+/// Returns the sign: -1, 0 or 1.
 fn sign(x: f64) -> i32 {
     i32::from(x > 0.0) - i32::from(x < 0.0)
 }
@@ -118,7 +122,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Coordinates that provoke ties and near-ties: small integers and their neighbours, and any float.
+    /// Coordinates that provoke ties and near-ties: small integers, neighbours of decimal
+    /// fractions, and any float.
     fn coordinate() -> impl Strategy<Value = f64> {
         prop_oneof![
             (-3i32..=3).prop_map(f64::from),
@@ -134,35 +139,38 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(4000))]
 
-        /// The three rungs agree, and none of them guesses.
+        /// The methods agree, so each of them is exact.
         #[test]
-        fn rungs_agree(p in prop::array::uniform12(coordinate())) {
+        fn all_methods_agree(p in prop::array::uniform12(coordinate())) {
             let q = |k: usize| [p[3 * k], p[3 * k + 1], p[3 * k + 2]];
             let r = |k: usize| [p[2 * k], p[2 * k + 1]];
-            let mut own = Predicates::default();
+            let mut predicates = Predicates::default();
             let (a, b, c, d) = (q(0), q(1), q(2), q(3));
-            prop_assert_eq!(own.orient3d(a, b, c, d), big::orient3d(a, b, c, d));
-            prop_assert_eq!(own.orient2d(r(0), r(1), r(2)), big::orient2d(r(0), r(1), r(2)));
-            prop_assert_eq!(own.orient3d(a, b, c, d), -own.orient3d(b, a, c, d));
-            prop_assert_eq!(own.orient2d(r(0), r(1), r(2)), own.orient2d(r(1), r(2), r(0)));
+            prop_assert_eq!(predicates.orient3d(a, b, c, d), big::orient3d(a, b, c, d));
+            prop_assert_eq!(predicates.orient2d(r(0), r(1), r(2)), big::orient2d(r(0), r(1), r(2)));
+            prop_assert_eq!(predicates.orient3d(a, b, c, d), -predicates.orient3d(b, a, c, d));
+            let turned = predicates.orient2d(r(1), r(2), r(0));
+            prop_assert_eq!(predicates.orient2d(r(0), r(1), r(2)), turned);
         }
 
-        /// Numbers of all exponents, so that products overflow and underflow in every way.
+        /// Numbers with all exponents, so that products overflow and underflow in every way.
         #[test]
-        fn no_exponent_misleads_the_filter(
+        fn the_filter_is_right_for_all_exponents(
             p in prop::array::uniform12((coordinate(), -1020i32..=1010)),
             near in 0i32..60,
         ) {
             let near = near - 30;
-            for common in [None, Some(-990), Some(-680), Some(-510), Some(-340), Some(-300), Some(335), Some(500)] {
+            let exponents = [-990, -680, -510, -340, -300, 335, 500].map(Some);
+            for common in [None].into_iter().chain(exponents) {
                 let x = p.map(|(x, e)| x * 2f64.powi(common.map_or(e, |c: i32| c + near)));
                 prop_assume!(x.iter().all(|x| x.is_finite()));
                 let q = |k: usize| [x[3 * k], x[3 * k + 1], x[3 * k + 2]];
                 let r = |k: usize| [x[2 * k], x[2 * k + 1]];
-                let mut own = Predicates::default();
+                let mut predicates = Predicates::default();
                 let (a, b, c, d) = (q(0), q(1), q(2), q(3));
-                prop_assert_eq!(own.orient3d(a, b, c, d), big::orient3d(a, b, c, d));
-                prop_assert_eq!(own.orient2d(r(0), r(1), r(2)), big::orient2d(r(0), r(1), r(2)));
+                prop_assert_eq!(predicates.orient3d(a, b, c, d), big::orient3d(a, b, c, d));
+                let expected = big::orient2d(r(0), r(1), r(2));
+                prop_assert_eq!(predicates.orient2d(r(0), r(1), r(2)), expected);
             }
         }
     }
@@ -184,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn the_filter_leaves_clear_cases_to_no_one() {
+    fn the_filter_decides_clear_cases_itself() {
         let mut p = Predicates::default();
         assert_eq!(p.orient2d([0.0, 0.0], [1.0, 0.0], [0.0, 1.0]), 1);
         assert_eq!(p.exact, 0);

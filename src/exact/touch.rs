@@ -1,13 +1,17 @@
-//! Do two segments in space share a point, exactly?
+//! Exact test for contact: two segments in space that share a point.
 
 use super::predicates::Predicates;
 use crate::curve::Point;
 
-/// Whether the closed segments `p0 p1` and `q0 q1` share a point.
+/// Returns true if the closed segments `p0 p1` and `q0 q1` share a point.
 ///
-/// Segments that meet lie in one plane, and their shadows meet along all three axes. Conversely, take four
-/// points in a plane (or on a line) and an axis that is not parallel to it: along that axis the projection is
-/// one to one on the plane, so shadows that meet there come from segments that meet.
+/// # Proof: segments meet if and only if they are coplanar and their projections meet along all
+/// three axes
+///
+/// Segments that share a point lie in one plane, and their projections meet along every axis.
+/// Conversely, let four points lie in a plane (or on a line), and take an axis that is not parallel
+/// to it. The projection along that axis is one-to-one on the plane, so projections that meet
+/// belong to segments that meet.
 pub(crate) fn segments_touch(
     p0: Point,
     p1: Point,
@@ -18,12 +22,12 @@ pub(crate) fn segments_touch(
     predicates.orient3d(p0, p1, q0, q1) == 0
         && (0..3).all(|w| {
             let plane = |p: Point| [p[(w + 1) % 3], p[(w + 2) % 3]];
-            shadows_meet(plane(p0), plane(p1), plane(q0), plane(q1), predicates)
+            projections_meet(plane(p0), plane(p1), plane(q0), plane(q1), predicates)
         })
 }
 
-/// Whether two closed segments of the plane share a point; either may be a single point.
-fn shadows_meet(
+/// Returns true if two closed segments of the plane share a point. Either may be a single point.
+fn projections_meet(
     p0: [f64; 2],
     p1: [f64; 2],
     q0: [f64; 2],
@@ -57,7 +61,7 @@ mod tests {
     fn touch(p: [[i32; 3]; 4]) -> bool {
         let q = p.map(|p| p.map(f64::from));
         let mut answers = Vec::new();
-        // The answer is the same whichever segment comes first and however each is oriented.
+        // The result depends neither on the order of the segments nor on their directions.
         for (a, b, c, d) in [(0, 1, 2, 3), (1, 0, 2, 3), (2, 3, 0, 1), (3, 2, 1, 0)] {
             answers.push(segments_touch(
                 q[a],
@@ -75,9 +79,10 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_of_touch_is_found_and_no_other() {
+    fn finds_every_kind_of_contact_and_no_other() {
         let o = [0, 0, 0];
-        // In the middle, at a vertex on an edge, vertex on vertex, overlapping on a line, identical, a point.
+        // At inner points, a vertex on an edge, vertex on vertex, overlap on a line, identical, a
+        // point.
         assert!(touch([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0]]));
         assert!(touch([[-1, 0, 0], [1, 0, 0], o, [0, 1, 5]]));
         assert!(touch([o, [1, 0, 0], o, [0, 1, 5]]));
@@ -85,7 +90,8 @@ mod tests {
         assert!(touch([o, [2, 2, 2], o, [2, 2, 2]]));
         assert!(touch([o, o, [-1, -1, -1], [1, 1, 1]]));
         assert!(touch([o, o, o, o]));
-        // Apart on one line, parallel, in one plane without meeting, skew, a point beside.
+        // Apart on one line, parallel, in one plane without contact, skew, a point beside a
+        // segment.
         assert!(!touch([o, [1, 1, 1], [2, 2, 2], [3, 3, 3]]));
         assert!(!touch([o, [1, 0, 0], [0, 1, 0], [1, 1, 0]]));
         assert!(!touch([o, [1, 0, 0], [2, -1, 0], [2, 1, 0]]));

@@ -1,40 +1,44 @@
-//! The affine frame of a motion: rigid motion, rotation and stretch of the whole scene break nothing.
+//! Affine frame of a motion: a rigid motion, rotation or stretch of the whole scene changes no
+//! linking number.
 
 use crate::curve::{CurveSet, Point};
 use nalgebra::{Matrix3, Vector3};
 
-/// Points that the frame is fitted to: enough to follow the scene, few enough to cost nothing.
+/// Number of points to which the affine frame is fitted: enough to follow the scene at a negligible
+/// cost.
 const SAMPLES: usize = 1024;
 
-/// By how much points may deviate further than by their allowances and still keep apart what these keep apart: those
-/// use a share of 0.49 of each gap, and two times 0.4974 is less than all of it, with room for rounding.
+/// Relative excess by which points may exceed their allowances without losing the separation.
+/// Allowances use a share of 0.49 of each gap. With this excess, two points use less than twice
+/// 0.4974, so there is a margin for rounding.
 const FREE: f64 = 0.015;
 
-/// Neighbours that are taken together: they share a line of the cache.
+/// Number of consecutive points that are sampled together, because they share a cache line.
 const TOGETHER: usize = 8;
 
-/// The map `q -> M q + t` from a reference frame to a later one. Its determinant is positive, so it is isotopic to
-/// the identity and changes no linking number.
+/// The map `q -> M q + t` from a reference frame to a later frame. Its determinant is positive, so
+/// it is isotopic to the identity and changes no linking number.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Affine {
     pub m: Matrix3<f64>,
     pub t: Vector3<f64>,
     pub inverse: Matrix3<f64>,
-    /// Least singular value of `M`, a lower bound: `|M d| >= sigma |d|`.
+    /// Lower bound of the smallest singular value of `M`: `|M d| >= sigma |d|`.
     pub sigma: f64,
 }
 
 impl Affine {
-    /// The map that takes a sample of the reference frame to where it is in the set `to` best, in the least squares;
-    /// or none, where it would flatten or mirror the scene.
+    /// Returns the least-squares map from a sample of the reference frame to its positions in the
+    /// set `to`. Returns `None` if the map would flatten or mirror the scene.
     ///
-    /// Where the points lie in a plane or on a line, `M` is the identity across it. The result is any map: what
-    /// is concluded from it holds for every one, only less may be concluded from a bad one.
+    /// If the points lie in a plane or on a line, `M` is the identity across it. Conclusions from
+    /// the map are valid for every map; a poor fit only allows fewer conclusions.
     pub fn fit(sample: &Sample, to: &CurveSet) -> Option<Affine> {
         let share = 1.0 / sample.points.len() as f64;
         let mut mean = Vector3::zeros();
         let mut moved = Matrix3::zeros();
-        // Sums of what differs from the identity, so that a scene that stands still gives it exactly.
+        // Sums of the differences from the identity, so that a scene at rest gives exactly the
+        // identity.
         for (slot, q) in &sample.points {
             let d = Vector3::from(to.at(*slot)) - q;
             mean += d * share;
@@ -44,7 +48,7 @@ impl Affine {
         Affine::new(m, sample.mean + mean - m * sample.mean)
     }
 
-    /// The map that leaves everything where it is.
+    /// Returns the identity.
     pub fn identity() -> Affine {
         Affine {
             m: Matrix3::identity(),
@@ -54,17 +58,22 @@ impl Affine {
         }
     }
 
-    /// What becomes of points that move on straight lines, at constant speed, from where one map has them to where
-    /// another one does, as seen in the space of the reference frame; or none, where the maps are too far apart.
+    /// Returns a bound of the deviation from straight lines, as a share of the length of a path, of
+    /// points that move on straight lines at constant speed between two frames, seen in the space
+    /// of the reference frame. Returns `None` if the maps of the two frames are too different.
     ///
-    /// With a map and a deviation `r` at each end, `|r| <= sigma a`, a point is at `M q + T + r` at any time between,
-    /// all of them interpolated linearly. Mapped back it is within `|r| / s` of `q`, with `s` the least singular value
-    /// of the interpolated `M`: no further than `a` by more than the share of the gaps that allowances leave free, or
-    /// there is no result. A point at `y0` and `y1` is at `y0 + A (y1 - y0)` with `A = k M^-1 M1` at time `k`, and with
-    /// `D = 1 - M1^-1 M0` that is within `|D| / (4 (1 - |D|))` of `k`. The result is a bound of that: how far such a
-    /// point may be from the straight line, as a share of its way.
+    /// # Derivation
+    ///
+    /// 1. With a map and a deviation `r`, `|r| <= sigma a`, at each end, a point is at
+    ///    `M q + T + r` at any time in between, with all terms interpolated linearly. Mapped back
+    ///    it is within `|r| / s` of `q`, where `s` is the smallest singular value of the
+    ///    interpolated `M`. That may exceed `a` only by the share of the gaps that allowances leave
+    ///    free; else the result is `None`.
+    /// 2. A point at `y0` and `y1` is at `y0 + A (y1 - y0)` with `A = k M^-1 M1` at time `k`. With
+    ///    `D = 1 - M1^-1 M0`, `A` differs from `k` by at most `|D| / (4 (1 - |D|))`, which is the
+    ///    result.
     pub fn bend([from, to]: [&Affine; 2]) -> Option<f64> {
-        /// Of a whole, the part of the time that is looked at at once.
+        /// Number of parts of the step, each of which is bounded separately.
         const PARTS: usize = 8;
         let step = to.m - from.m;
         let d = (to.inverse * step).norm();
@@ -73,7 +82,7 @@ impl Affine {
         }
         let bend = d / (4.0 * (1.0 - d));
         let most = from.sigma.max(to.sigma);
-        // No singular value of any of them differs from the first one's by more than the step's norm.
+        // All singular values differ from those of the first map by at most the norm of the step.
         if most <= (from.sigma - step.norm()) * (1.0 + FREE) {
             return Some(bend);
         }
@@ -81,7 +90,8 @@ impl Affine {
         for k in 0..PARTS {
             let at = (2 * k + 1) as f64 * half;
             let m = from.m + step * at;
-            // `M (1 + u E)`, for `|u| <= half`, shrinks nothing by more than `M`, and what the symmetric part of E does.
+            // For `|u| <= half`, `M (1 + u E)` shrinks vectors by at most the factor of `M` times
+            // that of the symmetric part of E.
             let e = m.try_inverse()? * step;
             let shrinks = (e + e.transpose()).symmetric_eigenvalues().amax() * half;
             let least = m.svd(false, false).singular_values.min();
@@ -94,7 +104,7 @@ impl Affine {
         Some(bend)
     }
 
-    /// The map, where it is one to work with.
+    /// Returns the map if it is well conditioned and preserves the orientation.
     pub fn new(m: Matrix3<f64>, t: Vector3<f64>) -> Option<Affine> {
         let inverse = m.try_inverse()?;
         let singular = m.svd(false, false).singular_values;
@@ -109,31 +119,32 @@ impl Affine {
         })
     }
 
-    /// The largest sum of a row of `M`, without signs: `M` makes no coordinate larger by more than that.
+    /// Returns the largest absolute row sum of `M`, an upper bound of the factor by which `M`
+    /// enlarges the largest coordinate.
     pub fn largest_row(&self) -> f64 {
         let rows = self.m.row_iter();
         rows.map(|r| r.iter().map(|m| m.abs()).sum())
             .fold(0.0, f64::max)
     }
 
-    /// The point of the reference frame that is mapped to `p`.
+    /// Returns the point of the reference frame that is mapped to `p`.
     pub fn back(&self, p: Point) -> Point {
         (self.inverse * (Vector3::from(p) - self.t)).into()
     }
 }
 
-/// Some control points of a reference frame, and what a fit needs of them.
+/// A sample of control points of a reference frame, and precomputed values for a fit.
 #[derive(Debug)]
 pub(super) struct Sample {
-    /// Slot, and position.
+    /// Slot and position of each point.
     points: Vec<(usize, Vector3<f64>)>,
     mean: Vector3<f64>,
-    /// The inverse of the points' covariance.
+    /// Inverse of the covariance of the points.
     shape: Matrix3<f64>,
 }
 
 impl Sample {
-    /// Points of closed curves, and of open ones where asked for, evenly spread over them.
+    /// Returns evenly spread points of closed curves, and of open curves if `open` is set.
     pub fn new(set: &CurveSet, open: bool) -> Sample {
         let step = (set.points() / SAMPLES).max(1);
         let slots = (0..set.len())
@@ -148,7 +159,7 @@ impl Sample {
             .iter()
             .map(|(_, q)| (q - mean) * (q - mean).transpose() * share)
             .sum();
-        // Across a plane or a line there is nothing to fit.
+        // Regularization: across a plane or a line there is nothing to fit.
         let floor = Matrix3::identity() * (1e-9 * spread.trace() + f64::MIN_POSITIVE);
         let shape = (spread + floor)
             .try_inverse()

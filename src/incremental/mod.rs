@@ -1,14 +1,17 @@
-//! Frame after frame: what moved, what it may have broken, and what passed through what.
+//! Incremental verification: allowances of a reference frame, and the ledger of pull-throughs
+//! between frames.
 //!
 //! ```text
-//! frame ─▶ affine frame ─▶ one pass over all points ─┬▶ nothing moved too far: as the reference frame
-//!              (affine)        (stream)              ├▶ little did: which pairs? (motion) ─▶ only these anew
-//!                                                    └▶ much did: all anew ─▶ a new reference, beside the stream
-//!                                                    (reference, kept by the monitor)
-//! frame before, frame ─▶ which pairs may have passed through one another? (motion) ─▶ ledger ─▶ pull-throughs
+//! frame ─▶ affine frame ─▶ one pass over all points ─┬▶ quiet: as the reference frame
+//!              (affine)        (stream)              ├▶ partial: recompute affected pairs (motion)
+//!                                                    └▶ full: recompute all ─▶ new reference frame
+//!                                                       (reference, monitor; in the background)
+//! previous and current frame ─▶ pairs that may have passed through each other (motion)
+//!                            ─▶ ledger ─▶ pull-throughs
 //! ```
 //!
-//! No chain of frames for linking numbers: each frame is compared with the reference frame itself, so nothing adds up.
+//! Linking numbers depend on no chain of frames: each frame is compared with the reference frame
+//! itself, so errors do not accumulate.
 
 mod affine;
 mod ledger;
@@ -27,17 +30,18 @@ pub(crate) use monitor::{Finding, Monitor};
 use std::fmt;
 use std::str::FromStr;
 
-/// Which pull-throughs are looked for, from frame to frame.
+/// Kinds of pull-throughs that are searched for between frames.
 ///
-/// Linking numbers do not see two that cancel, a curve pulled through itself, and open curves; this does.
+/// The search also finds pull-throughs that linking numbers do not show: two that cancel, those of
+/// a curve through itself, and those of open curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Events {
-    /// None.
+    /// No search.
     #[default]
     Off,
-    /// Of two different curves, open ones included.
+    /// Pull-throughs between two different curves, closed or open.
     Between,
-    /// These, and those of a curve through itself.
+    /// All pull-throughs, including those of a curve through itself.
     All,
 }
 
@@ -64,57 +68,62 @@ impl FromStr for Events {
     }
 }
 
-/// Which segments are looked at, beside those of two different closed curves.
+/// Segments that are covered in addition to those of two different closed curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Cover {
-    /// Those of one curve.
+    /// Pairs of segments of the same curve.
     pub own: bool,
-    /// Those of open curves.
+    /// Segments of open curves.
     pub open: bool,
 }
 
-/// What a frame took. No part of a [`Report`](crate::Report): it depends on the frames before and on the clock.
+/// Work counters of a frame. Not a part of [`Report`](crate::Report), because they depend on
+/// previous frames and on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Work {
-    /// The way that the frame took.
+    /// Route of the frame.
     pub route: Route,
-    /// Blocks of eight segments in all, where the frame was compared with a reference frame.
+    /// Number of blocks of eight segments, if the frame was compared with a reference frame.
     pub blocks: u64,
-    /// Blocks with a point that moved further than it may without a closer look.
+    /// Number of blocks that depend on a point that moved further than its allowance.
     pub marked: u64,
-    /// Pairs of curves near such a block, proven to be as they were by the boxes of their motion.
+    /// Number of pairs of curves near such a block that the boxes of their motion proved unchanged.
     pub recertified: u64,
-    /// Pairs whose linking numbers were computed anew: all potential links on the full way.
+    /// Number of pairs with recomputed linking numbers: all potential links on the full route.
     pub recomputed: u64,
-    /// Those of them that the bound of a sum decided ([`Verifier::set_kernel`](crate::Verifier::set_kernel)).
+    /// Number of recomputed pairs that the bound of a sum decided
+    /// ([`Verifier::set_kernel`](crate::Verifier::set_kernel)).
     pub summed: u64,
-    /// Pairs of curves (and curves by themselves) that were searched for pull-throughs since the frame before.
+    /// Number of pairs of curves (and of curves with themselves) that were searched for
+    /// pull-throughs since the previous frame.
     pub searched: u64,
-    /// Frames since the reference frame, where the frame was compared with one.
+    /// Number of frames since the reference frame, if the frame was compared with one.
     pub reference_age: Option<u64>,
-    /// Whether computing everything gave another result ([`Verifier::set_paranoid`](crate::Verifier::set_paranoid)):
-    /// an error of linkwatch. The report is the one of the full run.
+    /// True if the full run gave another result
+    /// ([`Verifier::set_paranoid`](crate::Verifier::set_paranoid)): an error of linkwatch. The
+    /// report is that of the full run.
     pub disagreed: bool,
 }
 
-/// The way that a frame took.
+/// Route of a frame through the verifier.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Route {
     /// All linking numbers were computed.
     #[default]
     Full,
-    /// No point moved further than it may: everything is as in the reference frame.
+    /// No point moved further than its allowance, so all linking numbers are those of the reference
+    /// frame.
     Quiet,
-    /// Some pairs were looked at, or computed anew.
+    /// Some pairs were checked or recomputed.
     Partial,
 }
 
 impl Route {
-    /// Every route, in the order of its code in recordings.
+    /// All routes, in the order of their codes in recordings.
     pub const ALL: [Route; 3] = [Route::Full, Route::Quiet, Route::Partial];
 
-    /// One word.
+    /// Returns the name of the route.
     pub fn word(self) -> &'static str {
         match self {
             Route::Full => "full",

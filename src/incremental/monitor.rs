@@ -1,7 +1,7 @@
-//! The reference frame: which one there is, what it says about a later frame, and when a new one pays.
+//! Monitor of the reference frame: compares later frames with it, and decides when a new one pays.
 
 use super::affine::Affine;
-use super::motion::{Motion, Space};
+use super::motion::{MovedSegments, Space};
 use super::reference::Reference;
 use super::stream::moved_chunks;
 use super::{Cover, Route, Work};
@@ -10,69 +10,70 @@ use crate::curve::CurveSet;
 use crate::pairs::{LinkSearch, Pair};
 use std::thread::JoinHandle;
 
-/// Of all chunks of slots, the share above which a closer look costs more than computing everything.
+/// Share of moved chunks above which a full run costs less than a check of the affected pairs.
 const MANY_CHUNKS: f64 = 0.02;
 
-/// Chunks that are always worth a closer look.
+/// Number of moved chunks up to which a check always pays.
 const FEW_CHUNKS: usize = 16;
 
-/// Of all potential links, the share above which it does.
+/// Share of affected potential links above which a full run costs less.
 const MANY_PAIRS: f64 = 0.25;
 
-/// Of all chunks, the share from which on a new reference frame may pay.
+/// Share of moved chunks above which a new reference frame may pay.
 const STALE: f64 = 0.005;
 
-/// Frames from one reference frame to the next, at most, where they do not pay.
-const LONGEST_PAUSE: u64 = 256;
+/// Maximum number of frames between two reference frames if they do not pay.
+const MAX_BACKOFF: u64 = 256;
 
-/// Frames to wait, for each that went by while a reference frame was made, where they do not pay: beside a busy stream
-/// they would take its processors and its memory from it.
-const REST: u64 = 16;
+/// Back-off after an unused reference frame, in frames per frame that its construction took. On a
+/// busy stream, reference frames would compete for CPU time and memory.
+const BACKOFF: u64 = 16;
 
-/// Follows a scene from frame to frame.
+/// Compares the frames of a scene with a reference frame.
 #[derive(Debug, Default)]
 pub(crate) struct Monitor {
-    /// What else a reference frame is to cover, beside the linking numbers.
+    /// Pairs that a reference frame covers in addition to linking numbers.
     cover: Cover,
     reference: Option<Known>,
-    /// A reference frame in the making.
-    making: Option<JoinHandle<Option<Reference>>>,
-    /// Number of the frame in work.
+    /// Thread that builds a reference frame.
+    build: Option<JoinHandle<Option<Reference>>>,
+    /// Number of the current frame.
     frame: u64,
-    /// First frame that may become a reference, and frames to wait after one that did not pay.
+    /// First frame that may become a reference, and current back-off in frames.
     next_reference: u64,
-    pause: u64,
-    /// Frames that went by while the last one was made.
-    in_making: u64,
-    /// The frame before, and the one in work.
-    before: Survey,
-    now: Survey,
+    backoff: u64,
+    /// Number of frames that passed while the last reference was built.
+    build_frames: u64,
+    /// The previous frame and the current frame.
+    previous: Survey,
+    current: Survey,
     search: LinkSearch,
 }
 
-/// A reference frame, and how it compares with the baseline.
+/// A reference frame, and its comparison with the baseline.
 #[derive(Debug)]
 struct Known {
     reference: Reference,
     comparison: Comparison,
-    /// Whether some frame was quiet for it.
-    paid: bool,
+    /// True if the reference served a quiet or partial frame.
+    used: bool,
 }
 
-/// How a frame compares with the reference frame.
+/// Result of comparing the points of a frame with the reference frame.
 #[derive(Debug, Default)]
 struct Survey {
-    /// Where the reference frame went as a whole; none where so much moved beside that nothing else is known.
+    /// Affine frame of the scene. `None` if there is none, or if too many chunks moved.
     affine: Option<Affine>,
-    /// Chunks of slots with a point that moved further than it may.
+    /// Chunks of slots with a point that moved further than its allowance.
     chunks: Vec<u32>,
 }
 
-/// What the reference frame says about a later one.
+/// Conclusion from the reference frame about the current frame.
 pub(crate) enum Finding {
-    /// Nothing: compute everything.
+    /// Nothing is known: compute everything.
     Nothing,
-    /// All is as it was but for these pairs, sorted, of which nothing is known; none of them on most frames.
+    /// Everything is unchanged except for these pairs, sorted, about which nothing is known.
+    /// Usually there are no such pairs.
     AllBut(Vec<Pair>),
 }
 
@@ -92,7 +93,7 @@ impl Survey {
 }
 
 impl Monitor {
-    /// A monitor that also tells a ledger with this cover where it need not look.
+    /// Returns a monitor whose reference frames cover `cover`, so that the ledger can skip pairs.
     pub fn new(cover: Cover) -> Self {
         Monitor {
             cover,
@@ -100,8 +101,8 @@ impl Monitor {
         }
     }
 
-    /// Looks at a frame. A new baseline needs a new monitor. `before` is the frame before, for
-    /// [`Monitor::may_have_passed`].
+    /// Compares the frame `set` with the reference frame. A new baseline needs a new monitor.
+    /// `before` is the previous frame, for [`Monitor::may_have_passed`].
     pub fn look(
         &mut self,
         before: Option<&CurveSet>,
@@ -110,15 +111,15 @@ impl Monitor {
         work: &mut Work,
     ) -> Finding {
         self.frame += 1;
-        std::mem::swap(&mut self.before, &mut self.now);
-        self.now.affine = None;
+        std::mem::swap(&mut self.previous, &mut self.current);
+        self.current.affine = None;
         let adopted = self.adopt(set, baseline);
         *work = Work::default();
         let Some(known) = self.reference.as_mut() else {
             return Finding::Nothing;
         };
         let reference = &known.reference;
-        // What a degenerate loop is linked with was not computed there.
+        // The linking numbers of a degenerate loop were not computed in the reference frame.
         let undefined = &reference.certificate.undefined;
         if undefined.iter().any(|d| d.j.is_none()) {
             return Finding::Nothing;
@@ -126,23 +127,23 @@ impl Monitor {
         work.blocks = reference.blocks;
         work.reference_age = Some(self.frame - reference.frame);
         if adopted && let Some(before) = before {
-            self.before.of(reference, before);
+            self.previous.of(reference, before);
         }
-        self.now.of(reference, set);
-        let Survey { affine, chunks } = &self.now;
+        self.current.of(reference, set);
+        let Survey { affine, chunks } = &self.current;
         let Some(affine) = affine else {
             return Finding::Nothing;
         };
         if chunks.is_empty() {
-            known.paid = true;
+            known.used = true;
             work.route = Route::Quiet;
             return Finding::AllBut(Vec::new());
         }
         let still = Affine::identity();
         let ends = [(&still, &reference.set), (affine, set)];
-        let motion = Motion::new(reference, ends, chunks, Space::Reference);
+        let motion = MovedSegments::new(reference, ends, chunks, Space::Reference);
         work.marked = motion.blocks() as u64;
-        // A loop that has shrunk to a point or a line is for the full run to tell.
+        // Only the full run reports a loop that has shrunk to a point or a line.
         if !motion.loops().all(|i| set.has_three_distinct_points(i)) {
             return Finding::Nothing;
         }
@@ -151,49 +152,54 @@ impl Monitor {
         if pairs.len() as f64 > many.max(8.0) {
             return Finding::Nothing;
         }
-        known.paid = true;
+        known.used = true;
         work.route = Route::Partial;
         work.recertified = recertified as u64;
         work.recomputed = pairs.len() as u64;
         Finding::AllBut(pairs)
     }
 
-    /// The pairs of curves (`(i, i)`: a curve and itself), sorted, that may have passed through one another from
-    /// the frame before to the one looked at last; none where nothing is known.
+    /// Returns the pairs of curves (`(i, i)`: a curve and itself), sorted, that may have passed
+    /// through each other between the previous frame and the current one. Returns `None` if nothing
+    /// is known.
     pub fn may_have_passed(&mut self, before: &CurveSet, after: &CurveSet) -> Option<Vec<Pair>> {
         let reference = &self.reference.as_ref()?.reference;
-        let affines = [self.before.affine.as_ref()?, self.now.affine.as_ref()?];
+        let affines = [
+            self.previous.affine.as_ref()?,
+            self.current.affine.as_ref()?,
+        ];
         let bend = Affine::bend(affines)?;
-        let mut chunks = [&self.before.chunks[..], &self.now.chunks].concat();
+        let mut chunks = [&self.previous.chunks[..], &self.current.chunks].concat();
         if chunks.is_empty() {
             return Some(Vec::new());
         }
         chunks.sort_unstable();
         chunks.dedup();
         let ends = [(affines[0], before), (affines[1], after)];
-        let motion = Motion::new(reference, ends, &chunks, Space::World { bend });
+        let motion = MovedSegments::new(reference, ends, &chunks, Space::World { bend });
         Some(motion.affected(&mut self.search).0)
     }
 
-    /// The numbers of the reference frame, and how they compare with the baseline.
+    /// Returns the linking numbers of the reference frame, and their comparison with the baseline.
     pub fn known(&self) -> Option<(&Certificate, &Comparison)> {
         let known = self.reference.as_ref()?;
         Some((&known.reference.certificate, &known.comparison))
     }
 
-    /// Whether the frame looked at last would make a better reference.
+    /// Returns true if the current frame would make a better reference.
     pub fn wants_reference(&self, work: &Work) -> bool {
         let chunks = self.reference.as_ref().map_or(0, |k| k.reference.chunks());
         let stale = match work.route {
             Route::Full => true,
             Route::Quiet => false,
-            Route::Partial => self.now.chunks.len() as f64 > STALE * chunks as f64,
+            Route::Partial => self.current.chunks.len() as f64 > STALE * chunks as f64,
         };
-        stale && self.making.is_none() && self.frame >= self.next_reference
+        stale && self.build.is_none() && self.frame >= self.next_reference
     }
 
-    /// Makes a reference of the frame looked at last, beside the stream; not where its boxes cannot grow by the reach,
-    /// which is less than four times its largest coordinate, in single precision.
+    /// Starts to build a reference from the current frame, in a background thread. Does nothing if
+    /// boxes dilated by the reach could overflow single precision. The reach is less than four
+    /// times the largest coordinate.
     pub fn make_reference(
         &mut self,
         set: CurveSet,
@@ -205,30 +211,31 @@ impl Monitor {
         }
         let frame = self.frame;
         let cover = self.cover;
-        let make = move || {
-            // A thread of its own: the stream's are busy with the next frames.
+        let build = move || {
+            // A separate pool of one thread, because the pool of the stream works on the next
+            // frames.
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(1)
                 .build()
                 .ok()?;
-            let build = || Reference::build(set, certificate, frame, potential_links, cover);
-            Some(pool.install(build))
+            let reference = || Reference::build(set, certificate, frame, potential_links, cover);
+            Some(pool.install(reference))
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());
         // Without a thread there is no reference, and every frame is computed in full.
-        self.making = thread.spawn(make).ok();
-        // One reference after another that no frame was quiet for does not pay.
-        let paid = self.reference.as_ref().is_none_or(|k| k.paid);
-        self.pause = if paid {
+        self.build = thread.spawn(build).ok();
+        // Successive references that no frame used do not pay.
+        let used = self.reference.as_ref().is_none_or(|k| k.used);
+        self.backoff = if used {
             1
         } else {
-            let pause = (2 * self.pause).max(REST * self.in_making);
-            pause.min(LONGEST_PAUSE)
+            let backoff = (2 * self.backoff).max(BACKOFF * self.build_frames);
+            backoff.min(MAX_BACKOFF)
         };
-        self.next_reference = self.frame + self.pause;
+        self.next_reference = self.frame + self.backoff;
     }
 
-    /// Compares the reference frame with a baseline that has more numbers than before.
+    /// Compares the reference frame with a baseline that has adopted linking numbers.
     pub fn compare_again(&mut self, baseline: &Certificate) {
         if let Some(known) = &mut self.reference {
             // Cannot fail: both have the same number of curves.
@@ -238,14 +245,14 @@ impl Monitor {
         }
     }
 
-    /// Waits for a reference frame in the making.
+    /// Waits until a reference frame that is being built is complete.
     pub fn settle(&mut self) {
-        while self.making.as_ref().is_some_and(|m| !m.is_finished()) {
+        while self.build.as_ref().is_some_and(|m| !m.is_finished()) {
             std::thread::sleep(std::time::Duration::from_micros(200));
         }
     }
 
-    /// An error, to be noticed: from now on nothing ever moves too far.
+    /// Simulates an error that the paranoid mode must detect: all allowances become infinite.
     #[cfg(test)]
     pub fn go_blind(&mut self) {
         let reference = &mut self.reference.as_mut().expect("a reference").reference;
@@ -253,21 +260,22 @@ impl Monitor {
         reference.packed = super::packed::Packed::blocks(&reference.set, &reference.allowances);
     }
 
-    /// Takes a reference frame that is ready, and drops one of other curves. Whether there is another one than before.
+    /// Adopts a completed reference frame, and drops one of other curves. Returns true if there is
+    /// a new one.
     fn adopt(&mut self, set: &CurveSet, baseline: &Certificate) -> bool {
         let mut adopted = false;
-        if let Some(making) = self.making.take_if(|m| m.is_finished()) {
-            // A panic there has been told by its thread.
-            if let Ok(Some(reference)) = making.join() {
-                // At best it is ready for the next frame.
-                self.in_making = self.frame - reference.frame - 1;
-                // Of two numbers of curves nothing compares.
+        if let Some(build) = self.build.take_if(|m| m.is_finished()) {
+            // The panic hook has already reported a panic of the thread.
+            if let Ok(Some(reference)) = build.join() {
+                // The earliest frame that can use it is the one after it.
+                self.build_frames = self.frame - reference.frame - 1;
+                // Certificates with different numbers of curves cannot be compared.
                 if let Ok(comparison) = reference.certificate.compare(baseline) {
                     adopted = true;
                     self.reference = Some(Known {
                         reference,
                         comparison,
-                        paid: false,
+                        used: false,
                     });
                 }
             }

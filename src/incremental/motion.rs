@@ -1,4 +1,4 @@
-//! What a frame moved further than it may since the reference frame, and what that may have broken.
+//! Segments that moved further than their allowances, and the pairs of curves that this may affect.
 
 use super::affine::Affine;
 use super::reference::Reference;
@@ -8,24 +8,26 @@ use crate::discretize::{Hull, MovingSeparation};
 use crate::pairs::{LinkSearch, Pair};
 use rayon::prelude::*;
 
-/// Segments that moved further than they may, of a step from one frame to another.
+/// Segments that moved further than their allowances in a step from one frame to another.
 ///
-/// They are looked for in the space of the reference frame, into which both frames are mapped back.
-pub(super) struct Motion<'a> {
+/// The search takes place in the space of the reference frame, into which both frames are mapped
+/// back.
+pub(super) struct MovedSegments<'a> {
     reference: &'a Reference,
     ends: [(&'a Affine, &'a CurveSet); 2],
     space: Space,
-    /// Blocks of eight segments with one of these among them, sorted.
+    /// Blocks of eight segments with at least one marked segment, sorted.
     blocks: Vec<Block>,
 }
 
-/// Where points move on straight lines at constant speed.
+/// Space in which points move on straight lines at constant speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Space {
-    /// In the space of the reference frame. For linking numbers any way will do, so long as every map between is
-    /// isotopic to the identity.
+    /// Space of the reference frame. For linking numbers any motion will do, as long as every map
+    /// in between is isotopic to the identity.
     Reference,
-    /// In the world. Mapped back, ways are bent by up to this share of their length ([`Affine::bend`]).
+    /// World space. Mapped back, paths deviate from straight lines by up to this share of their
+    /// length ([`Affine::bend`]).
     World { bend: f64 },
 }
 
@@ -34,22 +36,23 @@ struct Block {
     curve: u32,
     /// Leaf of the curve's tree.
     leaf: u32,
-    /// Segments that are marked, a bit each.
+    /// Marked segments, one bit each.
     marked: u32,
-    /// The box of these in both frames, and so at all times between.
+    /// Bounding box of the marked segments in both frames, and so at all times in between.
     swept: Box3,
 }
 
-impl<'a> Motion<'a> {
-    /// The marked segments: those that depend on a point in one of the chunks of slots that breaks its allowance.
+impl<'a> MovedSegments<'a> {
+    /// Marks the segments that depend on a point in one of the chunks, which contain the points
+    /// that moved further than their allowances.
     pub fn new(
         reference: &'a Reference,
         ends: [(&'a Affine, &'a CurveSet); 2],
         chunks: &[u32],
         space: Space,
-    ) -> Motion<'a> {
+    ) -> MovedSegments<'a> {
         let set = ends[1].1;
-        let mut motion = Motion {
+        let mut motion = MovedSegments {
             reference,
             ends,
             space,
@@ -85,19 +88,19 @@ impl<'a> Motion<'a> {
         motion
     }
 
-    /// Number of marked blocks.
+    /// Returns the number of marked blocks.
     pub fn blocks(&self) -> usize {
         self.blocks.len()
     }
 
-    /// Closed curves with a marked segment, each once.
+    /// Returns the closed curves with a marked segment, without duplicates.
     pub fn loops(&self) -> impl Iterator<Item = usize> + '_ {
         let blocks = self.blocks.chunk_by(|a, b| a.curve == b.curve);
         let curves = blocks.map(|of_one| of_one[0].curve as usize);
         curves.filter(|&i| self.reference.set.curve(i).closed)
     }
 
-    /// A segment at both ends, mapped back.
+    /// Returns a segment at both ends of the step, mapped back to the reference frame.
     fn both(&self, i: usize, s: u32) -> [Bezier; 2] {
         self.ends.map(|(affine, set)| {
             let back = |p: Point| affine.back(p);
@@ -105,7 +108,8 @@ impl<'a> Motion<'a> {
         })
     }
 
-    /// A segment at both ends, where it moves on straight lines between.
+    /// Returns a segment at both ends of the step, in the space in which it moves on straight
+    /// lines.
     fn straight(&self, i: usize, s: u32) -> [Bezier; 2] {
         match self.space {
             Space::Reference => self.both(i, s),
@@ -113,7 +117,8 @@ impl<'a> Motion<'a> {
         }
     }
 
-    /// Rounding of points that are mapped back, and of what is computed from them, generously.
+    /// Returns a generous bound of the rounding errors of points that are mapped back, and of
+    /// values computed from them.
     fn slack(&self) -> f64 {
         let ends = self.ends.iter();
         let size: f64 = ends
@@ -146,13 +151,16 @@ impl<'a> Motion<'a> {
         out
     }
 
-    /// Pairs of curves that may have touched on the way, sorted; and how many others came near and were proven apart.
+    /// Returns the pairs of curves that may have touched during the step, sorted, and the number of
+    /// other pairs that came near and were proven apart.
     ///
-    /// In the space of the reference frame: pairs of closed curves; one that is not among them has its linking number
-    /// of the reference frame. In the world: all pairs that the reference frame covers, `(i, i)` for a curve and itself.
+    /// In the space of the reference frame these are pairs of closed curves; all other pairs have
+    /// the linking numbers of the reference frame. In world space these are all pairs that the
+    /// reference frame covers, with `(i, i)` for a curve and itself.
     pub fn affected(&self, search: &mut LinkSearch) -> (Vec<Pair>, usize) {
         let reference = self.reference;
-        // What is not marked stays within the reach of where it was; a pair of unmarked segments does not touch.
+        // Unmarked segments stay within the reach of their places, and two unmarked segments do not
+        // touch.
         let reach = (reference.reach * (1.0 + 1e-6) + self.slack()) as f32;
         let reach = reach.next_up();
         let mut boxes: Vec<Box3> = reference
@@ -184,7 +192,7 @@ impl<'a> Motion<'a> {
         let near: Vec<(Pair, bool, bool)> = pairs
             .par_iter()
             .map(|&pair| {
-                let (near, apart) = self.look_at(pair, reach);
+                let (near, apart) = self.check(pair, reach);
                 (pair, near, apart)
             })
             .collect();
@@ -199,16 +207,17 @@ impl<'a> Motion<'a> {
         &self.blocks[start..end]
     }
 
-    /// Whether marked segments came near the other curve, and whether all that did are proven apart at all times.
-    fn look_at(&self, (i, j): Pair, reach: f32) -> (bool, bool) {
-        let own = i == j;
-        if own && !self.runs_one_way(i) {
+    /// Returns two results: true if marked segments came near the other curve, and true if all of
+    /// these are proven apart at all times.
+    fn check(&self, (i, j): Pair, reach: f32) -> (bool, bool) {
+        let same = i == j;
+        if same && !self.is_monotonic(i) {
             return (true, false);
         }
         let mut near = false;
-        // Marked ones against unmarked ones, both ways.
+        // Marked segments with unmarked ones, both ways.
         let both = [(i, j), (j, i)];
-        for &(a, b) in &both[..if own { 1 } else { 2 }] {
+        for &(a, b) in &both[..if same { 1 } else { 2 }] {
             let tree = self.reference.trees.of(&self.reference.set, b as usize);
             let others = self.blocks_of(b);
             for block in self.blocks_of(a) {
@@ -220,7 +229,7 @@ impl<'a> Motion<'a> {
                         let leaf = t / LANES as u32;
                         let at = others.binary_search_by_key(&leaf, |o| o.leaf);
                         if at.is_ok_and(|at| others[at].marked >> (t % LANES as u32) & 1 != 0) {
-                            // It may be elsewhere by now: see below.
+                            // This one is marked as well and may have left its box: see below.
                             return;
                         }
                         near = true;
@@ -232,10 +241,10 @@ impl<'a> Motion<'a> {
                 }
             }
         }
-        // Marked ones against marked ones.
+        // Marked segments with marked ones.
         for a in self.blocks_of(i) {
             for b in self.blocks_of(j) {
-                if !(own && b.leaf < a.leaf) && a.swept.overlaps(&b.swept) {
+                if !(same && b.leaf < a.leaf) && a.swept.overlaps(&b.swept) {
                     near = true;
                     let mut bits = b.marked;
                     while bits != 0 {
@@ -251,9 +260,10 @@ impl<'a> Motion<'a> {
         (near, true)
     }
 
-    /// Whether a curve runs one way at all times along each marked segment with those before and after it, so that
-    /// these do not pass through themselves or one another. Neighbouring edges never do.
-    fn runs_one_way(&self, i: u32) -> bool {
+    /// Returns true if the curve is monotonic at all times along each marked segment together with
+    /// its neighbours, so that these do not pass through themselves or one another. Adjacent edges
+    /// never do.
+    fn is_monotonic(&self, i: u32) -> bool {
         let set = &self.reference.set;
         if set.basis().is_polyline() {
             return true;
@@ -273,7 +283,8 @@ impl<'a> Motion<'a> {
         turns.is_empty()
     }
 
-    /// Whether the marked segments of a block are apart from the segment `t` of curve `j` at all times.
+    /// Returns true if the marked segments of a block are proven apart from segment `t` of curve
+    /// `j` at all times.
     fn block_apart(&self, block: &Block, j: u32, t: u32) -> bool {
         let hulls = |i: usize, s: u32| self.straight(i, s).map(|p| Hull::of_piece(&p));
         let [b_before, b_after] = hulls(j as usize, t);
@@ -282,7 +293,7 @@ impl<'a> Motion<'a> {
         (0..LANES as u32)
             .filter(|k| block.marked >> k & 1 != 0)
             .map(|k| block.leaf * LANES as u32 + k)
-            // Neighbours are joined.
+            // Adjacent segments are joined.
             .filter(|&s| block.curve != j || !curve.adjacent(s, t))
             .all(|s| {
                 let [before, after] = hulls(block.curve as usize, s);

@@ -1,24 +1,26 @@
-//! The reference frame once more, small: what is compared with every frame.
+//! Compressed reference frame, with which every frame is compared first.
 //!
-//! A quiet frame costs what it takes to read it and the reference frame. So that the latter is less, its points are kept
-//! as offsets of 16 bits from the middle of their block, and one allowance for the whole block. That is `q'` near the
-//! point `q`, and what the rounding of offsets moved it is taken off its allowance `a`: where a point is within
-//! `a - |q' - q|` of `q'`, it is within `a` of `q`.
+//! The cost of a quiet frame is that of reading it and the reference frame. To reduce the latter,
+//! points of the reference frame are stored as 16-bit offsets from the center of their block, with
+//! a single allowance per block. A stored point `q'` is near the point `q`, and the distance is
+//! subtracted from the allowance `a`: if a point is within `a - |q' - q|` of `q'`, it is within `a`
+//! of `q`.
 //!
-//! A block where this fails proves nothing: it is looked at again, with the reference frame as it was.
+//! A block that fails this test proves nothing. It is tested again with the uncompressed reference
+//! frame.
 
 use super::affine::Affine;
 use super::stream::Real;
 use crate::curve::{CurveSet, LANES, Point};
 
-/// Slots that are compared together.
+/// Number of slots in a block.
 pub(super) const BLOCK: usize = 64;
 
 /// Half a unit in the last place of 1, in single and in double precision.
 const U: f64 = f32::EPSILON as f64 / 2.0;
 const U_DOUBLE: f64 = f64::EPSILON / 2.0;
 
-/// Of its allowance, the share of a block that may be given away to compare with less effort.
+/// Share of the allowance of a block that may be given up for a cheaper comparison.
 const GIVEN_AWAY: f64 = 0.125;
 
 /// The points of a block of slots in the reference frame: `origin + scale * offset`.
@@ -27,15 +29,16 @@ const GIVEN_AWAY: f64 = 0.125;
 pub(super) struct Packed {
     origin: Point,
     scale: f32,
-    /// Largest distance from the origin, of points with an allowance.
+    /// Largest distance from the origin of the points with an allowance.
     radius: f32,
-    /// The least that any of them may move, less what it is off. Infinite where all may move as they like.
+    /// Smallest allowance of the points minus their compression errors. Infinite if no point has an
+    /// allowance.
     allowance: f32,
     offsets: [[i16; BLOCK]; 3],
 }
 
 impl Packed {
-    /// All whole blocks of a set.
+    /// Returns all complete blocks of a set.
     pub fn blocks(set: &CurveSet, allowances: &[f32]) -> Vec<Packed> {
         let blocks = allowances.as_chunks::<BLOCK>().0.iter().enumerate();
         blocks
@@ -53,14 +56,15 @@ impl Packed {
         }
         let origin = [0, 1, 2].map(|x| 0.5 * lo[x] + 0.5 * hi[x]);
         let size = (0..3).map(|x| hi[x] - lo[x]).fold(0.0, f64::max);
-        // Where it is 0 or too large for the type, so are the offsets, and the allowance tells what that costs.
+        // If the scale is 0 or too large for the type, the offsets are too, and the allowance
+        // accounts for the error.
         let scale = (size / (2.0 * f64::from(i16::MAX))) as f32;
         let mut offsets = [[0; BLOCK]; 3];
         let (mut radius, mut allowance) = (0.0f64, f64::INFINITY);
         for (k, (p, &a)) in points().zip(allowances).enumerate() {
             let (mut far, mut off) = (0.0, 0.0);
             for x in 0..3 {
-                // Saturates.
+                // The cast saturates.
                 let offset = ((p[x] - origin[x]) / f64::from(scale)).round() as i16;
                 let by = f64::from(scale) * f64::from(offset);
                 let d = p[x] - (origin[x] + by);
@@ -74,7 +78,7 @@ impl Packed {
                 allowance = allowance.min(f64::from(a) - off.sqrt() * (1.0 + 1e-9) - rounding);
             }
         }
-        // What cannot be told, with numbers that are too large, may not move at all.
+        // If numbers are too large for a bound, no motion is allowed.
         let known = scale.is_finite() && radius < 1e18 && !allowance.is_nan();
         Packed {
             origin,
@@ -90,47 +94,54 @@ impl Packed {
     }
 }
 
-/// The condition of a frame for packed points: `|p - (M q' + t)| <= sigma a`.
+/// Condition of a frame for compressed points: `|p - (M q' + t)| <= sigma a`.
 ///
-/// With `o` the origin of a block and `s k` the offset of a point, `|s k| <= r`, it is evaluated as `(p - o') - M s k`,
-/// where `o'` is `M o + t`, rounded to the precision of the coordinates; what is left after `p - o'` is in single
-/// precision, whose `u` is `2^-24`. Nothing but `o'` errs by the size of the scene, `S = |M| B + |t| + A` with `A` and `B`
-/// the largest coordinates of both frames: by `u' S` an axis, with `u'` that of the coordinates, and by less than
-/// `10 * 2^-53 S` where it is computed. The lengths of three are at most twice as large: `3 u' S + 32 * 2^-53 S` is more.
+/// # Derivation of the error bounds
 ///
-/// The rest is of the size of the block. With `D = |p - o'|` and `|M|` the largest sum of a row, the subtraction errs by
-/// less than `1.1 u D` an axis, the products by `2 u |M| r` (`M s` is rounded as well) and their sums by
-/// `3 u (D + |M| r)`, whether or not the processor rounds products before it adds them: `5.2 u (D + |M| r)` in all. Where
-/// the condition was found to hold, `D` is no more than `sigma a + |M| r` and this error. That makes
-/// `11 u sigma a + 22 u |M| r` for the length. `32 u |M| r` is taken off the bound, and `64 u` of it, which covers the
-/// squares too.
+/// Let `o` be the origin of a block and `s k` the offset of a point, with `|s k| <= r`. The
+/// condition is evaluated as `(p - o') - M s k`, where `o'` is `M o + t`, rounded to the precision
+/// of the coordinates. The result of `p - o'` is in single precision, whose `u` is `2^-24`.
 ///
-/// Squares that underflow are off by `2^-147` in all, which the square of `2^-70` covers.
+/// Only `o'` has an error of the size of the scene, `S = |M| B + |t| + A`, with `A` and `B` the
+/// largest coordinates of both frames: `u' S` per axis, with `u'` that of the coordinates, and less
+/// than `10 * 2^-53 S` from its computation. The vector of three axes has at most twice that
+/// length, so `3 u' S + 32 * 2^-53 S` is an upper bound.
 ///
-/// Where `M` is so near the identity that `|M - I| r` is little, it is taken off as well, and `M` is left out.
+/// The other errors are of the size of the block. Let `D = |p - o'|`, and `|M|` the largest
+/// absolute row sum. Per axis, the subtraction has an error below `1.1 u D`, the products
+/// `2 u |M| r` (`M s` is rounded as well), and their sums `3 u (D + |M| r)`, even if the CPU does
+/// not round products before adding them (FMA): `5.2 u (D + |M| r)` in all. If the condition holds,
+/// `D` is at most `sigma a + |M| r` plus this error. So the length has an error of at most
+/// `11 u sigma a + 22 u |M| r`. `32 u |M| r` is subtracted from the bound, and `64 u` of the bound,
+/// which covers the squares too.
+///
+/// Squares that underflow have an error of `2^-147` in all, which the square of `2^-70` covers.
+///
+/// If `M` is so near the identity that `|M - I| r` is small, that is subtracted as well, and the
+/// product with `M` is skipped.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Quick {
     affine: Affine,
     m: [[f32; 3]; 3],
     sigma: f64,
     error: f64,
-    /// Errors in proportion to the radius of a block.
+    /// Errors that are proportional to the radius of a block.
     share: f64,
-    /// A bound on `|M - I|`.
+    /// Upper bound of `|M - I|`.
     stray: f64,
 }
 
 impl Quick {
-    pub fn new<T: Real>(affine: &Affine, reference: &CurveSet, now: &CurveSet) -> Quick {
+    pub fn new<T: Real>(affine: &Affine, reference: &CurveSet, current: &CurveSet) -> Quick {
         let largest = affine.largest_row().max(1.0);
-        let size = largest * reference.max_abs() + affine.t.amax() + now.max_abs();
+        let size = largest * reference.max_abs() + affine.t.amax() + current.max_abs();
         let error = (3.0 * T::U + 32.0 * U_DOUBLE) * size + f64::from(f32::TINY);
         let stray = (affine.m - nalgebra::Matrix3::identity()).norm();
         Quick {
             affine: *affine,
             m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| affine.m[(r, c)] as f32)),
             sigma: affine.sigma * (1.0 - 64.0 * U),
-            // Nothing holds where single precision may overflow.
+            // Nothing is proven if single precision may overflow.
             error: if size < f32::LARGEST {
                 error
             } else {
@@ -141,7 +152,7 @@ impl Quick {
         }
     }
 
-    /// Whether all points of a block are proven to be within their allowances.
+    /// Returns true if all points of a block are proven to be within their allowances.
     #[inline(always)]
     pub fn holds<T: Real, const FMA: bool>(&self, block: &Packed, p: [&[T; BLOCK]; 3]) -> bool {
         if block.allowance == f32::INFINITY {
@@ -170,7 +181,8 @@ impl Quick {
 }
 
 impl Packed {
-    /// The largest square of a distance between points and where they should be, `m` being the identity where `SAME`.
+    /// Returns the largest squared distance of points from their expected positions. If `SAME` is
+    /// set, `m` is replaced by the identity.
     #[inline(always)]
     fn largest_square<T: Real, const FMA: bool, const SAME: bool>(
         &self,
@@ -218,7 +230,7 @@ impl Packed {
     }
 }
 
-/// `a + b c`, in one instruction where there is one.
+/// Returns `a + b c`, in a single instruction if the CPU has FMA.
 #[inline(always)]
 fn add_product<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FMA { b.mul_add(c, a) } else { a + b * c }

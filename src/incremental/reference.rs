@@ -1,22 +1,33 @@
-//! A frame that later ones are compared with: how far may each control point move before two curves may touch?
+//! Reference frame: the distance that each control point may move before two curves may touch.
 //!
-//! Two segments of different curves whose hulls have a gap `g` along some unit vector stay apart while every point
-//! of the hulls moves less than `g / 2`. Control points move the hulls: those of a Bezier segment and of a B-spline
-//! are convex combinations, so no further than the control points; those of Catmull-Rom are off a control point
-//! by a sixth of the difference of two others, so at most `1 + 1/6 + 1/6 = 4/3` times as far. The allowance of a control
-//! point is the least of these distances over all segments that depend on it and all near segments of other
-//! closed curves; where hulls are much nearer than the curves in them, over their halves. If no point has moved further, then no two curves touched on
-//! the straight way from the reference frame, and every linking number is what it was.
+//! # Proof: no curves touch while all points stay within their allowances
 //!
-//! A reference may [`Cover`] more: open curves in the same way, and a curve with itself. For the latter, segments that
-//! are no neighbours stay apart as those of two curves do. Neighbouring edges lie in one plane at all times. A
-//! neighbouring pair of spline segments meets nowhere but at its joint while the differences of consecutive Bezier
-//! control points have a positive component along one axis: the derivative of the curve is a convex combination of
-//! them. If control points move by 1 at most, such a difference moves by the sum `w` of the magnitudes of its
-//! coefficients: with a component `c` along a unit vector it stays positive while they move less than `c / w`.
+//! If the hulls of two segments of different curves have a gap `g` along some unit vector, the
+//! segments stay apart while every point of the hulls moves less than `g / 2`. Control points move
+//! the hulls. The hull points of a Bezier segment and of a B-spline are convex combinations of
+//! control points, so they move no further than these. Those of Catmull-Rom differ from a control
+//! point by a sixth of the difference of two others, so they move at most `1 + 1/6 + 1/6 = 4/3`
+//! times as far.
 //!
-//! Cost: a descent of all pairs of curves that come within the reach of one another, and a test of hulls for each pair
-//! of segments within it. Only those that may lower an allowance are looked at more closely.
+//! The allowance of a control point is the minimum of these distances over all segments that depend
+//! on it and all near segments of other closed curves. If hulls are much nearer than the curves in
+//! them, the hulls of their halves are used. If no point moved further than its allowance, no two
+//! curves touched on the straight path from the reference frame, so no linking number changed.
+//!
+//! # A curve and itself
+//!
+//! A reference may [`Cover`] more: open curves in the same way, and a curve with itself. Segments
+//! of one curve that are not adjacent stay apart like those of two curves. Adjacent edges lie in
+//! one plane at all times. An adjacent pair of spline segments meets only at its joint while the
+//! differences of consecutive Bezier control points have a positive component along one axis,
+//! because the derivative of the curve is a convex combination of them. If control points move by
+//! at most 1, such a difference moves by the sum `w` of the magnitudes of its coefficients. With a
+//! component `c` along a unit vector, it stays positive while the points move less than `c / w`.
+//!
+//! # Cost
+//!
+//! A descent of all pairs of curves within the reach of one another, and a test of hulls for each
+//! pair of segments within it. Only pairs that may lower an allowance are examined more closely.
 
 use super::Cover;
 use super::affine::Sample;
@@ -25,7 +36,7 @@ use super::stream::CHUNK;
 use crate::certificate::Certificate;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Basis, Box3, BoxGroup, Curve, CurveSet, LANES, Lanes, Point, Portable};
+use crate::curve::{Basis, Box3, BoxGroup, Curve, CurveSet, LANES, Lanes, Point, Portable, pow2};
 use crate::discretize::Hull;
 use crate::pairs::{
     Agenda, Leaves, LinkSearch, Node, Query, SegmentPairs, Trees, closest_points, descend,
@@ -35,52 +46,53 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Of the distance that keeps two segments apart, the share that may be used up: what is left keeps them apart by
-/// more than rounding and by more than the discretization of splines needs.
+/// Share of a gap between two segments that allowances may use. The remainder is a margin for
+/// rounding and for the discretization of splines.
 const SHARE: f64 = 0.49;
 
-/// Blocks whose clearance is looked at to choose the reach.
+/// Number of blocks whose clearance is sampled to choose the reach.
 const SAMPLES: usize = 32;
 
-/// Halvings of two segments whose hulls are much nearer than they are, in search of a gap.
+/// Maximum number of halvings of two segments whose hulls are much nearer than the segments.
 const DEPTH: u32 = 5;
 
-/// Pairs of segments that are gathered before they are looked at.
+/// Number of segment pairs that are gathered before they are processed.
 const BATCH: usize = 1024;
 
-/// Steps of the search for the best axis: few are needed but where it is hardly one.
+/// Maximum number of steps of the search for the best axis. Few are needed unless the gap is very
+/// small.
 const STEPS: usize = 8;
 
-/// Of the best that an axis may turn out to be, the share from which on it is good enough.
+/// Share of the best possible value from which on an axis is good enough.
 const GOOD: f64 = 0.9;
 
-/// Of about the distance of two segments, the share below which a gap of their hulls is poor.
+/// Share of the approximate distance of two segments below which the gap of their hulls is poor.
 const POOR: f64 = 0.8;
 
-/// A frame with proven linking numbers, and what may move how far.
+/// A frame with proven linking numbers, and the allowances of its points.
 #[derive(Debug)]
 pub(super) struct Reference {
     pub set: CurveSet,
-    /// What the allowances hold for.
+    /// Pairs for which the allowances are valid.
     pub cover: Cover,
-    /// Trees of all curves that are covered.
+    /// Trees of all covered curves.
     pub trees: Trees,
     pub certificate: Certificate,
-    /// Number of the frame, as the monitor counts.
+    /// Number of the frame, counted by the monitor.
     pub frame: u64,
-    /// Pairs of curves whose boxes overlapped.
+    /// Number of pairs of curves with overlapping boxes.
     pub potential_links: usize,
-    /// What affine frames are fitted to.
+    /// Points to which affine frames are fitted.
     pub sample: Sample,
-    /// Blocks of eight segments in all.
+    /// Number of blocks of eight segments.
     pub blocks: u64,
-    /// For every slot of the coordinates, the distance that its point may move. Infinite where it is a copy, padding or
-    /// of a curve that is not covered.
+    /// Distance that the point of each slot may move. Infinite for copies, padding, and curves that
+    /// are not covered.
     pub allowances: Vec<f32>,
-    /// Points and allowances once more, small.
+    /// Compressed points and allowances.
     pub packed: Vec<Packed>,
-    /// How far hulls move at most while no control point moves further than it may: segments that are further apart
-    /// than twice this were not compared.
+    /// Largest distance that hulls move while all control points stay within their allowances.
+    /// Segments whose distance exceeds twice the reach were not compared.
     pub reach: f64,
 }
 
@@ -119,7 +131,7 @@ impl Reference {
         }
     }
 
-    /// Chunks of slots in all.
+    /// Returns the number of chunks of slots.
     pub fn chunks(&self) -> usize {
         self.allowances.len().div_ceil(CHUNK)
     }
@@ -127,12 +139,12 @@ impl Reference {
 
 /// Buffers of a task.
 #[derive(Default)]
-struct Room {
+struct Buffers {
     agenda: Agenda,
     near: SegmentPairs,
 }
 
-/// The boxes of the curves that are covered.
+/// Boxes of the covered curves.
 #[derive(Clone, Copy)]
 struct Covered<'a> {
     set: &'a CurveSet,
@@ -158,13 +170,13 @@ impl Leaves for Covered<'_> {
     }
 }
 
-/// Allowances in the making.
+/// Allowances under construction.
 struct Allowances<'a> {
     set: &'a CurveSet,
     trees: &'a Trees,
     cover: Cover,
     reach: f64,
-    /// Bits of each, which compare as they do: none is negative.
+    /// Bit patterns of the allowances. None is negative, so the patterns have the same order.
     slots: Vec<AtomicU32>,
 }
 
@@ -183,14 +195,14 @@ impl<'a> Allowances<'a> {
         all
     }
 
-    /// Curves that are covered.
+    /// Returns the covered curves.
     fn curves(&self) -> impl Iterator<Item = usize> + '_ {
         let Allowances { set, cover, .. } = *self;
         (0..set.len()).filter(move |&i| Covered { set, cover }.has_tree(i))
     }
 
     fn lower(&self, slots: impl Iterator<Item = usize>, to: f64) {
-        // Infinity says that there is no bound.
+        // Infinity means unbounded, so bounds are finite.
         let to = to.clamp(0.0, f32::MAX.into()) as f32 * (1.0 - 1e-6);
         for slot in slots {
             if self.slots[slot].load(Ordering::Relaxed) > to.to_bits() {
@@ -199,14 +211,15 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// Rounding of gaps, of hulls now and of those of a later frame. Halves of halves, [`DEPTH`] times, have points within
-    /// `15 * 5/3 M u` of the true ones ([`Hull::halves`]), which the pad covers as it does for sub-segments.
+    /// Returns a bound of the rounding errors of gaps, for the hulls of the reference frame and of
+    /// a later frame. Points of hulls after [`DEPTH`] halvings have an error of at most
+    /// `15 * 5/3 M u` ([`Hull::halves`]), which the pad covers as for sub-segments.
     fn slack(&self) -> f64 {
         let set = self.set;
-        4.0 * (set.pad() + set.max_abs() * f64::from_bits((1023 - 47) << 52)) + 1e-300
+        4.0 * (set.pad() + set.max_abs() * pow2(-47)) + 1e-300
     }
 
-    /// How far control points may move for hulls to move by 1.
+    /// Returns the distance that control points may move if hulls may move by 1.
     fn stiffness(&self) -> f64 {
         match self.set.basis() {
             Basis::CatmullRom => 0.75,
@@ -214,7 +227,7 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// All allowances.
+    /// Computes all allowances.
     fn fill(self, certificate: &Certificate) -> Vec<f32> {
         let curves: Vec<usize> = self.curves().collect();
         curves.par_iter().for_each(|&i| {
@@ -224,9 +237,9 @@ impl<'a> Allowances<'a> {
             }
         });
         let set = self.set;
-        // Of single-precision boxes.
-        let rounding = set.max_abs() * f64::from_bits((1023 - 22) << 52);
-        // What is further apart bounds nothing below the reach.
+        // Rounding of single-precision boxes.
+        let rounding = set.max_abs() * pow2(-22);
+        // Pairs that are further apart bound no allowance below the reach.
         let within = (self.reach / SHARE + 2.0 * rounding).min(f32::MAX.into()) as f32;
         let dilated: Vec<Box3> = self
             .trees
@@ -241,8 +254,8 @@ impl<'a> Allowances<'a> {
         }
         pairs
             .par_iter()
-            .for_each_init(Room::default, |room, &(i, j)| {
-                self.keep_apart([i as usize, j as usize], within, room);
+            .for_each_init(Buffers::default, |buffers, &(i, j)| {
+                self.keep_apart([i as usize, j as usize], within, buffers);
             });
         self.slots
             .into_iter()
@@ -250,7 +263,7 @@ impl<'a> Allowances<'a> {
             .collect()
     }
 
-    /// Bounds that all points of a curve have.
+    /// Applies the bounds that all points of a curve have.
     fn bound(&self, i: usize, certificate: &Certificate) {
         let mut undefined = certificate.undefined.iter();
         let mut most = self.stiffness() * self.reach;
@@ -263,22 +276,23 @@ impl<'a> Allowances<'a> {
         self.lower(self.set.body(i), most);
     }
 
-    /// Bounds that keep segments of two curves apart, or of a curve and itself, with the instructions that there are.
-    fn keep_apart(&self, curves: [usize; 2], within: f32, room: &mut Room) {
+    /// Applies the bounds that keep segments of two curves apart, or of a curve and itself. Uses
+    /// AVX2 if available.
+    fn keep_apart(&self, curves: [usize; 2], within: f32, buffers: &mut Buffers) {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token says that the processor has them.
-            return unsafe { self.keep_apart_avx2(avx2, curves, within, room) };
+            // SAFETY: the token proves that the CPU has these instructions.
+            return unsafe { self.keep_apart_avx2(avx2, curves, within, buffers) };
         }
-        self.keep_apart_with(Portable, curves, within, room);
+        self.keep_apart_with(Portable, curves, within, buffers);
     }
 
     /// [`Allowances::keep_apart_with`], compiled with AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn keep_apart_avx2(&self, avx2: Avx2, curves: [usize; 2], within: f32, room: &mut Room) {
-        self.keep_apart_with(avx2, curves, within, room);
+    fn keep_apart_avx2(&self, avx2: Avx2, curves: [usize; 2], within: f32, buffers: &mut Buffers) {
+        self.keep_apart_with(avx2, curves, within, buffers);
     }
 
     #[inline(always)]
@@ -287,7 +301,7 @@ impl<'a> Allowances<'a> {
         simd: L,
         curves: [usize; 2],
         reach: f32,
-        Room { agenda, near }: &mut Room,
+        Buffers { agenda, near }: &mut Buffers,
     ) {
         let trees = curves.map(|i| self.trees.of(self.set, i));
         agenda.push((trees[0].root(), trees[1].root()));
@@ -303,11 +317,12 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// Bounds for near segments, quick where pairs with the same first one follow one another.
+    /// Applies the bounds of near segments. Fast if pairs with the same first segment are
+    /// consecutive.
     #[inline(always)]
     fn keep_all_apart(&self, [i, j]: [usize; 2], pairs: &[(u32, u32)]) {
         let (set, slack, share) = (self.set, self.slack(), self.stiffness() * SHARE);
-        let now = |slot: usize| self.slots[slot].load(Ordering::Relaxed);
+        let allowance = |slot: usize| self.slots[slot].load(Ordering::Relaxed);
         for pairs in pairs.chunk_by(|a, b| a.0 == b.0) {
             let s = pairs[0].0;
             let a = Hull::new(set.hull(i, s as usize));
@@ -316,12 +331,13 @@ impl<'a> Allowances<'a> {
                     continue;
                 }
                 let support = || set.support(i, s).chain(set.support(j, t));
-                // A gap from which on all that it bounds is bounded already, by more than rounding.
-                let most = f32::from_bits(support().map(now).max().unwrap_or(0));
+                // A gap above which all affected allowances are lower already, by more than
+                // rounding errors.
+                let most = f32::from_bits(support().map(allowance).max().unwrap_or(0));
                 let enough = f64::from(most) * (1.0 + 1e-5) / share + slack;
                 let b = Hull::new(set.hull(j, t as usize));
                 let gap = gap(&a, &b, enough, DEPTH);
-                // Where it is enough, it may be more or less so, by the order of things.
+                // A larger gap may depend on the order of tests, so it must not be used.
                 if gap < enough {
                     self.lower(support(), share * (gap - slack));
                 }
@@ -329,7 +345,8 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// Bounds that keep a curve running one way along each of its segments and the next one.
+    /// Applies the bounds that keep a curve monotonic along each segment together with the next
+    /// one.
     fn bound_turns(&self, i: usize) {
         let (set, n) = (self.set, self.set.curve(i).segments);
         let weights = weights(set.basis());
@@ -346,8 +363,8 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// A distance that most blocks of segments have from all that they must be kept apart from: the upper quartile of a
-    /// sample.
+    /// Returns a distance that most blocks of segments have from all others that must stay apart
+    /// from them: the upper quartile of a sample.
     fn typical_clearance(&self) -> f64 {
         let set = self.set;
         let count = |i: usize| (set.curve(i).segments as usize).div_ceil(LANES);
@@ -373,8 +390,8 @@ impl<'a> Allowances<'a> {
         quartile.map_or(all, |d| d.min(all))
     }
 
-    /// The distance of a block of segments from all that they must be kept apart from, roughly: what is nearest is
-    /// looked at first. Infinite where there is nothing.
+    /// Returns the approximate distance of a block of segments from all others that must stay apart
+    /// from it, by best-first search. Infinite if there are none.
     fn clearance(&self, i: usize, block: usize) -> f64 {
         let (set, trees) = (self.set, self.trees);
         let boxes = set.leaf_boxes(i, block);
@@ -382,11 +399,11 @@ impl<'a> Allowances<'a> {
         let hull = |i: usize, s: u32| Hull::new(set.hull(i, s as usize));
         let segments = (0..LANES as u32).map(|k| (block * LANES) as u32 + k);
         let n = set.curve(i).segments;
-        let own: Vec<_> = segments
+        let block: Vec<_> = segments
             .filter(|&s| s < n)
             .map(|s| (s, hull(i, s)))
             .collect();
-        // The bits of distances, which are not negative, compare as they do.
+        // Distances are not negative, so their bit patterns have the same order.
         let entry = |j: usize, b: &Box3, node: Option<Node>, at: u32| {
             (
                 Reverse(bounds.dist_sq_below(b).to_bits()),
@@ -404,22 +421,22 @@ impl<'a> Allowances<'a> {
             .map(|(j, root)| entry(j, root, Some(trees.of(set, j).root()), 0))
             .collect();
         let mut best = f64::INFINITY;
-        let mut room = BoxGroup::EMPTY;
+        let mut leaf = BoxGroup::EMPTY;
         while let Some((Reverse(bits), j, at, level)) = heap.pop() {
             if f64::from_bits(bits) >= best * best {
                 break;
             }
             let Some(level) = level else {
                 let other = hull(j, at);
-                for (s, own) in &own {
+                for (s, hull) in &block {
                     if j != i || !set.curve(i).adjacent(*s, at) {
-                        best = best.min(distance(near_points(own, &other)));
+                        best = best.min(distance(near_points(hull, &other)));
                     }
                 }
                 continue;
             };
             let node = Node::new(level, at);
-            let group = *trees.of(set, j).children(node, &mut room);
+            let group = *trees.of(set, j).children(node, &mut leaf);
             for k in 0..LANES {
                 let lane = group.lane(k);
                 if lane != Box3::EMPTY {
@@ -437,8 +454,9 @@ fn distance([p, q]: [Point; 2]) -> f64 {
     (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
 }
 
-/// How far the differences of consecutive Bezier control points move, at most, while control points move by 1: sums of
-/// the magnitudes of their coefficients, see [`Basis::hull`].
+/// Returns upper bounds of the motion of the differences of consecutive Bezier control points if
+/// control points move by at most 1: the sums of the magnitudes of their coefficients (see
+/// [`Basis::hull`]).
 fn weights(basis: Basis) -> [f64; 3] {
     match basis {
         // (q2 - q0) / 6, 5/6 (q2 - q1) - (q3 - q0) / 6, (q3 - q1) / 6.
@@ -449,8 +467,8 @@ fn weights(basis: Basis) -> [f64; 3] {
     }
 }
 
-/// The least component of some vectors along a unit vector for which it is large: within rounding, and 0 where none
-/// was found that makes all of them positive.
+/// Returns the smallest component of some vectors along a unit vector for which it is large, within
+/// rounding errors. Returns 0 if no unit vector was found that makes all components positive.
 fn least_component(vectors: &[Point]) -> f64 {
     let share = 1.0 / vectors.len() as f64;
     let mean = [0, 1, 2].map(|x| vectors.iter().map(|v| v[x] * share).sum());
@@ -461,12 +479,15 @@ fn least_component(vectors: &[Point]) -> f64 {
     best_component(mean, f64::INFINITY, least)
 }
 
-/// The least component, along a unit vector for which it is large, of all vectors in a convex set: that of a first
-/// vector which is `enough`, or the best found, or 0.
+/// Returns the smallest component of all vectors in a convex set, along a unit vector for which it
+/// is large: the first value that is at least `enough`, or the best value found, or 0.
 ///
-/// `n` is in the set, and `least` is a vector of the set with the least product with a given one, and this product. The
-/// best axis points to where the set is nearest to the origin: the search goes there, from `n` straight towards the
-/// vector with the least component at a time.
+/// `n` is in the set, and `least` returns the smallest product of a vector of the set with the
+/// argument, and this vector.
+///
+/// The best axis points to the point of the set that is nearest to the origin. The search
+/// approaches this point: each step moves `n` on a straight line towards the vector with the
+/// smallest component (the Frank-Wolfe method).
 #[inline(always)]
 fn best_component(mut n: Point, enough: f64, least: impl Fn(Point) -> (f64, Point)) -> f64 {
     let mut best = 0.0f64;
@@ -479,7 +500,7 @@ fn best_component(mut n: Point, enough: f64, least: impl Fn(Point) -> (f64, Poin
         best = best.max(height / length_sq.sqrt());
         let d = [0, 1, 2].map(|x| v[x] - n[x]);
         let t = (length_sq - height) / dot(d, d);
-        // No axis is better than the way to a vector of the set.
+        // No axis is better than the direction of a vector of the set.
         if best >= enough.min(GOOD * length_sq.sqrt()) || t <= 0.0 || t.is_nan() {
             break;
         }
@@ -496,11 +517,11 @@ fn dot(p: Point, q: Point) -> f64 {
     p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
 
-/// Squares of lengths below this may have lost digits.
+/// Squared lengths below this limit may have lost digits.
 const TINY: f64 = 1e-200;
 
-/// A distance that three control points of a curve have from one another: the first one found that is `enough`, or
-/// about the largest.
+/// Returns a distance that three control points of a curve have from one another: the first one
+/// found that is at least `enough`, or approximately the largest.
 fn spread_of_three(set: &CurveSet, i: usize, enough: f64) -> f64 {
     let furthest = |of: &dyn Fn(Point) -> f64| {
         let mut best = ([0.0; 3], 0.0);
@@ -521,13 +542,15 @@ fn spread_of_three(set: &CurveSet, i: usize, enough: f64) -> f64 {
     c.min(ab)
 }
 
-/// A gap of two segments: a lower bound of their distance, within rounding, and 0 where none was found. It is that of
-/// their hulls or, where it is poor, the least one of their halves.
+/// Returns a gap between two segments: a lower bound of their distance within rounding errors, or 0
+/// if none was found. It is the gap between their hulls or, if that is poor, the minimum gap
+/// between their halves.
 ///
-/// A gap which is not less than `enough` is some such one; a smaller one does not depend on `enough`.
+/// A result of at least `enough` is some lower bound of that size. A smaller result does not depend
+/// on `enough`.
 #[inline(always)]
 fn gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
-    // Most are further apart than anybody asks.
+    // Most segments are further apart than required.
     let quick = a.gap_along(b, sub(b.center(), a.center()));
     if quick >= enough {
         return quick;
@@ -535,7 +558,7 @@ fn gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
     quick.max(larger_gap(a, b, enough, depth))
 }
 
-/// [`gap`], with more effort.
+/// [`gap`] by a more expensive search.
 #[inline(never)]
 fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
     let near = near_points(a, b);
@@ -553,15 +576,17 @@ fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
     best.max(least)
 }
 
-/// Points of two segments that are about as near as they get: beside those of their chords, which themselves may be
-/// nearer by far where curves bend around one another.
+/// Returns points of two segments that are approximately nearest to each other, at the parameters
+/// of the nearest points of their chords. The chords may be much nearer if curves bend around each
+/// other.
 fn near_points(a: &Hull, b: &Hull) -> [Point; 2] {
     let [[p0, p3], [q0, q3]] = [a, b].map(|h| [0, 3].map(|k| h.point(k)));
     let [p, q] = closest_points(p0, p3, q0, q3);
     [a.beside(p), b.beside(q)]
 }
 
-/// The gap of two hulls, each of which contains one of these points, along the best axis that was found.
+/// Returns the gap between two hulls, each of which contains one of the points, along the best axis
+/// found.
 fn gap_of_hulls(a: &Hull, b: &Hull, [p, q]: [Point; 2], enough: f64) -> f64 {
     best_component(sub(q, p), enough, |n| {
         let [from, to] = a.heights_of_both(b, n);
@@ -585,14 +610,14 @@ mod tests {
 
     /// A few curves.
     #[derive(Clone, Debug)]
-    struct Scene {
+    struct Curves {
         basis: Basis,
         counts: Vec<i32>,
         xyz: Vec<f64>,
         double: bool,
     }
 
-    impl Scene {
+    impl Curves {
         fn set(&self, xyz: &[f64]) -> CurveSet {
             let narrow: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
             let positions = match self.double {
@@ -603,7 +628,7 @@ mod tests {
         }
     }
 
-    /// A ring that waves, as a whole or a part of it, or any points.
+    /// Returns a wavy ring, an arc of one, or arbitrary points.
     fn points(n: usize) -> impl Strategy<Value = Vec<Point>> {
         let vector = || prop::array::uniform3(-1.0f64..1.0);
         let ring = (
@@ -628,7 +653,7 @@ mod tests {
         prop_oneof![3 => ring, 1 => prop::collection::vec(prop::array::uniform3(-2.0..2.0f64), n)]
     }
 
-    fn scene() -> impl Strategy<Value = Scene> {
+    fn random_curves() -> impl Strategy<Value = Curves> {
         let basis = prop::sample::select(Basis::ALL.to_vec());
         let curve = (any::<bool>(), 2usize..14);
         let curves = prop::collection::vec(curve, 1..4);
@@ -646,7 +671,7 @@ mod tests {
                 .iter()
                 .map(|n| points(n.unsigned_abs() as usize))
                 .collect();
-            all.prop_map(move |points| Scene {
+            all.prop_map(move |points| Curves {
                 basis,
                 counts: counts.clone(),
                 xyz: points.into_iter().flatten().flatten().collect(),
@@ -655,21 +680,21 @@ mod tests {
         })
     }
 
-    /// Where points go.
+    /// Direction in which points move.
     #[derive(Clone, Copy, Debug)]
-    enum Way {
-        /// Each its own way.
+    enum Direction {
+        /// A separate random direction for each point.
         Each,
-        /// Curve by curve.
+        /// One random direction for each curve.
         Together,
-        /// To the nearest point of another curve, or further along its own.
+        /// Towards the nearest point of another curve, or of a distant part of the same one.
         Near,
-        /// To the point before it or after it.
+        /// Towards the previous or the next point.
         Fold,
     }
 
-    /// Moves every point as far as it may.
-    fn moved(scene: &Scene, reference: &Reference, seed: u64, way: Way) -> CurveSet {
+    /// Moves every point as far as its allowance permits.
+    fn moved(curves: &Curves, reference: &Reference, seed: u64, direction: Direction) -> CurveSet {
         let mut state = seed | 1;
         let mut random = move || {
             state ^= state << 13;
@@ -686,15 +711,15 @@ mod tests {
             for slot in set.body(i) {
                 let p = set.at(slot);
                 let others = (0..set.len()).flat_map(|j| set.body(j));
-                let v = match way {
-                    Way::Each => [0; 3].map(|_| random()),
-                    Way::Together => whole,
-                    Way::Near => others
+                let v = match direction {
+                    Direction::Each => [0; 3].map(|_| random()),
+                    Direction::Together => whole,
+                    Direction::Near => others
                         .filter(|&q| !set.body(i).contains(&q) || q.abs_diff(slot) > 2)
                         .map(|q| sub(set.at(q), p))
                         .min_by(|&v, &w| length(v).total_cmp(&length(w)))
                         .unwrap_or(whole),
-                    Way::Fold => {
+                    Direction::Fold => {
                         let to = if random() < 0.0 {
                             slot.wrapping_sub(1)
                         } else {
@@ -709,41 +734,48 @@ mod tests {
                 let allowed = f64::from(reference.allowances[slot]).min(10.0);
                 let scale = 0.999_999 * allowed / length(v).max(1e-9);
                 let mut q = [0, 1, 2].map(|x| p[x] + scale * v[x]);
-                if !scene.double {
+                if !curves.double {
                     q = q.map(|x| f64::from(x as f32));
                 }
                 xyz.extend(if length(sub(q, p)) <= allowed { q } else { p });
             }
         }
-        scene.set(&xyz)
+        curves.set(&xyz)
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(3000))]
 
-        /// Nothing that is covered meets between two frames within the allowances: the ledger has no entry.
+        /// No covered curves meet between two frames within the allowances, so the ledger has no
+        /// entry.
         #[test]
-        fn within_the_allowances_nothing_covered_meets(
-            scene in scene(),
+        fn no_covered_curves_meet_within_the_allowances(
+            curves in random_curves(),
             own in any::<bool>(),
             open in any::<bool>(),
             seeds in prop::array::uniform2(any::<u64>()),
-            ways in prop::array::uniform2(prop::sample::select(vec![Way::Each, Way::Together, Way::Near, Way::Fold])),
+            directions in prop::array::uniform2(prop::sample::select(vec![
+                Direction::Each,
+                Direction::Together,
+                Direction::Near,
+                Direction::Fold,
+            ])),
         ) {
-            let set = scene.set(&scene.xyz);
+            let set = curves.set(&curves.xyz);
             let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
             let mut ledger = Ledger::default();
             let cover = Cover { own, open };
-            // What is too close to tell stays so.
+            // Pairs that are too close to decide remain so.
             let unknown = ledger.first_step(&set, &set, cover, None).undecided;
             let reference = Reference::build(set.clone(), certificate, 0, 0, cover);
             prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
-            let [a, b] = [0, 1].map(|k| moved(&scene, &reference, seeds[k], ways[k]));
+            let [a, b] = [0, 1].map(|k| moved(&curves, &reference, seeds[k], directions[k]));
             for (before, after) in [(&set, &a), (&set, &b), (&a, &b)] {
                 let outcome = ledger.first_step(before, after, cover, None);
                 prop_assert_eq!(&outcome.events, &[]);
                 for defect in &outcome.undecided {
-                    prop_assert!(unknown.iter().any(|u| (u.i, u.j) == (defect.i, defect.j)), "{defect:?}");
+                    let known = unknown.iter().any(|u| (u.i, u.j) == (defect.i, defect.j));
+                    prop_assert!(known, "{defect:?}");
                 }
             }
         }

@@ -1,29 +1,33 @@
-//! One pass over a frame: has any point moved further than it may?
+//! One pass over a frame that finds the points that moved further than their allowances.
 
 use super::affine::Affine;
 use super::packed::{BLOCK, Packed, Quick};
 use super::reference::Reference;
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
-use crate::curve::{Axes, CurveSet};
+use crate::curve::{Axes, CurveSet, pow2};
 use rayon::prelude::*;
 use std::ops::{Add, Mul, Range, Sub};
 
-/// Slots that are marked together.
+/// Number of slots in a chunk, which is marked as a whole.
 pub(super) const CHUNK: usize = 8;
 
-/// Slots that are worth a task, in whole blocks.
+/// Number of slots per task, a multiple of the block size.
 const GRAIN: usize = 1 << 17;
 
-/// The condition of a frame: `|p - (M q + t)| <= sigma a` for every point `p`, with `q` where it was in the reference
-/// frame and `a` its allowance. Then `M^-1 (p - t)` is within `a` of `q`.
+/// Condition of a frame: `|p - (M q + t)| <= sigma a` for every point `p`, with `q` its position in
+/// the reference frame and `a` its allowance. Then `M^-1 (p - t)` is within `a` of `q`.
 ///
-/// It is evaluated in the precision of the coordinates, whose `u` is half a unit in the last place of 1. With `A` and
-/// `B` the largest coordinates of both frames, each of three products is off by `2 u |m| B` (`M` is rounded as well),
-/// their sum and `t` by `4 u (|m|_1 B + |t|)`, the difference by `u` times the same and `A`: `8 u (|m|_1 B + |t| + A)`
-/// an axis is more than that in all, and twice that more than the length of the three. The square of the
-/// length and the bound round by some `u`, which `1 - 16 u` on `sigma` covers; where they underflow, they are off by
-/// much less than the square of [`Real::TINY`].
+/// # Derivation of the error bounds
+///
+/// The condition is evaluated in the precision of the coordinates, whose `u` is half a unit in the
+/// last place of 1. Let `A` and `B` be the largest coordinates of both frames. Each of three
+/// products has an error of `2 u |m| B` (`M` is rounded as well), their sum with `t` of
+/// `4 u (|m|_1 B + |t|)`, and the difference of `u` times the same plus `A`. In all that is less
+/// than `8 u (|m|_1 B + |t| + A)` per axis, and the length of the vector of three axes has less
+/// than twice that error. The square of the length and the bound are rounded by a few `u`, which
+/// the factor `1 - 16 u` on `sigma` covers. If they underflow, their errors are far below the
+/// square of [`Real::TINY`].
 #[derive(Clone, Copy, Debug)]
 struct Condition<T> {
     m: [[T; 3]; 3],
@@ -32,7 +36,7 @@ struct Condition<T> {
     error: T,
 }
 
-/// A floating-point type of coordinates, as far as it is needed here.
+/// Operations on a floating-point type of coordinates.
 pub(super) trait Real:
     Copy
     + PartialOrd
@@ -47,9 +51,9 @@ pub(super) trait Real:
     const U: f64;
     /// The largest finite number.
     const MAX: Self;
-    /// Coordinates up to this have squares that can be added.
+    /// Largest coordinate whose squares can be added without overflow.
     const LARGEST: f64;
-    /// Far more than the root of the least number.
+    /// A number far above the square root of the smallest positive number.
     const TINY: Self;
     fn from_f64(x: f64) -> Self;
     fn from_f32(x: f32) -> Self;
@@ -60,7 +64,7 @@ impl Real for f32 {
     const U: f64 = f32::EPSILON as f64 / 2.0;
     const MAX: f32 = f32::MAX;
     const LARGEST: f64 = 1e18;
-    const TINY: f32 = f32::from_bits((127 - 70) << 23);
+    const TINY: f32 = pow2(-70) as f32;
     #[inline(always)]
     fn from_f64(x: f64) -> f32 {
         x as f32
@@ -79,7 +83,7 @@ impl Real for f64 {
     const U: f64 = f64::EPSILON / 2.0;
     const MAX: f64 = f64::MAX;
     const LARGEST: f64 = 1e150;
-    const TINY: f64 = f64::from_bits((1023 - 520) << 52);
+    const TINY: f64 = pow2(-520);
     #[inline(always)]
     fn from_f64(x: f64) -> f64 {
         x
@@ -95,9 +99,9 @@ impl Real for f64 {
 }
 
 impl<T: Real> Condition<T> {
-    /// None where squares could overflow.
-    fn new(affine: &Affine, reference: &CurveSet, now: &CurveSet) -> Option<Condition<T>> {
-        let size = affine.largest_row() * reference.max_abs() + affine.t.amax() + now.max_abs();
+    /// Returns `None` if squares could overflow.
+    fn new(affine: &Affine, reference: &CurveSet, current: &CurveSet) -> Option<Condition<T>> {
+        let size = affine.largest_row() * reference.max_abs() + affine.t.amax() + current.max_abs();
         (size < T::LARGEST).then(|| Condition {
             m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| T::from_f64(affine.m[(r, c)]))),
             t: [0, 1, 2].map(|r| T::from_f64(affine.t[r])),
@@ -106,12 +110,12 @@ impl<T: Real> Condition<T> {
         })
     }
 
-    /// The least that is left of the bounds of some points, where none is broken: negative where one is. The number of
-    /// points is known to the compiler, which makes vectors of them.
+    /// Returns the minimum remaining slack of the chunk. Negative if a point moved further than its
+    /// allowance. The number of points is a constant, so that the compiler can vectorize the loop.
     #[inline(always)]
-    fn left(&self, p: &[[T; CHUNK]; 3], q: &[[T; CHUNK]; 3], allowances: &[f32; CHUNK]) -> T {
-        let mut left = [T::MAX; CHUNK];
-        for (l, left) in left.iter_mut().enumerate() {
+    fn slack(&self, p: &[[T; CHUNK]; 3], q: &[[T; CHUNK]; 3], allowances: &[f32; CHUNK]) -> T {
+        let mut slack = [T::MAX; CHUNK];
+        for (l, slack) in slack.iter_mut().enumerate() {
             let q = [q[0][l], q[1][l], q[2][l]];
             let mut square = T::default();
             for (p, (m, &t)) in p.iter().zip(self.m.iter().zip(&self.t)) {
@@ -119,32 +123,33 @@ impl<T: Real> Condition<T> {
                 square = square + d * d;
             }
             let most = self.sigma * T::from_f32(allowances[l]) - self.error;
-            *left = smaller(most * most - square, most);
+            *slack = smaller(most * most - square, most);
         }
-        left.into_iter().fold(T::MAX, smaller)
+        slack.into_iter().fold(T::MAX, smaller)
     }
 }
 
-/// The smaller of two numbers, neither of which is NaN.
+/// Returns the smaller of two numbers that are not NaN.
 #[inline(always)]
 fn smaller<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
-fn filled_up<T: Copy>(values: &[T], with: T) -> [T; CHUNK] {
-    let mut out = [with; CHUNK];
+/// Returns an array of the values, padded with `padding`.
+fn padded<T: Copy>(values: &[T], padding: T) -> [T; CHUNK] {
+    let mut out = [padding; CHUNK];
     out[..values.len()].copy_from_slice(values);
     out
 }
 
-/// The same range of three arrays.
+/// Returns the same range of three arrays.
 #[inline(always)]
 fn cut<T>(v: [&[T]; 3], range: Range<usize>) -> [&[T]; 3] {
     v.map(|v| &v[range.clone()])
 }
 
-/// Adds the chunks of slots with a point that has moved further than it may, in order. Stops at some number above
-/// `limit`.
+/// Adds the chunks of slots that contain a point that moved further than its allowance, in order.
+/// May stop once more than `limit` chunks are found.
 pub(super) fn moved_chunks(
     reference: &Reference,
     affine: &Affine,
@@ -169,7 +174,7 @@ fn scan_all<T: Real>(
     found: &mut Vec<u32>,
 ) {
     let Some(condition) = Condition::new(affine, &reference.set, set) else {
-        // Every one may have moved.
+        // The condition cannot be evaluated, so every point may have moved.
         return found.extend(0..set.slots().div_ceil(CHUNK) as u32);
     };
     let scan = Scan {
@@ -187,7 +192,7 @@ fn scan_all<T: Real>(
     if scan.allowances.len() <= GRAIN || rayon::current_num_threads() == 1 {
         for range in ranges(GRAIN / 8) {
             scan.part(range, found);
-            // Enough is known.
+            // More chunks would not change the decision of the caller.
             if found.len() > limit {
                 return;
             }
@@ -206,24 +211,24 @@ fn scan_all<T: Real>(
     found.sort_unstable();
 }
 
-/// Blocks of the reference frame that are asked for before they are needed.
+/// Number of blocks of the reference frame by which prefetching is ahead.
 const AHEAD: usize = 16;
 
-/// Asks for a block: the processor does so by itself only up to the end of each page, and what was used a frame ago
-/// may be far away by now.
+/// Prefetches a block. The hardware prefetcher stops at page boundaries, and data that was used a
+/// frame ago may have left the caches.
 #[inline(always)]
 #[cfg_attr(
     not(target_arch = "x86_64"),
     expect(unused_variables, reason = "no hint on this architecture")
 )]
-fn fetch(packed: &[Packed], block: usize) {
+fn prefetch(packed: &[Packed], block: usize) {
     #[cfg(target_arch = "x86_64")]
     if let Some(block) = packed.get(block) {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let start: *const Packed = block;
         for line in (0..size_of::<Packed>()).step_by(64) {
             #[expect(unsafe_code, reason = "a hint for the cache")]
-            // SAFETY: nothing is read.
+            // SAFETY: a prefetch reads nothing.
             unsafe {
                 _mm_prefetch::<_MM_HINT_T0>(start.cast::<i8>().wrapping_add(line));
             }
@@ -231,7 +236,7 @@ fn fetch(packed: &[Packed], block: usize) {
     }
 }
 
-/// A frame, and what it is compared with.
+/// A frame, and the reference data with which it is compared.
 struct Scan<'a, T> {
     condition: Condition<T>,
     quick: Quick,
@@ -242,12 +247,13 @@ struct Scan<'a, T> {
 }
 
 impl<T: Real> Scan<'_, T> {
-    /// Adds the chunks of a range of slots, whole blocks but for its end, with the instructions that there are.
+    /// Adds the moved chunks of a range of slots, which starts at a block. Uses AVX2 and FMA if
+    /// available.
     fn part(&self, range: Range<usize>, found: &mut Vec<u32>) {
         #[cfg(target_arch = "x86_64")]
         if Avx2::detect().is_some() && std::arch::is_x86_feature_detected!("fma") {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the processor has just been asked.
+            // SAFETY: the CPU has been checked for all of these instructions.
             return unsafe { self.blocks_avx2(range, found) };
         }
         self.blocks::<false>(range, found);
@@ -267,7 +273,7 @@ impl<T: Real> Scan<'_, T> {
         let points = px.iter().zip(py).zip(pz);
         let mut at = range.start;
         for (b, (packed, ((px, py), pz))) in packed.iter().zip(points).enumerate() {
-            fetch(self.packed, range.start / BLOCK + b + AHEAD);
+            prefetch(self.packed, range.start / BLOCK + b + AHEAD);
             if !self.quick.holds::<T, FMA>(packed, [px, py, pz]) {
                 self.chunks(at..at + BLOCK, found);
             }
@@ -276,15 +282,15 @@ impl<T: Real> Scan<'_, T> {
         self.chunks(at..range.end, found);
     }
 
-    /// Adds chunks by the points and the allowances themselves.
+    /// Adds the moved chunks of a range, tested with uncompressed points and allowances.
     fn chunks(&self, range: Range<usize>, found: &mut Vec<u32>) {
         for at in range.clone().step_by(CHUNK) {
             let range = at..range.end.min(at + CHUNK);
-            // Points that have not moved fill the last one up.
-            let part = |v: [&[T]; 3]| v.map(|v| filled_up(&v[range.clone()], T::default()));
+            // The last chunk is padded with points that have not moved.
+            let part = |v: [&[T]; 3]| v.map(|v| padded(&v[range.clone()], T::default()));
             let (p, q) = (part(self.p), part(self.q));
-            let allowances = filled_up(&self.allowances[range.clone()], f32::INFINITY);
-            if self.condition.left(&p, &q, &allowances) < T::default() {
+            let allowances = padded(&self.allowances[range.clone()], f32::INFINITY);
+            if self.condition.slack(&p, &q, &allowances) < T::default() {
                 found.push((at / CHUNK) as u32);
             }
         }
@@ -300,7 +306,7 @@ mod tests {
     use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
 
-    /// Curves of these sizes; slots from 0 to some 500.
+    /// Sizes of the curves, with about 500 slots in all.
     const COUNTS: [i32; 9] = [-64, -15, -15, -15, -40, 30, -130, -9, -100];
 
     fn set(xyz: &[f64], single: bool) -> CurveSet {
@@ -312,7 +318,8 @@ mod tests {
         }
     }
 
-    /// A reference frame with allowances of 0.01 to 1 at its control points, times a scale; the same where `even`.
+    /// Returns a reference frame whose control points have allowances of 0.01 to 1 times a scale,
+    /// or 0.1 times the scale if `even` is set.
     fn reference(
         mut random: impl FnMut() -> f64,
         scale: f64,
@@ -345,7 +352,8 @@ mod tests {
         reference
     }
 
-    /// A frame whose points moved by some share of their allowances, those of open curves anyhow.
+    /// Returns a frame whose points moved by some share of their allowances. Points of open curves
+    /// move as well.
     fn moved(
         r: &Reference,
         affine: &Affine,
@@ -363,7 +371,7 @@ mod tests {
         #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
 
         #[test]
-        fn what_moved_further_than_it_may_is_marked_and_what_did_not_by_far_is_not(
+        fn marks_points_beyond_their_allowances_and_no_points_far_within(
             seed in 1u64..u64::MAX,
             single: bool,
             even: bool,
@@ -380,7 +388,7 @@ mod tests {
                 state ^= state << 17;
                 (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
             };
-            // Down to scales where squares underflow, and up to those where they overflow.
+            // From scales at which squares underflow to scales at which they overflow.
             let largest = match single {
                 true => 30.0,
                 false if exponent < 0.0 => 85.0,
@@ -396,10 +404,12 @@ mod tests {
             let affine = Affine::new(rotation.matrix() * stretch, t).unwrap();
             let mut any = || direction(Vector3::from([random(), random(), random()]));
 
-            // A few go to the border of what they may or beyond, half of them at the border of a chunk or a block.
+            // A few points move to the limit of their allowances or beyond, half of them at the
+            // border of a chunk or a block.
             let step = r.set.slots() / few;
             let next = |slot: usize| slot.is_multiple_of(step) || slot % (BLOCK * few) == BLOCK - 1;
-            let frame = moved(&r, &affine, |slot| any() * if next(slot) { 1.0 + hair } else { 0.3 });
+            let share = |slot: usize| if next(slot) { 1.0 + hair } else { 0.3 };
+            let frame = moved(&r, &affine, |slot| any() * share(slot));
             let frame = set(&frame, single);
             let mut found = Vec::new();
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -422,14 +432,19 @@ mod tests {
         }
 
         #[test]
-        fn most_blocks_are_told_to_be_quiet_at_once(seed in 1u64..u64::MAX, single: bool, turn in 0.0..3.0) {
+        fn the_compressed_frame_proves_most_blocks_quiet(
+            seed in 1u64..u64::MAX,
+            single: bool,
+            turn in 0.0..3.0,
+        ) {
             let mut state = seed;
             let mut random = move || {
                 state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
                 (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
             };
             let r = reference(&mut random, 1.0, single, false);
-            let affine = Affine::new(Rotation3::new(Vector3::y() * turn).into_inner(), Vector3::x()).unwrap();
+            let rotation = Rotation3::new(Vector3::y() * turn).into_inner();
+            let affine = Affine::new(rotation, Vector3::x()).unwrap();
             let frame = set(&moved(&r, &affine, |_| Vector3::x() * 1e-3), single);
             let quick = match single {
                 true => Quick::new::<f32>(&affine, &r.set, &frame),
@@ -438,12 +453,19 @@ mod tests {
             for (b, packed) in r.packed.iter().enumerate() {
                 let part = b * BLOCK..(b + 1) * BLOCK;
                 let holds = match frame.axes() {
-                    Axes::F32(p) => quick.holds::<f32, false>(packed, cut(p, part).map(|v| v.as_array().unwrap())),
-                    Axes::F64(p) => quick.holds::<f64, true>(packed, cut(p, part).map(|v| v.as_array().unwrap())),
+                    Axes::F32(p) => {
+                        let p = cut(p, part).map(|v| v.as_array().unwrap());
+                        quick.holds::<f32, false>(packed, p)
+                    }
+                    Axes::F64(p) => {
+                        let p = cut(p, part).map(|v| v.as_array().unwrap());
+                        quick.holds::<f64, true>(packed, p)
+                    }
                 };
-                // But for those with a part of the open curve, which has no copies at its ends.
+                // Except for blocks with a part of the open curve, which has no copies at its ends.
                 let open = r.set.body(5);
-                prop_assert!(holds || (b * BLOCK < open.end + 8 && (b + 1) * BLOCK + 8 > open.start));
+                let in_open = b * BLOCK < open.end + 8 && (b + 1) * BLOCK + 8 > open.start;
+                prop_assert!(holds || in_open);
             }
         }
     }

@@ -1,6 +1,7 @@
-//! Pull-throughs that are planted into the frames of a stream; what a reference costs.
+//! Tests with pull-throughs planted into the frames of a stream, and a measurement of the cost of
+//! references.
 
-use super::ledger::planted::{Plant, Random, Scene, scene};
+use super::ledger::planted::{Plant, PlantedStep, Random, planted_step};
 use super::reference::Reference;
 use super::{Cover, Events, Route};
 use crate::curve::{Basis, CurveSet};
@@ -8,11 +9,12 @@ use crate::verdict::{AbortOn, Report};
 use crate::verifier::Verifier;
 use std::time::Instant;
 
-/// Frames before a planted one, and after it.
+/// Number of frames before a planted step, and after it.
 const AROUND: u64 = 3;
 
-/// A stream that stands still but for one planted step, each frame verified incrementally and in full.
-fn follow(planted: &Scene, events: Events, routes: &mut [u64; 3]) -> Vec<Report> {
+/// Verifies a stream that is at rest except for one planted step, each frame incrementally and in
+/// full.
+fn follow(planted: &PlantedStep, events: Events, routes: &mut [u64; 3]) -> Vec<Report> {
     let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::Event));
     incremental.set_incremental(true);
     incremental.set_paranoid(true);
@@ -36,24 +38,34 @@ fn follow(planted: &Scene, events: Events, routes: &mut [u64; 3]) -> Vec<Report>
     frames.enumerate().map(verify).collect()
 }
 
-/// A thousand of each kind: told in their frame, with curves, segments, sign and moment, and in no other frame.
+/// A thousand scenes of each kind: pull-throughs are reported in their frame, with curves,
+/// segments, sign and moment, and in no other frame.
 #[test]
-fn planted_pull_throughs_are_told_in_their_frame_and_no_others() {
+fn reports_planted_pull_throughs_in_their_frame_and_no_others() {
     let mut routes = [0; 3];
-    for plant in [Plant::Single, Plant::Cancelling, Plant::Own, Plant::Open] {
+    for plant in [
+        Plant::Single,
+        Plant::Cancelling,
+        Plant::SelfCrossing,
+        Plant::Open,
+    ] {
         let mut r = Random::new(2000 + plant as u64);
         let mut done = 0;
         while done < 1000 {
             let basis = Basis::ALL[done % Basis::ALL.len()];
-            let Some(planted) = scene(&mut r, basis, plant) else {
+            let Some(planted) = planted_step(&mut r, basis, plant) else {
                 continue;
             };
             done += 1;
             let reports = follow(&planted, Events::All, &mut routes);
             for report in reports {
-                let here = report.seq == AROUND;
-                let known = if here { &planted.known[..] } else { &[] };
-                let told: Vec<_> = report
+                let planted_here = report.seq == AROUND;
+                let known = if planted_here {
+                    &planted.known[..]
+                } else {
+                    &[]
+                };
+                let found: Vec<_> = report
                     .events
                     .iter()
                     .map(|e| ([e.i, e.j], e.segments, e.sign))
@@ -62,14 +74,15 @@ fn planted_pull_throughs_are_told_in_their_frame_and_no_others() {
                     .iter()
                     .map(|k| (k.curves, k.segments, k.sign))
                     .collect();
-                assert_eq!(told, want, "{plant:?} {basis:?} {done}: {known:?}");
-                assert_eq!((report.abort, &report.defects[..]), (here, &[][..]));
+                assert_eq!(found, want, "{plant:?} {basis:?} {done}: {known:?}");
+                assert_eq!((report.abort, &report.defects[..]), (planted_here, &[][..]));
                 for (e, k) in report.events.iter().zip(known) {
                     assert!((e.fraction - k.fraction).abs() < 0.01, "{e:?} {k:?}");
                 }
             }
-            // Of different curves, also where those of single ones are not asked for.
-            if plant != Plant::Own && done % 10 == 0 {
+            // Pull-throughs of different curves are also found if those of single curves are not
+            // requested.
+            if plant != Plant::SelfCrossing && done % 10 == 0 {
                 let reports = follow(&planted, Events::Between, &mut routes);
                 assert_eq!(reports[AROUND as usize].events.len(), planted.known.len());
             }
@@ -79,8 +92,10 @@ fn planted_pull_throughs_are_told_in_their_frame_and_no_others() {
     assert!(routes[Route::Partial as usize] > 100, "{routes:?}");
 }
 
+/// Run with
+/// `cargo test --release --lib incremental::tests::reference_speed -- --ignored --nocapture`.
 #[test]
-#[ignore = "a measurement: cargo test --release --lib incremental::tests::reference_speed -- --ignored --nocapture"]
+#[ignore = "a measurement"]
 fn reference_speed() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.unwrap();
@@ -112,7 +127,8 @@ fn reference_speed() {
             allowances.sort_by(f32::total_cmp);
             let at = |percent: usize| allowances[(allowances.len() - 1) * percent / 100];
             println!(
-                "{input:15} {cover:?}: {:.1} ms; allowances {:.4} (1 %) {:.4} (10 %) {:.4} (50 %) {:.4} (90 %)",
+                "{input:15} {cover:?}: {:.1} ms; allowances {:.4} (1 %) {:.4} (10 %) {:.4} (50 %) \
+                 {:.4} (90 %)",
                 times[3],
                 at(1),
                 at(10),
@@ -123,7 +139,7 @@ fn reference_speed() {
     }
 }
 
-/// A scene, or one of the models where they are there.
+/// Returns a generated scene, or one of the models if it is available.
 fn scene_or_model(name: &str) -> Option<CurveSet> {
     if let Ok(scene) = name.parse::<crate::scenes::Scene>() {
         return Some(scene.build().unwrap().curves);

@@ -1,9 +1,9 @@
-//! Potential links by comparing every box with every other: the oracle of the sweep.
+//! Potential links by comparing every box with every other one: the oracle of the sweep.
 
 use super::Pair;
 use crate::curve::Box3;
 
-/// All pairs of overlapping boxes, sorted. Quadratic.
+/// Returns all pairs of overlapping boxes, sorted. Takes quadratic time.
 pub(crate) fn potential_links_brute(boxes: &[Box3]) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for (i, a) in boxes.iter().enumerate() {

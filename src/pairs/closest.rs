@@ -1,16 +1,17 @@
-//! Point of closest approach (POCA) of two curves: where a pull-through happened or is about to.
+//! Point of closest approach (POCA) of two curves: the place of a pull-through.
 //!
-//! Branch and bound over both trees. For display and messages: the distance is that of the polylines
-//! (splines: eight chords a segment), in floating point, without an error bound.
+//! Branch and bound over both trees. For display and messages only: the distance is that of the
+//! polylines (splines: eight chords per segment), in floating point, without an error bound.
 
 use super::trees::{Node, Trees};
-use crate::curve::{BoxGroup, CurveSet, Point, point_at};
+use crate::curve::{BoxGroup, CurveSet, Point, point_at, pow2};
 use crate::verdict::Place;
 
-/// Chords that stand for a spline segment.
+/// Number of chords that approximate a spline segment.
 const CHORDS: usize = 8;
 
-/// Where curves `i` and `j` come closest. Both must have a tree (be closed).
+/// Returns the place at which curves `i` and `j` are closest. Both must have a tree, so they must
+/// be closed.
 pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize) -> Place {
     let mut best = Place {
         segments: [0, 0],
@@ -19,10 +20,10 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
     };
     let (first, second) = (trees.of(set, i), trees.of(set, j));
     let mut stack = vec![(0.0, first.root(), second.root())];
-    let (mut room_a, mut room_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
+    let (mut leaf_a, mut leaf_b) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
     let mut next: Vec<(f64, Node, Node)> = Vec::new();
-    // If squares of distances overflow or underflow, they prune no point that is nearer than the
-    // best.
+    // Squared distances that overflow or underflow must not prune a point that is nearer than the
+    // best one.
     let farther = |bound_sq: f64, best: &Place| {
         let best_sq = best.distance * best.distance;
         bound_sq > best_sq.max(f64::MIN_POSITIVE)
@@ -34,21 +35,21 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
         next.clear();
         if a.level > b.level {
             let other = second.node_box(b);
-            let group = first.children(a, &mut room_a);
+            let group = first.children(a, &mut leaf_a);
             next.extend((0..8).map(|k| {
                 let gap = group.lane(k).dist_sq_below(&other);
                 (gap, a.child(k as u32), b)
             }));
         } else if b.level > a.level {
             let other = first.node_box(a);
-            let group = second.children(b, &mut room_b);
+            let group = second.children(b, &mut leaf_b);
             next.extend((0..8).map(|k| {
                 let gap = group.lane(k).dist_sq_below(&other);
                 (gap, a, b.child(k as u32))
             }));
         } else {
-            let group_a = first.children(a, &mut room_a);
-            let group_b = second.children(b, &mut room_b);
+            let group_a = first.children(a, &mut leaf_a);
+            let group_b = second.children(b, &mut leaf_b);
             for k in 0..8 {
                 for l in 0..8 {
                     let gap = group_a.lane(k).dist_sq_below(&group_b.lane(l));
@@ -67,7 +68,7 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
                 }
             }
         }
-        // Nearest on top of the stack; empty lanes are infinitely far.
+        // The nearest is on top of the stack. Empty lanes are infinitely far away.
         next.retain(|n| n.0.is_finite());
         next.sort_by(|p, q| q.0.total_cmp(&p.0));
         stack.append(&mut next);
@@ -75,10 +76,10 @@ pub(crate) fn closest_approach(set: &CurveSet, trees: &Trees, i: usize, j: usize
     best
 }
 
-/// Where two segments come closest, one of each curve.
+/// Returns the place at which two segments are closest, one of each curve.
 pub(crate) fn closest_of_segments(set: &CurveSet, [i, j]: [usize; 2], segments: [u32; 2]) -> Place {
-    let mut room = [[[0.0; 3]; CHORDS + 1]; 2];
-    let [p, q] = &mut room;
+    let mut buffers = [[[0.0; 3]; CHORDS + 1]; 2];
+    let [p, q] = &mut buffers;
     let p = chords(set, i, segments[0], p);
     let q = chords(set, j, segments[1], q);
     let mut best = ([0.0; 3], f64::INFINITY);
@@ -98,29 +99,34 @@ pub(crate) fn closest_of_segments(set: &CurveSet, [i, j]: [usize; 2], segments: 
     }
 }
 
-/// The vertices of the chords that stand for segment `s` of curve `i`.
-fn chords<'a>(set: &CurveSet, i: usize, s: u32, room: &'a mut [Point; CHORDS + 1]) -> &'a [Point] {
+/// Returns the vertices of the chords of segment `s` of curve `i`.
+fn chords<'a>(
+    set: &CurveSet,
+    i: usize,
+    s: u32,
+    buffer: &'a mut [Point; CHORDS + 1],
+) -> &'a [Point] {
     let s = s as usize;
     if set.basis().is_polyline() {
-        room[..2].copy_from_slice(&[set.knot(i, s), set.knot(i, s + 1)]);
-        return &room[..2];
+        buffer[..2].copy_from_slice(&[set.knot(i, s), set.knot(i, s + 1)]);
+        return &buffer[..2];
     }
     let b = set.segment(i, s);
-    for (k, p) in room.iter_mut().enumerate() {
+    for (k, p) in buffer.iter_mut().enumerate() {
         *p = point_at(&b, k as f64 / CHORDS as f64);
     }
-    room
+    buffer
 }
 
-/// Middle and length of the shortest connection of two straight segments.
+/// Returns midpoint and length of the shortest connection of two straight segments.
 fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
     let [a, b] = closest_points(p0, p1, q0, q1);
-    // Not half the sum, which may overflow.
+    // Halves are added, because the sum may overflow.
     let middle = [0, 1, 2].map(|x| 0.5 * a[x] + 0.5 * b[x]);
     (middle, distance(a, b))
 }
 
-/// Returns the distance of two points.
+/// Returns the distance between two points.
 fn distance(a: Point, b: Point) -> f64 {
     let scale = Scale::of([a, b].into_iter());
     let [a, b] = [a, b].map(|p| scale.apply(p));
@@ -129,18 +135,18 @@ fn distance(a: Point, b: Point) -> f64 {
 }
 
 /// A power of two that scales points so that products of four differences neither overflow nor
-/// underflow. It is 1 except for extreme points. Scaling loses nothing that is significant beside
-/// the largest difference.
+/// underflow. It is 1 except for extreme points. Scaling loses nothing that is significant relative
+/// to the largest difference.
 #[derive(Clone, Copy)]
 struct Scale([f64; 2]);
 
 impl Scale {
-    /// Exponents of differences that need no scale.
+    /// Exponents of differences that need no scaling.
     const ORDINARY: std::ops::RangeInclusive<i32> = -200..=200;
 
     fn of(points: impl Iterator<Item = Point> + Clone) -> Scale {
         let first = points.clone().next().unwrap_or_default();
-        // Halves are subtracted, since the difference of two finite numbers may overflow.
+        // Halves are subtracted, because the difference of two finite numbers may overflow.
         let halves = |p: Point| [0, 1, 2].map(|x| (0.5 * p[x] - 0.5 * first[x]).abs());
         let largest = points
             .flat_map(halves)
@@ -150,8 +156,7 @@ impl Scale {
         if largest == 0.0 || Scale::ORDINARY.contains(&exponent) {
             return Scale([1.0; 2]);
         }
-        let power = |k: i32| f64::from_bits(((1023 + k) as u64) << 52);
-        Scale([power(-exponent), power(exponent)])
+        Scale([pow2(-exponent), pow2(exponent)])
     }
 
     fn apply(self, p: Point) -> Point {
@@ -163,7 +168,7 @@ impl Scale {
     }
 }
 
-/// The ends of the shortest connection of two straight segments, in floating point.
+/// Returns the ends of the shortest connection of two straight segments, in floating point.
 pub(crate) fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
     let scale = Scale::of([p0, p1, q0, q1].into_iter());
     let [p0, p1, q0, q1] = [p0, p1, q0, q1].map(|p| scale.apply(p));
@@ -193,8 +198,8 @@ fn closest_points_scaled(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 
             0.0
         }
     };
-    // The four ends against the other segment, and the interior: whichever is nearest. Nearly parallel
-    // segments need no threshold, since their nearest points are found from an end as well.
+    // Candidates: the four ends with the other segment, and the interior. Nearly parallel segments
+    // need no threshold, because an end finds their nearest points as well.
     for s in [0.0, 1.0] {
         consider(s, clamped(er + s * de, ee));
     }
@@ -240,10 +245,10 @@ mod tests {
         }
     }
 
-    /// Regression test: if squares overflowed, the place was the origin and the distance infinite;
-    /// if they underflowed, the distance was 0.
+    /// Regression: if squares overflowed, the place was the origin and the distance infinite; if
+    /// they underflowed, the distance was 0.
     #[test]
-    fn extreme_coordinates_have_their_place_and_distance() {
+    fn finds_the_place_and_distance_of_extreme_coordinates() {
         for k in [1e200, 1e300, 1e-200, 1e-300, 1e150, 1e-150, 1.0] {
             let v = |p: [f64; 3]| p.map(|x| x * k);
             let (point, distance) = closest_place(
@@ -278,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn curves_of_any_size_have_the_place_of_those_of_size_1() {
+    fn scaling_by_a_power_of_two_scales_the_place() {
         let n = 37;
         let ring = |k: f64, phase: f64, shift: f64| {
             (0..n).flat_map(move |m| {
@@ -305,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn parallel_crossing_and_degenerate_segments_have_their_distance() {
+    fn finds_the_distance_of_parallel_crossing_and_degenerate_segments() {
         let d = |p0, p1, q0, q1| closest_place(p0, p1, q0, q1).1;
         let o = [0.0; 3];
         for k in [1.0, 1e-3, 1e-12, 1e9] {

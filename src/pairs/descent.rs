@@ -1,36 +1,36 @@
-//! Depth-first through the trees of two curves at once, down to pairs of segments.
+//! Simultaneous depth-first descent of the trees of two curves to segment pairs.
 
 use super::trees::{CurveTree, Node};
 use crate::curve::{Box3, BoxGroup, LANES, Lanes};
 
-/// Node pairs to visit, first curve and second.
+/// Node pairs to visit: node of the first curve, node of the second one.
 pub(crate) type Agenda = Vec<(Node, Node)>;
 
-/// Segment pairs that a descent found, first curve and second.
+/// Segment pairs found by a descent: segment of the first curve, segment of the second one.
 #[derive(Debug, Default)]
 pub(crate) struct SegmentPairs {
-    /// Those that the query asked for.
+    /// All pairs that match the query.
     pub all: Vec<(u32, u32)>,
-    /// Those of them whose boxes overlap in space, where the query asked for them.
+    /// Pairs in `all` whose boxes overlap in space, if the query requests them.
     pub meeting: Vec<(u32, u32)>,
 }
 
-/// What a descent looks for: segment pairs whose boxes' shadows along the axis `w` overlap, the first not wholly
-/// below the second.
+/// Query of a descent: segment pairs whose boxes overlap in the projection along the axis `w`, and
+/// whose first box is not entirely below the second one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Query {
     /// Axis of projection.
     pub w: usize,
-    /// Whether pairs that overlap in space are listed, beside the others.
+    /// True if pairs that overlap in space are listed in addition.
     pub meeting: bool,
-    /// Distance along any axis at which boxes still count as overlapping, where only those that overlap in space
-    /// do.
+    /// Distance along any axis up to which boxes count as overlapping. Used only if `IN_SPACE` is
+    /// set.
     pub reach: f32,
 }
 
-/// Visits the node pairs of the agenda and everything below them, until none is left, or `steps` node pairs have
-/// been looked into, or `limit` segment pairs are found. Where `IN_SPACE`, only what overlaps in space counts.
-/// Returns how many node pairs it looked into.
+/// Visits the node pairs of the agenda and their descendants until the agenda is empty, `steps`
+/// node pairs have been visited, or `limit` segment pairs have been found. If `IN_SPACE` is set,
+/// only pairs whose boxes overlap in space are followed. Returns the number of visited node pairs.
 #[inline(always)]
 pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
     simd: L,
@@ -40,7 +40,7 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
     found: &mut SegmentPairs,
     (steps, limit): (usize, usize),
 ) -> usize {
-    let (mut room_t, mut room_u) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
+    let (mut leaf_t, mut leaf_u) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
     for step in 0..steps {
         if found.all.len() >= limit {
             return step;
@@ -50,7 +50,7 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
         };
         if t.level > u.level {
             let below = One::of_box(&second.node_box(u), w).dilated::<IN_SPACE>(reach);
-            let above = Eight::load(simd, first.children(t, &mut room_t), w);
+            let above = Eight::load(simd, first.children(t, &mut leaf_t), w);
             let mut lanes = apart::<L, IN_SPACE, false>(simd, below, above) ^ 0xff;
             while lanes != 0 {
                 agenda.push((t.child(lanes.trailing_zeros()), u));
@@ -60,7 +60,7 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
         }
         if u.level > t.level {
             let above = One::of_box(&first.node_box(t), w).dilated::<IN_SPACE>(reach);
-            let below = Eight::load(simd, second.children(u, &mut room_u), w);
+            let below = Eight::load(simd, second.children(u, &mut leaf_u), w);
             let mut lanes = apart::<L, IN_SPACE, true>(simd, above, below) ^ 0xff;
             while lanes != 0 {
                 agenda.push((t, u.child(lanes.trailing_zeros())));
@@ -68,10 +68,10 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
             }
             continue;
         }
-        let group_t = first.children(t, &mut room_t);
-        let below = Eight::load(simd, second.children(u, &mut room_u), w);
-        // The bit `8 k + l` stands for the child `k` of the first node and the child `l` of the second: one mask,
-        // made without a branch.
+        let group_t = first.children(t, &mut leaf_t);
+        let below = Eight::load(simd, second.children(u, &mut leaf_u), w);
+        // Bit `8 k + l` is for child `k` of the first node and child `l` of the second one: a
+        // single mask, computed without a branch.
         let mut none = 0;
         for k in 0..LANES {
             let above = One::of_lane(group_t, k, w).dilated::<IN_SPACE>(reach);
@@ -110,15 +110,15 @@ pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
     steps
 }
 
-/// Lanes whose boxes overlap a box in space.
+/// Returns the lanes whose boxes overlap a box in space, one bit each.
 #[inline(always)]
 pub(crate) fn overlapping<L: Lanes>(simd: L, one: &Box3, group: &BoxGroup) -> u32 {
     let w = 2;
     apart::<L, true, true>(simd, One::of_box(one, w), Eight::load(simd, group, w)) ^ 0xff
 }
 
-/// A box in the frame `(u, v, w)`. Kept in registers: a box in memory, written in parts and read whole, is what
-/// the processor waits for longest.
+/// A box in the coordinate frame `(u, v, w)`. Kept in registers, because a box that is written to
+/// memory in parts and read as a whole stalls the CPU (no store forwarding).
 #[derive(Clone, Copy)]
 struct One {
     lo: [f32; 3],
@@ -146,10 +146,10 @@ impl One {
 }
 
 impl One {
-    /// The box and everything within `reach` of it along an axis, where that is asked for.
+    /// Returns the box grown by `reach` on all sides, or the same box if `ENABLED` is not set.
     #[inline(always)]
-    fn dilated<const ASKED: bool>(mut self, reach: f32) -> One {
-        if ASKED {
+    fn dilated<const ENABLED: bool>(mut self, reach: f32) -> One {
+        if ENABLED {
             for x in 0..3 {
                 self.lo[x] -= reach;
                 self.hi[x] += reach;
@@ -159,7 +159,7 @@ impl One {
     }
 }
 
-/// Eight boxes in the same frame.
+/// Eight boxes in the same coordinate frame.
 #[derive(Clone, Copy)]
 struct Eight<L: Lanes> {
     lo: [L::Floats; 3],
@@ -178,7 +178,8 @@ impl<L: Lanes> Eight<L> {
     }
 }
 
-/// Lanes that have nothing to do with a box, which is of the first curve or of the second.
+/// Returns the lanes whose pair with a box does not match the query, one bit each. The box belongs
+/// to the first curve if `FIRST` is set.
 #[inline(always)]
 fn apart<L: Lanes, const IN_SPACE: bool, const FIRST: bool>(
     simd: L,

@@ -1,7 +1,7 @@
-//! Potential links: which pairs of curves come near enough to be linked at all.
+//! Potential links: the pairs of curves that are near enough to be linked.
 //!
-//! Two curves in disjoint convex volumes are not linked, so only pairs whose boxes overlap go on (Qu & James
-//! 2021, section 3.2, Algorithm 2).
+//! Two curves in disjoint convex volumes are not linked, so only pairs with overlapping boxes are
+//! processed further (Qu & James 2021, section 3.2, Algorithm 2).
 
 #[cfg(test)]
 mod brute;
@@ -24,7 +24,7 @@ pub(crate) use trees::{CurveTree, Leaves, Node, SMALL, Trees};
 /// A pair of curves, `i < j`.
 pub(crate) type Pair = (u32, u32);
 
-/// The curves of some pairs, sorted.
+/// Returns the curves of some pairs, sorted and without duplicates.
 pub(crate) fn curves_of(pairs: impl Iterator<Item = Pair>) -> Vec<u32> {
     let mut curves: Vec<u32> = pairs.flat_map(|(i, j)| [i, j]).collect();
     curves.sort_unstable();

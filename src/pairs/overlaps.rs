@@ -6,7 +6,7 @@ use super::trees::Trees;
 use crate::curve::Avx2;
 use crate::curve::{CurveSet, Lanes, Portable};
 
-/// All segment pairs of curves `i` and `j` with overlapping boxes, sorted.
+/// Returns all segment pairs of curves `i` and `j` with overlapping boxes, sorted.
 pub(crate) fn overlapping_segments(
     set: &CurveSet,
     trees: &Trees,
@@ -17,7 +17,7 @@ pub(crate) fn overlapping_segments(
         #[cfg(target_arch = "x86_64")]
         match Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token says that the processor has them.
+            // SAFETY: the token proves that the CPU has these instructions.
             Some(avx2) => unsafe { find_avx2(avx2, set, trees, [i, j]) },
             None => find(Portable, set, trees, [i, j]),
         }

@@ -1,12 +1,13 @@
-//! Which pairs to look at first when the first change is all that is asked for.
+//! Order of the potential links for an early exit at the first change.
 
 use super::Pair;
 use crate::certificate::Link;
 use crate::curve::Box3;
 
-/// Sorts pairs so that those most likely to have changed come first: pairs that are linked in the baseline, then
-/// those whose curves have moved the most since the boxes `before` (where there are any of as many curves), then
-/// those whose boxes overlap the deepest, which leaves them the least clearance.
+/// Sorts pairs so that those most likely to have changed come first: pairs that are linked in the
+/// baseline, then pairs whose curves have moved furthest since the boxes `before` (if these are
+/// boxes of as many curves), then pairs with the deepest overlap of their boxes, which have the
+/// least clearance.
 ///
 /// `pairs` and `linked` are sorted by pair.
 pub(crate) fn most_suspect_first(
@@ -22,7 +23,7 @@ pub(crate) fn most_suspect_first(
     pairs.sort_by_cached_key(|&(i, j)| {
         let is_linked = linked.binary_search_by_key(&(i, j), |l| (l.i, l.j)).is_ok();
         let depth = now[i as usize].overlap_depth(&now[j as usize]);
-        // Neither is negative, so their bits compare as they do.
+        // Neither is negative, so their bit patterns have the same order.
         let rank = [motion(i).max(motion(j)), depth].map(|x| std::cmp::Reverse(x.to_bits()));
         (!is_linked, rank, i, j)
     });
@@ -50,7 +51,7 @@ mod tests {
         let mut sorted = pairs;
         most_suspect_first(&mut sorted, &linked, &now, &before);
         assert_eq!(sorted, [(2, 3), (3, 4), (1, 2), (0, 1), (0, 2)]);
-        // A frame of other curves says nothing about motion.
+        // Boxes of other curves contain no information about motion.
         most_suspect_first(&mut sorted, &linked, &now, &before[1..]);
         assert_eq!(sorted, [(2, 3), (1, 2), (0, 1), (0, 2), (3, 4)]);
     }

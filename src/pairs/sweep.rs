@@ -1,7 +1,7 @@
-//! Potential links by sorting and sweeping along the axis on which the boxes are spread the most.
+//! Potential links by a sort and a sweep along the axis with the largest spread of the boxes.
 //!
-//! Cost: `O(n log n)` for the sort and, on sheets and garments, a few neighbours a box for the sweep;
-//! quadratic where all boxes overlap along the axis.
+//! Cost: `O(n log n)` for the sort. The sweep compares each box with a few neighbours on sheets and
+//! garments. It is quadratic if all boxes overlap along the axis.
 
 use super::Pair;
 #[cfg(target_arch = "x86_64")]
@@ -10,30 +10,30 @@ use crate::curve::{Box3, LANES, Lanes, Portable};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Boxes swept by one task.
+/// Number of boxes that a task sweeps.
 const CHUNK: usize = 512;
 
-/// The search for potential links. Its buffers serve every frame.
+/// Search for potential links. Its buffers are reused from frame to frame.
 #[derive(Debug, Default)]
 pub(crate) struct LinkSearch {
     sweep: Sweep,
-    /// What each task found.
+    /// Pairs found by each task.
     parts: Vec<Vec<Pair>>,
     pairs: Vec<Pair>,
 }
 
 impl LinkSearch {
-    /// What was found last.
+    /// Returns the pairs found by the last search.
     pub fn pairs(&self) -> &[Pair] {
         &self.pairs
     }
 
-    /// What was found last, to be put into another order.
+    /// Returns the pairs found by the last search, so that the caller can reorder them.
     pub fn pairs_mut(&mut self) -> &mut [Pair] {
         &mut self.pairs
     }
 
-    /// All pairs of overlapping boxes, sorted. Empty boxes overlap nothing.
+    /// Finds all pairs of overlapping boxes, sorted. Empty boxes overlap nothing.
     pub fn find(&mut self, boxes: &[Box3]) -> &mut Vec<Pair> {
         let LinkSearch {
             sweep,
@@ -55,7 +55,7 @@ impl LinkSearch {
         pairs
     }
 
-    /// Groups of eight boxes that the last search compared with a box.
+    /// Returns the number of groups of eight boxes that the last search compared with a box.
     pub fn steps(&self) -> u64 {
         let [lo, ..] = &self.sweep.lo;
         let [hi, ..] = &self.sweep.hi;
@@ -67,12 +67,12 @@ impl LinkSearch {
         (0..boxes).map(steps).sum()
     }
 
-    /// Tasks that share a search of so many boxes.
+    /// Returns the number of tasks of a search of this many boxes.
     pub fn tasks(boxes: usize) -> usize {
         boxes.div_ceil(CHUNK)
     }
 
-    /// Bytes of the boxes in their order and of the pairs found.
+    /// Returns the number of bytes of the sorted boxes and of the pairs found.
     pub fn bytes(&self) -> usize {
         let Sweep {
             keys,
@@ -90,15 +90,16 @@ impl LinkSearch {
     }
 }
 
-/// Boxes sorted along an axis, structure of arrays. Each array ends in values that overlap nothing, so that eight
-/// may be read from everywhere.
+/// Boxes sorted along an axis, structure of arrays. Each array ends with padding values that
+/// overlap nothing, so that eight values can be read from every position.
 #[derive(Debug, Default)]
 struct Sweep {
-    /// Lower ends in an order-preserving form, each above the number of its box.
+    /// Lower bounds as integers with the same order in the high bits, index of the box in the low
+    /// bits.
     keys: Vec<u64>,
-    /// Numbers of the boxes, in the order of their lower ends.
+    /// Indices of the boxes, sorted by their lower bounds.
     order: Vec<u32>,
-    /// Bounds along the axis, and along the two others.
+    /// Bounds along the axis, and along the two other axes.
     lo: [Vec<f32>; 3],
     hi: [Vec<f32>; 3],
 }
@@ -134,12 +135,12 @@ impl Sweep {
         }
     }
 
-    /// Pairs whose first box in the order is in `range`.
+    /// Adds the pairs whose first box in the order is in `range`.
     fn run(&self, range: Range<usize>, found: &mut Vec<Pair>) {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token says that the processor has them.
+            // SAFETY: the token proves that the CPU has these instructions.
             return unsafe { self.run_avx2(avx2, range, found) };
         }
         self.run_with(Portable, range, found)
@@ -164,7 +165,7 @@ impl Sweep {
                 simd.splat(self.hi[2][k]),
             );
             let mut at = k + 1;
-            // Until the sweep has passed the box. The end of the array is beyond every box.
+            // Until the sweep has passed the box. The padding at the end is beyond every box.
             while at < self.order.len() && self.lo[0][at] <= self.hi[0][k] {
                 let first = simd.less(end, eight(simd, &self.lo[0], at));
                 let second = simd.or(
@@ -187,7 +188,7 @@ impl Sweep {
     }
 }
 
-/// Eight numbers from `at` on.
+/// Loads eight numbers from index `at` on.
 #[inline(always)]
 fn eight<L: Lanes>(simd: L, v: &[f32], at: usize) -> L::Floats {
     match v[at..].first_chunk() {
@@ -196,9 +197,10 @@ fn eight<L: Lanes>(simd: L, v: &[f32], at: usize) -> L::Floats {
     }
 }
 
-/// The bits of a number that is not NaN, changed so that they compare as the numbers do.
+/// Returns the bit pattern of a number that is not NaN, mapped so that the integers have the order
+/// of the numbers.
 fn ordered_bits(x: f32) -> u32 {
-    // Zeros are one number.
+    // Both zeros are mapped to the same integer.
     let bits = (x + 0.0).to_bits();
     if bits >> 31 == 0 {
         bits | 1 << 31
@@ -207,7 +209,7 @@ fn ordered_bits(x: f32) -> u32 {
     }
 }
 
-/// The axis along which the boxes are spread the most, measured in mean box widths.
+/// Returns the axis along which the boxes are spread most, in units of the mean box width.
 fn widest_axis(boxes: &[Box3]) -> usize {
     let spread = |x: usize| {
         let (mut lo, mut hi, mut width) = (f64::INFINITY, f64::NEG_INFINITY, 0.0);
@@ -236,10 +238,13 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// No pair is missed and none is invented, ties and empty boxes included.
+        /// The sweep finds all pairs and no others, with ties and empty boxes.
         #[test]
         fn sweep_equals_brute_force(
-            raw in prop::collection::vec((prop::array::uniform3(0u8..20), prop::array::uniform3(0u8..6), 0u8..10), 0..120)
+            raw in prop::collection::vec(
+                (prop::array::uniform3(0u8..20), prop::array::uniform3(0u8..6), 0u8..10),
+                0..120,
+            )
         ) {
             let boxes: Vec<Box3> = raw.iter().map(|(lo, size, kind)| {
                 if *kind == 0 {
@@ -250,7 +255,7 @@ mod tests {
             }).collect();
             let want = potential_links_brute(&boxes);
             let mut search = LinkSearch::default();
-            // The buffers of another scene leave no trace.
+            // Buffers of another scene do not affect the result.
             search.find(&[Box3 { lo: [-1.0; 3], hi: [100.0; 3] }; 700]);
             prop_assert_eq!(&*search.find(&boxes), &want);
             let mut portable = Vec::new();

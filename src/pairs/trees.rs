@@ -1,25 +1,26 @@
-//! A tree of boxes over every curve.
+//! Trees of boxes (BVH), one per curve.
 //!
-//! A curve is spatially coherent already, so its tree is implicit: node `g` of level `k` covers the segments
-//! `g 8^(k+1) .. (g+1) 8^(k+1)`, and its children are the nodes (at level 0: the segments)
-//! `8 g .. 8 g + 8` below. There is nothing to build or sort, only boxes to refit. The boxes of the edges of
-//! polylines are not stored: eight of them are computed from the coordinates wherever a leaf is visited, which
-//! costs no more than loading them. Those of spline segments are.
+//! A curve is spatially coherent, so its tree is implicit: node `g` of level `k` covers the
+//! segments `g 8^(k+1) .. (g+1) 8^(k+1)`. Its children are the nodes (at level 0: the segments)
+//! `8 g .. 8 g + 8` of the level below. Nothing is built or sorted; only boxes are refitted. The
+//! boxes of polyline edges are not stored: eight of them are computed from the coordinates each
+//! time a leaf is visited, which costs no more than loading them. The boxes of spline segments are
+//! stored.
 
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
 use crate::curve::{Basis, Box3, BoxGroup, Curve, CurveSet, LANES, Lanes, Portable};
 
-/// Levels of the deepest tree: `8^11 > 2^32` segments.
+/// Number of levels of the deepest tree: `8^11 > 2^32` segments.
 const LEVELS: usize = 11;
 
-/// Segments of a small curve, at most: its leaves are the lanes of one group.
+/// Maximum number of segments of a small curve: its leaves are the lanes of one group.
 pub(crate) const SMALL: u32 = (LANES * LANES) as u32;
 
-/// Segments below which a range of curves is refitted by one task.
+/// Maximum number of segments that a single task refits.
 const GRAIN: usize = 1 << 15;
 
-/// A node: a level (0: its children are segments) and its place in that level.
+/// A node: its level (0: its children are segments) and its index in that level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Node {
     pub level: u8,
@@ -32,7 +33,7 @@ impl Node {
         Node { level, index }
     }
 
-    /// The child in lane `k`; of a level 0 node there are none.
+    /// Returns the child in lane `k`. A node of level 0 has no children.
     #[inline]
     pub fn child(self, k: u32) -> Node {
         Node {
@@ -41,27 +42,29 @@ impl Node {
         }
     }
 
-    /// The number of what is in lane `k`: of a child among the nodes one level below, of a segment in a leaf.
+    /// Returns the index of the item in lane `k`: of a child node in the level below, or of a
+    /// segment if the node is a leaf.
     #[inline]
     pub fn lane(self, k: u32) -> u32 {
         self.index * LANES as u32 + k
     }
 }
 
-/// What trees are refitted to: the boxes of all segments.
+/// Source of the segment boxes to which trees are refitted.
 pub(crate) trait Leaves: Copy + Send + Sync {
-    /// The curves, for their sizes.
+    /// Returns the curves. Only their sizes are used.
     fn curves(&self) -> &[Curve];
-    /// Whether curve `i` has a tree; if not, its root is empty.
+    /// Returns true if curve `i` has a tree. If not, its root is empty.
     fn has_tree(&self, i: usize) -> bool;
-    /// Whether the boxes of single segments are stored for a curve of so many. [`CurveTree::children`] takes those
-    /// that are not from the set of curves.
+    /// Returns true if the segment boxes of a curve with this number of segments are stored. If
+    /// not, [`CurveTree::children`] computes them from the set of curves.
     fn stored(&self, segments: u32) -> bool;
-    /// Boxes of the segments `8 g .. 8 g + 8` of curve `i`; lanes past its end are empty.
+    /// Returns the boxes of the segments `8 g .. 8 g + 8` of curve `i`. Lanes past the last segment
+    /// are empty.
     fn boxes(&self, i: usize, g: usize) -> BoxGroup;
 }
 
-/// The closed curves of a frame.
+/// Boxes of the closed curves of a frame.
 impl Leaves for &CurveSet {
     fn curves(&self) -> &[Curve] {
         CurveSet::curves(self)
@@ -81,22 +84,22 @@ impl Leaves for &CurveSet {
     }
 }
 
-/// Where the groups of one curve lie.
+/// Positions of the groups of one curve.
 #[derive(Clone, Copy, Debug)]
 struct Layout {
     /// First group of each stored level.
     first: [u32; LEVELS],
     levels: u8,
-    /// First group.
+    /// First group of the curve.
     start: u32,
-    /// Groups of all stored levels.
+    /// Number of groups of all stored levels.
     groups: u32,
     segments: u32,
-    /// Whether level 0, the boxes of single segments, is stored.
+    /// True if level 0, the boxes of single segments, is stored.
     leaves: bool,
 }
 
-/// The trees of all curves of a frame.
+/// Trees of all curves of a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trees {
     layouts: Vec<Layout>,
@@ -105,12 +108,14 @@ pub(crate) struct Trees {
 }
 
 impl Trees {
-    /// Whether the boxes of so many segments are shared out among threads: of several curves, or of a single one.
+    /// Returns true if the boxes of this many segments are refitted by several threads. The
+    /// segments may belong to several curves or to a single one.
     pub fn shares_out(segments: usize) -> bool {
         segments > GRAIN
     }
 
-    /// Refits all boxes to those of the leaves. Allocates only where the curves are others than before.
+    /// Refits all boxes to those of the leaves. Allocates only if the sizes of the curves have
+    /// changed.
     pub fn refit<S: Leaves>(&mut self, leaves: S) {
         if !self.fit(leaves) {
             let curves = leaves.curves();
@@ -129,7 +134,7 @@ impl Trees {
         refit_range(leaves, 0, &self.layouts, &mut self.groups, &mut self.roots);
     }
 
-    /// Whether the stored groups are those of curves of the same sizes.
+    /// Returns true if the stored groups belong to curves of the same sizes.
     fn fit<S: Leaves>(&self, leaves: S) -> bool {
         let curves = leaves.curves();
         let fits = |(l, c): (&Layout, &Curve)| {
@@ -138,8 +143,8 @@ impl Trees {
         self.layouts.len() == curves.len() && self.layouts.iter().zip(curves).all(fits)
     }
 
-    /// Refits the boxes of some curves, sorted; those of all others are left as they are, which may be those of an
-    /// earlier frame.
+    /// Refits the boxes of some curves, sorted. The boxes of other curves are unchanged, and may be
+    /// those of an earlier frame.
     pub fn refit_some<S: Leaves>(&mut self, leaves: S, curves: &[u32]) {
         if !self.fit(leaves) || 4 * curves.len() > leaves.curves().len() {
             return self.refit(leaves);
@@ -153,20 +158,22 @@ impl Trees {
             let i = i as usize;
             let layout = &layouts[i];
             let first = layout.start as usize;
-            let own = &mut groups[first..first + layout.groups as usize];
+            let groups = &mut groups[first..first + layout.groups as usize];
             roots[i] = match leaves.has_tree(i) {
-                true => refit_curve(leaves, i, layout, own),
+                true => refit_curve(leaves, i, layout, groups),
                 false => Box3::EMPTY,
             };
         }
     }
 
-    /// Boxes of the curves that have a tree; the others have empty ones and so no potential links.
+    /// Returns the root boxes of all curves. Curves without a tree have empty boxes and so no
+    /// potential links.
     pub fn roots(&self) -> &[Box3] {
         &self.roots
     }
 
-    /// The tree of curve `i`, which has one. Leaves that are not stored are those of `set`.
+    /// Returns the tree of curve `i`, which must have one. Leaves that are not stored are computed
+    /// from `set`.
     pub fn of<'a>(&'a self, set: &'a CurveSet, i: usize) -> CurveTree<'a> {
         CurveTree {
             set,
@@ -177,25 +184,25 @@ impl Trees {
         }
     }
 
-    /// Bytes of the stored boxes.
+    /// Returns the number of bytes of the stored boxes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.groups[..]) + size_of_val(&self.roots[..])
     }
 }
 
-/// The tree of one curve.
+/// Tree of one curve.
 #[derive(Clone, Copy)]
 pub(crate) struct CurveTree<'a> {
     set: &'a CurveSet,
     curve: usize,
     layout: &'a Layout,
     groups: &'a [BoxGroup],
-    /// The box around the curve.
+    /// Bounding box of the curve.
     pub bounds: Box3,
 }
 
 impl<'a> CurveTree<'a> {
-    /// The root.
+    /// Returns the root node.
     pub fn root(&self) -> Node {
         Node {
             level: self.layout.levels - 1,
@@ -203,18 +210,19 @@ impl<'a> CurveTree<'a> {
         }
     }
 
-    /// Whether the curve has so few segments that there is nothing to gain from a look at its coarse boxes.
+    /// Returns true if the curve has so few segments that testing its coarse boxes does not pay.
     #[inline(always)]
     pub fn is_small(&self) -> bool {
         self.layout.segments <= SMALL
     }
 
-    /// Whether the boxes of single segments are stored.
+    /// Returns true if the boxes of single segments are stored.
     pub fn stores_leaves(&self) -> bool {
         self.layout.leaves
     }
 
-    /// Boxes of the children of a node; `leaf` is room for those that are not stored.
+    /// Returns the boxes of the children of a node. `leaf` is a buffer for boxes that are not
+    /// stored.
     #[inline(always)]
     pub fn children<'b>(&self, node: Node, leaf: &'b mut BoxGroup) -> &'b BoxGroup
     where
@@ -228,7 +236,7 @@ impl<'a> CurveTree<'a> {
         }
     }
 
-    /// The box of a node.
+    /// Returns the box of a node.
     #[inline(always)]
     pub fn node_box(&self, node: Node) -> Box3 {
         if node.level + 1 == self.layout.levels {
@@ -240,19 +248,21 @@ impl<'a> CurveTree<'a> {
     }
 }
 
-/// Whether the boxes of single segments are stored: of splines, which cost more to compute than to load, and of
-/// small curves, which are visited by many pairs for their size.
+/// Returns true if the boxes of single segments are stored: for splines, because their boxes cost
+/// more to compute than to load, and for small curves, because they are visited by many pairs
+/// relative to their size.
 fn stores_leaves(basis: Basis, segments: u32) -> bool {
     !basis.is_polyline() || segments <= SMALL
 }
 
 impl CurveTree<'_> {
-    /// Visits the segments in whose box, and in the boxes of whose nodes, `enter` lets it.
+    /// Calls `segment` with every segment such that `enter` accepts its box and the boxes of all
+    /// nodes above it.
     pub fn visit(&self, mut enter: impl FnMut(&Box3) -> bool, mut segment: impl FnMut(u32)) {
-        let mut room = BoxGroup::EMPTY;
+        let mut leaf = BoxGroup::EMPTY;
         let mut stack = vec![self.root()];
         while let Some(node) = stack.pop() {
-            let group = *self.children(node, &mut room);
+            let group = *self.children(node, &mut leaf);
             for k in 0..LANES {
                 let lane = group.lane(k);
                 if lane != Box3::EMPTY && enter(&lane) {
@@ -293,7 +303,8 @@ impl Layout {
     }
 }
 
-/// Refits the trees of the curves from `first` on; halves the range while it is worth a task of its own.
+/// Refits the trees of the curves from `first` on. Splits the range into tasks while it is large
+/// enough.
 fn refit_range<S: Leaves>(
     source: S,
     first: usize,
@@ -316,17 +327,17 @@ fn refit_range<S: Leaves>(
     }
     let mut at = 0;
     for (k, layout) in layouts.iter().enumerate() {
-        let own = &mut groups[at..at + layout.groups as usize];
-        at += own.len();
+        let stored = &mut groups[at..at + layout.groups as usize];
+        at += stored.len();
         roots[k] = if source.has_tree(first + k) {
-            refit_curve(source, first + k, layout, own)
+            refit_curve(source, first + k, layout, stored)
         } else {
             Box3::EMPTY
         };
     }
 }
 
-/// Refits the tree of one curve; returns its root box.
+/// Refits the tree of one curve. Returns its root box.
 fn refit_curve<S: Leaves>(source: S, i: usize, layout: &Layout, groups: &mut [BoxGroup]) -> Box3 {
     let leaves = (layout.segments as usize).div_ceil(LANES);
     let (stored, upper) = groups.split_at_mut(if layout.leaves { leaves } else { 0 });
@@ -353,7 +364,7 @@ fn refit_curve<S: Leaves>(source: S, i: usize, layout: &Layout, groups: &mut [Bo
     below[0].bounds()
 }
 
-/// Consecutive leaves of a curve, with the groups above them.
+/// Consecutive leaves of a curve, with the groups one level above.
 struct Strip<'a, S> {
     source: S,
     /// The curve.
@@ -363,12 +374,12 @@ struct Strip<'a, S> {
     leaves: usize,
     /// Groups whose lanes are the leaves.
     below: &'a mut [BoxGroup],
-    /// The leaves themselves, where they are stored.
+    /// The leaves, if they are stored.
     stored: &'a mut [BoxGroup],
 }
 
 impl<S: Leaves> Strip<'_, S> {
-    /// Refits the leaves and the level above; halves the strip while it is worth a task of its own.
+    /// Refits the leaves and the level above. Splits the strip into tasks while it is large enough.
     fn refit(self) {
         if !Trees::shares_out(self.leaves * LANES) {
             return self.refit_part();
@@ -408,7 +419,7 @@ impl<S: Leaves> Strip<'_, S> {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token says that the processor has them.
+            // SAFETY: the token proves that the CPU has these instructions.
             return unsafe { self.refit_part_avx2(avx2) };
         }
         self.refit_part_with(Portable)
@@ -439,12 +450,12 @@ impl<S: Leaves> Strip<'_, S> {
     }
 }
 
-/// Refits a level from the one below.
+/// Refits a level from the level below.
 fn raise(below: &[BoxGroup], level: &mut [BoxGroup]) {
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = Avx2::detect() {
         #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token says that the processor has them.
+        // SAFETY: the token proves that the CPU has these instructions.
         return unsafe { raise_avx2(avx2, below, level) };
     }
     raise_with(Portable, below, level)
@@ -471,7 +482,7 @@ fn raise_with<L: Lanes>(simd: L, below: &[BoxGroup], level: &mut [BoxGroup]) {
     }
 }
 
-/// The boxes around eight groups.
+/// Returns the bounding boxes of eight groups, one per lane.
 #[inline(always)]
 fn bounds_of_eight<L: Lanes>(simd: L, groups: &[BoxGroup; LANES]) -> BoxGroup {
     let mut out = BoxGroup::EMPTY;
@@ -508,7 +519,8 @@ mod tests {
     use super::*;
     use crate::curve::Positions;
 
-    /// Every node's box is the box of the segments that it covers, for all sizes around powers of eight.
+    /// The box of every node is the bounding box of its segments, for all sizes around powers of
+    /// eight.
     #[test]
     fn nodes_bound_their_segments_exactly() {
         for basis in [Basis::Polyline, Basis::CatmullRom, Basis::BSpline] {
@@ -522,7 +534,8 @@ mod tests {
                     let tree = trees.of(&set, i);
                     check(tree, n as u32, tree.root());
                 }
-                // Polylines: an eighth of a box a segment, and an eighth of that, and so on.
+                // Polylines: one eighth of a box per segment, one eighth of that in the next level,
+                // and so on.
                 let boxes = if stores_leaves(basis, n as u32) {
                     5 * n / 2
                 } else {
@@ -534,8 +547,8 @@ mod tests {
     }
 
     fn check(tree: CurveTree<'_>, n: u32, node: Node) {
-        let mut room = BoxGroup::EMPTY;
-        let group = *tree.children(node, &mut room);
+        let mut leaf = BoxGroup::EMPTY;
+        let group = *tree.children(node, &mut leaf);
         assert_eq!(group.bounds(), tree.node_box(node));
         for k in 0..LANES as u32 {
             let span = (LANES as u32).pow(u32::from(node.level));

@@ -1,4 +1,4 @@
-//! Verdicts in words: the sentences that the command, the log and the viewer print.
+//! Messages about verdicts, which the command, the log and the viewer print.
 
 use super::{Defect, DefectKind, Place, Report, Verdict};
 use crate::certificate::{Change, ChangeKind};
@@ -106,18 +106,18 @@ impl fmt::Display for Defect {
 }
 
 impl Report {
-    /// Changes of one kind.
+    /// Returns the number of changes of one kind.
     pub fn count(&self, kind: ChangeKind) -> usize {
         self.changes.iter().filter(|c| c.kind() == kind).count()
     }
 
-    /// Whether any curves touch.
+    /// Returns true if any curves touch.
     pub fn has_contact(&self) -> bool {
         self.defects.iter().any(|d| d.kind == DefectKind::Contact)
     }
 
-    /// Returns the number of the frame and its simulation time: "frame 28 at 0.28 s". Without the
-    /// time if that is 0, as for frames that have none.
+    /// Returns the number of the frame and its simulation time: "frame 28 at 0.28 s". Omits the
+    /// time if it is 0, as for frames without one.
     pub fn frame(&self) -> String {
         match self.time {
             0.0 => format!("frame {}", self.seq),
@@ -125,7 +125,7 @@ impl Report {
         }
     }
 
-    /// One line: frame, verdict, and how many of what.
+    /// Returns one line with the frame, the verdict, and the number of findings of each kind.
     pub fn headline(&self) -> String {
         let mut parts = Vec::new();
         for kind in [ChangeKind::Lost, ChangeKind::Gained, ChangeKind::Changed] {
@@ -140,13 +140,13 @@ impl Report {
             1 => parts.push("1 pull-through".into()),
             n => parts.push(format!("{n} pull-throughs")),
         }
-        let untold = self.defects.iter().filter(|d| d.kind.is_of_step()).count();
-        match self.defects.len() - untold {
+        let undecided_steps = self.defects.iter().filter(|d| d.kind.is_of_step()).count();
+        match self.defects.len() - undecided_steps {
             0 => {}
-            1 => parts.push("1 pair or curve without a number".into()),
-            n => parts.push(format!("{n} pairs or curves without a number")),
+            1 => parts.push("1 pair or curve without a linking number".into()),
+            n => parts.push(format!("{n} pairs or curves without a linking number")),
         }
-        match untold {
+        match undecided_steps {
             0 => {}
             1 => parts.push("1 step of a pair or curve undecided".into()),
             n => parts.push(format!("{n} steps of pairs or curves undecided")),
@@ -192,7 +192,9 @@ impl Report {
                 let lambda = adopted.map_or(0, |l| l.lambda);
                 format!("{sentence}; {lambda} is expected from here on")
             }
-            None => format!("{sentence}; the numbers of this frame are expected from here on"),
+            None => {
+                format!("{sentence}; the linking numbers of this frame are expected from here on")
+            }
         }
     }
 }

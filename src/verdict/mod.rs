@@ -1,4 +1,4 @@
-//! What is said about a frame: certificate change and policy in, verdict out.
+//! Verdict on a frame: findings, defects, work counters, and the abort policy.
 
 mod message;
 mod policy;
@@ -9,28 +9,29 @@ use crate::certificate::{Change, Link};
 use crate::curve::Point;
 use crate::incremental::PullThrough;
 
-/// The answer to "is the topology of this frame the one that it started with?".
+/// Result of comparing the topology of a frame with that of the baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 #[repr(u32)]
 pub enum Verdict {
     /// Every linking number was proven to be the expected one.
     Intact = 0,
-    /// At least one linking number is another than expected, or a curve was pulled through another or through itself
-    /// since the frame before.
+    /// At least one linking number differs from the expected one, or a curve was pulled through
+    /// another one or through itself since the previous frame.
     Changed = 1,
-    /// Curves touch: their linking number is not defined. No pair is known to have changed.
+    /// Curves touch, so their linking number is undefined. No pair is known to have changed.
     Contact = 2,
     /// Some pair could not be decided or compared. No pair is known to have changed or to touch.
     Undecided = 3,
     /// The frame was not verified in time.
     Stale = 4,
-    /// The frame breaks its contract (NaN, counts that lie, other curves than before).
+    /// The frame is invalid: NaN, counts that do not match the data, or other curves than in the
+    /// previous frame.
     Rejected = 5,
 }
 
 impl Verdict {
-    /// Every verdict, in the order of its code on the wire.
+    /// All verdicts, in the order of their codes on the wire.
     pub const ALL: [Verdict; 6] = [
         Verdict::Intact,
         Verdict::Changed,
@@ -40,12 +41,12 @@ impl Verdict {
         Verdict::Rejected,
     ];
 
-    /// The verdict with this code on the wire.
+    /// Returns the verdict with this code on the wire.
     pub fn from_code(code: u32) -> Option<Verdict> {
         Self::ALL.get(code as usize).copied()
     }
 
-    /// One word.
+    /// Returns the word for this verdict.
     pub fn word(self) -> &'static str {
         match self {
             Verdict::Intact => "intact",
@@ -58,39 +59,43 @@ impl Verdict {
     }
 }
 
-/// Where two curves come closest to one another (the point of closest approach, POCA).
+/// Place at which two curves are closest (the point of closest approach, POCA).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Place {
     /// Segment of the first curve and segment of the second, from 0.
     pub segments: [u32; 2],
-    /// Middle of the shortest connection, in the units of the simulation.
+    /// Midpoint of the shortest connection, in the units of the simulation.
     pub point: Point,
-    /// Its length: the distance of the two curves.
+    /// Length of the shortest connection: the distance of the two curves.
     pub distance: f64,
 }
 
-/// Why a pair, or every pair of a curve, has no linking number; or why it is not told what happened to it.
+/// Reason why a pair, or every pair of a curve, has no linking number, or why its pull-throughs in
+/// a step are unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[repr(u32)]
 pub enum DefectKind {
-    /// The curves share a point, exactly.
+    /// The curves share a point.
     Contact = 0,
-    /// The splines come closer than their points can be computed, or stay close for too long to refine.
+    /// The splines are closer than their points can be computed, or too close over too long a
+    /// distance to refine.
     TooClose = 1,
-    /// The loop has fewer than three distinct vertices; it bounds nothing.
+    /// The loop has fewer than three distinct vertices, so it bounds no area.
     Degenerate = 2,
-    /// The pair has a linking number now, but had none in the baseline to compare with. It is
-    /// expected from this frame on.
+    /// The pair has a linking number now, but none in the baseline to compare it with. This linking
+    /// number is expected from this frame on.
     NoBaseline = 3,
-    /// Whether one was pulled through the other since the frame before cannot be told: they touched, or came too close.
+    /// It is undecided if one curve was pulled through the other one since the previous frame,
+    /// because they touched or came too close.
     Untold = 4,
-    /// The linking number changed by another number than the pull-throughs since the frame before add up to.
+    /// The change of the linking number differs from the sum of the pull-throughs since the
+    /// previous frame.
     Unaccounted = 5,
 }
 
 impl DefectKind {
-    /// Every kind, in the order of its code in recordings.
+    /// All kinds, in the order of their codes in recordings.
     pub const ALL: [DefectKind; 6] = [
         DefectKind::Contact,
         DefectKind::TooClose,
@@ -100,78 +105,86 @@ impl DefectKind {
         DefectKind::Unaccounted,
     ];
 
-    /// Whether it is about the step from the frame before, not about a linking number.
+    /// Returns true if the defect concerns the step from the previous frame, not a linking number.
     pub fn is_of_step(self) -> bool {
         matches!(self, DefectKind::Untold | DefectKind::Unaccounted)
     }
 
-    /// In words, for "curves 3 and 4 ..".
+    /// Returns the predicate of a sentence about curves: "curves 3 and 4 ..".
     pub fn words(self) -> &'static str {
         match self {
             DefectKind::Contact => "touch",
             DefectKind::TooClose => "are too close to decide",
             DefectKind::Degenerate => "has fewer than three distinct vertices",
             DefectKind::NoBaseline => "had no linking number to compare with until now",
-            DefectKind::Untold => "may have passed through one another: too close to tell",
+            DefectKind::Untold => "may have passed through one another: too close to decide",
             DefectKind::Unaccounted => {
-                "changed their linking number by more than was pulled through"
+                "have a change of linking number that differs from the sum of their pull-throughs"
             }
         }
     }
 }
 
-/// A pair (or a curve) without a verdict of its own. It never hides the verdict on the others.
+/// A pair (or a curve) that could not be decided or compared. It never hides the findings about
+/// other pairs.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Defect {
     /// First curve, from 0.
     pub i: u32,
-    /// Second curve, greater than `i`, or equal where a curve meets itself; none where the curve alone is the matter.
+    /// Second curve: greater than `i`, or equal if a curve meets itself. `None` if the defect
+    /// concerns a single curve.
     pub j: Option<u32>,
-    /// What is wrong.
+    /// Reason.
     pub kind: DefectKind,
-    /// Where.
+    /// Place.
     pub place: Place,
 }
 
-/// Counts of the work that a verdict took. The same for any number of threads.
+/// Work counters of a verdict. They do not depend on the number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Stats {
-    /// Curves of the frame.
+    /// Number of curves.
     pub curves: u64,
-    /// Segments of the frame.
+    /// Number of segments.
     pub segments: u64,
-    /// Open curves, left out: linking numbers are defined for closed curves only.
+    /// Number of open curves. They are skipped, because linking numbers are defined for closed
+    /// curves only.
     pub open_curves: u64,
-    /// Vertices of polylines that repeat the one before them (merged: they change nothing).
+    /// Number of polyline vertices that equal their predecessor. They are merged, which changes no
+    /// linking number.
     pub repeated_vertices: u64,
-    /// Pairs of curves whose boxes overlap (potential links); all others are unlinked.
+    /// Number of pairs of curves with overlapping boxes (potential links). All other pairs are
+    /// unlinked.
     pub potential_links: u64,
-    /// Potential links that a direction without any overlap proved to be 0.
+    /// Number of potential links with linking number 0, proven by a direction in which their
+    /// projections do not overlap.
     pub separated: u64,
-    /// Segment pairs tested for a crossing.
+    /// Number of segment pairs tested for a crossing.
     pub tests: u64,
-    /// Crossings counted.
+    /// Number of counted crossings.
     pub crossings: u64,
-    /// Segment pairs of splines whose boxes overlap in space, which the discretization looked at.
+    /// Number of pairs of spline segments with boxes that overlap in space, which the
+    /// discretization tested.
     pub overlaps: u64,
-    /// Points that the discretization added.
+    /// Number of points that the discretization added.
     pub refined: u64,
-    /// Tests that floating point could not decide and exact arithmetic did.
+    /// Number of tests that floating point could not decide and exact arithmetic decided.
     pub exact: u64,
-    /// Potential links left out, since the first change was all that was asked for.
+    /// Number of potential links that were skipped after the first change (early exit).
     pub unchecked: u64,
     /// Extent of the scene: longest side of the bounding box of the first frame, in the units of
-    /// the simulation. Sentences about the frame have six significant digits of it. 0 if unknown.
+    /// the simulation. Coordinates in messages have six significant digits at this scale. 0 if
+    /// unknown.
     pub extent: f64,
 }
 
 impl Stats {
-    /// Share of the tests that exact arithmetic decided, from 0 to 1.
+    /// Returns the share of the tests that exact arithmetic decided, from 0 to 1.
     pub fn exact_share(&self) -> f64 {
         self.exact as f64 / self.tests.max(1) as f64
     }
 
-    /// Adds the counts of another part of the same frame.
+    /// Adds the counters of another part of the same frame.
     pub fn add(&mut self, o: &Stats) {
         self.curves += o.curves;
         self.segments += o.segments;
@@ -189,34 +202,34 @@ impl Stats {
     }
 }
 
-/// Everything that is said about one frame. It does not depend on the machine, the clock or the number of
-/// threads: a recording replayed gives equal reports.
+/// Report about one frame. It does not depend on the machine, the clock or the number of threads:
+/// the replay of a recording gives equal reports.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Report {
-    /// Sequence number of the frame, as the simulator counts.
+    /// Sequence number of the frame, counted by the simulator.
     pub seq: u64,
     /// Simulation time of the frame, in seconds.
     pub time: f64,
-    /// The answer.
+    /// Verdict on the frame.
     pub verdict: Verdict,
-    /// Whether the policy asks the simulator to stop.
+    /// True if the policy asks the simulator to stop.
     pub abort: bool,
-    /// Linking numbers that are not the expected ones, sorted by pair.
+    /// Linking numbers that differ from the expected ones, sorted by pair.
     pub changes: Vec<Change>,
-    /// Pull-throughs since the last frame that was verified, in the order in which they came; empty where they are not
-    /// looked for ([`Events`](crate::Events)).
+    /// Pull-throughs since the last verified frame, in chronological order. Empty if they are not
+    /// searched for ([`Events`](crate::Events)).
     pub events: Vec<PullThrough>,
     /// Pull-throughs that cannot be resolved, because the frames are too far apart: they cancel
     /// within their pair, and moved further than [the limit](crate::Verifier::set_motion_limit). In
     /// chronological order.
     pub unresolved: Vec<PullThrough>,
-    /// What could not be decided or compared, sorted by pair.
+    /// Pairs and curves that could not be decided or compared, sorted by pair.
     pub defects: Vec<Defect>,
     /// Nonzero linking numbers that the baseline lacked, sorted by pair. They are expected from
     /// this frame on ([`DefectKind::NoBaseline`]).
     pub adopted: Vec<Link>,
-    /// Why the frame was rejected, in words.
+    /// Reason why the frame was rejected.
     pub rejected: Option<String>,
-    /// The work done.
+    /// Work counters.
     pub stats: Stats,
 }

@@ -1,34 +1,33 @@
-//! When the simulator is asked to stop.
+//! Policy that decides when the simulator is asked to stop.
 
 use super::{Defect, DefectKind, Report, Verdict};
 use crate::certificate::ChangeKind;
 use std::fmt;
 use std::str::FromStr;
 
-/// Which findings send the abort signal.
+/// Findings that send the abort signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AbortOn {
-    /// A linking number changed in any way, curves touch, one was pulled through, or a frame was
-    /// rejected.
+    /// Any change of a linking number, any contact, any pull-through, or a rejected frame.
     #[default]
     Any,
-    /// A link was lost, or changed to another number.
+    /// A link was lost, or its linking number changed.
     Lost,
-    /// A link was gained, or changed to another number.
+    /// A link was gained, or its linking number changed.
     Gained,
     /// Curves touch.
     Contact,
-    /// A curve was pulled through another, or through itself ([`Events`](crate::Events)).
+    /// A curve was pulled through another one, or through itself ([`Events`](crate::Events)).
     Event,
-    /// A frame breaks its contract: NaN, an infinite coordinate, other curves than before.
+    /// A frame is invalid: NaN, an infinite coordinate, or other curves than in the previous frame.
     Rejected,
-    /// Nothing: watch and record only.
+    /// No finding: watch and record only.
     Never,
 }
 
 impl AbortOn {
-    /// Every policy.
+    /// All policies.
     pub const ALL: [AbortOn; 7] = [
         AbortOn::Any,
         AbortOn::Lost,
@@ -39,7 +38,7 @@ impl AbortOn {
         AbortOn::Never,
     ];
 
-    /// Returns true if these findings ask the simulator to stop. Contacts that are `expected`,
+    /// Returns true if the findings ask the simulator to stop. Contacts that are `expected`,
     /// because the curves touch in the baseline, do not.
     pub fn aborts(self, report: &Report, expected: impl Fn(&Defect) -> bool) -> bool {
         let mut contacts = report
@@ -62,7 +61,7 @@ impl AbortOn {
         }
     }
 
-    /// The word on the command line.
+    /// Returns the word for this policy on the command line.
     pub fn word(self) -> &'static str {
         match self {
             AbortOn::Any => "any",

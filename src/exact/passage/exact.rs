@@ -1,4 +1,4 @@
-//! Passages in exact arithmetic: the certain rung, and the rule for ties.
+//! Passages in exact arithmetic, with the translation rule for ties.
 
 use super::super::{Predicates, big, segments_touch};
 use super::polynomial::{Dyadic, Interval, Polynomial, Root};
@@ -6,40 +6,43 @@ use super::ring::{Infinitesimal, Ring};
 use super::{Edges, Moment, Ties};
 use num_bigint::BigInt;
 
-/// A point that moves on a straight line, by its coordinates.
+/// Coordinates of a point that moves on a straight line.
 type Track<R> = [Polynomial<R>; 3];
 
-/// Two edges that move, as polynomials in time.
+/// Two moving edges, as polynomials in time.
 #[derive(Clone)]
-pub(super) struct Motion<R> {
-    /// From the start of the first edge to its end.
+pub(super) struct MovingEdges<R> {
+    /// Vector from the start of the first edge to its end.
     first: Track<R>,
-    /// From the start of the second edge to its end.
+    /// Vector from the start of the second edge to its end.
     second: Track<R>,
-    /// From the start of the first edge to the start of the second.
+    /// Vector from the start of the first edge to the start of the second one.
     between: Track<R>,
 }
 
 /// Exponents of the translation of the first curve, `(e, e^16, e^256)`.
 ///
-/// All signs below are of polynomials in its three components of degree 8 at most, in which different monomials
-/// are different powers of `e`. So none of them vanishes that is not 0; and its sign, that of the lowest power,
-/// is the same for `k` times the translation with any positive `k`. The latter matters since every pair of
-/// edges has a unit of length of its own, a power of two, in which its coordinates are integers.
+/// # Proof: no sign below is 0 unless its polynomial is
 ///
-/// The degree: where a root is `(x + y sqrt(d)) / z`, `x` and `z` have degree 1 at most, `y` 0, and `d` 2. A
-/// polynomial of degree 2 in time and 1 in the translation is of degree 3 there, and of 8 at most where `p^2` is
-/// compared with `q^2 d`.
+/// All signs below are those of polynomials in the three components of the translation with a
+/// degree of at most 8. Their different monomials are different powers of `e`, so a polynomial that
+/// is not 0 does not vanish. Its sign is that of the lowest power, which is the same for `k` times
+/// the translation with any positive `k`. That matters because every pair of edges has its own unit
+/// of length, a power of two, in which its coordinates are integers.
+///
+/// The degree: if a root is `(x + y sqrt(d)) / z`, then `x` and `z` have a degree of at most 1, `y`
+/// of 0, and `d` of 2. A polynomial of degree 2 in time and 1 in the translation has degree 3 at
+/// the root, and at most 8 if `p^2` is compared with `q^2 d`.
 pub(super) const TRANSLATION: [u32; 3] = [1, 16, 256];
 
-impl Motion<BigInt> {
+impl MovingEdges<BigInt> {
     pub fn new(before: &Edges, after: &Edges) -> Self {
         let ends = [before, after].map(|edges| edges.as_flattened().as_flattened());
         let mut all = [0.0; 24];
         all[..12].copy_from_slice(ends[0]);
         all[12..].copy_from_slice(ends[1]);
         let all = big::integers(all);
-        // Ends in order: a, b of the first edge, c, d of the second.
+        // Ends in this order: a, b of the first edge, c, d of the second one.
         let track = |from: usize, to: usize| {
             [0, 1, 2].map(|x| {
                 let [start, end] =
@@ -48,15 +51,15 @@ impl Motion<BigInt> {
                 Polynomial::new([start, slope])
             })
         };
-        Motion {
+        MovingEdges {
             first: track(0, 1),
             second: track(2, 3),
             between: track(0, 2),
         }
     }
 
-    /// The motion with the first curve translated by powers of `e`.
-    pub fn translated(&self, exponents: [u32; 3]) -> Motion<Infinitesimal> {
+    /// Returns the motion with the first curve translated by powers of `e`.
+    pub fn translated(&self, exponents: [u32; 3]) -> MovingEdges<Infinitesimal> {
         let lift = |track: &Track<BigInt>| {
             [0, 1, 2].map(|x| {
                 let lifted = track[x].coefficients().iter();
@@ -68,15 +71,15 @@ impl Motion<BigInt> {
             let by = Infinitesimal::term(exponents[x], BigInt::from(1));
             *along = along.minus(&Polynomial::new([by]));
         }
-        Motion {
+        MovingEdges {
             first: lift(&self.first),
             second: lift(&self.second),
             between,
         }
     }
 
-    /// How the two edges are to one another at the one root of `f` in `interval`, a time at which they lie in
-    /// one plane.
+    /// Returns the relation of the two edges at the single root of `f` in `interval`, a time at
+    /// which they lie in one plane.
     fn meeting(&self, f: &Polynomial<BigInt>, interval: &Interval) -> Meeting {
         let sign = |g: &Polynomial<BigInt>| f.signs_at_roots(g, interval);
         // Apart along an axis.
@@ -94,7 +97,7 @@ impl Motion<BigInt> {
         }
         let normal = cross(&self.first, &self.second);
         let Some(w) = (0..3).find(|&w| sign(&normal[w]) != 0) else {
-            // Parallel. On two lines, unless both cross products vanish.
+            // Parallel. They lie on two lines unless both cross products vanish.
             let offset = [&self.second, &self.first].map(|edge| cross(&self.between, edge));
             return if offset.as_flattened().iter().any(|g| sign(g) != 0) {
                 Meeting::Apart
@@ -113,7 +116,7 @@ impl Motion<BigInt> {
     /// Proves that the edges, which lie in one plane at all times, are apart at all times of the
     /// interval except the ends of the step. Returns `false` if it finds no proof.
     fn always_apart(&self, interval: &Interval, depth: u32) -> bool {
-        // Without a root inside and with signs at the ends, a polynomial has one sign.
+        // A polynomial without a root inside, and with equal signs at the ends, has one sign.
         let one = Polynomial::new([BigInt::from(1)]);
         let sign = |g: &Polynomial<BigInt>| {
             if g.is_zero() {
@@ -148,28 +151,28 @@ impl Motion<BigInt> {
     }
 }
 
-/// Two edges at a time when they lie in one plane.
+/// Relation of two edges at a time at which they lie in one plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meeting {
     /// They share no point.
     Apart,
     /// They share an inner point of both, and are not parallel.
     Inside,
-    /// Anything else: they share an end, or lie on one line.
+    /// Any other case: they share an end, or lie on one line.
     Tie,
 }
 
-/// Halvings of the step that [`Motion::always_apart`] makes.
+/// Number of times that [`MovingEdges::always_apart`] halves the step.
 const HALVINGS: u32 = 6;
 
-/// Net passages at one time: the sum of their signs, and when.
+/// Net passages at one time, with the sum of their signs.
 pub(super) struct Event {
     pub sign: i32,
     pub time: f64,
     pub moment: Moment,
 }
 
-/// Returns all passages of a pair of edges, in their order in time. Edges that touch in a frame
+/// Returns all passages of a pair of edges, in chronological order. Edges that touch in a frame
 /// have an event at that end of the step, even if its sign is 0. Returns `None` if a tie is to be
 /// reported.
 pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Event>> {
@@ -188,19 +191,20 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
     if before == after || point(0) || point(1) {
         return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
-    let motion = Motion::new(before, after);
+    let motion = MovingEdges::new(before, after);
     let volume = motion.volume();
     let flat = volume.is_zero();
     let mut translated = None;
-    // Where the translated edges may come to lie in one plane: infinitely near to the roots of this.
+    // The translated edges can become coplanar only infinitely near to the roots of this
+    // polynomial.
     let plane = match (flat, ties) {
         (false, _) => volume.clone(),
         (true, Ties::Report) if !motion.always_apart(&Interval::step(), HALVINGS) => return None,
         (true, _) => lowest(&translated.insert(motion.translated(TRANSLATION)).volume()),
     };
     if plane.is_zero() {
-        // Parallel at all times: the differences of their points fill a surface at most, and the translation is
-        // not on it.
+        // Parallel at all times: the differences of their points fill a surface at most, and the
+        // translation is not on it.
         return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
     // Edges that do not touch at an end of the step have no passage next to it.
@@ -231,7 +235,7 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
         };
         let sign = match (meeting, ties) {
             (Meeting::Apart, _) => 0,
-            // The volume goes from one sign to the other, or touches zero.
+            // The volume either changes its sign or touches zero.
             (Meeting::Inside, _) => {
                 (plane.sign_at(&interval.from) - plane.sign_at(&interval.to)) / 2
             }
@@ -261,7 +265,7 @@ pub(super) fn touch([[a, b], [c, d]]: &Edges) -> bool {
     segments_touch(*a, *b, *c, *d, &mut Predicates::default())
 }
 
-/// The coefficient of the lowest power of `e` that there is.
+/// Returns the coefficient of the lowest power of `e` that occurs.
 fn lowest(f: &Polynomial<Infinitesimal>) -> Polynomial<BigInt> {
     let coefficients = f.coefficients();
     let order = coefficients.iter().filter_map(Infinitesimal::order).min();
@@ -272,18 +276,19 @@ fn lowest(f: &Polynomial<Infinitesimal>) -> Polynomial<BigInt> {
     )
 }
 
-impl<R: Ring> Motion<R> {
-    /// [`orient3d`](super::super::Predicates::orient3d) of the four ends, a cubic polynomial:
-    /// `(c - a) . ((b - a) x (d - c))`.
+impl<R: Ring> MovingEdges<R> {
+    /// Returns [`orient3d`](super::super::Predicates::orient3d) of the four ends, a cubic
+    /// polynomial: `(c - a) . ((b - a) x (d - c))`.
     pub fn volume(&self) -> Polynomial<R> {
         let normal = cross(&self.first, &self.second);
         let part = |x: usize| self.between[x].times(&normal[x]);
         part(0).plus(&part(1)).plus(&part(2))
     }
 
-    /// On which sides of one another's edges the ends `a b c d` lie, seen against axis `w`:
-    /// `orient2d(c, d, a)`, `orient2d(c, d, b)`, `orient2d(a, b, c)`, `orient2d(a, b, d)`, with `r = c - a`:
-    /// `r x (d - c)`, that less `n = (b - a) x (d - c)`, `(b - a) x r`, and that plus `n`.
+    /// Returns the sides of the ends `a b c d` relative to the other edge, seen against axis `w`:
+    /// `orient2d(c, d, a)`, `orient2d(c, d, b)`, `orient2d(a, b, c)`, `orient2d(a, b, d)`. With
+    /// `r = c - a` and `n = (b - a) x (d - c)` these are `r x (d - c)`, the same minus `n`,
+    /// `(b - a) x r`, and the same plus `n`.
     pub fn sides(&self, w: usize) -> [Polynomial<R>; 4] {
         let n = cross_along(&self.first, &self.second, w);
         let a = cross_along(&self.between, &self.second, w);
@@ -292,15 +297,15 @@ impl<R: Ring> Motion<R> {
         [a, b, c, d]
     }
 
-    /// The sum of the signs of the passages in `interval`, of a motion in general position. Any axis `w` gives
-    /// the same; see [`super`] for the proof.
+    /// Returns the sum of the signs of the passages in `interval`, of a motion in general position.
+    /// The result is the same for any axis `w`; see [`super`] for the proof.
     pub fn net_passages(&self, interval: &Interval, w: usize) -> i32 {
         let crossings = self.crossing(&interval.to, w) - self.crossing(&interval.from, w);
         let negated = |p: &Track<R>| [0, 1, 2].map(|x| Polynomial::new([]).minus(&p[x]));
         let (c, a) = (&self.between, &negated(&self.between));
         let (d, b) = (&sum(c, &self.second), &sum(a, &self.first));
-        // Seen from the ends of the first edge: c - a, d - a, and c - b, d - b; from those of the second
-        // a - c, b - c, and a - d, b - d.
+        // Vectors from the ends of the first edge to those of the second one: c - a, d - a, and c -
+        // b, d - b. The other way round: a - c, b - c, and a - d, b - d.
         let from = |p: &Track<R>, edge: &Track<R>| [0, 1, 2].map(|x| p[x].minus(&edge[x]));
         let (from_b, from_d) = (from(c, &self.first), from(a, &self.second));
         let handed_over = handed_over(c, d, interval, w, -1)
@@ -310,8 +315,8 @@ impl<R: Ring> Motion<R> {
         crossings - handed_over
     }
 
-    /// What the pair adds to the linking number at time `t`, seen against axis `w`: its sign if the first edge
-    /// passes over the second.
+    /// Returns the contribution of the pair to the linking number at time `t`, seen against axis
+    /// `w`: its sign if the first edge passes over the second one, else 0.
     fn crossing(&self, t: &Dyadic, w: usize) -> i32 {
         let [a, b, c, d] = self.sides(w).map(|g| g.sign_at(t));
         if a * b >= 0 || c * d >= 0 || self.volume().sign_at(t) != -d {
@@ -321,10 +326,11 @@ impl<R: Ring> Motion<R> {
     }
 }
 
-/// Crossings that a pair of edges gains from the neighbours of one of them, less those that it loses to them,
-/// while an end of that one passes over (`height` -1) or under (1) the other, seen against axis `w`.
+/// Returns the number of crossings that a pair of edges gains from the neighbours of one of the
+/// edges, minus those that it loses to them, while an end of that edge passes over (`height` -1) or
+/// under (1) the other edge, seen against axis `w`.
 ///
-/// `x` and `y` lead from that end to those of the other edge.
+/// `x` and `y` are the vectors from that end to the ends of the other edge.
 fn handed_over<R: Ring>(
     x: &Track<R>,
     y: &Track<R>,
@@ -333,12 +339,12 @@ fn handed_over<R: Ring>(
     height: i32,
 ) -> i32 {
     let plane = [(w + 1) % 3, (w + 2) % 3];
-    // Where the edge passes above or below the end, its ends lie on both sides of it along any axis of the
-    // plane on which it has an extent.
+    // If the edge passes above or below the end, the ends of the edge lie on both sides of it along
+    // any axis of the plane on which the edge has an extent.
     let Some(u) = plane.into_iter().find(|&u| !x[u].minus(&y[u]).is_zero()) else {
         return 0;
     };
-    // The edge meets the vertical through the end at x + f (y - x), f = x_u / (x_u - y_u).
+    // The edge meets the vertical line through the end at x + f (y - x), f = x_u / (x_u - y_u).
     let lift = x[u].times(&y[w]).minus(&x[w].times(&y[u]));
     Root::all(&cross_along(x, y, w))
         .iter()
@@ -361,7 +367,7 @@ fn cross<R: Ring>(p: &Track<R>, q: &Track<R>) -> Track<R> {
     [0, 1, 2].map(|w| cross_along(p, q, w))
 }
 
-/// One component of the cross product.
+/// Returns one component of the cross product.
 fn cross_along<R: Ring>(p: &Track<R>, q: &Track<R>, w: usize) -> Polynomial<R> {
     let (u, v) = ((w + 1) % 3, (w + 2) % 3);
     p[u].times(&q[v]).minus(&p[v].times(&q[u]))

@@ -1,59 +1,64 @@
-//! Passages in floating point, with proven bounds: certain, or not decided.
+//! Passages in floating point with proven bounds: the result is certain, or undecided.
 //!
-//! With `p = b - a` and `q = d - c` along the edges and `r = c - a` between them, all linear in time, the volume
-//! of the four ends is `r . (p x q)`, a cubic, and the sides that the ends are on of one another's edges, seen
-//! against an axis, are components of `r x q`, of `p x r`, and of those less or plus `p x q`: quadratics. In
-//! Bernstein form the sign of such a polynomial is certain over an interval where all its coefficients have
-//! that sign, and a polynomial whose coefficients change sign once has one root there, which is simple
-//! (Descartes). Halving an interval (de Casteljau) brings the coefficients close to the polynomial.
+//! Let `p = b - a` and `q = d - c` be the vectors along the edges, and `r = c - a` the vector
+//! between them, all linear in time. The volume of the four ends is `r . (p x q)`, a cubic. The
+//! sides of the ends relative to the other edge, seen against an axis, are components of `r x q`,
+//! of `p x r`, and of those minus or plus `p x q`: quadratics.
 //!
-//! **Bounds**, with `u = 2^-53` and `P, Q, R` the largest coordinates of `p, q, r` in both frames, as computed.
-//! Differences are off by a factor of `1 + u`, products of two of them so by `3 u`, and so
+//! In Bernstein form, the sign of a polynomial is certain over an interval if all its coefficients
+//! have that sign. If its coefficients change sign once, it has one root there, which is simple
+//! (Descartes). Subdivision of the interval (de Casteljau) moves the coefficients towards the
+//! polynomial.
 //!
-//! - components of a cross product by `8 u` of `P Q`, being `2 P Q` at most; the middle Bernstein coefficient,
-//!   half the sum of two, by `10 u` of it;
-//! - `r . n` of such by `46 u P Q R` (three products off by `8 + 2 + 2`, and two sums, of `4` and `6`), with the
-//!   middle one by `52 u`; two of those and one of these, a third of their sum: by `(104 + 46 + 18) / 3` and `12`
-//!   for the third: `68 u`. Every volume is `6 P Q R` at most;
-//! - the sides of `a` and `b` by `12 u (P + R) Q`, being `2 (P + R) Q` at most; those of `c` and `d` likewise,
-//!   with `P` and `Q` swapped.
+//! # Derivation of the error bounds
 //!
-//! A round of de Casteljau at a ratio that is a float adds `3 u` of the largest coefficient (the complement of
-//! the ratio, a product, a sum): `54 u P Q R` for the three rounds of a volume, `12 u (P + R) Q` for the two of a
-//! side. The constants below leave room for the terms in `u^2` and for underflow, which by the limits on
-//! `P, Q, R` is below `u^2` of the products.
+//! Let `u = 2^-53`, and `P, Q, R` the largest coordinates of `p, q, r` in both frames, as computed.
+//! Differences have a relative error of `u`, and products of two of them `3 u`. It follows:
+//!
+//! - Components of a cross product are at most `2 P Q`, with an error of `8 u P Q`. The middle
+//!   Bernstein coefficient, half the sum of two, has an error of `10 u P Q`.
+//! - `r . n` of such components has an error of `46 u P Q R` (three products with errors of
+//!   `8 + 2 + 2`, and two sums with `4` and `6`); with the middle coefficient `52 u P Q R`. A third
+//!   of the sum of two of the latter and one of the former has an error of `(104 + 46 + 18) / 3`,
+//!   plus `12` for the rounded third: `68 u P Q R`. Every volume is at most `6 P Q R`.
+//! - The sides of `a` and `b` are at most `2 (P + R) Q`, with an error of `12 u (P + R) Q`. For
+//!   those of `c` and `d`, `P` and `Q` are swapped.
+//!
+//! A round of de Casteljau at a ratio that is a float adds `3 u` of the largest coefficient (the
+//! complement of the ratio, a product, a sum): `54 u P Q R` for the three rounds of a volume,
+//! `12 u (P + R) Q` for the two rounds of a side. The constants below have a margin for the terms
+//! in `u^2` and for underflow, which is below `u^2` of the products because of the limits on
+//! `P, Q, R`.
 
 use super::{Edges, Moment, Passage, along};
-use crate::curve::Point;
+use crate::curve::{Point, pow2};
 
-/// Half a unit in the last place of 1: largest relative error of one operation.
+/// Half a unit in the last place of 1: the largest relative error of one operation.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Bound of a volume's coefficients in units of `u P Q R`: at the start, and for every level or evaluation.
+/// Error bound of the coefficients of a volume in units of `u P Q R`: at the start, and added by
+/// every level or evaluation.
 const VOLUME_BOUND: [f64; 2] = [70.0, 56.0];
 
 /// The same for sides, in units of `u (P + R) Q` and `u (Q + R) P`.
 const SIDE_BOUND: [f64; 2] = [14.0, 14.0];
 
-/// Largest and smallest `P, Q, R` for which the bounds hold: `2^200` and its inverse.
-const RANGE: [f64; 2] = [
-    f64::from_bits((1023 - 200) << 52),
-    f64::from_bits((1023 + 200) << 52),
-];
+/// Smallest and largest `P, Q, R` for which the bounds hold.
+const RANGE: [f64; 2] = [pow2(-200), pow2(200)];
 
-/// Levels of halving before exact arithmetic takes over.
+/// Maximum number of levels of subdivision before exact arithmetic is used.
 const LEVELS: u32 = 12;
 
-/// Where an interval is cut: not in the middle, at which motions like to meet.
+/// Ratio at which an interval is cut. Not the middle, because passages are often there.
 const CUT: f64 = 15.0 / 32.0;
 
-/// Widest interval, as a fraction of the step, in which a time may be left uncertain.
+/// Largest width of an interval, as a fraction of the step, in which a time may remain uncertain.
 const WIDEST: f64 = 1e-9;
 
-/// Whether one edge stays on one side of the other along a coordinate axis, from frame to frame.
+/// Returns true if one edge stays on one side of the other along a coordinate axis during the step.
 ///
-/// If all ends of one are left of all ends of the other in both frames, they are at all times between: every
-/// difference of coordinates is linear in time.
+/// If all ends of one edge are left of all ends of the other in both frames, they are at all times
+/// between, because every difference of coordinates is linear in time.
 #[inline]
 pub(super) fn apart(before: &Edges, after: &Edges) -> bool {
     let less = |a: f64, b: f64| if a < b { a } else { b };
@@ -68,10 +73,10 @@ pub(super) fn apart(before: &Edges, after: &Edges) -> bool {
     })
 }
 
-/// The passages of a pair of edges, in their order in time; there are at most three.
+/// Passages of a pair of edges in chronological order. There are at most three.
 pub(super) type Found = [Option<Passage>; 3];
 
-/// All passages, or `None` where floating point cannot tell.
+/// Returns all passages, or `None` if floating point cannot decide.
 pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
     let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let differences = |[[a, b], [c, d]]: &Edges| [sub(*b, *a), sub(*d, *c), sub(*c, *a)];
@@ -96,7 +101,7 @@ pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
     if one_sign(&volume, VOLUME_BOUND[0] * bounds.volume) != 0 {
         return Some([None; 3]);
     }
-    // The axis along which both edges are seen longest, roughly.
+    // The axis along which the projections of both edges are longest, approximately.
     let middle = [0, 1, 2].map(|x| (n[0][x] + 2.0 * n[1][x] + n[2][x]).abs());
     let w = (0..3).fold(0, |w, x| if middle[x] > middle[w] { x } else { w });
     let (a, c) = (bernstein(r0, r1, q0, q1), bernstein(p0, p1, r0, r1));
@@ -123,10 +128,10 @@ pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
     search.piece(&piece, 0).then_some(found)
 }
 
-/// Units of the bounds.
+/// Units of the error bounds.
 struct Bounds {
     volume: f64,
-    /// Of the ends of the first edge, and of those of the second.
+    /// For the ends of the first edge, and for those of the second one.
     sides: [f64; 2],
 }
 
@@ -148,7 +153,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Finds the passages in a part of the step; `false` if it cannot tell.
+    /// Finds the passages in a part of the step. Returns `false` if this is undecided.
     fn piece(&mut self, piece: &Piece, level: u32) -> bool {
         let depth = f64::from(level);
         let bound = (VOLUME_BOUND[0] + depth * VOLUME_BOUND[1]) * self.bounds.volume;
@@ -164,7 +169,7 @@ impl Search<'_> {
         }
         let signs = piece.volume.map(|v| certain(v, bound));
         if signs[0] * signs[3] == -1 && (signs[1] == signs[0] || signs[2] == signs[3]) {
-            // One change of sign, whatever those that are not certain are.
+            // One change of sign, whatever the signs of the uncertain coefficients are.
             return self.root(piece, bound, side_bound);
         }
         if level == LEVELS {
@@ -174,7 +179,8 @@ impl Search<'_> {
         self.piece(&left, level + 1) && self.piece(&right, level + 1)
     }
 
-    /// Whether the one root of the volume in `piece` is a passage; `false` if it cannot tell.
+    /// Decides if the single root of the volume in `piece` is a passage. Returns `false` if this is
+    /// undecided.
     fn root(&mut self, piece: &Piece, bound: f64, side_bound: f64) -> bool {
         let (time, slope) = root(&piece.volume);
         let bound = bound + VOLUME_BOUND[1] * self.bounds.volume;
@@ -188,7 +194,8 @@ impl Search<'_> {
             return false;
         }
         let narrow = (hi - lo) * (piece.to - piece.from) < WIDEST;
-        // The root is between `lo` and `hi`; a side changes by its derivative there at most.
+        // The root is between `lo` and `hi`. In between, a side changes by at most its largest
+        // derivative times the width.
         let side = |k: usize| {
             let [g0, g1, g2] = piece.sides[k];
             let steep = 2.0 * (g1 - g0).abs().max((g2 - g1).abs());
@@ -199,7 +206,7 @@ impl Search<'_> {
         };
         let [a, b, c, d] = [0, 1, 2, 3].map(side);
         match (a.1 * b.1, c.1 * d.1) {
-            // The edges are apart at the root, wherever it lies between `lo` and `hi`.
+            // The edges are apart at the root, wherever it is between `lo` and `hi`.
             (1, _) | (_, 1) => true,
             (-1, -1) if narrow => {
                 let time = piece.from + (piece.to - piece.from) * time;
@@ -242,7 +249,7 @@ impl Piece {
     }
 }
 
-/// Bernstein coefficients of the cross product of two vectors that move.
+/// Returns the Bernstein coefficients of the cross product of two moving vectors.
 #[inline(always)]
 fn bernstein(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 3] {
     let (s, t) = (cross(p0, q1), cross(p1, q0));
@@ -267,20 +274,21 @@ fn dot(p: Point, q: Point) -> f64 {
     p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
 
-/// Sign of a number that is off by `bound` at most; 0 if not certain.
+/// Returns the sign of a number with an error of at most `bound`, or 0 if it is uncertain.
 #[inline(always)]
 fn certain(x: f64, bound: f64) -> i32 {
     i32::from(x > bound) - i32::from(x < -bound)
 }
 
-/// The sign that all coefficients certainly have; 0 if there is none.
+/// Returns the sign that all coefficients certainly have, or 0 if there is none.
 #[inline(always)]
 fn one_sign<const N: usize>(coefficients: &[f64; N], bound: f64) -> i32 {
     let all = |f: &dyn Fn(f64) -> bool| coefficients.iter().all(|&c| f(c));
     i32::from(all(&|c| c > bound)) - i32::from(all(&|c| c < -bound))
 }
 
-/// Replaces coefficients by those of the part after `ratio`, and writes those of the part before it.
+/// Replaces coefficients by those of the part after `ratio`, and writes those of the part before it
+/// to `before`.
 #[inline(always)]
 fn de_casteljau<const N: usize>(c: &mut [f64; N], ratio: f64, before: &mut [f64; N]) {
     let rest = 1.0 - ratio;
@@ -292,7 +300,7 @@ fn de_casteljau<const N: usize>(c: &mut [f64; N], ratio: f64, before: &mut [f64;
     }
 }
 
-/// Value at `ratio` of the interval.
+/// Returns the value at `ratio` of the interval.
 #[inline(always)]
 fn value<const N: usize>(coefficients: &[f64; N], ratio: f64) -> f64 {
     let mut c = *coefficients;
@@ -301,7 +309,8 @@ fn value<const N: usize>(coefficients: &[f64; N], ratio: f64) -> f64 {
     c[0]
 }
 
-/// About where a cubic in Bernstein form that changes sign once is 0, and how steep it is there.
+/// Returns the approximate root of a cubic in Bernstein form that changes sign once, and the slope
+/// there.
 fn root(&[d0, d1, d2, d3]: &[f64; 4]) -> (f64, f64) {
     let c = [
         d0,
@@ -312,7 +321,7 @@ fn root(&[d0, d1, d2, d3]: &[f64; 4]) -> (f64, f64) {
     let slope = |t: f64| (3.0 * c[3] * t + 2.0 * c[2]) * t + c[1];
     let (mut lo, mut hi) = (0.0, 1.0);
     let mut t = d0 / (d0 - d3);
-    // Newton's method, held between the signs; halving where it leaves them.
+    // Newton's method, safeguarded by bisection.
     for _ in 0..40 {
         let f = ((c[3] * t + c[2]) * t + c[1]) * t + d0;
         if (f < 0.0) == (d0 < 0.0) {

@@ -1,72 +1,99 @@
-//! Do two edges that move pass through each other, when, and with what sign?
+//! Passages of two moving edges through each other: their times, places and signs.
 //!
-//! Between two frames every vertex moves on a straight line at constant speed: `(1 - t) p + t p'`. An edge `a b`
-//! of one curve and an edge `c d` of another pass through each other at a time when they share an inner point
-//! and the volume `orient3d(a, b, c, d)`, a cubic polynomial in `t`, changes its sign.
+//! Between two frames every vertex moves on a straight line at constant speed: `(1 - t) p + t p'`.
+//! An edge `a b` of one curve and an edge `c d` of another pass through each other at a time at
+//! which they share an inner point and the volume `orient3d(a, b, c, d)`, a cubic polynomial in
+//! `t`, changes its sign.
 //!
-//! **Sign.** Seen against an axis, the pair adds `o` to the linking number where `a b` passes over `c d`, with
-//! `o` the sign of `orient2d(a, b, d)`, and it passes over where `orient3d` has the sign of `-o` ([`mod@super::crossing`]).
-//! While the shadows cross, `orient3d` going from minus to plus therefore takes `o` away for `o = 1`, and adds
-//! `o` for `o = -1`: `-1` in both cases. So a passage has the sign opposite to that of the change of `orient3d`.
+//! # Sign of a passage
 //!
-//! **What holds.** For two closed curves that touch in neither frame, the signs of all passages over all pairs
-//! of their edges add up to the linking number after less the linking number before. Always, however degenerate
-//! the motion.
+//! Seen against an axis, the pair adds `o` to the linking number if `a b` passes over `c d`. Here
+//! `o` is the sign of `orient2d(a, b, d)`, and `a b` is above if `orient3d` has the sign of `-o`
+//! ([`mod@super::crossing`]). While the projections cross, a change of `orient3d` from minus to
+//! plus therefore subtracts `o` if `o = 1`, and adds `o` if `o = -1`: the change is `-1` in both
+//! cases. So the sign of a passage is opposite to the sign of the change of `orient3d`.
 //!
-//! **The rule for ties.** The first curve is thought translated by `v = (e, e^16, e^256)`, with `e` positive and
-//! as small as need be, the same at all times. Curves that do not touch in the two frames keep their linking
-//! numbers there. With `F(s, u, t)` the difference of the points at `u` on the second edge and at `s` on the
-//! first, a passage of the translated edges is a solution of `F = v` in the unit cube, and the sum of their
-//! signs is (less a sign) the degree of `F` over `v`, which the boundary of the cube determines. Two things
-//! make `v` general:
+//! # Invariant
 //!
-//! - `v` is not on the image of a face of the cube. Such an image is part of a quadric or a plane, since `F` is
-//!   linear in each of its variables, and no polynomial of degree 15 or less vanishes along `(e, e^16, e^256)`:
-//!   its monomials are different powers of `e`. It has finitely many zeros there, none of them in some interval
-//!   from 0. (Along `(e, e^2, e^3)`, which is enough where nothing moves, `z = x y` does vanish.)
-//! - the line through `v` along an axis misses the images of the cube's edges, since those are straight segments
-//!   (and points); likewise for the points and lines to which a face may degenerate.
+//! For two closed curves that touch in neither frame, the signs of all passages, summed over all
+//! pairs of their edges, equal the linking number in the second frame minus the linking number in
+//! the first one. This holds for every motion, however degenerate.
 //!
-//! The degree is then the number of times, with signs, that a ray from `v` along axis `w` leaves through a face.
-//! The faces of the first and the last moment count the crossings of the shadows; the other four count how
-//! often one of the four ends moves over or under the other edge, and hands the crossing over to a neighbour of
-//! its edge. Precisely, with `X(t)` the crossing that the pair adds to the linking number at time `t`: an end
-//! `a` whose `orient2d(c, d, a)` changes from minus to plus (above an inner point of the shadow of `c d`) raises
-//! `X` by 1, whether it makes a crossing of sign 1 or ends one of sign -1; `b` lowers it, since it is the other
-//! end; `c` (below, by `orient2d(a, b, c)`) lowers it and `d` raises it. So
+//! # The translation rule for ties
+//!
+//! Ties are decided as if the first curve were translated by `v = (e, e^16, e^256)`, with `e`
+//! positive and arbitrarily small, the same at all times. Curves that do not touch in the two
+//! frames keep their linking numbers there.
+//!
+//! Let `F(s, u, t)` be the difference of the point at `u` on the second edge and the point at `s`
+//! on the first one. A passage of the translated edges is a solution of `F = v` in the unit cube.
+//! The sum of their signs is, up to its sign, the degree of `F` over `v`, which the boundary of the
+//! cube determines.
+//!
+//! # Proof: `v` is in general position
+//!
+//! - `v` is not on the image of a face of the cube. Such an image is part of a quadric or a plane,
+//!   because `F` is linear in each of its variables. No polynomial of degree 15 or less vanishes
+//!   along `(e, e^16, e^256)`, because its monomials are different powers of `e`. So it has
+//!   finitely many zeros there, and none in some interval that starts at 0. (Along `(e, e^2, e^3)`,
+//!   which suffices if nothing moves, `z = x y` does vanish.)
+//! - The line through `v` along an axis misses the images of the edges of the cube, which are
+//!   straight segments (or points), and also the points and lines to which a face may degenerate.
+//!
+//! # Derivation: the count of passages
+//!
+//! The degree is the signed number of times that a ray from `v` along axis `w` leaves through a
+//! face. The faces of the first and the last moment count the crossings of the projections. The
+//! other four faces count the times at which one of the four ends moves over or under the other
+//! edge, so that the crossing is handed over to the neighbour of its edge.
+//!
+//! Let `X(t)` be the crossing that the pair adds to the linking number at time `t`. If
+//! `orient2d(c, d, a)` of the end `a` changes from minus to plus above an inner point of the
+//! projection of `c d`, then `X` increases by 1: either a crossing of sign 1 begins, or one of sign
+//! -1 ends. `b` is the other end of the edge and decreases `X`. Likewise `c` (below, by
+//! `orient2d(a, b, c)`) decreases `X`, and `d` increases it. So
 //!
 //! ```text
 //! passages in (t, t') = X(t') - X(t) - hand-overs of a + those of b + those of c - those of d
 //! ```
 //!
-//! What `b` hands over is what `a` of the next edge does, by the same polynomials: in the sum over all edges of
-//! the two curves the hand-overs cancel, and what is left is the change of the linking number. That the terms are
-//! of one face each makes the sum right whatever the rule; that `v` is general makes every term a count of
-//! passages.
+//! The hand-overs of `b` are those of `a` of the next edge, computed by the same polynomials. In
+//! the sum over all edges of the two curves the hand-overs cancel, and the change of the linking
+//! number remains. The sum is right for every rule, because each term belongs to a single face.
+//! Every term is a count of passages because `v` is in general position.
 //!
-//! **The ladder.** Coordinates tell most pairs apart; floating point with proven bounds decides nearly all others
-//! and finds the time ([`filter`]); the rest is exact ([`exact`]): the roots of the volume are isolated by Sturm's
-//! theorem in integers, and the signs of the sides at the roots tell whether the edges are apart there, or
-//! share inner points. Only where they do neither, the count above is made, in integers with an infinitesimal
-//! `e`, for the surroundings of that root. Where the edges lie in one plane at all times, the translated ones do
-//! infinitely near to the roots of the lowest coefficient of the volume as a polynomial in `e`.
+//! # Methods, from fast to exact
 //!
-//! **Contact in a frame.** The faces of the first and the last moment are faces of the cube as
-//! well, so the translated edges do not touch in a frame, even if the edges themselves do. Each
-//! passage of the translated curves is in exactly one step. A contact in a frame is an event of
-//! both adjacent steps ([`Moment::End`] of one, [`Moment::Start`] of the other). The signs of both
-//! add up to the passages of the motion through that contact. Each sign alone depends on the
-//! direction of the translation and means nothing. If the curves touch in a frame, their linking
-//! number is undefined there. With the linking number of the translated curves in its place, the
-//! sum over all passages of a step is the change of the linking number, whether the curves touch or
-//! not.
+//! 1. A coordinate separates most pairs of edges.
+//! 2. Floating point with proven bounds decides nearly all others, and finds the time ([`filter`]).
+//! 3. Exact arithmetic decides the rest ([`exact`]). The roots of the volume are isolated by
+//!    Sturm's theorem in integers. The signs of the sides at the roots show if the edges are apart
+//!    there, or share inner points. Only if neither holds, the count above is evaluated around that
+//!    root, in integers with an infinitesimal `e`.
 //!
-//! Touching without passing is nothing, at inner points and elsewhere: of the passages that the translation
-//! makes infinitely near to one time, within one pair of edges, the sum is told. Ties that belong to several
-//! pairs of edges may show passages that cancel.
+//! If the edges lie in one plane at all times, the translated edges become coplanar only infinitely
+//! near to the roots of the lowest coefficient of the volume, seen as a polynomial in `e`.
 //!
-//! **One curve with itself.** There is no translating one edge without the other, and no number to be preserved.
-//! [`Ties::Report`] decides what is no tie and tells the rest. Edges that share a vertex are always a tie.
+//! # Contact in a frame
+//!
+//! The faces of the first and the last moment are faces of the cube as well, so the translated
+//! edges do not touch in a frame, even if the edges themselves do. Each passage of the translated
+//! curves is in exactly one step. A contact in a frame is an event of both adjacent steps
+//! ([`Moment::End`] of one, [`Moment::Start`] of the other). The signs of both add up to the
+//! passages of the motion through that contact. Each sign alone depends on the direction of the
+//! translation and means nothing. If the curves touch in a frame, their linking number is undefined
+//! there. With the linking number of the translated curves in its place, the sum over all passages
+//! of a step is the change of the linking number, even if the curves touch.
+//!
+//! Contact without a passage is no event, at inner points and elsewhere: of the passages that the
+//! translation makes infinitely near to one time, only the sum within one pair of edges is
+//! reported. Ties that belong to several pairs of edges may show passages that cancel.
+//!
+//! # A curve and itself
+//!
+//! One edge cannot be translated without the other one, and there is no linking number to preserve.
+//! [`Ties::Report`] decides everything except ties, and reports those. Edges that share a vertex
+//! are always a tie.
 
 mod exact;
 mod filter;
@@ -77,13 +104,14 @@ mod tests;
 
 use crate::curve::Point;
 
-/// The ends of an edge of the first curve and of one of the second.
+/// Ends of an edge of the first curve and of an edge of the second one.
 pub(crate) type Edges = [[Point; 2]; 2];
 
-/// One edge passes through another, or touches it in a frame.
+/// A passage of one edge through another, or a contact of two edges in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Passage {
-    /// When, as a fraction of the step: proven to `1e-9`, and to a rounding error if decided exactly.
+    /// Time as a fraction of the step: proven to `1e-9`, and to a rounding error if decided
+    /// exactly.
     pub time: f64,
     /// Moment of the passage: within the step, or in a frame.
     pub moment: Moment,
@@ -91,9 +119,10 @@ pub(crate) struct Passage {
     /// frame, the contribution of this step to the passages of the translated curves: any number,
     /// including 0.
     pub sign: i32,
-    /// Where along either edge, 0 at its start and 1 at its end: for display, as is the point.
+    /// Position along either edge, from 0 at its start to 1 at its end. For display, as is the
+    /// point.
     pub at: [f64; 2],
-    /// Where in space.
+    /// Position in space.
     pub point: Point,
 }
 
@@ -109,36 +138,36 @@ pub(crate) enum Moment {
     End,
 }
 
-/// What to do where a passage is not one of inner points of both edges.
+/// Treatment of ties, in which a passage is not one of inner points of both edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ties {
-    /// Translate the first curve by next to nothing: for two curves, of which the same one must come first in all
-    /// pairs of edges.
+    /// Translate the first curve infinitesimally. For two curves, of which the same one must come
+    /// first in all pairs of edges.
     Translate,
-    /// Report them: for a curve and itself, where a translation would move both edges.
+    /// Report ties. For a curve and itself, because a translation would move both edges.
     Report,
 }
 
-/// How a pair of edges was decided.
+/// Method that decided a pair of edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Decided {
-    /// By a coordinate: one edge stays on one side of the other.
+    /// A coordinate: one edge stays on one side of the other.
     Apart,
-    /// By floating point with a proven bound.
+    /// Floating point with a proven bound.
     Certified,
-    /// By exact arithmetic.
+    /// Exact arithmetic.
     Exact,
-    /// Not at all: there are ties, and they are to be reported.
+    /// None: there are ties, and they are to be reported.
     Tie,
 }
 
-/// Calls `out` with every passage of a pair of edges and with every contact in a frame, in their
-/// order in time.
+/// Calls `out` with every passage of a pair of edges and with every contact in a frame, in
+/// chronological order.
 ///
-/// With [`Ties::Report`], a translation decides contacts in a frame, too. They mean something only
-/// if the caller can determine which other pairs of edges take part in the contact, and passes the
-/// same curve first in all of them. If the result is [`Decided::Tie`], there are no events, and the
-/// pair is undecided.
+/// With [`Ties::Report`], contacts in a frame are decided by a translation as well. They are
+/// meaningful only if the caller can determine which other pairs of edges take part in the contact,
+/// and passes the same curve first in all of them. If the result is [`Decided::Tie`], there are no
+/// events, and the pair is undecided.
 pub(crate) fn passages(
     before: &Edges,
     after: &Edges,
@@ -158,7 +187,7 @@ pub(crate) fn passages(
     exactly(before, after, ties, out)
 }
 
-/// [`passages`] by exact arithmetic alone.
+/// [`passages`] in exact arithmetic only.
 #[cold]
 fn exactly(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passage)) -> Decided {
     let Some(events) = exact::events(before, after, ties) else {
@@ -183,7 +212,7 @@ fn exactly(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passa
     Decided::Exact
 }
 
-/// The middle between two points on the edges, at a time.
+/// Returns the midpoint of two points on the edges at a time.
 fn along(before: &Edges, after: &Edges, time: f64, at: [f64; 2]) -> Point {
     let mix = |a: f64, b: f64, t: f64| (1.0 - t) * a + t * b;
     [0, 1, 2].map(|x| {
@@ -191,19 +220,20 @@ fn along(before: &Edges, after: &Edges, time: f64, at: [f64; 2]) -> Point {
             let [start, end] = [0, 1].map(|k| mix(before[side][k][x], after[side][k][x], time));
             mix(start, end, at[side])
         });
-        // Not half their sum: that may overflow.
+        // Halves are added, because the sum may overflow.
         0.5 * p + 0.5 * q
     })
 }
 
-/// Where along the edges they are nearest to each other at a time: in floating point, for display.
+/// Returns the positions along the edges at which they are nearest to each other at a time. In
+/// floating point, for display.
 fn nearest(before: &Edges, after: &Edges, time: f64) -> [f64; 2] {
     let mix = |a: f64, b: f64| (1.0 - time) * a + time * b;
     let [[a, b], [c, d]] = [0, 1]
         .map(|side| [0, 1].map(|k| [0, 1, 2].map(|x| mix(before[side][k][x], after[side][k][x]))));
     let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
     let [p, q, r] = [sub(b, a), sub(d, c), sub(c, a)];
-    // To a size at which squares neither overflow nor underflow.
+    // Scaled so that squares neither overflow nor underflow.
     let size = [p, q, r]
         .as_flattened()
         .iter()
@@ -218,7 +248,8 @@ fn nearest(before: &Edges, after: &Edges, time: f64) -> [f64; 2] {
             0.0
         }
     };
-    // The ends of either edge with what is next to them on the other, and the inside.
+    // Candidates: the ends of either edge with the nearest point of the other edge, and inner
+    // points.
     let inner = part(pr * qq - qr * pq, pp * qq - pq * pq);
     let next_to_first = |s: f64| [s, part(s * pq - qr, qq)];
     let next_to_second = |u: f64| [part(u * pq + pr, pp), u];

@@ -1,4 +1,5 @@
-//! Polynomials in the time of the step: where their roots are, and what signs others have there.
+//! Polynomials in the time of the step: their roots, and the signs of other polynomials at these
+//! roots.
 
 use super::super::big;
 use super::ring::Ring;
@@ -19,7 +20,7 @@ impl Dyadic {
         }
     }
 
-    /// `self + (other - self) * eighths / 8`.
+    /// Returns `self + (other - self) * eighths / 8`.
     fn toward(&self, other: &Dyadic, eighths: u32) -> Dyadic {
         let exponent = self.exponent.max(other.exponent);
         let [from, to] = [self, other].map(|d| &d.numerator << (exponent - d.exponent));
@@ -36,7 +37,7 @@ impl Dyadic {
         &self.numerator << other.exponent == &other.numerator << self.exponent
     }
 
-    /// The polynomial that is positive after this time and negative before it.
+    /// Returns a polynomial that is positive after this time and negative before it.
     pub fn passed<R: Ring>(&self) -> Polynomial<R> {
         let slope = BigInt::from(1) << self.exponent;
         Polynomial::new([-&self.numerator, slope].map(R::from))
@@ -51,7 +52,7 @@ pub(super) struct Interval {
 }
 
 impl Interval {
-    /// The whole step.
+    /// Returns the interval of the whole step.
     pub fn step() -> Self {
         Interval {
             from: Dyadic::new(0, 0),
@@ -72,7 +73,8 @@ impl Interval {
         (left, right)
     }
 
-    /// Halves this interval until it is no wider than a rounding error, keeping the one simple root of `f`.
+    /// Halves this interval until its width is at most a rounding error. Keeps the single simple
+    /// root of `f`.
     pub fn narrow<R: Ring>(&mut self, f: &Polynomial<R>) {
         let before = f.sign_at(&self.from);
         while self.is_wide() {
@@ -112,23 +114,23 @@ impl Interval {
         [left, Interval { from, to }]
     }
 
-    /// Whether this is wider than `2^-56`.
+    /// Returns true if this is wider than `2^-56`.
     fn is_wide(&self) -> bool {
         let (from, to) = (&self.from, &self.to);
         let width = (&to.numerator << from.exponent) - (&from.numerator << to.exponent);
         width << 56 > BigInt::from(1) << (from.exponent + to.exponent)
     }
 
-    /// The middle, to within 2^-53.
+    /// Returns the midpoint, with an error of at most 2^-53.
     pub fn middle(&self) -> f64 {
         let d = self.from.toward(&self.to, 4);
-        // 62 bits after the point: cut off by less than 2^-62, and few enough for an integer of the machine.
+        // 62 fractional bits: truncation changes less than 2^-62, and the result fits into a `u64`.
         let bits = u64::try_from((d.numerator << 62u32) >> d.exponent);
         bits.map_or(0.0, |bits| bits as f64 / (1u64 << 62) as f64)
     }
 }
 
-/// Coefficients, constant term first; the last one is not 0.
+/// Coefficients, the constant term first. The last one is not 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Polynomial<R>(Vec<R>);
 
@@ -149,7 +151,7 @@ impl<R: Ring> Polynomial<R> {
         &self.0
     }
 
-    /// Coefficient of `t^k`.
+    /// Returns the coefficient of `t^k`.
     pub fn coefficient(&self, k: usize) -> R {
         self.0.get(k).cloned().unwrap_or_else(R::zero)
     }
@@ -185,9 +187,9 @@ impl<R: Ring> Polynomial<R> {
         Self::new(terms.map(|(k, c)| c.times(&R::from(BigInt::from(k)))))
     }
 
-    /// Sign of the value at `t`.
+    /// Returns the sign of the value at `t`.
     pub fn sign_at(&self, t: &Dyadic) -> i32 {
-        // Horner's rule, with the denominator multiplied out.
+        // Horner's rule, multiplied by the denominator.
         let mut value = R::zero();
         let mut denominator = BigInt::from(1);
         for c in self.0.iter().rev() {
@@ -199,7 +201,8 @@ impl<R: Ring> Polynomial<R> {
         value.sign()
     }
 
-    /// Quotient and remainder of a positive multiple of this polynomial by `divisor`, which is not 0.
+    /// Returns quotient and remainder of a positive multiple of this polynomial by `divisor`, which
+    /// is not 0.
     fn divided(&self, divisor: &Self) -> (Self, Self) {
         let lead = &divisor.0[divisor.0.len() - 1];
         let side = R::from(BigInt::from(lead.sign()));
@@ -216,7 +219,8 @@ impl<R: Ring> Polynomial<R> {
         (quotient, rest)
     }
 
-    /// This polynomial, which is not 0, without its roots at the times 0 and 1; of the same sign between them.
+    /// Returns this polynomial, which is not 0, without its roots at the times 0 and 1. The result
+    /// has the same sign between them.
     pub fn without_ends(mut self) -> Self {
         let number = |n: i32| R::from(BigInt::from(n));
         for (end, factor) in [(0, [0, 1]), (1, [1, -1])] {
@@ -227,12 +231,16 @@ impl<R: Ring> Polynomial<R> {
         self
     }
 
-    /// Sum over the distinct roots in `interval` of the sign that `other` has there. The ends are no roots.
+    /// Returns the sum of the signs of `other` at the distinct roots in `interval`. The ends must
+    /// not be roots.
     ///
-    /// Sturm and Tarski: that is the number of changes of sign along the signed remainder sequence of `f` and
-    /// `f' g` that are lost from the start of the interval to its end (Basu, Pollack and Roy 2006, *Algorithms in
-    /// Real Algebraic Geometry*, Theorem 2.73). Entries that are 0 at an end are skipped there: their
-    /// neighbours have opposite signs, since the end is no root of the last entry, which divides `f`.
+    /// # Theorem (Sturm and Tarski)
+    ///
+    /// Let `f` be this polynomial and `g` the other one. The sum equals the number of sign changes
+    /// along the signed remainder sequence of `f` and `f' g` at the start of the interval, minus
+    /// that number at its end (Basu, Pollack and Roy 2006, *Algorithms in Real Algebraic Geometry*,
+    /// Theorem 2.73). Entries that are 0 at an end are skipped there. Their neighbours have
+    /// opposite signs, because the end is not a root of the last entry, which divides `f`.
     pub fn signs_at_roots(&self, other: &Self, interval: &Interval) -> i32 {
         index(self, &self.derivative().times(other), interval)
     }
@@ -247,8 +255,8 @@ impl<R: Ring> Polynomial<R> {
             .expect("a cubic has three roots at most")
     }
 
-    /// Splits `interval` into parts with one root each, in their order in time, for a polynomial without
-    /// multiple roots, of degree at most 3, and without roots at the ends.
+    /// Splits `interval` into parts with one root each, in chronological order. The polynomial must
+    /// have a degree of at most 3, no multiple roots, and no roots at the ends.
     pub fn isolate(&self, interval: Interval, found: &mut Vec<Interval>) {
         let one = Self::new([R::from(BigInt::from(1))]);
         match self.signs_at_roots(&one, &interval) {
@@ -269,7 +277,7 @@ impl<R: Ring> Polynomial<R> {
 }
 
 impl Polynomial<BigInt> {
-    /// The polynomial with the same roots, each of them simple.
+    /// Returns a polynomial with the same roots, all of them simple.
     pub fn square_free(&self) -> Self {
         match chain(self.clone(), self.derivative()).pop() {
             Some(common) if common.0.len() > 1 => self.divided(&common.primitive()).0.primitive(),
@@ -277,7 +285,8 @@ impl Polynomial<BigInt> {
         }
     }
 
-    /// This polynomial less the common divisor of its coefficients: long numbers are slow.
+    /// Returns this polynomial divided by the greatest common divisor of its coefficients.
+    /// Arithmetic with long integers is slow.
     fn primitive(&self) -> Self {
         let divisor = self.0.iter().fold(BigInt::ZERO, |a, b| {
             let (mut a, mut b) = (a, b.clone());
@@ -291,7 +300,8 @@ impl Polynomial<BigInt> {
     }
 }
 
-/// Jumps of `g / f` from minus to plus infinity in `interval`, less those from plus to minus: its Cauchy index.
+/// Returns the Cauchy index of `g / f` in `interval`: the number of jumps from minus to plus
+/// infinity, minus the number of jumps from plus to minus infinity.
 pub(super) fn index<R: Ring>(f: &Polynomial<R>, g: &Polynomial<R>, interval: &Interval) -> i32 {
     let chain = chain(f.clone(), g.clone());
     let changes = |t: &Dyadic| {
@@ -306,7 +316,8 @@ pub(super) fn index<R: Ring>(f: &Polynomial<R>, g: &Polynomial<R>, interval: &In
     changes(&interval.from) - changes(&interval.to)
 }
 
-/// The signed remainder sequence of `f` and `g`, without its zeros; the last entry is a greatest common divisor.
+/// Returns the signed remainder sequence of `f` and `g`, without zeros. The last entry is a
+/// greatest common divisor.
 fn chain<R: Ring>(f: Polynomial<R>, g: Polynomial<R>) -> Vec<Polynomial<R>> {
     let mut chain = vec![f];
     let mut next = g;
@@ -318,23 +329,23 @@ fn chain<R: Ring>(f: Polynomial<R>, g: Polynomial<R>) -> Vec<Polynomial<R>> {
     chain
 }
 
-/// A root of a polynomial of degree at most 2 at which it changes sign.
-///
-/// It is `(x + y sqrt(d)) / z`.
+/// A root of a polynomial of degree at most 2 at which the polynomial changes its sign:
+/// `(x + y sqrt(d)) / z`.
 pub(super) struct Root<R> {
     x: R,
     y: R,
     z: R,
     d: R,
-    /// Whether the polynomial goes from negative to positive (1) or the other way (-1).
+    /// Direction of the sign change: 1 from negative to positive, -1 from positive to negative.
     pub direction: i32,
 }
 
 impl<R: Ring> Root<R> {
-    /// All of `f`.
+    /// Returns all roots of `f` with a sign change.
     ///
-    /// Of `a t^2 + b t + c` they are `(-b + s sqrt(b^2 - 4ac)) / 2a` with `s` 1 or -1. The derivative there,
-    /// `2 a t + b = s sqrt(..)`, has the sign of `s`, whatever that of `a`.
+    /// The roots of `a t^2 + b t + c` are `(-b + s sqrt(b^2 - 4ac)) / 2a` with `s` 1 or -1. The
+    /// derivative there, `2 a t + b = s sqrt(..)`, has the sign of `s`, whatever the sign of `a`
+    /// is.
     pub fn all(f: &Polynomial<R>) -> Vec<Root<R>> {
         let number = |n: i32| R::from(BigInt::from(n));
         let [c, b, a] = [0, 1, 2].map(|k| f.coefficient(k));
@@ -365,9 +376,9 @@ impl<R: Ring> Root<R> {
         vec![root(-1), root(1)]
     }
 
-    /// Sign of `g` at this root.
+    /// Returns the sign of `g` at this root.
     pub fn sign_of(&self, g: &Polynomial<R>) -> i32 {
-        // Horner's rule for a number x + y sqrt(d), with the denominator multiplied out.
+        // Horner's rule for numbers x + y sqrt(d), multiplied by the denominator.
         let (mut p, mut q) = (R::zero(), R::zero());
         let mut scale = R::from(BigInt::from(1));
         let mut side = self.z.sign();
@@ -385,7 +396,7 @@ impl<R: Ring> Root<R> {
     }
 }
 
-/// Sign of `p + q sqrt(d)`.
+/// Returns the sign of `p + q sqrt(d)`.
 fn sign_of_surd<R: Ring>(p: &R, q: &R, d: &R) -> i32 {
     match (p.sign(), q.sign() * d.sign()) {
         (s, 0) => s,
@@ -412,7 +423,7 @@ mod tests {
         }
     }
 
-    /// Numerator and denominator of a root, and how often it is one.
+    /// Numerator and denominator of each root. A root may occur several times.
     fn roots() -> impl Strategy<Value = Vec<(i64, i64)>> {
         prop::collection::vec((-8i64..16, 1i64..9), 1..4)
     }
@@ -422,7 +433,7 @@ mod tests {
         linear.fold(polynomial(&[3]), |f, g| f.times(&g))
     }
 
-    /// Different roots in the open interval `from / 16 .. to / 16`, in order.
+    /// Distinct roots in the open interval `from / 16 .. to / 16`, in order.
     fn inside(roots: &[(i64, i64)], from: i64, to: i64) -> Vec<(i64, i64)> {
         let mut all: Vec<_> = roots
             .iter()
@@ -446,9 +457,10 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(1000))]
 
-        /// Sums of signs at known roots, simple or not, some of which are roots of the other as well.
+        /// Sums of signs at known roots, simple or multiple. Some of them are roots of both
+        /// polynomials.
         #[test]
-        fn signs_at_roots_are_those_at_the_roots(
+        fn signs_at_known_roots_are_summed(
             roots in roots(), g in prop::collection::vec(-9i64..=9, 0..5),
             common in 0usize..4, from in 0i64..8, length in 1i64..9,
         ) {
@@ -466,17 +478,18 @@ mod tests {
             let within = interval(from, to, 4);
             prop_assert_eq!(f.signs_at_roots(&g_polynomial, &within), want);
 
-            // The same with an infinitesimal that does not matter.
+            // The same, with an infinitesimal factor that changes no sign.
             let lift = |f: &Polynomial<BigInt>| {
                 let e = Infinitesimal::term(2, BigInt::from(1));
-                Polynomial::new(f.coefficients().iter().map(|c| e.times(&Infinitesimal::from(c.clone()))))
+                let lifted = f.coefficients().iter().map(|c| Infinitesimal::from(c.clone()));
+                Polynomial::new(lifted.map(|c| e.times(&c)))
             };
             prop_assert_eq!(lift(&f).signs_at_roots(&lift(&g_polynomial), &within), want);
         }
 
-        /// Every root between the ends of the step gets an interval of its own, and its time.
+        /// Every root between the ends of the step gets a separate interval and its time.
         #[test]
-        fn roots_are_isolated_and_found(roots in roots()) {
+        fn isolates_every_root_and_finds_its_time(roots in roots()) {
             let f = with_roots(&roots).without_ends();
             let free = f.square_free();
             let mut found = Vec::new();
@@ -493,9 +506,9 @@ mod tests {
             }
         }
 
-        /// Square roots and Sturm's theorem say the same of quadratic polynomials.
+        /// Square roots and Sturm's theorem give the same signs for quadratic polynomials.
         #[test]
-        fn roots_of_quadratics_have_the_signs_of_sturm(
+        fn closed_form_roots_agree_with_sturm(
             f in prop::array::uniform3(-12i64..=12), g in prop::collection::vec(-9i64..=9, 0..5),
             from in 0i64..8, length in 1i64..9,
         ) {
@@ -509,16 +522,17 @@ mod tests {
             let signs: i32 = inside.iter().map(|root| root.sign_of(&g)).sum();
             prop_assert_eq!(signs, f.signs_at_roots(&g, &within));
             let directed: i32 = inside.iter().map(|root| root.direction * root.sign_of(&g)).sum();
-            // The index sees a common root of both as none, or as one of lower order.
+            // At a common root of both polynomials, the index counts no jump, or one of lower
+            // order.
             if g.is_zero() || inside.iter().all(|root| root.sign_of(&g) != 0) {
                 prop_assert_eq!(directed, index(&f, &g, &within));
             }
         }
     }
 
-    /// The roots of `t^2 - e` are smaller than every number, but not than `e`.
+    /// The roots of `t^2 - e` are smaller than every positive number, but not smaller than `e`.
     #[test]
-    fn infinitesimal_roots_are_between_0_and_every_number() {
+    fn infinitesimal_roots_are_between_0_and_every_positive_number() {
         let e = |k: u32| Infinitesimal::term(k, BigInt::from(1));
         let one = e(0);
         let f = Polynomial::new([

@@ -6,8 +6,8 @@ use std::cmp::Ordering;
 
 /// An ordered commutative ring without zero divisors.
 ///
-/// Sturm's theorem, and the signs of the roots of quadratic polynomials, ask no more of their coefficients:
-/// both hold over the real closure of the ring's field of fractions.
+/// Sturm's theorem, and the signs at the roots of quadratic polynomials, require no more of their
+/// coefficients: both hold over the real closure of the field of fractions of the ring.
 pub(super) trait Ring: Clone + From<BigInt> {
     fn sign(&self) -> i32;
     fn plus(&self, other: &Self) -> Self;
@@ -37,26 +37,26 @@ impl Ring for BigInt {
     }
 }
 
-/// A polynomial in `e` with integer coefficients, ordered as if `e` were positive and smaller than every
-/// positive rational: by the sign of its lowest term. That is the sign of its value at every small enough
-/// positive number `e`.
+/// A polynomial in `e` with integer coefficients. The order is that of an `e` that is positive and
+/// smaller than every positive rational: the sign is that of the lowest term. It equals the sign of
+/// the value at every sufficiently small positive number `e`.
 ///
-/// Terms that are not 0, as exponent and coefficient, lowest exponent first.
+/// Stores the nonzero terms as exponent and coefficient, lowest exponent first.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Infinitesimal(Vec<(u32, BigInt)>);
 
 impl Infinitesimal {
-    /// `coefficient * e^exponent`.
+    /// Returns `coefficient * e^exponent`.
     pub fn term(exponent: u32, coefficient: BigInt) -> Self {
         Self::normal(vec![(exponent, coefficient)])
     }
 
-    /// Exponent of the lowest term.
+    /// Returns the exponent of the lowest term.
     pub fn order(&self) -> Option<u32> {
         self.0.first().map(|t| t.0)
     }
 
-    /// Coefficient of `e^exponent`.
+    /// Returns the coefficient of `e^exponent`.
     pub fn coefficient(&self, exponent: u32) -> BigInt {
         let found = self.0.binary_search_by_key(&exponent, |t| t.0);
         found.map_or(BigInt::ZERO, |k| self.0[k].1.clone())
@@ -67,7 +67,7 @@ impl Infinitesimal {
         Infinitesimal(terms)
     }
 
-    /// The sum, with `term` applied to the coefficients of `other`.
+    /// Returns the sum, with `term` applied to the coefficients of `other`.
     fn merge(&self, other: &Self, term: impl Fn(&BigInt) -> BigInt) -> Self {
         let mut out = Vec::with_capacity(self.0.len() + other.0.len());
         let (mut left, mut right) = (self.0.iter().peekable(), other.0.iter().peekable());
@@ -133,7 +133,7 @@ mod tests {
         })
     }
 
-    /// The value at `e = 2^-64`, times a power of two: coefficients here are far smaller than `2^64`.
+    /// Value at `e = 2^-64`, times a power of two. Coefficients in this test are far below `2^64`.
     fn value(x: &Infinitesimal) -> BigInt {
         let terms = x.0.iter().map(|(k, c)| c << (64 * (32 - k)));
         terms.fold(BigInt::ZERO, |a, b| a + b)

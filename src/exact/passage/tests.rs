@@ -1,12 +1,13 @@
-//! The invariant against the slow oracle, the rungs against one another, and planted passages.
+//! Tests of the invariant against the slow oracle, of the methods against one another, and of known
+//! passages.
 
-use super::exact::{Motion, TRANSLATION, events};
+use super::exact::{MovingEdges, TRANSLATION, events};
 use super::polynomial::{Interval, Polynomial, index};
 use super::ring::Infinitesimal;
 use super::*;
 use crate::kernels::oracle;
 
-/// A generator with a seed that is printed where a test fails.
+/// A random number generator. Failed assertions print its seed.
 struct Random(u64);
 
 impl Random {
@@ -25,7 +26,7 @@ impl Random {
         (0..n).map(|_| [0; 3].map(|_| self.next(range))).collect()
     }
 
-    /// Uniform in `[-size, size]`.
+    /// Returns a number that is uniform in `[-size, size]`.
     fn float(&mut self, size: f64) -> f64 {
         size * (self.next(1 << 31) as f64 / f64::from(1 << 30) - 1.0)
     }
@@ -44,7 +45,7 @@ fn edge(p: &Polygon, k: usize, scale: f64) -> [Point; 2] {
     [p[k], p[(k + 1) % p.len()]].map(|p| p.map(|x| x as f64 * scale))
 }
 
-/// Every pair of edges of two polygons, in both frames.
+/// Returns all pairs of edges of two polygons, in both frames.
 fn pairs<'a>(
     i: &'a Moving,
     j: &'a Moving,
@@ -78,7 +79,7 @@ fn total(i: &Moving, j: &Moving, scale: f64) -> i64 {
     sum
 }
 
-/// Two moving polygons of one of the kinds that provoke ties.
+/// Returns two moving polygons, with a motion of one of the kinds that provoke ties.
 fn scene(r: &mut Random) -> [Moving; 2] {
     let range = [2, 3, 4, 5, 8, 30, 1000, 1 << 20][r.next(8) as usize];
     let random = |r: &mut Random| {
@@ -102,9 +103,9 @@ fn scene(r: &mut Random) -> [Moving; 2] {
         p.iter().map(|p| [0, 1, 2].map(|x| p[x] + v[x])).collect()
     };
     match r.next(8) {
-        // Any motion.
+        // Arbitrary motion.
         0 | 1 => {}
-        // A plane that everything stays in, of one polygon or of both.
+        // All vertices of one polygon, or of both, stay in a plane.
         2 => {
             let (axis, both) = (r.next(3) as usize, r.next(2) == 0);
             let heights = [r.next(3), r.next(3)];
@@ -114,18 +115,18 @@ fn scene(r: &mut Random) -> [Moving; 2] {
                 }
             }
         }
-        // A translation of one.
+        // A translation of one polygon.
         3 => {
             let v = vector(r, 5);
             scene[0][1] = moved(&scene[0][0], v);
             scene[1][1] = scene[1][0].clone();
         }
-        // All at the same speed.
+        // A common translation.
         4 => {
             let v = vector(r, 5);
             scene.iter_mut().for_each(|m| m[1] = moved(&m[0], v));
         }
-        // One stands still, and of the other a few vertices move.
+        // One polygon is at rest, and a few vertices of the other one move.
         5 => {
             scene[1][1] = scene[1][0].clone();
             for k in 0..scene[0][0].len() {
@@ -134,7 +135,8 @@ fn scene(r: &mut Random) -> [Moving; 2] {
                 }
             }
         }
-        // A vertex, or two, along the whole line of an edge of the other, and past both its ends.
+        // One or two vertices move along the line of an edge of the other polygon, from beyond one
+        // end to beyond the other.
         6 => {
             scene[1][1] = scene[1][0].clone();
             let l = r.next(scene[1][0].len() as u64) as usize;
@@ -147,14 +149,14 @@ fn scene(r: &mut Random) -> [Moving; 2] {
                 (scene[0][0][k], scene[0][1][k]) = (on(-2), on(3));
             }
         }
-        // Teleports: the second frame is far and large, or mirrored.
+        // A jump: the second frame is far and large, or mirrored.
         _ => {
             let v = vector(r, 1000);
             scene[0][1] = scene[0][0].iter().map(|p| p.map(|x| -x)).collect();
             scene[0][1] = moved(&scene[0][1], v);
         }
     }
-    // The role of the axes in the translation is not the same.
+    // The axes have different roles in the translation.
     let turn = r.next(3) as usize;
     scene
         .iter_mut()
@@ -209,7 +211,7 @@ fn the_sum_of_passages_is_the_change_of_the_linking_number() {
     compare(6000, 1);
 }
 
-/// `cargo test --release --lib million -- --ignored`: three minutes on two cores.
+/// Run with `cargo test --release --lib million -- --ignored`: three minutes on two cores.
 #[test]
 #[ignore = "long"]
 fn a_million_sums_are_the_change_of_the_linking_number() {
@@ -246,7 +248,8 @@ fn compare_two_steps(count: u64, seed: u64) -> u64 {
         ];
         let mut found = total(&i, &j, 1.0) + total(&p, &q, 1.0);
         assert_eq!(found, after - before, "seed {seed}: {i:?} {j:?} {last:?}");
-        // Each pair of edges has its own unit of length; the translation must be the same for all.
+        // Each pair of edges has its own unit of length, and the translation must be the same for
+        // all.
         let scale = 2f64.powi(r.next(40) as i32 - 20);
         (p, q) = (q, p);
         found = total(&j, &i, scale) + total(&p, &q, scale);
@@ -284,7 +287,7 @@ fn hundred_thousand_contacts_in_a_frame_are_counted_once() {
     assert!(touching > 15_000, "{touching} touch");
 }
 
-/// The passages in the order in which they come.
+/// Returns the passages in the order in which they are reported.
 fn collect(before: &Edges, after: &Edges, ties: Ties) -> (Decided, Vec<Passage>) {
     let mut all = Vec::new();
     let decided = passages(before, after, ties, &mut |p| all.push(p));
@@ -297,8 +300,8 @@ fn collect_exactly(before: &Edges, after: &Edges, ties: Ties) -> (Decided, Vec<P
     (decided, all)
 }
 
-/// Both rungs say the same, event by event, if the first says anything.
-fn rungs_agree(before: &Edges, after: &Edges) -> Decided {
+/// Checks that both methods find the same events, if floating point decides.
+fn assert_methods_agree(before: &Edges, after: &Edges) -> Decided {
     let (decided, fast) = collect(before, after, Ties::Translate);
     let (_, exact) = collect_exactly(before, after, Ties::Translate);
     let signs = |all: &[Passage]| all.iter().map(|p| p.sign).collect::<Vec<_>>();
@@ -317,14 +320,14 @@ fn rungs_agree(before: &Edges, after: &Edges) -> Decided {
         );
     }
     if decided != Decided::Exact {
-        // Nothing that was certain is a tie, whichever curve is translated.
+        // A certain result has no ties, whichever curve is translated.
         assert_eq!(collect_exactly(before, after, Ties::Report).1, exact);
     }
     decided
 }
 
 #[test]
-fn rungs_agree_on_random_motions() {
+fn methods_agree_on_random_motions() {
     let mut r = Random::new(3);
     let (mut certified, mut several, n) = (0, 0, 4000);
     for _ in 0..n {
@@ -333,7 +336,7 @@ fn rungs_agree_on_random_motions() {
             [0.1, 1.0, 3.0][r.next(3) as usize],
         );
         let (before, after) = meeting(&mut r, gap, motion);
-        match rungs_agree(&before, &after) {
+        match assert_methods_agree(&before, &after) {
             Decided::Apart => {}
             d => certified += u64::from(d == Decided::Certified),
         }
@@ -343,7 +346,8 @@ fn rungs_agree_on_random_motions() {
     assert!(certified > n / 2 && several > n / 500);
 }
 
-/// Two edges of length about 1 of which inner points come as near as `gap` before every end moves by `motion`.
+/// Returns two edges of length about 1. Inner points of them are within `gap` of each other before
+/// every end moves by `motion`.
 fn meeting(r: &mut Random, gap: f64, motion: f64) -> (Edges, Edges) {
     let along = |p: Point, d: Point, t: f64| [0, 1, 2].map(|x| p[x] + t * d[x]);
     let place = r.vector(10.0);
@@ -366,9 +370,9 @@ fn meeting(r: &mut Random, gap: f64, motion: f64) -> (Edges, Edges) {
     (moved(-0.5), moved(0.5))
 }
 
-/// Small integers and their neighbours among the floats: the bounds are just met, or just not.
+/// Small integers and neighbouring floats, so that the bounds are barely met or barely missed.
 #[test]
-fn rungs_agree_next_to_ties() {
+fn methods_agree_next_to_ties() {
     let mut r = Random::new(4);
     let mut decided = [0; 4];
     for _ in 0..6000 {
@@ -390,7 +394,8 @@ fn rungs_agree_next_to_ties() {
         };
         let (mut before, mut after) = (frame(), frame());
         if r.next(2) == 0 {
-            // Exponents at which products underflow or overflow, the same for every axis or not.
+            // Exponents at which products underflow or overflow, with equal or different ones per
+            // axis.
             const POWERS: [i32; 10] = [-1060, -500, -205, -190, -40, 0, 40, 190, 205, 500];
             let powers = match r.next(4) {
                 0 => [0; 3].map(|_| POWERS[r.next(10) as usize]),
@@ -403,14 +408,14 @@ fn rungs_agree_next_to_ties() {
                 }
             }
         }
-        decided[rungs_agree_next(&before, &after) as usize] += 1;
+        decided[assert_signs_agree(&before, &after) as usize] += 1;
     }
     println!("apart, certified, exact, tie: {decided:?}");
     assert!(decided[1] > 2000 && decided[2] > 200);
 }
 
-/// [`rungs_agree`] on the signs: near ties, places say little.
-fn rungs_agree_next(before: &Edges, after: &Edges) -> Decided {
+/// [`assert_methods_agree`] for the signs only: near ties, places are inaccurate.
+fn assert_signs_agree(before: &Edges, after: &Edges) -> Decided {
     let (decided, fast) = collect(before, after, Ties::Translate);
     let (_, exact) = collect_exactly(before, after, Ties::Translate);
     let signs = |all: &[Passage]| all.iter().map(|p| p.sign).collect::<Vec<_>>();
@@ -418,7 +423,7 @@ fn rungs_agree_next(before: &Edges, after: &Edges) -> Decided {
     decided
 }
 
-/// The passages of lattice edges, whichever way they are counted.
+/// The passages of lattice edges are the same for every way of counting.
 #[test]
 fn every_axis_and_the_cauchy_index_count_the_same() {
     let mut r = Random::new(5);
@@ -439,7 +444,7 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
         }) {
             continue;
         }
-        let motion = Motion::new(before, after);
+        let motion = MovingEdges::new(before, after);
         let all = events(before, after, Ties::Translate).unwrap();
         let all: i32 = all.iter().map(|e| e.sign).sum();
         let count = |exponents: [u32; 3]| {
@@ -449,7 +454,8 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
             (translated, x)
         };
         assert_eq!(count(TRANSLATION).1, all, "{frames:?}");
-        // A translation that is general enough here, and keeps the numbers of Sturm's theorem short.
+        // A translation that is general enough here, with which the numbers of Sturm's theorem stay
+        // short.
         let (translated, want) = count([1, 3, 9]);
         ties += u32::from(events(before, after, Ties::Report).is_none());
         if let Some(index) = cauchy(&translated) {
@@ -461,10 +467,11 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
     assert!(ties > 5 && counted > 10);
 }
 
-/// An end that passes an edge which turns, so that their difference sweeps the surface `z = x y`. The rule for
-/// ties of frames that stand still would translate along that surface, and every axis would count otherwise.
+/// An end passes an edge that turns, so that their difference sweeps the surface `z = x y`. The tie
+/// rule for frames at rest would translate along that surface, and the axes would give different
+/// counts.
 #[test]
-fn the_translation_leaves_every_surface_of_an_end_and_an_edge() {
+fn the_translation_is_on_no_surface_of_an_end_and_an_edge() {
     let mut r = Random::new(7);
     let edge = |y: f64| [[-1.0, y, -y], [1.0, y, y]];
     for _ in 0..200 {
@@ -474,7 +481,7 @@ fn the_translation_leaves_every_surface_of_an_end_and_an_edge() {
         if r.next(2) == 0 {
             frames.iter_mut().for_each(|f| f[0].reverse());
         }
-        let translated = Motion::new(&frames[0], &frames[1]).translated(TRANSLATION);
+        let translated = MovingEdges::new(&frames[0], &frames[1]).translated(TRANSLATION);
         let counts = [0, 1, 2].map(|w| translated.net_passages(&Interval::step(), w));
         assert!(
             counts.iter().all(|&n| n == counts[0]),
@@ -483,11 +490,15 @@ fn the_translation_leaves_every_surface_of_an_end_and_an_edge() {
     }
 }
 
-/// The passages of a motion in general position by Sturm's theorem alone: with `f` the volume, `g` and `h`
-/// positive where the ends of either edge are on both sides of the other, the sum over the roots of `f` of the
-/// direction of its change of sign, where both are positive, is a quarter of the sum of the Cauchy indices of
-/// `1/f`, `g/f`, `h/f` and `gh/f`. `None` where the edges are parallel at a root or the step starts or ends with one.
-fn cauchy(motion: &Motion<Infinitesimal>) -> Option<i32> {
+/// Returns the sum of the signs of the passages of a motion in general position, by Sturm's theorem
+/// only. Returns `None` if the edges are parallel at a root, or the step starts or ends with a
+/// root.
+///
+/// Let `f` be the volume, and let `g` and `h` be positive if the ends of either edge are on both
+/// sides of the other. The sum, over the roots of `f` at which both are positive, of the direction
+/// of the sign change of `f` is a quarter of the sum of the Cauchy indices of `1/f`, `g/f`, `h/f`
+/// and `gh/f`.
+fn cauchy(motion: &MovingEdges<Infinitesimal>) -> Option<i32> {
     let f = motion.volume();
     let step = Interval::step();
     if f.sign_at(&step.from) == 0 || f.sign_at(&step.to) == 0 {
@@ -512,7 +523,7 @@ fn cauchy(motion: &Motion<Infinitesimal>) -> Option<i32> {
     Some(-sum / 4)
 }
 
-/// A vertical edge that stands still.
+/// A vertical edge at rest.
 const POST: [Point; 2] = [[0.0, 0.0, -4.0], [0.0, 0.0, 4.0]];
 
 #[test]
@@ -536,14 +547,14 @@ fn a_pull_through_has_its_time_place_and_sign() {
             seen.push(p.sign);
         }
     }
-    // By the oracle: `the_sum_of_passages_is_the_change_of_the_linking_number`.
+    // The oracle confirms the signs in `the_sum_of_passages_is_the_change_of_the_linking_number`.
     assert_eq!(seen, [-1, -1, -1, -1, 1, 1]);
 }
 
-/// The first edge turns as it moves, and passes the post twice: its shadow contains the origin where
-/// `a x b = -6 + 49 t - 49 t^2` is 0, at 1/7 and 6/7.
+/// The first edge turns as it moves, and passes the post twice: its projection contains the origin
+/// if `a x b = -6 + 49 t - 49 t^2` is 0, at 1/7 and 6/7.
 #[test]
-fn two_passages_that_cancel_are_both_told() {
+fn finds_two_passages_that_cancel() {
     let before = [[[-6.0, -3.0, 0.0], [10.0, 6.0, 0.0]], POST];
     let after = [[[-6.0, -10.0, 0.0], [3.0, 6.0, 0.0]], POST];
     for (_, all) in [
@@ -561,9 +572,9 @@ fn two_passages_that_cancel_are_both_told() {
     }
 }
 
-/// As above with `a x b = -(2 t - 1)^2`: the edges touch and part again.
+/// As above with `a x b = -(2 t - 1)^2`: the edges touch and separate again.
 #[test]
-fn a_touch_is_no_passage() {
+fn contact_without_crossing_is_no_passage() {
     let before = [[[-2.0, -1.0, 0.0], [3.0, 2.0, 0.0]], POST];
     let after = [[[-2.0, -3.0, 0.0], [1.0, 2.0, 0.0]], POST];
     for ties in [Ties::Translate, Ties::Report] {
@@ -571,8 +582,8 @@ fn a_touch_is_no_passage() {
     }
 }
 
-/// A passage exactly in a frame is in one of the adjacent steps. One that touches there and turns
-/// back is in none, or in both and cancels.
+/// A passage exactly in a frame is in one of the adjacent steps. An edge that touches there and
+/// turns back has none, or has one in both steps, and they cancel.
 #[test]
 fn contact_in_a_frame_is_decided_over_both_steps() {
     let frame = |y: f64| [[[-1.0, y, 2.0], [3.0, y, 2.0]], POST];
@@ -596,8 +607,8 @@ fn contact_in_a_frame_is_decided_over_both_steps() {
     }
 }
 
-/// A wedge whose tip passes straight through an edge, from any side: one of its edges owns the passage, or
-/// both pass and cancel.
+/// The tip of a wedge passes straight through an edge, from any side: one edge of the wedge has the
+/// passage, or both edges have one and they cancel.
 #[test]
 fn a_tie_at_a_vertex_counts_once() {
     let wedge = |y: f64, bend: f64| [[-2.0, y + bend, 0.0], [0.0, y, 0.0], [2.0, y - 1.0, 0.0]];
@@ -627,14 +638,14 @@ fn a_tie_at_a_vertex_counts_once() {
     }
 }
 
-/// In one plane at all times, which is no reason to report a tie where they are apart.
+/// MovingEdges in one plane at all times is reported as a tie only if the edges meet.
 #[test]
-fn motion_in_one_plane_is_a_tie_only_where_edges_meet() {
+fn motion_in_one_plane_is_a_tie_only_if_edges_meet() {
     let at = |x: f64, y: f64| [x, y, x + y];
     let first = [at(0.0, 0.0), at(4.0, 4.0)];
     let cases = [
-        // The boxes overlap, but the sides separate the edges; apart on one line; through each
-        // other; in contact in the first frame only.
+        // Boxes that overlap, but separated by the sides; apart on one line; through each other; in
+        // contact in the first frame only.
         (
             [at(1.0, 0.0), at(3.0, 1.0)],
             [at(1.0, 0.0), at(3.0, 2.0)],
@@ -670,7 +681,7 @@ fn motion_in_one_plane_is_a_tie_only_where_edges_meet() {
     }
 }
 
-/// `cargo test --release --lib passage::tests::speed -- --ignored --nocapture`.
+/// Run with `cargo test --release --lib passage::tests::speed -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement"]
 fn speed() {
@@ -698,7 +709,7 @@ fn speed() {
         ("crossing, motion 0.3", scene(0.1, 0.3, &|m| !quiet(m))),
         ("crossing, motion 3", scene(1.0, 3.0, &|m| !quiet(m))),
     ];
-    // Ties, of short numbers and of long ones: times a number of 50 bits.
+    // Ties of short numbers and of long ones: multiples of a number of 50 bits.
     for (name, factor) in [
         ("ties", 1.0),
         ("ties, long numbers", 1_000_000_007.0 * 1_000_003.0),

@@ -1,22 +1,27 @@
-//! Contacts in a frame: the steps on both sides of a contact decide what passed through it.
+//! Contacts in a frame: the steps on both sides of a contact decide if one curve passed through the
+//! other.
 //!
-//! Edges that touch exactly in a frame have passages in the adjacent steps that depend on an
+//! The passages of edges that touch exactly in a frame depend, in the adjacent steps, on an
 //! infinitesimal translation of one curve ([`crate::exact`]). Only their sum over both steps is
-//! meaningful: 0 if the strands touched and parted again, 1 or -1 if one passed through the other.
-//! So they are not events yet. They are kept until the contact ends.
+//! meaningful: 0 if the strands touched and separated again, 1 or -1 if one passed through the
+//! other. So these passages are no events yet. They are kept until the contact ends.
 //!
-//! **Components.** A contact at a vertex belongs to two or four pairs of edges, and the translation
-//! may assign the passage to any of them; edges that overlap on a line belong to more. Pairs of
-//! edges whose contacts are connected form a component. Its sign is the sum of their signs. A
-//! component continues in those components of the next frame that share a pair of segments with it,
-//! or have a neighbouring one. If there is none, it ends, and its sum becomes an event at the start
-//! of the step in which it ends.
+//! # Components
 //!
-//! **Limits.** If curves touch in the first frame, the side that they came from is unknown: the end
-//! of such a contact is no event. Curves with a common vertex in both frames of a step are joined
-//! there. A *joint* that exists in the first frame (two rods at a node, say) is not reported as a
-//! contact. Passages during the motion of a joint are not counted: if a joint that formed during
-//! the run opens after it moved, the step is undecided.
+//! A contact at a vertex belongs to two or four pairs of edges, and the translation may assign the
+//! passage to any of them. Edges that overlap on a line belong to more. Pairs of edges whose
+//! contacts are connected form a component. Its sign is the sum of their signs. A component
+//! continues in those components of the next frame that share a pair of segments with it, or have a
+//! neighbouring one. If there is none, it ends, and its sum becomes an event at the start of the
+//! step in which it ends.
+//!
+//! # Limits
+//!
+//! If curves touch in the first frame, it is unknown on which side they were before, so the end of
+//! such a contact is no event. Curves with a common vertex in both frames of a step are joined
+//! there. A *joint* that exists in the first frame (two rods at a node, for example) is not
+//! reported as a contact. Passages during the motion of a joint are not counted: if a joint that
+//! formed during the run opens after it moved, the step is undecided.
 
 use super::PullThrough;
 use crate::curve::{Curve, CurveSet};
@@ -175,22 +180,23 @@ fn settle_pair(
     let owners = self::owners(&ends);
     let curves = [pair.0, pair.1].map(|i| frames[0].curve(i as usize));
     for component in starts {
-        let own = component.segments.iter();
-        let next = own
+        let segments = component.segments.iter();
+        let next = segments
             .flat_map(|&s| around(s, curves))
             .find_map(|s| owners.get(&s));
         if let Some(&next) = next {
             ends[next].passed = ends[next].passed.and(component.passed);
             continue;
         }
-        let own = |c: &&&Contact| component.segments.binary_search(&c.event.segments).is_ok();
+        let is_in_component =
+            |c: &&&Contact| component.segments.binary_search(&c.event.segments).is_ok();
         match component.passed {
             Passed::Sum(0) | Passed::FromTheStart => {}
             Passed::Sum(sum) => {
                 // Any of the contacts can serve as the place; prefer one with the sign of the sum.
                 let place = start
                     .iter()
-                    .filter(own)
+                    .filter(is_in_component)
                     .max_by_key(|c| c.event.sign * sum.signum());
                 let event = place.map(|c| PullThrough {
                     sign: sum.signum(),
@@ -199,7 +205,10 @@ fn settle_pair(
                 settled.events.extend((0..sum.abs()).filter_map(|_| event));
             }
             Passed::Unknown => {
-                let defect = start.iter().find(own).map(|c| defect(c, frames[1]));
+                let defect = start
+                    .iter()
+                    .find(is_in_component)
+                    .map(|c| defect(c, frames[1]));
                 settled.undecided.extend(defect);
             }
         }
@@ -235,8 +244,8 @@ fn touching(components: &[Component], contacts: &[&Contact], set: &CurveSet) -> 
         owner.is_some_and(|&k| components[k].passed == Passed::FromTheStart)
     };
     let report = |from: bool| {
-        let told = |c: &&&Contact| from_the_start(c) == from && !(from && c.joint);
-        contacts.iter().find(told).map(|c| Touching {
+        let matches = |c: &&&Contact| from_the_start(c) == from && !(from && c.joint);
+        contacts.iter().find(matches).map(|c| Touching {
             defect: defect(c, set),
             from_the_start: from,
         })
@@ -264,13 +273,13 @@ fn components(contacts: &[&Contact], set: &CurveSet) -> Vec<Component> {
     let curves = [pair.0, pair.1].map(|i| set.curve(i as usize));
     let mut passed: BTreeMap<[u32; 2], Passed> = BTreeMap::new();
     for contact in contacts {
-        let own = match contact.counted {
+        let sign = match contact.counted {
             true => Passed::Sum(contact.event.sign),
             false => Passed::Unknown,
         };
         let sum = passed.entry(contact.event.segments);
         let sum = sum.or_insert(Passed::Sum(0));
-        *sum = sum.and(own);
+        *sum = sum.and(sign);
     }
     let mut rest = passed.clone();
     let mut out = Vec::new();

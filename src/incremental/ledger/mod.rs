@@ -1,40 +1,55 @@
-//! The ledger of crossings: which curves passed through one another from one frame to the next, where, when, and
-//! with what sign.
+//! Ledger of pull-throughs: the passages of curves through each other from one frame to the next,
+//! with time, place and sign.
 //!
-//! Between two frames of the same curves every control point moves on a straight line at constant speed. A linking
-//! number says that something was pulled through; the ledger says where and at what time of the step, and sees what no
-//! linking number can: two passages that cancel, a curve that passes through itself, and open curves.
+//! Between two frames of the same curves every control point moves on a straight line at constant
+//! speed. A linking number shows that a curve was pulled through another one. The ledger shows
+//! where and at what time of the step, and also finds what no linking number shows: two passages
+//! that cancel, self-crossings of a curve, and passages of open curves.
 //!
-//! **Candidates.** A point of a segment, spline or edge, is a combination of its control points with weights that are
-//! not negative, add up to 1, and do not change; so it moves on a straight line too. The box around the segment's boxes
-//! in both frames is convex and contains it at both ends of the step, and hence at all times between. Trees of such
-//! *swept* boxes, a sweep over their roots, and a descent in space give the pairs of segments that may meet at all.
-//! Pairs of splines go on only if no plane separates their control points in both frames, on the same side
+//! # Candidates
+//!
+//! A point of a segment, spline or edge, is a combination of its control points with constant,
+//! nonnegative weights that add up to 1, so it moves on a straight line too. The box around the
+//! boxes of the segment in both frames is convex and contains the point at both ends of the step,
+//! hence at all times in between. Trees of such *swept* boxes, a sweep over their roots, and a
+//! descent in space give the pairs of segments that may meet. Pairs of spline segments remain
+//! candidates only if no plane separates their control points in both frames, on the same side
 //! ([`MovingSeparation`]).
 //!
-//! **Pieces.** Passages are those of polylines ([`crate::exact`]). Edges are their own. A spline's are straight
-//! between points at fixed parameters, so their vertices move on straight lines too: four pieces a segment, for the
-//! sake of the place, and wherever the discretization of the pair splits it in either frame. With the splits of a
-//! frame the polylines are link homotopic to the splines in that frame ([`crate::discretize`]), and more
-//! splits do no harm, since the hull of a part is within the hull of the whole. Each segment has the same pieces with
-//! all segments of the other curve. So for two closed curves that have linking numbers in both frames
+//! # Pieces
+//!
+//! Passages are those of polylines ([`crate::exact`]). The edge of a polyline is a single piece. A
+//! spline segment is replaced by straight pieces between points at fixed parameters, so the
+//! vertices move on straight lines too: four pieces per segment, for an accurate place, and further
+//! pieces at every split of the discretization of the pair in either frame. With the splits of a
+//! frame, the polylines are link homotopic to the splines in that frame ([`crate::discretize`]).
+//! Additional splits do no harm, because the hull of a part is within the hull of the whole. A
+//! segment has the same pieces with all segments of the other curve. So for two closed curves that
+//! have linking numbers in both frames
 //!
 //! ```text
 //! sum of the signs of all passages = linking number after - linking number before
 //! ```
 //!
-//! which [`Outcome::check`] tells. Which passages there are in between, and when, is that of the polylines.
+//! which [`Outcome::check`] verifies. The individual passages in between, and their times, are
+//! those of the polylines.
 //!
-//! **A curve with itself.** Pieces that share an end in both frames are joined there: their four ends lie in one plane
-//! at all times, and they pass through nothing but by folding up. They are left out. So are neighbouring spline segments
-//! along which the curve runs one way at all times, in the direction of some axis: it cannot come back to where it was.
-//! Everything else counts, however near along the curve, since any shorter stretch that meets itself does pass through
-//! itself. There is no number to be preserved, and no translation that would break ties: those are reported.
+//! # A curve and itself
 //!
-//! **Ties between pairs of pieces.** Where a curve touches the joint of two pieces of another and goes back, one piece
-//! may count +1 and the other -1. Two opposite signs of one pair of curves at the same time and the same place of both
-//! curves, as far as times are proven, cancel: nothing passed through. Two real passages that cancel are at
-//! different times or at different places.
+//! Pieces that share an end in both frames are joined there. Their four ends lie in one plane at
+//! all times, so they pass through each other only by folding, and they are skipped. Adjacent
+//! spline segments along which the curve is monotonic at all times, in the direction of some axis,
+//! are skipped as well, because the curve cannot return to an earlier point. All other pairs count,
+//! however near along the curve, because every shorter loop that meets itself does pass through
+//! itself. There is no linking number to preserve, and no translation that could break ties, so
+//! ties are reported.
+//!
+//! # Ties between pairs of pieces
+//!
+//! If a curve touches the joint of two pieces of another curve and turns back, one piece may count
+//! +1 and the other one -1. Two opposite signs of one pair of curves at the same time and at the
+//! same place of both curves, within the proven accuracy of times, cancel: nothing passed through.
+//! Two real passages that cancel are at different times or places.
 
 mod contact;
 mod net;
@@ -69,37 +84,39 @@ use crate::discretize::MovingSeparation;
 /// side of another strand to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
 
-/// One curve was pulled through another, or through itself, between two frames.
+/// A pull-through: a passage of a curve through another one, or through itself, between two frames.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PullThrough {
     /// First curve, from 0.
     pub i: u32,
-    /// Second curve: greater than `i`, or equal where the curve passes through itself.
+    /// Second curve: greater than `i`, or equal if the curve passes through itself.
     pub j: u32,
-    /// The segment of either curve.
+    /// Segment of each curve.
     pub segments: [u32; 2],
-    /// When, as a fraction of the step from one frame to the next, under linear motion.
+    /// Time as a fraction of the step from one frame to the next, under linear motion.
     pub fraction: f64,
-    /// What it adds to the linking number of two closed curves: 1 or -1. For a curve and itself, half of what it adds
-    /// to its writhe.
+    /// Change of the linking number of two closed curves: 1 or -1. For a curve and itself, half the
+    /// change of its writhe.
     pub sign: i32,
-    /// Where, in the units of the simulation.
+    /// Place, in the units of the simulation.
     pub point: Point,
     /// Relative motion of the two segments at this place in the step, in lengths of the longer one.
     /// 0 for a passage through a contact in a frame, which does not depend on the motion.
     pub lengths: f64,
 }
 
-/// What happened in a step.
+/// Result of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Outcome {
-    /// All passages, in the order in which they came; those at one time by pair and segments.
+    /// All passages in chronological order. Passages at the same time are sorted by pair and
+    /// segments.
     pub events: Vec<PullThrough>,
     /// Passages that cancel within their pair and moved further than the limit, in the same order.
     pub unresolved: Vec<PullThrough>,
-    /// Pairs of which nothing is said: too close in one of the frames for their polylines to stand for them, or with
-    /// too many candidates. And places at which a curve touches itself in a way that cannot be told from a passage.
-    /// The second curve equals the first for a curve and itself. Sorted by pair.
+    /// Undecided pairs, sorted by pair. Their polylines do not represent them in one of the frames
+    /// because they are too close, or they have too many candidates; or a curve touches itself in a
+    /// way that cannot be distinguished from a passage. The second curve equals the first one for a
+    /// curve and itself.
     pub undecided: Vec<Defect>,
     /// Nonzero sums of the signs of two closed curves, sorted by pair. Contacts in a frame are not
     /// included.
@@ -109,22 +126,23 @@ pub(crate) struct Outcome {
     pub touching: Vec<Touching>,
     /// The contacts in the last frame, which the next step continues.
     pub contacts: Contacts,
-    /// What it took.
+    /// Work counters.
     pub counts: Counts,
 }
 
-/// What a step took.
+/// Work counters of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {
-    /// Pairs of curves with overlapping swept boxes, and curves looked at for themselves.
+    /// Number of pairs of curves with overlapping swept boxes, and of curves tested with
+    /// themselves.
     pub pairs: u64,
-    /// Pairs of segments with overlapping swept boxes.
+    /// Number of pairs of segments with overlapping swept boxes.
     pub candidates: u64,
-    /// Those of them that no axis separates.
+    /// Number of candidates that no axis separates.
     pub near: u64,
-    /// Pairs of pieces tested.
+    /// Number of tested pairs of pieces.
     pub tests: u64,
-    /// Those of them that were decided by exact arithmetic.
+    /// Number of tests that exact arithmetic decided.
     pub exact: u64,
 }
 
@@ -139,10 +157,11 @@ impl Counts {
 }
 
 impl Outcome {
-    /// Pairs of closed curves whose linking number changed by another number than the sum of their passages: none,
-    /// unless something is wrong. Pairs without a linking number in a frame, and undecided ones, are left out.
+    /// Returns the pairs of closed curves for which the change of the linking number differs from
+    /// the sum of their passages. There are none unless something is wrong. Pairs without a linking
+    /// number in a frame, and undecided pairs, are skipped.
     ///
-    /// Both frames are given by how they compare with one baseline.
+    /// Both frames are given by their comparisons with one baseline.
     pub fn check(&self, before: &Comparison, after: &Comparison) -> Vec<Pair> {
         let mut rest: BTreeMap<Pair, i64> = BTreeMap::new();
         for link in &self.sums {
@@ -165,7 +184,7 @@ impl Outcome {
     }
 }
 
-/// Finds passages, step after step. Its buffers serve every step.
+/// Finds passages, step by step. Its buffers are reused from step to step.
 ///
 /// The outcome does not depend on the number of threads of the rayon pool that it is called in.
 #[derive(Debug)]
@@ -193,7 +212,7 @@ impl Default for Ledger {
 }
 
 impl Ledger {
-    /// Creates a ledger whose steps end early once they are cancelled. Their result is meaningless
+    /// Returns a ledger whose steps end early if `cancel` is set. Their results are meaningless
     /// then.
     pub fn new(cancel: Cancel) -> Self {
         Ledger {
@@ -202,14 +221,15 @@ impl Ledger {
         }
     }
 
-    /// All passages between two frames.
+    /// Returns all passages between two frames.
     ///
-    /// `contacts` are those of the first frame, as the previous step found them. If `pairs`
-    /// (sorted) is given, only these pairs of curves and those in contact are searched (`(i, i)`: a
-    /// curve and itself); the caller knows that no other pair has a passage.
+    /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
+    /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
+    /// and itself). The caller knows that no other pair has a passage.
     ///
     /// # Panics
-    /// If the frames are not of the same curves.
+    ///
+    /// Panics if the frames are not of the same curves.
     pub fn step(
         &mut self,
         [before, after]: [&CurveSet; 2],
@@ -238,8 +258,8 @@ impl Ledger {
         outcome
     }
 
-    /// Returns the contacts of a first frame, and the pairs of curves that touch. Passages there
-    /// are unknown.
+    /// Returns the contacts of a first frame, and the pairs of curves that touch. Their earlier
+    /// passages are unknown.
     pub fn first_frame(&mut self, set: &CurveSet, cover: Cover) -> (Contacts, Vec<Touching>) {
         let (_, found) = self.search([set, set], cover, None);
         Contacts::of_first_frame(&found, set)
@@ -265,7 +285,10 @@ impl Ledger {
         cover: Cover,
         pairs: Option<&[Pair]>,
     ) -> (Outcome, Vec<Contact>) {
-        assert!(before.same_layout(after), "two frames of the same curves");
+        assert!(
+            before.same_layout(after),
+            "both frames must have the same curves"
+        );
         let frames = [before, after];
         let swept = Swept {
             frames,
@@ -290,7 +313,8 @@ impl Ledger {
             cancel: &self.cancel,
         };
         let pairs = &self.pairs[..];
-        // Parts small enough to share out, large enough to be worth it. A large pair shares itself out.
+        // Small enough to balance the load, large enough to amortize a task. A large pair is split
+        // further.
         let size = (pairs.len() / (32 * rayon::current_num_threads())).clamp(1, 256);
         let count = pairs.len().div_ceil(size);
         self.parts.resize_with(count, Part::default);
@@ -317,19 +341,20 @@ impl Ledger {
         (outcome, contacts)
     }
 
-    /// Pairs of curves that may meet, and of a curve and itself where asked for, sorted.
+    /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if `own` is
+    /// set, sorted.
     fn find_pairs(&mut self, swept: Swept<'_>, own: bool) {
         self.pairs
             .extend_from_slice(self.search.find(self.trees.roots()));
         if own {
-            let alone = (0..swept.curves().len()).filter(|&i| swept.has_tree(i));
-            self.pairs.extend(alone.map(|i| (i as u32, i as u32)));
+            let selves = (0..swept.curves().len()).filter(|&i| swept.has_tree(i));
+            self.pairs.extend(selves.map(|i| (i as u32, i as u32)));
             self.pairs.par_sort_unstable();
         }
     }
 }
 
-/// Puts passages in the order in which they came; those at one time by pair and segments.
+/// Sorts passages by time. Passages at the same time are sorted by pair and segments.
 fn sort(events: &mut [PullThrough]) {
     let key = |e: &PullThrough| (e.i, e.j, e.segments, e.sign);
     events.sort_by(|a, b| {
@@ -338,11 +363,11 @@ fn sort(events: &mut [PullThrough]) {
     });
 }
 
-/// The boxes that contain every segment at all times between two frames.
+/// Boxes that contain every segment at all times between two frames.
 #[derive(Clone, Copy)]
 struct Swept<'a> {
     frames: [&'a CurveSet; 2],
-    /// Whether open curves have trees.
+    /// True if open curves have trees.
     open: bool,
 }
 
@@ -355,7 +380,7 @@ impl Leaves for Swept<'_> {
         self.open || self.curves()[i].closed
     }
 
-    /// All of them, of either frame is none.
+    /// All boxes are stored, because the set of curves can only provide those of a single frame.
     fn stored(&self, _: u32) -> bool {
         true
     }

@@ -1,4 +1,4 @@
-//! The passages of one pair of curves, or of a curve and itself.
+//! Passages of one pair of curves, or of a curve and itself.
 
 use super::contact::Contact;
 use super::net::{Found, cancel};
@@ -21,29 +21,30 @@ use crate::verdict::{Defect, DefectKind};
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Pieces of a spline segment, at least.
+/// Minimum number of pieces of a spline segment.
 const PIECES: u32 = 4;
 
-/// Candidates at which they are looked at.
+/// Number of gathered candidates after which they are tested.
 const BATCH: usize = 4096;
 
-/// Node pairs after which candidates are looked at, however few.
+/// Number of visited node pairs after which candidates are tested, however few.
 const STEPS: usize = 4096;
 
-/// Rounds of these after which a task shares out what is left.
+/// Number of such rounds after which a task shares the rest of its work.
 const ROUNDS: usize = 3;
 
-/// Segments of a leaf.
+/// Number of segments of a leaf.
 const BLOCK: u32 = LANES as u32;
 
-/// Blocks of one curve that are worth a task of their own.
+/// Number of blocks of one curve above which they are split into tasks.
 const BLOCKS: usize = 1 << 12;
 
-/// Near pairs of spline segments that are worth a task of their own.
+/// Number of near pairs of spline segments above which they are split into tasks.
 const GRAIN: usize = 1 << 12;
 
-/// Candidates of one pair of curves at which it counts as too close: where everything may have passed through
-/// everything, a list of passages helps nobody. Half a second.
+/// Maximum number of candidates of one pair of curves. Beyond it the pair counts as too close: if
+/// everything may have passed through everything, a list of passages is useless. About half a
+/// second.
 const MAX_CANDIDATES: u64 = 1 << 24;
 
 /// Maximum number of tested pairs of pieces of splines that need more pieces than usual, for one
@@ -59,14 +60,14 @@ const MAX_EXACT: [u64; 2] = [1 << 12, 4];
 #[derive(Clone, Copy)]
 pub(super) struct Step<'a> {
     pub frames: [&'a CurveSet; 2],
-    /// Of swept boxes.
+    /// Trees of swept boxes.
     pub trees: &'a Trees,
     /// Motion limit in segment lengths.
     pub motion_limit: f64,
     pub cancel: &'a Cancel,
 }
 
-/// What one task found.
+/// Results of one task.
 #[derive(Debug, Default)]
 pub(super) struct Part {
     pub events: Vec<PullThrough>,
@@ -95,28 +96,28 @@ pub(super) struct Workspace {
     cuts: Cuts,
 }
 
-/// What a descent gathered of one pair.
+/// Buffers and results of the visits of one pair.
 #[derive(Debug, Default)]
 struct Gathered {
     agenda: Agenda,
     candidates: SegmentPairs,
     /// Spline segments that may meet.
     near: Vec<(u32, u32)>,
-    found: Tally,
+    found: Findings,
 }
 
-/// Passages and what became of the other tests.
+/// Results of the tests.
 #[derive(Debug, Default)]
-struct Tally {
+struct Findings {
     passages: Vec<Found>,
     /// Contacts in either frame.
     contacts: Vec<Contact>,
-    /// Segments that touch in a way that cannot be told from a passage.
+    /// Segments that touch in a way that cannot be distinguished from a passage.
     ties: Vec<[u32; 2]>,
     counts: Counts,
 }
 
-impl Tally {
+impl Findings {
     fn clear(&mut self) {
         self.passages.clear();
         self.contacts.clear();
@@ -124,7 +125,7 @@ impl Tally {
         self.counts = Counts::default();
     }
 
-    fn append(&mut self, other: &mut Tally) {
+    fn append(&mut self, other: &mut Findings) {
         self.passages.append(&mut other.passages);
         self.contacts.append(&mut other.contacts);
         self.ties.append(&mut other.ties);
@@ -145,7 +146,7 @@ impl<'a> Step<'a> {
             Ok(())
         } else {
             near.sort_unstable();
-            // A closed curve of two segments has each of them after the other.
+            // In a closed curve of two segments, each segment is the successor of the other one.
             near.dedup();
             let split = cuts.fill(&task, near);
             split.and_then(|()| {
@@ -161,7 +162,8 @@ impl<'a> Step<'a> {
         task.settle(done, found, part);
     }
 
-    /// [`Step::pair`] with all pairs of segments as candidates (and the splits that the true ones ask for).
+    /// [`Step::pair`] with all pairs of segments as candidates, and the splits of the regular
+    /// search.
     #[cfg(test)]
     pub fn pair_by_brute_force(&self, pair: Pair, part: &mut Part) {
         let task = Task::new(*self, pair);
@@ -176,12 +178,12 @@ impl<'a> Step<'a> {
         found.clear();
         let [n, m] = task.curves.map(|i| self.frames[0].curve(i).segments);
         let all = (0..n).flat_map(|s| (0..m).map(move |t| (s, t)));
-        let all: Vec<_> = all.filter(|&(s, t)| !task.own() || s <= t).collect();
+        let all: Vec<_> = all.filter(|&(s, t)| !task.is_self() || s <= t).collect();
         let done = if task.splines() {
             let split = cuts.fill(&task, near);
             split.map(|()| task.add_all_pieces(&cuts, &all, found))
         } else {
-            let joined = |s: u32, t: u32| task.own() && task.adjacent(s, t);
+            let joined = |s: u32, t: u32| task.is_self() && task.adjacent(s, t);
             let different = all.iter().filter(|&&(s, t)| !joined(s, t));
             different.for_each(|&(s, t)| task.add_edges(s, t, found));
             Ok(())
@@ -192,9 +194,9 @@ impl<'a> Step<'a> {
 
 /// A part of the visits of a task.
 enum Visit {
-    /// What is below the node pairs of the agenda.
+    /// Descendants of the node pairs of the agenda.
     Agenda,
-    /// Blocks of a curve, for itself.
+    /// Blocks of a curve, each with itself.
     Along(Range<u32>),
 }
 
@@ -222,8 +224,8 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Whether the curves are one.
-    fn own(&self) -> bool {
+    /// Returns true if this is a curve and itself.
+    fn is_self(&self) -> bool {
         self.curves[0] == self.curves[1]
     }
 
@@ -244,7 +246,7 @@ impl<'a> Task<'a> {
             || over(&self.exact, MAX_EXACT[0] + MAX_EXACT[1] * segments)
     }
 
-    /// Counts exact tests. Breaks if there are too many.
+    /// Counts exact tests. Breaks if the pair exceeds its limits.
     fn count_exact(&self, more: u64) -> ControlFlow<()> {
         if more > 0 {
             self.exact.fetch_add(more, Ordering::Relaxed);
@@ -259,14 +261,14 @@ impl<'a> Task<'a> {
         self.step.trees.of(self.step.frames[0], self.curves[side])
     }
 
-    /// Gathers everything.
+    /// Gathers the candidates and tests those that are edges.
     fn gather(&self, gathered: &mut Gathered) {
         gathered.near.clear();
         gathered.found.clear();
         gathered.found.counts.pairs = 1;
         gathered.agenda.clear();
         let (first, second) = (self.tree(0), self.tree(1));
-        if self.own() {
+        if self.is_self() {
             self.visit(Visit::Along(0..self.segments().div_ceil(BLOCK)), gathered);
             above_the_leaves(first, &mut gathered.agenda);
         } else {
@@ -275,13 +277,13 @@ impl<'a> Task<'a> {
         self.visit(Visit::Agenda, gathered);
     }
 
-    /// Segments of the first curve.
+    /// Returns the number of segments of the first curve.
     fn segments(&self) -> u32 {
         self.step.frames[0].curve(self.curves[0]).segments
     }
 
-    /// Adds to `part` what was found, or that two segments are too close.
-    fn settle(&self, done: Result<(), [u32; 2]>, found: &mut Tally, part: &mut Part) {
+    /// Adds the findings to `part`, or a defect if two segments are too close.
+    fn settle(&self, done: Result<(), [u32; 2]>, found: &mut Findings, part: &mut Part) {
         let frames = self.step.frames;
         let [i, j] = self.curves.map(|i| i as u32);
         part.counts.add(&found.counts);
@@ -315,22 +317,22 @@ impl<'a> Task<'a> {
         part.unresolved.extend(far);
         let signs = found.passages.iter().map(|f| i64::from(f.event.sign));
         let lambda = signs.sum();
-        if !self.own() && lambda != 0 && curves.iter().all(|c| c.closed) {
+        if !self.is_self() && lambda != 0 && curves.iter().all(|c| c.closed) {
             part.sums.push(Link { i, j, lambda });
         }
     }
 
-    /// Whether two segments of one curve follow one another.
+    /// Returns true if two segments of one curve are equal or consecutive.
     fn adjacent(&self, s: u32, t: u32) -> bool {
         self.step.frames[0].curve(self.curves[0]).adjacent(s, t)
     }
 
-    /// Makes a part of the visits with the instructions that there are.
+    /// Makes a part of the visits. Uses AVX2 if available.
     fn visit(&self, visit: Visit, gathered: &mut Gathered) {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = Avx2::detect() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token says that the processor has them.
+            // SAFETY: the token proves that the CPU has these instructions.
             return unsafe { self.visit_avx2(avx2, visit, gathered) };
         }
         self.visit_with(Portable, visit, gathered);
@@ -363,7 +365,7 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Visits everything below the node pairs of the agenda.
+    /// Visits all descendants of the node pairs of the agenda.
     #[inline(always)]
     fn visit_agenda<L: Lanes>(&self, simd: L, gathered: &mut Gathered) {
         let both = [self.tree(0), self.tree(1)];
@@ -380,7 +382,7 @@ impl<'a> Task<'a> {
                 return;
             }
             if round >= ROUNDS && agenda.len() > 1 {
-                // Every second one: node pairs at the bottom have more below them.
+                // Every second one, because node pairs at the bottom have more descendants.
                 let mut mine = false;
                 let others = agenda.extract_if(.., |_| {
                     mine = !mine;
@@ -390,21 +392,22 @@ impl<'a> Task<'a> {
                 return self.share(gathered, [Visit::Agenda, Visit::Agenda], others);
             }
             descend::<L, true>(simd, both, query, agenda, candidates, (STEPS, BATCH));
-            self.look_at_candidates(gathered);
+            self.test_candidates(gathered);
             if self.entangled() {
                 gathered.agenda.clear();
             }
         }
     }
 
-    /// Visits the segments of a block of a curve, with one another and (splines) with themselves and the next ones.
+    /// Visits the segments of a block of a curve, with one another and (splines) with themselves
+    /// and their successors.
     #[inline(always)]
     fn visit_block<L: Lanes>(&self, simd: L, block: u32, gathered: &mut Gathered) {
         let first = block * BLOCK;
-        let mut room = BoxGroup::EMPTY;
-        let boxes = *self.tree(0).children(Node::new(0, block), &mut room);
+        let mut leaf = BoxGroup::EMPTY;
+        let boxes = *self.tree(0).children(Node::new(0, block), &mut leaf);
         for k in 0..BLOCK {
-            // Its next one is its neighbour.
+            // Skips the next segment, which is adjacent.
             let mut lanes = overlapping(simd, &boxes.lane(k as usize), &boxes) & !0 << (k + 2);
             while lanes != 0 {
                 let l = lanes.trailing_zeros();
@@ -412,7 +415,7 @@ impl<'a> Task<'a> {
                 lanes &= lanes - 1;
             }
         }
-        self.look_at_candidates(gathered);
+        self.test_candidates(gathered);
         if !self.splines() {
             return;
         }
@@ -423,7 +426,7 @@ impl<'a> Task<'a> {
             .add_turns(first..last, after, &mut gathered.near);
     }
 
-    /// Makes two parts of the visits side by side; the second one has an agenda of its own.
+    /// Makes two parts of the visits in parallel. The second part has a separate agenda.
     #[cold]
     fn share(&self, gathered: &mut Gathered, [mine, others]: [Visit; 2], agenda: Agenda) {
         let mut other = Gathered {
@@ -438,9 +441,9 @@ impl<'a> Task<'a> {
         gathered.found.append(&mut other.found);
     }
 
-    /// Tests candidates that are edges; keeps those that are splines and may meet.
+    /// Tests candidates that are edges. Keeps spline segments that may meet.
     #[inline(always)]
-    fn look_at_candidates(&self, gathered: &mut Gathered) {
+    fn test_candidates(&self, gathered: &mut Gathered) {
         let Gathered {
             candidates,
             near,
@@ -451,9 +454,9 @@ impl<'a> Task<'a> {
         self.candidates
             .fetch_add(candidates.len() as u64, Ordering::Relaxed);
         found.counts.candidates += candidates.len() as u64;
-        let own = self.own();
+        let same = self.is_self();
         for &(s, t) in candidates.iter() {
-            if own && self.adjacent(s, t) {
+            if same && self.adjacent(s, t) {
                 continue;
             }
             if !self.splines() {
@@ -470,7 +473,7 @@ impl<'a> Task<'a> {
     }
 
     /// Adds the passages of two edges of polylines.
-    fn add_edges(&self, s: u32, t: u32, found: &mut Tally) {
+    fn add_edges(&self, s: u32, t: u32, found: &mut Findings) {
         let [i, j] = self.curves;
         let edges = |set: &CurveSet| {
             [(i, s), (j, t)].map(|(i, s)| [set.knot(i, s as usize), set.knot(i, s as usize + 1)])
@@ -480,7 +483,8 @@ impl<'a> Task<'a> {
         self.add_passages(&before, &after, [s, t], along, found);
     }
 
-    /// Adds the passages of two pieces, which are within these segments, and `along` both curves.
+    /// Adds the passages of two pieces of these segments. `along` maps positions on the pieces to
+    /// positions along both curves.
     #[inline(always)]
     fn add_passages(
         &self,
@@ -488,7 +492,7 @@ impl<'a> Task<'a> {
         after: &Edges,
         segments: [u32; 2],
         along: impl Fn([f64; 2]) -> [f64; 2],
-        found: &mut Tally,
+        found: &mut Findings,
     ) {
         let [i, j] = self.curves.map(|i| i as u32);
         let event = |p: Passage| PullThrough {
@@ -508,7 +512,7 @@ impl<'a> Task<'a> {
             },
         };
         if let Some(points) = joint(before, after) {
-            // Pieces of a spline share their ends, which is no joint.
+            // A common end of pieces of one spline is no joint.
             if !self.splines() {
                 let contact = |f: usize| Contact {
                     event: PullThrough {
@@ -527,12 +531,12 @@ impl<'a> Task<'a> {
             }
             return;
         }
-        let ties = if self.own() {
+        let ties = if self.is_self() {
             Ties::Report
         } else {
             Ties::Translate
         };
-        let Tally {
+        let Findings {
             passages: list,
             contacts,
             ties: touching,
@@ -553,12 +557,12 @@ impl<'a> Task<'a> {
             let frames = [before, after];
             let beyond =
                 |f: usize| in_frames[f].is_some() && self.reaches_neighbours(frames[f], segments);
-            if self.own() && (0..2).any(beyond) {
+            if self.is_self() && (0..2).any(beyond) {
                 decided = Decided::Tie;
             } else {
                 if let [Some(start), Some(end)] = &mut in_frames {
-                    // The contact lasts for the whole step, as far as is known, so passages at ties
-                    // belong to it.
+                    // The contact is assumed to last for the whole step, so passages at ties belong
+                    // to it.
                     let at_ties = list.extract_if(first.., |f| f.tie);
                     start.sign += std::mem::take(&mut end.sign);
                     start.sign += at_ties.map(|f| f.event.sign).sum::<i32>();
@@ -596,13 +600,13 @@ impl<'a> Task<'a> {
             || (curve.closed && t == last && on(d, first))
     }
 
-    /// Adds the passages of near spline segments, in parts that are shared out.
-    fn add_splines_shared(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Tally) {
+    /// Adds the passages of near spline segments. Splits many of them into parallel tasks.
+    fn add_splines_shared(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
         if near.len() <= GRAIN {
             return self.add_splines(cuts, near, found);
         }
         let (left, right) = near.split_at(near.len() / 2);
-        let mut other = Tally::default();
+        let mut other = Findings::default();
         rayon::join(
             || self.add_splines_shared(cuts, left, found),
             || self.add_splines_shared(cuts, right, &mut other),
@@ -611,7 +615,7 @@ impl<'a> Task<'a> {
     }
 
     /// Adds the passages of near spline segments, sorted.
-    fn add_splines(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Tally) {
+    fn add_splines(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
         let (mut p, mut q) = (Vec::new(), Vec::new());
         let mut last = None;
         found.counts.near += near.len() as u64;
@@ -620,7 +624,7 @@ impl<'a> Task<'a> {
                 cuts.vertices(self, 0, s, &mut p);
                 last = Some(s);
             }
-            let itself = self.own() && s == t;
+            let itself = self.is_self() && s == t;
             if !itself {
                 cuts.vertices(self, 1, t, &mut q);
             }
@@ -641,8 +645,8 @@ impl<'a> Task<'a> {
                 self.count_exact(found.counts.exact - exact)
             };
             let done = match itself {
-                true => pieces_within(&p, &Motion, &mut test),
-                false => pieces_between(&p, &q, &Motion, &mut test),
+                true => pieces_within(&p, &MovingBoxes, &mut test),
+                false => pieces_between(&p, &q, &MovingBoxes, &mut test),
             };
             self.pieces.fetch_add(pieces, Ordering::Relaxed);
             if done.is_break() {
@@ -653,14 +657,14 @@ impl<'a> Task<'a> {
 
     /// [`Task::add_splines`] with all pairs of pieces.
     #[cfg(test)]
-    fn add_all_pieces(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Tally) {
+    fn add_all_pieces(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
         let (mut p, mut q) = (Vec::new(), Vec::new());
         for &(s, t) in near {
             cuts.vertices(self, 0, s, &mut p);
             cuts.vertices(self, 1, t, &mut q);
             for (k, a) in p.windows(2).enumerate() {
-                // A segment with itself: every two pieces once.
-                let first = if self.own() && s == t { k + 1 } else { 0 };
+                // A segment with itself: every pair of pieces once.
+                let first = if self.is_self() && s == t { k + 1 } else { 0 };
                 for b in q.windows(2).skip(first) {
                     self.add_pieces([s, t], [a, b], found);
                 }
@@ -669,7 +673,7 @@ impl<'a> Task<'a> {
     }
 
     /// Adds the passages of two pieces of spline segments.
-    fn add_pieces(&self, [s, t]: [u32; 2], pieces: [&[Vertex]; 2], found: &mut Tally) {
+    fn add_pieces(&self, [s, t]: [u32; 2], pieces: [&[Vertex]; 2], found: &mut Findings) {
         let edges = |f: usize| pieces.map(|piece| [0, 1].map(|k| piece[k].points[f]));
         let along = |at: [f64; 2]| {
             let mix = |k: usize| {
@@ -682,7 +686,7 @@ impl<'a> Task<'a> {
     }
 }
 
-/// An end that two pieces share in both frames.
+/// Returns an end that two pieces share in both frames.
 #[inline(always)]
 fn joint(before: &Edges, after: &Edges) -> Option<[Point; 2]> {
     let ends = [(0, 0), (0, 1), (1, 0), (1, 1)];
@@ -692,45 +696,45 @@ fn joint(before: &Edges, after: &Edges) -> Option<[Point; 2]> {
     Some([before[0][k], after[0][k]])
 }
 
-/// Adds pairs of different nodes above the leaves, children of one node, whose boxes overlap: with what is below them,
-/// every pair of segments of different leaves once.
+/// Adds pairs of different children of the same node, above the leaves, with overlapping boxes.
+/// Their descendants contain every pair of segments of different leaves once.
 fn above_the_leaves(tree: CurveTree<'_>, agenda: &mut Agenda) {
     let mut nodes = vec![tree.root()];
-    let mut room = BoxGroup::EMPTY;
+    let mut leaf = BoxGroup::EMPTY;
     while let Some(node) = nodes.pop() {
         if node.level == 0 {
             continue;
         }
-        let boxes = *tree.children(node, &mut room);
+        let boxes = *tree.children(node, &mut leaf);
         for k in 0..BLOCK {
-            let own = boxes.lane(k as usize);
-            if own == Box3::EMPTY {
+            let bounds = boxes.lane(k as usize);
+            if bounds == Box3::EMPTY {
                 break;
             }
             nodes.push(node.child(k));
-            let lanes = overlapping(Portable, &own, &boxes);
+            let lanes = overlapping(Portable, &bounds, &boxes);
             let later = (k + 1..BLOCK).filter(|l| lanes >> l & 1 != 0);
             agenda.extend(later.map(|l| (node.child(k), node.child(l))));
         }
     }
 }
 
-/// A vertex of a polyline that stands for a spline.
+/// A vertex of a polyline that replaces a spline.
 #[derive(Clone, Copy, Debug)]
 struct Vertex {
-    /// Its parameter in the segment.
+    /// Parameter in the segment.
     at: f64,
-    /// Where it is in both frames.
+    /// Position in both frames.
     points: [Point; 2],
 }
 
-/// Sieve for polylines whose vertices move from one frame to the next. Parts are apart if a
-/// coordinate separates them on the same side in both frames, and so at all times between. This is
-/// also the first test of two pieces.
-struct Motion;
+/// Sieve for polylines whose vertices move from one frame to the next. Two parts are apart if a
+/// coordinate separates them on the same side in both frames, and so at all times in between. The
+/// same test comes first for two pieces.
+struct MovingBoxes;
 
-impl Sieve<Vertex> for Motion {
-    /// Box in each frame: least and largest coordinates.
+impl Sieve<Vertex> for MovingBoxes {
+    /// Box in each frame: smallest and largest coordinates.
     type Bounds = [[Point; 2]; 2];
 
     fn bounds(&self, vertices: &[Vertex]) -> Self::Bounds {
@@ -754,7 +758,7 @@ impl Sieve<Vertex> for Motion {
     }
 }
 
-/// Where the segments of both curves are split, beyond the even split of all.
+/// Splits of the segments of both curves, in addition to the even split of all segments.
 #[derive(Debug, Default)]
 struct Cuts {
     /// Segment and parameter, sorted.
@@ -764,8 +768,8 @@ struct Cuts {
 }
 
 impl Cuts {
-    /// Splits for both frames, of all segments that are too near in them. On `Err`, two segments that are too close to
-    /// split.
+    /// Computes the splits for both frames, of all segments that are too near in them. Returns two
+    /// segments if they are too close to split.
     fn fill(&mut self, task: &Task<'_>, near: &[(u32, u32)]) -> Result<(), [u32; 2]> {
         let Cuts { at, close, halving } = self;
         at.iter_mut().for_each(Vec::clear);
@@ -773,8 +777,8 @@ impl Cuts {
             let separation = Separation::new(set, task.curves);
             close.clear();
             separation.add_close(near, close);
-            if task.own() {
-                // Neighbours are joined: no split would part them.
+            if task.is_self() {
+                // Adjacent segments are joined, so no split separates them.
                 close.retain(|&(s, t)| !task.adjacent(s, t));
             }
             if close.is_empty() {
@@ -782,7 +786,7 @@ impl Cuts {
             }
             separation.refine(close, halving)?;
             for (side, splits) in halving.splits.iter().enumerate() {
-                at[if task.own() { 0 } else { side }].extend_from_slice(&splits.at);
+                at[if task.is_self() { 0 } else { side }].extend_from_slice(&splits.at);
             }
         }
         for at in at.iter_mut() {
@@ -792,11 +796,12 @@ impl Cuts {
         Ok(())
     }
 
-    /// The vertices that stand for a segment of one of the curves, ends included.
+    /// Replaces `out` by the vertices of the polyline of a segment of one of the curves, including
+    /// its ends.
     fn vertices(&self, task: &Task<'_>, side: usize, s: u32, out: &mut Vec<Vertex>) {
-        let at = &self.at[if task.own() { 0 } else { side }];
+        let at = &self.at[if task.is_self() { 0 } else { side }];
         let start = at.partition_point(|c| c.0 < s);
-        let own = at[start..].iter().take_while(|c| c.0 == s).map(|c| c.1);
+        let splits = at[start..].iter().take_while(|c| c.0 == s).map(|c| c.1);
         out.clear();
         let (i, frames) = (task.curves[side], task.step.frames);
         out.push(Vertex {
@@ -805,7 +810,7 @@ impl Cuts {
         });
         let segments = frames.map(|set| set.segment(i, s as usize));
         let even = (1..PIECES).map(|k| f64::from(k) / f64::from(PIECES));
-        for at in even.chain(own) {
+        for at in even.chain(splits) {
             out.push(Vertex {
                 at,
                 points: segments.map(|b| point_at(&b, at)),

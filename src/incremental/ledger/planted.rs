@@ -1,12 +1,13 @@
-//! Steps with passages that are known from the way they are made.
+//! Steps with passages that are known by construction.
 //!
-//! A strand moves by one vector past another strand that stands still. Both are jittered lines, far longer than the
-//! vector, and return at a distance that nothing else comes near, or end. Where a moving edge meets a resting one is a
-//! linear equation, which is solved here by Cramer's rule: no code is shared with the ledger, and no idea.
+//! A strand moves by one vector past another strand at rest. Both are jittered lines, far longer
+//! than the vector. They end, or return at a distance from all others. The place and time at which
+//! a moving edge meets a resting one follow from a linear equation, which is solved here by
+//! Cramer's rule, independently of the code and the method of the ledger.
 
 use crate::curve::{Basis, CurveSet, Point, Positions};
 
-/// A generator with a seed.
+/// A random number generator with a seed.
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -21,7 +22,7 @@ impl Random {
         (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) % n
     }
 
-    /// Uniform in `[-1, 1]`.
+    /// Returns a number that is uniform in `[-1, 1]`.
     pub fn float(&mut self) -> f64 {
         self.below(1 << 31) as f64 / f64::from(1 << 30) - 1.0
     }
@@ -35,20 +36,20 @@ impl Random {
     }
 }
 
-/// What is planted.
+/// Kind of the planted passages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Plant {
-    /// One closed curve through another, once.
+    /// One closed curve passes through another one, once.
     Single,
-    /// One closed curve through another and out again.
+    /// One closed curve passes through another one and back.
     Cancelling,
-    /// A curve through itself.
-    Own,
-    /// A curve through another, at least one of which is open.
+    /// A curve passes through itself.
+    SelfCrossing,
+    /// A curve passes through another one, and at least one of them is open.
     Open,
 }
 
-/// A passage that a step has.
+/// A passage of a planted step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Known {
     pub curves: [u32; 2],
@@ -58,8 +59,8 @@ pub(crate) struct Known {
     pub point: Point,
 }
 
-/// Two frames and all passages between them, in their order in time.
-pub(crate) struct Scene {
+/// Two frames and all passages between them, in chronological order.
+pub(crate) struct PlantedStep {
     pub frames: [CurveSet; 2],
     pub known: Vec<Known>,
 }
@@ -67,7 +68,7 @@ pub(crate) struct Scene {
 /// Half the length of a strand.
 const LENGTH: f64 = 10.0;
 
-/// Points of the strand that moves, of the one that rests, and of their returns.
+/// Returns the points of the moving strand and of the resting one, and of their returns.
 fn strands(r: &mut Random, plant: Plant) -> ([Vec<Point>; 2], [Vec<Point>; 2]) {
     let line = |r: &mut Random, from: Point, to: Point, n: usize| -> Vec<Point> {
         (0..=n)
@@ -78,18 +79,18 @@ fn strands(r: &mut Random, plant: Plant) -> ([Vec<Point>; 2], [Vec<Point>; 2]) {
             })
             .collect()
     };
-    // The moving one along z, the resting one along x.
+    // The moving strand is along z, the resting one along x.
     let n = 16 + r.below(60) as usize;
     let a = line(r, [0., 0., -LENGTH], [0., 0., LENGTH], n);
     let m = 16 + r.below(60) as usize;
     let slope = r.between(-2.0, 2.0);
     let mut b = line(r, [-LENGTH, 0., -slope], [LENGTH, 0., slope], m);
     if plant == Plant::Cancelling {
-        // There and back, a finger to pass through.
+        // There and back: a finger.
         let gap = r.between(0.4, 0.6);
         b.extend(line(r, [LENGTH, gap, slope], [-LENGTH, gap, -slope], m));
     }
-    // Returns: in the planes of no other strand.
+    // The returns are in the planes of no other strand.
     let a_back = vec![
         [0., -3. * LENGTH, 2. * LENGTH],
         [0., -3. * LENGTH, -2. * LENGTH],
@@ -105,16 +106,17 @@ fn strands(r: &mut Random, plant: Plant) -> ([Vec<Point>; 2], [Vec<Point>; 2]) {
     ([a, b], [a_back, b_back])
 }
 
-/// A planted step; `None` where a passage is too near to a joint, or to the ends of the step, to be told by name.
-pub(crate) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene> {
+/// Returns a planted step, or `None` if the segments of a passage are ambiguous, because it is too
+/// near to a joint or to an end of the step.
+pub(crate) fn planted_step(r: &mut Random, basis: Basis, plant: Plant) -> Option<PlantedStep> {
     let ([a, b], [a_back, b_back]) = strands(r, plant);
     let moving = a.len();
-    // Past the resting strand, and past both of a finger.
+    // Past the resting strand, or past both strands of a finger.
     let far = if plant == Plant::Cancelling { 1.6 } else { 0.8 };
     let start = r.between(-0.75, -0.15);
     let by = [r.between(-0.3, 0.3), r.between(far, far + 0.4), 0.0];
     let shifted = |p: Point, t: f64| [p[0] + t * by[0], p[1] + start + t * by[1], p[2]];
-    // Those in the middle move; ends and return do not, nor does the rest.
+    // The points in the middle move. The ends, the return and the other curves do not.
     let moves = |k: usize| k >= moving / 4 && k < 3 * moving / 4;
     let mut curves: Vec<(bool, [Vec<Point>; 2])> = Vec::new();
     let first = [0.0, 1.0].map(|t| -> Vec<Point> {
@@ -139,8 +141,8 @@ pub(crate) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene>
             curves.push((one, both(first, &back(one, &a_back))));
             curves.push((other, both([b.clone(), b.clone()], &back(other, &b_back))));
         }
-        Plant::Own => {
-            // From the end of one to the start of the other, far from both.
+        Plant::SelfCrossing => {
+            // From the end of one strand to the start of the other one, far from both.
             let way = [
                 [0., -3. * LENGTH, 2. * LENGTH],
                 [-2. * LENGTH, -3. * LENGTH, 0.],
@@ -161,7 +163,7 @@ pub(crate) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene>
             }
         }
     }
-    // Bystanders, order, orientation, where the numbering starts, and the frame of reference.
+    // Bystanders, order, orientation, first vertex, and coordinate frame.
     let mut extra = Vec::new();
     for k in 0..r.below(3) {
         let at = [4.0 * LENGTH * (k as f64 + 1.0), 50.0, 50.0];
@@ -179,12 +181,12 @@ pub(crate) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene>
     if r.below(2) == 0 {
         curves.reverse();
     }
-    let own: Vec<u32> = (0..curves.len()).map(|k| (at + k) as u32).collect();
+    let planted: Vec<u32> = (0..curves.len()).map(|k| (at + k) as u32).collect();
     all.append(&mut curves);
     all.extend_from_slice(right);
     for (closed, frames) in &mut all {
         if r.below(2) == 0 {
-            // A Bezier curve has its first point first in both directions.
+            // Reversal keeps the first point of a Bezier curve.
             frames.iter_mut().for_each(|f| {
                 f.reverse();
                 if basis == Basis::Bezier && *closed {
@@ -226,11 +228,11 @@ pub(crate) fn scene(r: &mut Random, basis: Basis, plant: Plant) -> Option<Scene>
         v.rotate_left(turn);
         v
     });
-    let known = solve(&frames, &own, motions, scale)?;
-    Some(Scene { frames, known })
+    let known = solve(&frames, &planted, motions, scale)?;
+    Some(PlantedStep { frames, known })
 }
 
-/// The points of a smooth curve as Bezier pieces: straight ones between them.
+/// Returns the points of a curve as Bezier pieces that are straight.
 fn bezier(points: &[Point], closed: bool) -> Vec<Point> {
     let n = points.len();
     let mut out = Vec::new();
@@ -245,13 +247,14 @@ fn bezier(points: &[Point], closed: bool) -> Vec<Point> {
     out
 }
 
-/// Parts of a spline segment in whose chords passages are sought.
+/// Number of parts of a spline segment whose chords are tested for passages.
 const FINE: usize = 16;
 
-/// All passages of what moves by `step` through what rests, while all drifts.
+/// Returns all passages of the parts that move by `step` through the parts at rest, while all parts
+/// drift.
 fn solve(
     frames: &[CurveSet; 2],
-    own: &[u32],
+    planted: &[u32],
     [step, drift]: [Point; 2],
     scale: f64,
 ) -> Option<Vec<Known>> {
@@ -278,7 +281,7 @@ fn solve(
         motions: [Point; 2],
     }
     let mut parts: Vec<Fine> = Vec::new();
-    for &i in own {
+    for &i in planted {
         for s in 0..frames[0].curve(i as usize).segments as usize {
             for k in 0..fine {
                 let at = [k, k + 1].map(|k| k as f64 / fine as f64);
@@ -334,8 +337,8 @@ fn solve(
             if !(inside(s) && inside(u) && inside(t)) {
                 continue;
             }
-            // Ends before and after: the volume of `p0, p1, q0, q1` is `(d x e) . (q0 - p0)` less `t` times that
-            // of the motion.
+            // The volume of `p0, p1, q0, q1` is `(d x e) . (q0 - p0)`, minus `t` times that of the
+            // motion.
             let sign = if volume > 0.0 { 1 } else { -1 };
             let along = [
                 p.at[0] + s * (p.at[1] - p.at[0]),

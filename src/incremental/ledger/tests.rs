@@ -1,8 +1,9 @@
-//! The ledger against linking numbers, against all pairs of pieces, and against planted passages.
+//! Tests of the ledger against linking numbers, against all pairs of pieces, and against planted
+//! passages.
 
 use super::net::{Found, cancel};
 use super::pair::{Part, Step};
-use super::planted::{Plant, Random, scene};
+use super::planted::{Plant, Random, planted_step};
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Positions};
@@ -19,7 +20,7 @@ fn certificate(set: &CurveSet) -> Certificate {
     Verifier::new(AbortOn::Never).certify(set).0.clone()
 }
 
-/// Two frames of a few curves, of one of many kinds of motion.
+/// Returns two frames of a few curves, with one of many kinds of motion.
 fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
     let lattice = r.below(4) == 0;
     let closed: Vec<bool> = (0..2 + r.below(3)).map(|_| r.below(5) != 0).collect();
@@ -61,14 +62,14 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
     let mut after = before.clone();
     let size = 10f64.powf(r.between(-2.0, 0.5));
     match r.below(6) {
-        // Each point its own way.
+        // Each point moves separately.
         0 => {
             for p in after.iter_mut().flatten() {
                 let v = r.vector(size);
                 *p = [0, 1, 2].map(|x| p[x] + v[x]);
             }
         }
-        // Each curve as a whole; some stand still.
+        // Each curve moves as a whole; some are at rest.
         1 => {
             for curve in &mut after {
                 let size = [0.0, size][r.below(2) as usize];
@@ -78,7 +79,7 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
                     .for_each(|p| *p = [0, 1, 2].map(|x| p[x] + v[x]));
             }
         }
-        // A turn of all.
+        // A rotation of all curves.
         2 => {
             let (s, c) = r.between(0.0, TAU).sin_cos();
             for p in after.iter_mut().flatten() {
@@ -93,14 +94,14 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
                 *p = [0, 1, 2].map(|x| p[x] + f * v[x]);
             }
         }
-        // A few points far away: pull-throughs.
+        // A few points jump far: pull-throughs.
         4 => {
             for curve in &mut after {
                 let k = r.below(curve.len() as u64) as usize;
                 curve[k] = r.vector(3.0);
             }
         }
-        // Other curves.
+        // Unrelated curves.
         _ => {
             for curve in &mut after {
                 curve.iter_mut().for_each(|p| *p = r.vector(3.0));
@@ -126,19 +127,19 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
     })
 }
 
-/// [`Outcome::check`], by the certificates of both frames.
+/// [`Outcome::check`] with the certificates of both frames.
 fn unaccounted(outcome: &Outcome, [before, after]: &[Certificate; 2]) -> Vec<Pair> {
     let none = before.compare(before).unwrap();
     outcome.check(&none, &after.compare(before).unwrap())
 }
 
-/// Thousands of motions of every basis: linking numbers change by the sum of the signs.
+/// Linking numbers change by the sum of the signs, in thousands of motions of every basis.
 #[test]
 fn signs_add_up_to_the_change_of_the_linking_number() {
     let mut ledger = Ledger::default();
     for basis in Basis::ALL {
         let mut r = Random::new(7 + basis as u64);
-        let (mut changed, mut events, mut undecided, mut left_out) = (0, 0, 0, 0);
+        let (mut changed, mut events, mut undecided, mut undefined) = (0, 0, 0, 0);
         for k in 0..1500 {
             let [before, after] = random_step(&mut r, basis);
             let numbers = [&before, &after].map(certificate);
@@ -152,81 +153,91 @@ fn signs_add_up_to_the_change_of_the_linking_number() {
             changed += usize::from(numbers[0].links != numbers[1].links);
             events += outcome.events.len();
             undecided += outcome.undecided.len();
-            left_out += numbers.iter().map(|n| n.undefined.len()).sum::<usize>();
+            undefined += numbers.iter().map(|n| n.undefined.len()).sum::<usize>();
             let in_order = |w: &[PullThrough]| w[0].fraction <= w[1].fraction;
             assert!(outcome.events.windows(2).all(in_order));
         }
         println!(
-            "{basis:?}: {changed} of 1500 steps changed a linking number, {events} passages, {undecided} undecided, \
-             {left_out} without a number"
+            "{basis:?}: {changed} of 1500 steps changed a linking number, {events} passages, \
+             {undecided} undecided, {undefined} without a linking number"
         );
         assert!(changed > 400);
     }
 }
 
-/// Every planted passage is told, with its curves, segments, sign, time and place; and nothing else.
+/// The ledger finds every planted passage with its curves, segments, sign, time and place, and no
+/// others.
 #[test]
-fn planted_passages_are_told_and_no_others() {
+fn finds_the_planted_passages_and_no_others() {
     let mut ledger = Ledger {
         motion_limit: f64::INFINITY,
         ..Ledger::default()
     };
-    for plant in [Plant::Single, Plant::Cancelling, Plant::Own, Plant::Open] {
+    for plant in [
+        Plant::Single,
+        Plant::Cancelling,
+        Plant::SelfCrossing,
+        Plant::Open,
+    ] {
         let mut r = Random::new(40 + plant as u64);
-        let (mut done, mut refused) = (0, 0);
+        let (mut done, mut rejected) = (0, 0);
         while done < 1000 {
             let basis = Basis::ALL[done % 4];
-            let Some(scene) = scene(&mut r, basis, plant) else {
-                refused += 1;
-                assert!(refused < 10_000, "{plant:?}");
+            let Some(planted) = planted_step(&mut r, basis, plant) else {
+                rejected += 1;
+                assert!(rejected < 10_000, "{plant:?}");
                 continue;
             };
-            let signs: Vec<i32> = scene.known.iter().map(|k| k.sign).collect();
+            let signs: Vec<i32> = planted.known.iter().map(|k| k.sign).collect();
             let wanted = match plant {
                 Plant::Cancelling => signs.len() == 2,
                 _ => signs.len() == 1,
             };
             if !wanted {
-                refused += 1;
+                rejected += 1;
                 continue;
             }
             done += 1;
             if plant == Plant::Cancelling {
                 assert_eq!(signs.iter().sum::<i32>(), 0);
             }
-            let [before, after] = &scene.frames;
+            let [before, after] = &planted.frames;
             let outcome = ledger.first_step(before, after, ALL, None);
             assert_eq!(outcome.undecided, [], "{plant:?} {basis:?}");
-            let told: Vec<_> = outcome
+            let found: Vec<_> = outcome
                 .events
                 .iter()
                 .map(|e| ([e.i, e.j], e.segments, e.sign))
                 .collect();
-            let want: Vec<_> = scene
+            let want: Vec<_> = planted
                 .known
                 .iter()
                 .map(|k| (k.curves, k.segments, k.sign))
                 .collect();
-            assert_eq!(told, want, "{plant:?} {basis:?} {done}: {:?}", scene.known);
+            assert_eq!(
+                found, want,
+                "{plant:?} {basis:?} {done}: {:?}",
+                planted.known
+            );
             let accuracy = if basis.is_polyline() { 1e-6 } else { 0.01 };
-            for (e, k) in outcome.events.iter().zip(&scene.known) {
+            for (e, k) in outcome.events.iter().zip(&planted.known) {
                 assert!((e.fraction - k.fraction).abs() < accuracy, "{e:?} {k:?}");
             }
             let numbers = [before, after].map(certificate);
             assert_eq!(unaccounted(&outcome, &numbers), []);
             match plant {
                 Plant::Single => assert_ne!(numbers[0].links, numbers[1].links),
-                // What no linking number sees.
+                // These change no linking number.
                 _ => assert_eq!(numbers[0].links, numbers[1].links),
             }
         }
-        println!("{plant:?}: {done} told, {refused} scenes refused");
+        println!("{plant:?}: {done} scenes, {rejected} rejected");
     }
 }
 
-/// The search leaves nothing out: all pairs of pieces tell the same passages.
+/// The search misses nothing: a test of all pairs of pieces finds the same passages.
 #[test]
-fn the_search_finds_what_all_pairs_of_segments_have() {
+fn the_search_finds_the_passages_of_all_pairs_of_segments() {
     let mut ledger = Ledger::default();
     for basis in Basis::ALL {
         let mut r = Random::new(80 + basis as u64);
@@ -269,9 +280,10 @@ fn the_search_finds_what_all_pairs_of_segments_have() {
     }
 }
 
-/// Pairs that share themselves out, pairs left out, and any number of threads.
+/// The outcome is the same for pairs that are split into tasks, for a subset of the pairs, and for
+/// any number of threads.
 #[test]
-fn the_outcome_depends_on_nothing_but_the_frames() {
+fn the_outcome_depends_only_on_the_frames() {
     let n = 20_000;
     let mut r = Random::new(5);
     let strand = |r: &mut Random, f: f64, phase: f64| -> Vec<f64> {
@@ -303,12 +315,12 @@ fn the_outcome_depends_on_nothing_but_the_frames() {
         let one = run(1, None);
         assert!(one.events.len() > 1000, "{}", one.events.len());
         assert_eq!(run(5, None), one);
-        // Those of some pairs are the same.
+        // A subset of the pairs has the same passages.
         for pairs in [&[(0, 0), (0, 1)][..], &[(1, 1)]] {
-            let some = run(2, Some(pairs));
+            let subset = run(2, Some(pairs));
             let chosen = |e: &&PullThrough| pairs.contains(&(e.i, e.j));
             let want: Vec<PullThrough> = one.events.iter().filter(chosen).copied().collect();
-            assert_eq!(some.events, want);
+            assert_eq!(subset.events, want);
             assert!(!want.is_empty() && want.len() < one.events.len());
         }
         println!("{basis:?}: {} passages, {:?}", one.events.len(), one.counts);
@@ -346,7 +358,7 @@ fn only_opposite_passages_at_one_time_and_place_cancel() {
     assert_eq!(left(&[p(1), p(-1)], true), 0);
     assert_eq!(left(&[p(1), p(1)], true), 2);
     assert_eq!(left(&[p(1), p(-1), p(1)], true), 1);
-    // At the joint of two segments, and where a closed curve starts.
+    // At the joint of two segments, and at the start of a closed curve.
     let q = [
         found([2.999_999_9, 4.5], 0.5, 1),
         found([3.0, 4.5], 0.500_000_001, -1),
@@ -358,7 +370,8 @@ fn only_opposite_passages_at_one_time_and_place_cancel() {
     ];
     assert_eq!(left(&q, true), 0);
     assert_eq!(left(&q, false), 2);
-    // At another time; at another place of one of them, as when a finger comes down on a strand.
+    // At another time, or at another place of one curve, as when a finger is pressed down on a
+    // strand.
     let far = [
         found([3.0, 4.5], 0.500_001, -1),
         found([3.01, 4.5], 0.5, -1),
@@ -369,9 +382,9 @@ fn only_opposite_passages_at_one_time_and_place_cancel() {
     }
 }
 
-/// A finger that is pulled through a strand as a whole: both its sides pass at once, and it is no tie.
+/// A finger is pulled through a strand as a whole: both its sides pass at once, which is no tie.
 #[test]
-fn a_finger_that_passes_at_once_is_told_twice() {
+fn a_finger_that_passes_at_once_has_two_passages() {
     let counts = [-4, -3];
     let at = |z: f64| {
         let finger = [[0., 0., z], [1., 3., z], [2., 0., z], [1., -9., z]];
@@ -385,24 +398,25 @@ fn a_finger_that_passes_at_once_is_told_twice() {
     let [before, after] = [-1.0, 1.0]
         .map(|z| CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&at(z))).unwrap());
     let outcome = Ledger::default().first_step(&before, &after, ALL, None);
-    let told: Vec<_> = outcome
+    let found: Vec<_> = outcome
         .events
         .iter()
         .map(|e| (e.segments, e.fraction))
         .collect();
-    assert_eq!(told, [([0, 0], 0.5), ([1, 0], 0.5)]);
+    assert_eq!(found, [([0, 0], 0.5), ([1, 0], 0.5)]);
     assert_eq!(outcome.events[0].sign + outcome.events[1].sign, 0);
     assert_eq!(
         outcome.events[0].to_string(),
-        "curves 0 and 1 passed through one another at 0.500 of the step (-1), at (0.33333, 1.00000, 0.00000), segments 0 and 0"
+        "curves 0 and 1 passed through one another at 0.500 of the step (-1), \
+         at (0.33333, 1.00000, 0.00000), segments 0 and 0"
     );
 }
 
-/// Curves with repeated vertices, and curves whose ends are joined: no passages and no ties.
+/// Curves with repeated vertices and curves with joined ends have no passages and no ties.
 #[test]
-fn what_is_joined_does_not_pass_through_itself() {
+fn joined_pieces_do_not_pass_through_each_other() {
     let [p, q, s, t] = [[0., 0., 0.], [1., 0., 0.2], [1., 1., -0.2], [0., 1., 0.3]];
-    // A closed curve that rests twice at a vertex, and an open one from vertex to vertex of it.
+    // A closed curve with a repeated vertex, and an open one from one of its vertices to another.
     let points = [p, q, q, s, t, p, [0.5, 0.5, 3.0], s];
     let [before, after] = [0.0, 0.3].map(|f| {
         let bend = |v: Point| {
@@ -419,7 +433,7 @@ fn what_is_joined_does_not_pass_through_itself() {
     assert_eq!((outcome.events, outcome.undecided), (vec![], vec![]));
 }
 
-/// `cargo test --release --lib ledger::tests::speed -- --ignored --nocapture`.
+/// Run with `cargo test --release --lib ledger::tests::speed -- --ignored --nocapture`.
 #[test]
 #[ignore = "a measurement"]
 fn speed() {
@@ -428,7 +442,7 @@ fn speed() {
         "{:10}{:>7}{:>7}{:>7}{:>11}{:>8}{:>10}{:>8}{:>12}{:>12}{:>12}",
         "scene",
         "motion",
-        "own",
+        "self",
         "pairs",
         "candidates",
         "events",
@@ -485,7 +499,8 @@ fn speed() {
                 });
                 let c = outcome.counts;
                 println!(
-                    "{name:10}{motion:>7}{own:>7}{:>7}{:>11}{:>8}{:>10.2}{:>8.2}{:>12.1}{:>12.1}{:>12.2}",
+                    "{name:10}{motion:>7}{own:>7}{:>7}{:>11}{:>8}{:>10.2}{:>8.2}\
+                     {:>12.1}{:>12.1}{:>12.2}",
                     c.pairs,
                     c.candidates,
                     outcome.events.len(),
@@ -500,8 +515,8 @@ fn speed() {
     }
 }
 
-/// A closed spline that follows a few random points several times, within `noise`, and moves by as
-/// much.
+/// Returns a closed spline that follows a few random points several times, within `noise`, and
+/// moves by as much.
 fn doubled(r: &mut Random, basis: Basis, points: usize, turns: usize, noise: f64) -> [CurveSet; 2] {
     let ring: Vec<Point> = (0..points).map(|_| r.vector(1.0)).collect();
     [(); 2].map(|()| {
@@ -517,8 +532,8 @@ fn doubled(r: &mut Random, basis: Basis, points: usize, turns: usize, noise: f64
     })
 }
 
-/// Regression test: every piece was tested with every other one, which took 12 s a step for curves
-/// of about ten control points.
+/// Regression: every piece was tested with every other one, which took 12 s per step for curves of
+/// about ten control points.
 #[test]
 fn pieces_of_doubled_splines_are_tested_with_near_ones_only() {
     let mut ledger = Ledger::default();
@@ -531,7 +546,7 @@ fn pieces_of_doubled_splines_are_tested_with_near_ones_only() {
                 let outcome = ledger.first_step(&before, &after, ALL, None);
                 assert_eq!(outcome.undecided, [], "{basis:?} {noise}");
                 // A test of all pairs of pieces would need hundreds of millions of tests at the
-                // least noise.
+                // smallest noise.
                 let counts = outcome.counts;
                 assert!(counts.tests < 2_000_000, "{basis:?} {noise}: {counts:?}");
                 assert!(counts.exact < 2000, "{basis:?} {noise}: {counts:?}");
@@ -542,7 +557,7 @@ fn pieces_of_doubled_splines_are_tested_with_near_ones_only() {
     assert!(events > 20, "{events}");
 }
 
-/// The pairs of pieces that are skipped have no passages.
+/// Skipped pairs of pieces have no passages.
 #[test]
 fn doubled_splines_have_the_passages_of_all_their_pieces() {
     let mut ledger = Ledger::default();
@@ -569,10 +584,10 @@ fn doubled_splines_have_the_passages_of_all_their_pieces() {
     assert!(events > 20, "{events}");
 }
 
-/// The distance of the strands is near the rounding error, so floating point decides nothing: the
-/// step ends in time, and reports the pair as too close.
+/// The distance of the strands is near the rounding error, so floating point decides nothing. The
+/// step still ends in time, and reports the pair as too close.
 #[test]
-fn a_step_that_exact_arithmetic_would_decide_for_ever_is_too_close() {
+fn a_pair_that_needs_too_many_exact_tests_is_too_close() {
     let mut r = Random::new(7);
     let [before, after] = doubled(&mut r, Basis::Polyline, 10, 40, 1e-14);
     let run = |threads: usize| {

@@ -1,11 +1,11 @@
-//! Pull-throughs that the frames are too far apart to decide: the motion of the segments, and those
-//! that cancel after a motion beyond the limit.
+//! Pull-throughs that the frames are too far apart to resolve: those that cancel and moved further
+//! than the limit.
 
 use super::PullThrough;
 use crate::curve::Point;
 use crate::exact::Edges;
 
-/// Returns the indices of passages that cancel in pairs and moved further than the limit. Chooses
+/// Returns the indices of passages that cancel in pairs and moved further than the limit. Prefers
 /// those that moved furthest.
 pub(super) fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<usize> {
     let [forward, backward] = [1, -1].map(|sign| {
@@ -19,7 +19,7 @@ pub(super) fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<us
 }
 
 /// Returns the relative motion of points of two pieces in a step, in lengths of the longer of the
-/// segments that they belong to. Each piece is a part of its segment with these shares.
+/// segments that contain them. `shares` are the lengths of the pieces relative to their segments.
 pub(super) fn relative_motion(frames: [&Edges; 2], at: [f64; 2], shares: [f64; 2]) -> f64 {
     let mix = |[a, b]: [Point; 2], t: f64| [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x]);
     let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
@@ -33,7 +33,7 @@ pub(super) fn relative_motion(frames: [&Edges; 2], at: [f64; 2], shares: [f64; 2
     norm(motion) / lengths.as_flattened().iter().copied().fold(0.0, f64::max)
 }
 
-/// Returns the length of a vector, whose square may overflow or underflow.
+/// Returns the length of a vector, even if its square overflows or underflows.
 fn norm(v: Point) -> f64 {
     v[0].hypot(v[1]).hypot(v[2])
 }
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn motions_are_in_lengths_of_the_longer_segment_however_it_is_split() {
+    fn motions_are_in_lengths_of_the_longer_segment_for_any_split() {
         let first = |y: f64| [[-1.0, y, 0.0], [1.0, y, 0.0]];
         let second = [[0.0, 0.0, -2.0], [0.0, 0.0, 2.0]];
         let [before, after] = [-3.0, 3.0].map(|y| [first(y), second]);
