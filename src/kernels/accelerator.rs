@@ -1,4 +1,4 @@
-//! A graphics processor for kernels, where there is one and it was asked for.
+//! GPU adapter in use by the kernels: chosen, opened, replaced by the CPU after a failure.
 
 use super::calibration::Calibration;
 use super::crossings::Scene;
@@ -16,54 +16,56 @@ use super::gpu::{self, Frame, Gpu, Trouble};
 #[cfg(feature = "gpu")]
 use std::sync::OnceLock;
 
-/// Tests for crossings that a graphics processor was given in the last frame.
+/// Crossing tests that ran on a GPU in the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Offload {
-    /// Pairs of segments that it tested.
+    /// Segment pairs tested.
     pub tests: u64,
-    /// Those of them that single precision did not decide: the processor did, exactly.
+    /// Segment pairs that single precision did not decide. The CPU decided them, exactly.
     pub undecided: u64,
 }
 
-/// The adapter in use, or none: then everything runs on the processor.
+/// The adapter in use. Without one, all kernels run on the CPU.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Accelerator {
-    /// Opened at once where it was asked for. One that is ours to choose is opened when it is first chosen, since that takes
-    /// longer than many a frame; none where that failed.
+    /// A requested adapter is opened at once. Under [`Device::Auto`] the adapter is opened when it
+    /// is first chosen, because opening takes longer than many frames. Contains `None` if opening
+    /// failed.
     #[cfg(feature = "gpu")]
     gpu: OnceLock<Option<Arc<Gpu>>>,
-    /// The one that was asked for: it gets all that it can do.
-    asked_for: Option<DeviceInfo>,
-    /// What says where the adapter wins, where it is for us to choose.
+    /// The adapter that the user requested. It gets all work that it supports.
+    requested: Option<DeviceInfo>,
+    /// Measured cost, which decides what runs on the adapter under [`Device::Auto`].
     calibration: Option<Calibration>,
-    /// The vertices of the frame in work, where they were sent.
+    /// Vertices of the current frame, once they are uploaded.
     #[cfg(feature = "gpu")]
-    sent: Option<Arc<Frame>>,
-    /// The frame after the one in work, where it is known.
+    uploaded: Option<Arc<Frame>>,
+    /// The next frame, if it is known.
     #[cfg(feature = "gpu")]
-    announced: Option<Arc<CurveSet>>,
-    /// That frame, once its vertices were sent.
+    next: Option<Arc<CurveSet>>,
+    /// The next frame and its vertices, once they are uploaded.
     #[cfg(feature = "gpu")]
-    sent_ahead: Option<(Arc<CurveSet>, Arc<Frame>)>,
-    /// Of the last frame.
+    uploaded_next: Option<(Arc<CurveSet>, Arc<Frame>)>,
+    /// Work of the last frame.
     offload: Offload,
 }
 
-/// An adapter that work may go to.
+/// An adapter that is available for work.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Offer<'a> {
-    /// Its name.
+    /// Name of the adapter.
     pub adapter: &'a str,
-    /// Whether it was asked for, and gets the work wherever it can do it.
+    /// True if the user requested this adapter. It then gets all work that it supports.
     pub asked_for: bool,
-    /// What it was measured to take.
+    /// Measured cost of the kernels, if there is a calibration.
     pub calibration: Option<&'a Calibration>,
 }
 
 impl Accelerator {
     /// Opens a device.
     ///
-    /// Errors: [`Error::Device`] where it was asked for by name or as such and there is none that can be used.
+    /// Errors: [`Error::Device`] if a GPU was requested, by name or not, and no matching adapter
+    /// can be used.
     #[cfg(feature = "gpu")]
     pub fn open(device: &Device) -> Result<Accelerator> {
         match device {
@@ -75,16 +77,17 @@ impl Accelerator {
                 Ok(Accelerator {
                     gpu: OnceLock::from(Some(gpu)),
                     calibration: Calibration::of(&info),
-                    asked_for: Some(info),
+                    requested: Some(info),
                     ..Accelerator::default()
                 })
             }
-            // No adapter is opened that was never measured, and none is missed.
+            // Opens no adapter without a calibration, and reports no missing one.
             Device::Auto => Ok(Accelerator::choosing_by(Calibration::fastest())),
         }
     }
 
-    /// The adapter of a calibration, where that says that it wins.
+    /// Returns an accelerator that uses the adapter of a calibration if the calibration predicts
+    /// that it is faster than the CPU.
     #[cfg(feature = "gpu")]
     pub fn choosing_by(calibration: Option<Calibration>) -> Accelerator {
         Accelerator {
@@ -93,20 +96,21 @@ impl Accelerator {
         }
     }
 
-    /// Opens a device: this build knows none but the processor.
+    /// Opens a device. This build supports the CPU only.
     ///
-    /// Errors: [`Error::Device`] where another one was asked for.
+    /// Errors: [`Error::Device`] if another device was requested.
     #[cfg(not(feature = "gpu"))]
     pub fn open(device: &Device) -> Result<Accelerator> {
         match device {
             Device::Auto | Device::Cpu => Ok(Accelerator::default()),
             Device::Gpu | Device::Named(_) | Device::Index(_) => Err(Error::Device(
-                "this build has no kernels for graphics processors".into(),
+                "this build has no GPU kernels; build with the feature `gpu`, or use --device cpu"
+                    .into(),
             )),
         }
     }
 
-    /// The adapter, opened.
+    /// Returns the adapter; opens it first if needed.
     #[cfg(feature = "gpu")]
     fn gpu(&self) -> Option<&Arc<Gpu>> {
         let opened = self.gpu.get_or_init(|| {
@@ -114,21 +118,25 @@ impl Accelerator {
             let name = &calibration.adapter;
             let Some(device) = gpu::find(|info| calibration.is_of(info)) else {
                 tracing::info!(
-                    "{name} is not there as it was measured (linkwatch devices --calibrate)"
+                    "no adapter matches the calibration of {name}; kernels run on the CPU \
+                     (calibrate again: linkwatch devices --calibrate)"
                 );
                 return None;
             };
             let opened = Gpu::shared(&device);
             opened
                 .inspect_err(|trouble| {
-                    tracing::info!("{name}, which was measured, cannot be used: {trouble}");
+                    tracing::info!(
+                        "cannot use the calibrated adapter {name}, \
+                         kernels run on the CPU: {trouble}"
+                    );
                 })
                 .ok()
         });
         opened.as_ref().filter(|gpu| !gpu.is_lost())
     }
 
-    /// Which adapter it is, once it is open and until it is lost.
+    /// Returns the properties of the adapter if it is open and not lost.
     pub fn info(&self) -> Option<DeviceInfo> {
         #[cfg(feature = "gpu")]
         {
@@ -139,7 +147,7 @@ impl Accelerator {
         None
     }
 
-    /// Whether there is an adapter that can be used; opens it.
+    /// Returns true if an adapter can be used. Opens it first if needed.
     pub fn answers(&self) -> bool {
         #[cfg(feature = "gpu")]
         return self.gpu().is_some();
@@ -147,101 +155,105 @@ impl Accelerator {
         false
     }
 
-    /// The adapter, for those who choose; none where there is none.
+    /// Returns the adapter for the choice of a kernel, or `None` if there is none.
     pub fn offer(&self) -> Option<Offer<'_>> {
         #[cfg(feature = "gpu")]
         if matches!(self.gpu.get(), Some(None)) {
             return None;
         }
         let calibration = self.calibration.as_ref();
-        let adapter = match &self.asked_for {
+        let adapter = match &self.requested {
             Some(info) => &info.name,
             None => &calibration?.adapter,
         };
         Some(Offer {
             adapter,
-            asked_for: self.asked_for.is_some(),
+            asked_for: self.requested.is_some(),
             calibration,
         })
     }
 
-    /// What the last frame gave it.
+    /// Returns the GPU work of the last frame.
     pub fn offload(&self) -> Offload {
         self.offload
     }
 
-    /// Forgets the frame before.
+    /// Resets the state of the previous frame.
     pub fn start_frame(&mut self) {
         self.offload = Offload::default();
         #[cfg(feature = "gpu")]
         {
-            self.sent = None;
+            self.uploaded = None;
         }
     }
 
-    /// Says which frame comes next: its vertices go up while the crossings of the one before it are counted.
+    /// Announces the next frame. Its vertices are uploaded while the crossings of the current frame
+    /// are counted.
     #[cfg(feature = "gpu")]
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
-        self.announced = Some(Arc::clone(next));
+        self.next = Some(Arc::clone(next));
     }
 
-    /// Announces nothing.
+    /// Does nothing: this build supports the CPU only.
     #[cfg(not(feature = "gpu"))]
     pub fn announce(&mut self, _: &Arc<CurveSet>) {}
 
-    /// Lets go of a frame that was verified, whether it was sent ahead or not.
+    /// Releases a verified frame, uploaded in advance or not.
     pub fn end_frame(&mut self, _set: &CurveSet) {
         #[cfg(feature = "gpu")]
         {
-            self.announced = None;
-            self.sent_ahead.take_if(|(of, _)| std::ptr::eq(&**of, _set));
+            self.next = None;
+            self.uploaded_next
+                .take_if(|(of, _)| std::ptr::eq(&**of, _set));
         }
     }
 
-    /// Whether the vertices of a frame went up ahead of its turn.
+    /// Returns true if the vertices of a frame were uploaded before its turn.
     #[cfg(all(test, feature = "gpu"))]
     pub fn has_sent(&self, set: &CurveSet) -> bool {
-        let sent = self.sent_ahead.as_ref();
+        let sent = self.uploaded_next.as_ref();
         sent.is_some_and(|(of, _)| std::ptr::eq(&**of, set))
     }
 
-    /// Sends up the vertices of a frame whose crossings are sure to be counted there, while the processor has other things
-    /// to do.
+    /// Uploads the vertices of a frame whose crossings will be counted on the adapter, while the
+    /// CPU does other work.
     #[cfg(feature = "gpu")]
     pub fn send_ahead(&mut self, set: &CurveSet) {
-        if self.asked_for.is_none() || !set.basis().is_polyline() {
+        if self.requested.is_none() || !set.basis().is_polyline() {
             return;
         }
         if let Some(gpu) = self.gpu().cloned() {
             let frame = self.frame(set);
             if let Err(trouble) = gpu.send(&frame) {
-                self.give_up(&trouble);
+                self.fall_back_to_cpu(&trouble);
             }
         }
     }
 
-    /// The vertices of a set, which may be on the adapter already.
+    /// Returns the vertices of a set, which may be uploaded already.
     #[cfg(feature = "gpu")]
     fn frame(&mut self, set: &CurveSet) -> Arc<Frame> {
-        let frame = match (self.sent.take(), self.sent_ahead.take()) {
+        let frame = match (self.uploaded.take(), self.uploaded_next.take()) {
             (Some(frame), ahead) => {
-                self.sent_ahead = ahead;
+                self.uploaded_next = ahead;
                 frame
             }
             (None, Some((of, frame))) if std::ptr::eq(&*of, set) => frame,
             _ => Arc::new(Frame::new(set)),
         };
-        self.sent = Some(Arc::clone(&frame));
+        self.uploaded = Some(Arc::clone(&frame));
         frame
     }
 
-    /// Sends nothing.
+    /// Does nothing: this build supports the CPU only.
     #[cfg(not(feature = "gpu"))]
     pub fn send_ahead(&mut self, _: &CurveSet) {}
 
     #[cfg(feature = "gpu")]
-    fn give_up(&mut self, trouble: &Trouble) {
-        tracing::warn!("from here on all is computed on the processor: {trouble}");
+    fn fall_back_to_cpu(&mut self, trouble: &Trouble) {
+        tracing::warn!(
+            "the GPU failed; this and all further frames are computed on the CPU: {trouble}"
+        );
         let offload = self.offload;
         *self = Accelerator {
             offload,
@@ -249,8 +261,9 @@ impl Accelerator {
         };
     }
 
-    /// Counts the crossings of all pairs, in parts that follow one another in the order of the pairs. None where that is left to
-    /// the processor: without an adapter, for splines, and once it failed, which is said.
+    /// Counts the crossings of all pairs on the adapter. Returns the parts in the order of the
+    /// pairs, or `None` if the CPU has to count: without an adapter, for splines, and after a
+    /// failure, which is logged.
     #[cfg(feature = "gpu")]
     pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<Vec<Counted>> {
         if pairs.is_empty() || !scene.set.basis().is_polyline() {
@@ -258,98 +271,100 @@ impl Accelerator {
         }
         let gpu = self.gpu()?.clone();
         let frame = self.frame(scene.set);
-        let next = self.announced.take();
+        let next = self.next.take();
         match gpu.count(&frame, scene, pairs, next.as_deref()) {
             Ok(((parts, undecided), ahead)) => {
-                // What an earlier part of the frame has sent stays.
+                // Keeps the upload that an earlier part of the frame made.
                 if let Some(ahead) = next.zip(ahead.map(Arc::new)) {
-                    self.sent_ahead = Some(ahead);
+                    self.uploaded_next = Some(ahead);
                 }
                 self.offload.tests += parts.iter().map(|part| part.stats.tests).sum::<u64>();
                 self.offload.undecided += undecided;
                 Some(parts)
             }
             Err(trouble) => {
-                self.give_up(&trouble);
+                self.fall_back_to_cpu(&trouble);
                 None
             }
         }
     }
 
-    /// Counts nothing.
+    /// Returns `None`: this build supports the CPU only.
     #[cfg(not(feature = "gpu"))]
     pub fn count(&mut self, _: Scene<'_>, _: &[Pair]) -> Option<Vec<Counted>> {
         None
     }
 
-    /// The adapter for a sum, where it was asked for or `wins` by its calibration.
+    /// Returns the adapter for a sum if it was requested, or if `wins` holds for its calibration.
     #[cfg(feature = "gpu")]
     fn summing(&self, wins: impl Fn(&Calibration) -> bool) -> Option<&Arc<Gpu>> {
         let chosen = || self.calibration.as_ref().is_some_and(wins);
-        match self.asked_for.is_some() || chosen() {
+        match self.requested.is_some() || chosen() {
             true => self.gpu(),
             false => None,
         }
     }
 
-    /// A kernel that sums these pairs on the adapter; that of the processor, which is made when it is needed, where the adapter
-    /// does not win, and where it fails.
+    /// Returns a kernel that sums these pairs. It runs on the adapter if the adapter is faster or
+    /// was requested, else on the CPU. The CPU kernel is also the fallback after a failure; it is
+    /// built only if needed.
     #[cfg(feature = "gpu")]
     pub fn direct_sum<'a>(
         &'a self,
         set: &'a CurveSet,
         pairs: &[Pair],
-        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
+        cpu: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
         match self.summing(|c| c.direct.wins(segment_pairs(set, pairs))) {
             Some(gpu) => {
                 let sum = gpu::DirectSum::new(gpu, set);
-                Box::new(gpu::WithStandby::new(sum, processor))
+                Box::new(gpu::WithFallback::new(sum, cpu))
             }
-            None => processor(),
+            None => cpu(),
         }
     }
 
-    /// Barnes-Hut on the adapter, likewise; `beta` leaves it at one pass by distance.
+    /// Returns a Barnes-Hut kernel, chosen as in [`Accelerator::direct_sum`]. With `beta` it makes
+    /// one pass and accepts node pairs by distance.
     #[cfg(feature = "gpu")]
     pub fn barnes_hut<'a>(
         &'a self,
         set: &CurveSet,
         pairs: &[Pair],
         beta: Option<f64>,
-        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
+        cpu: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
-        // Which of the two is faster with a beta is not measured.
+        // With a beta the two were not compared, so no adapter is predicted to win.
         let wins = |c: &Calibration| beta.is_none() && c.barnes_hut.wins(segments(set, pairs));
         match self.summing(wins) {
             Some(gpu) => {
                 let sum = gpu::BarnesHutSum::new(gpu, set, beta);
-                Box::new(gpu::WithStandby::new(sum, processor))
+                Box::new(gpu::WithFallback::new(sum, cpu))
             }
-            None => processor(),
+            None => cpu(),
         }
     }
 
-    /// The kernel of the processor.
+    /// Returns the CPU kernel.
     #[cfg(not(feature = "gpu"))]
     pub fn barnes_hut<'a>(
         &'a self,
         _: &CurveSet,
         _: &[Pair],
         _: Option<f64>,
-        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
+        cpu: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
-        processor()
+        cpu()
     }
 
-    /// The kernel of the processor.
+    /// Returns the CPU kernel.
     #[cfg(not(feature = "gpu"))]
     pub fn direct_sum<'a>(
         &'a self,
         _: &CurveSet,
         _: &[Pair],
-        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
+        cpu: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
     ) -> Box<dyn Summation + 'a> {
-        processor()
+        cpu()
     }
 }

@@ -1,7 +1,8 @@
-//! What kernels were measured to take on an adapter, beside the processor: the ground on which one of them is chosen.
+//! Measured cost of the kernels on an adapter and on the CPU, from which the faster one is chosen.
 //!
-//! A calibration is kept per adapter, driver and number of threads, in a file of the user's cache. It is made when it is
-//! asked for ([`crate::plan::calibrate`]), never on the way; without one, the processor is chosen.
+//! A calibration belongs to an adapter, a driver and a number of threads. It is stored in a file in
+//! the user's cache folder. It is made on request only ([`crate::plan::calibrate`]), never during
+//! verification. Without a calibration the CPU is chosen.
 
 use super::device::DeviceInfo;
 use crate::curve::CurveSet;
@@ -11,76 +12,78 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// How long the kernels take on an adapter, whole frames, and on the processor.
+/// Cost of the kernels for whole frames, on an adapter and on the CPU.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// The adapter's name.
+    /// Name of the adapter.
     pub adapter: String,
-    /// Backend of the adapter: the same GPU has other timings under another backend.
+    /// Graphics interface of the adapter. The same GPU has other timings under another one.
     pub backend: String,
-    /// Its driver: another one is another adapter.
+    /// Driver of the adapter. A calibration is not valid for another driver.
     pub driver: String,
-    /// Threads of the processor.
+    /// Number of CPU threads.
     pub threads: usize,
-    /// Direct sums, by pairs of segments.
+    /// Cost of direct sums, per segment pair.
     pub direct: SumCost,
-    /// Barnes-Hut by the bound, by segments of all pairs of curves.
+    /// Cost of Barnes-Hut with the proven error bound, per segment, over all pairs of curves.
     pub barnes_hut: SumCost,
-    /// Counting crossings.
+    /// Cost of counting crossings.
     pub crossings: CountingCost,
 }
 
-/// What a sum takes, by the size of its work.
+/// Cost of a sum as a linear function of its work.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SumCost {
-    /// The smallest sum on the adapter, in milliseconds.
+    /// Time of the smallest sum on the adapter, in milliseconds.
     pub round_trip_ms: f64,
-    /// A unit of the work there, in nanoseconds.
+    /// Time per unit of work on the adapter, in nanoseconds.
     pub adapter_ns: f64,
-    /// The same on all threads of the processor.
+    /// Time per unit of work on all CPU threads, in nanoseconds.
     pub processor_ns: f64,
 }
 
-/// What counting the crossings of a frame takes on an adapter, from vertices in memory to linking numbers, by its counts.
+/// Cost of counting the crossings of a frame on an adapter, from vertices in memory to linking
+/// numbers, as a linear function of its counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CountingCost {
-    /// The smallest frame, in milliseconds.
+    /// Time of the smallest frame, in milliseconds.
     pub round_trip_ms: f64,
-    /// A segment of the frame, in nanoseconds.
+    /// Time per segment of the frame, in nanoseconds.
     pub segment_ns: f64,
-    /// A potential link.
+    /// Time per potential link, in nanoseconds.
     pub link_ns: f64,
-    /// A test: a pair of segments whose boxes overlap.
+    /// Time per test (a segment pair whose boxes overlap), in nanoseconds.
     pub test_ns: f64,
-    /// By what factor times differ from these, typically: 1 where the counts tell everything.
+    /// Typical factor between measured and predicted times; 1 if the prediction is perfect.
     pub misfit: f64,
-    /// What counting takes on all threads of the processor, by what its plan predicts.
+    /// Measured time on all CPU threads, divided by the time that the plan predicts.
     pub processor_factor: f64,
 }
 
-/// Counts of a frame whose crossings are counted.
+/// Counts of a frame, from which the cost of counting its crossings is predicted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct CountingWork {
-    /// Segments of all curves.
+    /// Number of segments of all curves.
     pub segments: u64,
-    /// Potential links.
+    /// Number of potential links.
     pub links: u64,
-    /// Pairs of segments whose boxes overlap.
+    /// Number of segment pairs whose boxes overlap.
     pub tests: u64,
 }
 
 impl SumCost {
-    /// Whether so much work is predicted to take less than on the processor.
+    /// Returns true if the adapter is predicted to be faster than the CPU on this work.
     pub fn wins(&self, work: u64) -> bool {
         let millions = work as f64 * 1e-6;
         self.round_trip_ms + self.adapter_ns * millions < self.processor_ns * millions
     }
 
-    /// The work from which on the adapter is predicted to take less than the processor; none where it never does.
+    /// Returns the least work on which the adapter is predicted to be faster than the CPU. Returns
+    /// `None` if it never is.
     pub fn break_even(&self) -> Option<u64> {
         let gain = self.processor_ns - self.adapter_ns;
         let work = self.round_trip_ms * 1e6 / gain;
-        // Not where it is NaN either.
+        // Written so that a NaN gives `None` as well.
         (gain > 0.0).then_some((work.ceil() as u64).saturating_add(1))
     }
 
@@ -91,7 +94,7 @@ impl SumCost {
 }
 
 impl CountingCost {
-    /// What a frame is predicted to take on the adapter, in milliseconds.
+    /// Returns the predicted time of a frame on the adapter, in milliseconds.
     pub(crate) fn adapter_ms(&self, work: CountingWork) -> f64 {
         let CountingWork {
             segments,
@@ -116,18 +119,20 @@ impl CountingCost {
 }
 
 impl Calibration {
-    /// Whether it is of this adapter, as it is now, and of the threads there are.
+    /// Returns true if the calibration is of this adapter and driver, and of the current number of
+    /// threads.
     pub fn is_of(&self, info: &DeviceInfo) -> bool {
         (&self.adapter, &self.backend, &self.driver) == (&info.name, &info.backend, &info.driver)
             && self.threads == rayon::current_num_threads()
     }
 
-    /// That of an adapter, if it was measured as it is now.
+    /// Returns the stored calibration of an adapter, if there is a valid one.
     pub fn of(info: &DeviceInfo) -> Option<Calibration> {
         read(&file()?).ok()?.into_iter().find(|c| c.is_of(info))
     }
 
-    /// The one of the fastest adapter for as many threads as there are, if any was measured.
+    /// Returns the stored calibration of the fastest adapter for the current number of threads, if
+    /// there is any.
     pub fn fastest() -> Option<Calibration> {
         let mut all = read(&file()?).ok()?;
         all.retain(|c| c.threads == rayon::current_num_threads());
@@ -135,54 +140,59 @@ impl Calibration {
             .min_by(|a, b| a.direct.adapter_ns.total_cmp(&b.direct.adapter_ns))
     }
 
-    /// Keeps it, in the place of an older one.
+    /// Stores the calibration. Replaces an older one of the same adapter. Returns the path of the
+    /// file.
     ///
-    /// Errors: [`Error::File`]; [`Error::Device`] where the user has no folder for such things.
+    /// Errors: [`Error::File`]; [`Error::Device`] if the user has no cache folder.
     pub fn keep(&self) -> Result<PathBuf> {
-        let file =
-            file().ok_or_else(|| Error::Device("no folder to keep a calibration in".into()))?;
+        let file = file().ok_or_else(|| {
+            Error::Device("no cache folder for the calibration; set XDG_CACHE_HOME or HOME".into())
+        })?;
         self.keep_in(&file)?;
         Ok(file)
     }
 
     fn keep_in(&self, file: &Path) -> Result<()> {
-        // What cannot be read is of no use.
+        // An unreadable file is replaced.
         let mut all = read(file).unwrap_or_default();
         let key = |c: &Calibration| (c.adapter.clone(), c.backend.clone(), c.threads);
         all.retain(|c| key(c) != key(self));
         all.push(self.clone());
         let folder = file.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder).map_err(Error::file(folder))?;
-        // Moved to its place as a whole: who reads it meanwhile, or after a kill, finds what it was before.
+        // The file is renamed into place, so that concurrent readers, also after a kill, find
+        // either the old or the new contents.
         let whole = file.with_extension(format!("{}.part", std::process::id()));
         let text = format!("{:#}\n", json!(all));
         let moved = std::fs::write(&whole, text).and_then(|()| std::fs::rename(&whole, file));
         moved.map_err(|e| {
-            // It may not be there at all.
+            // The write may have failed before the file existed.
             let _ = std::fs::remove_file(&whole);
             Error::file(file)(e)
         })
     }
 
-    /// None where something is missing, as from what an older version has kept, or is no time.
+    /// Returns `None` if a field is missing, as in a file of an older version, or is not a valid
+    /// time.
     fn from_json(v: Value) -> Option<Calibration> {
         let c: Calibration = serde_json::from_value(v).ok()?;
         c.is_valid().then_some(c)
     }
 
-    /// Whether all of it are times, and what else they come from.
+    /// Returns true if all times and factors are valid numbers.
     pub(crate) fn is_valid(&self) -> bool {
         self.direct.is_valid() && self.barnes_hut.is_valid() && self.crossings.is_valid()
     }
 }
 
-/// Pairs of segments of some pairs of curves: what direct sums go by.
+/// Returns the number of segment pairs of some pairs of curves: the work of direct sums.
 pub(crate) fn segment_pairs(set: &CurveSet, pairs: &[Pair]) -> u64 {
     let segments = |i: u32| u64::from(set.curve(i as usize).segments);
     pairs.iter().map(|&(i, j)| segments(i) * segments(j)).sum()
 }
 
-/// Segments of some pairs of curves: what Barnes-Hut goes by.
+/// Returns the number of segments of some pairs of curves, counted once for each pair: the work of
+/// Barnes-Hut.
 #[cfg(feature = "gpu")]
 pub(crate) fn segments(set: &CurveSet, pairs: &[Pair]) -> u64 {
     let segments = |i: u32| u64::from(set.curve(i as usize).segments);
@@ -197,7 +207,7 @@ fn read(file: &Path) -> std::io::Result<Vec<Calibration>> {
     Ok(all.into_iter().filter_map(Calibration::from_json).collect())
 }
 
-/// Where calibrations are kept.
+/// Returns the path of the file that stores the calibrations.
 fn file() -> Option<PathBuf> {
     let folder = |name: &str| {
         std::env::var_os(name)
@@ -210,10 +220,11 @@ fn file() -> Option<PathBuf> {
     Some(cache.join("linkwatch").join("devices.json"))
 }
 
-/// An adapter that was never measured, for tests.
+/// Invented calibrations for tests.
 #[cfg(test)]
 impl Calibration {
-    /// Its frames take `round_trip_ms`, and what its work takes is to the processor's as 1 to `speed`.
+    /// Returns a calibration whose frames take `round_trip_ms` at least and whose adapter is
+    /// `speed` times as fast as the CPU per unit of work.
     pub(crate) fn made_up(round_trip_ms: f64, speed: f64) -> Calibration {
         let sum = |processor_ns: f64| SumCost {
             round_trip_ms,
@@ -244,7 +255,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn large_sums_win_where_the_adapter_is_faster() {
+    fn large_sums_win_if_the_adapter_is_faster() {
         let mut sum = SumCost {
             round_trip_ms: 1.0,
             adapter_ns: 0.01,
@@ -258,9 +269,9 @@ mod tests {
         assert_eq!(sum.break_even(), None);
     }
 
-    /// It came back to 0, which is all of them.
+    /// Regression test: the conversion wrapped to 0, which means that the adapter always wins.
     #[test]
-    fn a_break_even_beyond_all_numbers_is_no_small_one() {
+    fn break_even_saturates() {
         let sum = SumCost {
             round_trip_ms: 1e300,
             adapter_ns: 1e-300,
@@ -270,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_comes_back_and_nonsense_does_not() {
+    fn valid_calibrations_survive_a_round_trip_and_invalid_ones_are_rejected() {
         let good = Calibration::made_up(0.5, 10.0);
         assert_eq!(Calibration::from_json(json!(good)), Some(good.clone()));
         let with = |change: &dyn Fn(&mut Calibration)| {
@@ -285,10 +296,10 @@ mod tests {
             assert_eq!(with(&|c| c.crossings.processor_factor = x), None);
             assert_eq!(with(&|c| c.crossings.misfit = x), None);
         }
-        // A fit may find that a segment costs nothing.
+        // A least-squares fit may find that a segment costs nothing.
         assert!(with(&|c| c.crossings.segment_ns = 0.0).is_some());
         assert_eq!(with(&|c| c.crossings.processor_factor = 0.0), None);
-        // A version that measured direct sums only.
+        // Format of a version that measured direct sums only.
         let old = json!({
             "adapter": "A", "driver": "1", "threads": 8,
             "round_trip_ms": 1.0, "pair_ns": 0.01, "processor_pair_ns": 1.0,
@@ -297,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_replaced_as_a_whole() {
+    fn storing_replaces_the_file_atomically() {
         use std::io::Read;
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("new").join("devices.json");
@@ -309,7 +320,7 @@ mod tests {
             ..first.clone()
         };
         second.keep_in(&file).unwrap();
-        // The same adapter under another backend has its own timings.
+        // The same adapter under another graphics interface has its own timings.
         let third = Calibration {
             backend: "Dx12".into(),
             ..first.clone()
@@ -322,7 +333,7 @@ mod tests {
             let before: Vec<Calibration> = serde_json::from_str(&text).unwrap();
             assert_eq!(before, [first]);
         }
-        // Nothing else is left there.
+        // No temporary file is left.
         assert_eq!(file.parent().unwrap().read_dir().unwrap().count(), 1);
         let blocked = folder.path().join("blocked");
         std::fs::create_dir_all(blocked.join("devices.json").join("x")).unwrap();
@@ -332,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_read_as_far_as_it_makes_sense() {
+    fn reading_skips_invalid_entries() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("devices.json");
         assert!(read(&file).is_err());

@@ -1,4 +1,4 @@
-//! What counting found of some pairs.
+//! Results of counting crossings for a list of pairs.
 
 use super::Linking;
 use crate::certificate::Link;
@@ -8,23 +8,23 @@ use crate::verdict::{Defect, Stats};
 /// Linking numbers of consecutive pairs of a list, in their order.
 #[derive(Debug, Default)]
 pub(crate) struct Counted {
-    /// Those that are not 0.
+    /// Pairs whose linking number is not 0.
     pub links: Vec<Link>,
-    /// Pairs that have none.
+    /// Pairs whose linking number is undefined.
     pub undefined: Vec<Defect>,
-    /// The work.
+    /// Work counters.
     pub stats: Stats,
 }
 
 impl Counted {
-    /// Makes it ready for other pairs.
+    /// Clears the results, so that the buffers can be reused.
     pub fn clear(&mut self) {
         self.links.clear();
         self.undefined.clear();
         self.stats = Stats::default();
     }
 
-    /// Parts that follow one another, as one.
+    /// Concatenates the results of consecutive parts of a list.
     #[cfg(any(test, feature = "gpu"))]
     pub fn joined(parts: Vec<Counted>) -> Counted {
         parts.into_iter().fold(Counted::default(), |mut all, part| {
@@ -35,7 +35,7 @@ impl Counted {
         })
     }
 
-    /// Adds a pair.
+    /// Appends the result of a pair.
     pub fn add(&mut self, (i, j): Pair, linking: Linking) {
         match linking {
             Linking::Number(0) => {}

@@ -1,22 +1,22 @@
-//! Where kernels run, and on what they could.
+//! Choice of the CPU or of a GPU adapter, and the list of the adapters.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Where kernels run.
+/// Device on which kernels run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Device {
-    /// On a graphics processor where that is predicted to be faster, else on the processor.
+    /// A GPU if it is predicted to be faster, else the CPU.
     #[default]
     Auto,
-    /// On the processor.
+    /// The CPU.
     Cpu,
-    /// On the first graphics processor that there is, of the fastest kind; software Vulkan counts as one.
+    /// The first adapter of the fastest kind. Software Vulkan counts as an adapter.
     Gpu,
-    /// The GPU with this name, or else the one whose name contains these words. If there are
-    /// several, or none, that is an error, and the message lists the indices.
+    /// The adapter with this name, or else the one whose name contains this text. No match, or
+    /// several, is an error; its message lists the indices.
     Named(String),
-    /// The GPU with this index in the list of [`devices`].
+    /// The adapter with this index in the list of [`devices`].
     Index(usize),
 }
 
@@ -40,7 +40,7 @@ impl FromStr for Device {
             "auto" => Device::Auto,
             "cpu" => Device::Cpu,
             "gpu" => Device::Gpu,
-            // A number is never a name, however large, since many names contain `1`.
+            // A number is never a name, however large, because many names contain `1`.
             text => match text.parse() {
                 Ok(index) => Device::Index(index),
                 Err(_) => Device::Named(text.into()),
@@ -51,13 +51,13 @@ impl FromStr for Device {
 
 #[cfg_attr(
     not(any(feature = "gpu", test)),
-    expect(dead_code, reason = "there is no list to choose from")
+    expect(dead_code, reason = "this build lists no adapters")
 )]
 impl Device {
-    /// Returns the index of the chosen adapter in `all`, which is in the order of the indices.
-    /// Returns the first one if any adapter fits.
+    /// Returns the index of the chosen adapter in `all`, whose order is that of the indices.
+    /// Returns the first one if the choice admits any adapter.
     ///
-    /// Errors: a text that says why none, or more than one, fits.
+    /// Errors: a message, if no adapter or more than one matches.
     pub(crate) fn choose(&self, all: &[DeviceInfo]) -> Result<usize, String> {
         if all.is_empty() {
             return Err("no adapter found (Vulkan, Metal or DX12)".into());
@@ -92,33 +92,33 @@ impl Device {
     }
 }
 
-/// An adapter, and what it can do.
+/// A GPU adapter and its properties.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct DeviceInfo {
     /// Index of the adapter, for [`Device::Index`]: from 0, the fastest kinds first. It is the same
     /// in every process until an adapter or a driver is added or removed.
     pub index: usize,
-    /// Name of the adapter, for [`Device::Named`]. Others may have the same name.
+    /// Name of the adapter, for [`Device::Named`]. Several adapters may have the same name.
     pub name: String,
-    /// The interface that it is reached by: `Vulkan`, `Metal` or `Dx12`.
+    /// Graphics interface: `Vulkan`, `Metal` or `Dx12`.
     pub backend: String,
-    /// `DiscreteGpu`, `IntegratedGpu`, `VirtualGpu`, `Cpu` or `Other`.
+    /// Kind: `DiscreteGpu`, `IntegratedGpu`, `VirtualGpu`, `Cpu` or `Other`.
     pub kind: String,
-    /// Its driver.
+    /// Name and version of the driver.
     pub driver: String,
-    /// Whether it is the processor in disguise: right, and not fast.
+    /// True for a software adapter, which runs on the CPU: its results are right, but it is slow.
     pub software: bool,
-    /// Whether it computes in double precision.
+    /// True if the adapter computes in double precision.
     pub double_precision: bool,
-    /// Bytes of a buffer, at most.
+    /// Maximum size of a buffer in bytes.
     pub max_buffer_bytes: u64,
-    /// Bytes of a buffer that a program sees, at most.
+    /// Maximum size of a storage buffer binding in bytes.
     pub max_binding_bytes: u64,
-    /// Why it cannot be used, where it cannot.
+    /// Reason why the adapter cannot be used; `None` if it can.
     pub trouble: Option<String>,
 }
 
-/// All adapters, each opened and its arithmetic tested.
+/// Returns all adapters. Opens each of them and tests its arithmetic.
 pub fn devices() -> Vec<DeviceInfo> {
     #[cfg(feature = "gpu")]
     return super::gpu::devices();
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_on_the_command_line_come_back() {
+    fn command_line_words_survive_a_round_trip() {
         for device in [
             Device::Auto,
             Device::Cpu,
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_whose_name_begins_like_another_one_can_be_named() {
+    fn an_exact_name_wins_over_a_longer_name() {
         let names = ["RTX 3080 Ti", "RTX 3080", "llvmpipe"].map(|name| (name, "Vulkan"));
         let all = adapters(&names);
         assert_eq!(choose(&all, "RTX 3080"), Ok(1));
@@ -185,9 +185,9 @@ mod tests {
         );
     }
 
-    /// Regression test: the second adapter was never used.
+    /// Regression test: with two adapters of one name, the second one was never used.
     #[test]
-    fn adapters_of_one_name_are_told_apart_by_their_index() {
+    fn an_index_distinguishes_adapters_of_the_same_name() {
         let all = adapters(&[
             ("RTX 3080", "Vulkan"),
             ("RTX 3080", "Vulkan"),

@@ -1,4 +1,4 @@
-//! Which kernel computes linking numbers, and how finely.
+//! Choice of the kernel that computes linking numbers, and its accuracy.
 
 use super::barnes_hut::{Accept, BarnesHut, Options, Order};
 use super::direct::{Direct, Formula};
@@ -10,45 +10,48 @@ use crate::pairs::Pair;
 use std::fmt;
 use std::str::FromStr;
 
-/// A kernel. All but the first sum angles, with a bound; what the bound does not decide is left to the first.
+/// A kernel. All but [`Method::Crossings`] sum angles, with an error bound; pairs that the bound
+/// does not decide are counted by [`Method::Crossings`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// The fast multipole method on pairs where it is predicted to be done sooner than counting ([`Plan`](crate::Plan));
-    /// counting on all others.
+    /// The fast multipole method for pairs on which it is predicted to be faster than counting
+    /// ([`Plan`](crate::Plan)); counting for all others.
     #[default]
     Auto,
-    /// Counting crossings, exactly (Qu & James 2021, section 3.4.1).
+    /// Exact count of the crossings (Qu & James 2021, section 3.4.1).
     Crossings,
-    /// The Gauss integral over all pairs of segments, an arctangent each (Arai 2013).
+    /// The Gauss integral over all segment pairs, one arctangent for each (Arai 2013).
     Direct,
-    /// The same without arctangents (Bertolazzi et al. 2019; Qu & James 2021, algorithm 7).
+    /// The Gauss integral over all segment pairs, without arctangents (Bertolazzi et al. 2019; Qu &
+    /// James 2021, algorithm 7).
     AngleSum,
-    /// Barnes-Hut with two trees (Qu & James 2021, section 3.4.4), by a proven bound.
+    /// Barnes-Hut with two trees (Qu & James 2021, section 3.4.4), with a proven error bound.
     BarnesHut,
-    /// A fast multipole method (Qu & James 2021, section 3.4.3), by a proven bound.
+    /// A fast multipole method (Qu & James 2021, section 3.4.3), with a proven error bound.
     Fmm,
     /// Arai's sum in interval arithmetic (Arai 2013, algorithms 1 and 3).
     Interval,
 }
 
-/// How finely Barnes-Hut and the fast multipole method sum.
+/// Accuracy of Barnes-Hut and of the fast multipole method.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Accuracy {
-    /// Node pairs are expanded where they are further apart than this times the sum of their radii. Without it, as the
-    /// proven bound asks for.
+    /// A node pair is expanded if its distance is above `beta` times the sum of the radii. `None`:
+    /// the proven error bound decides which node pairs are expanded.
     pub beta: Option<f64>,
-    /// With `beta`: where the error is above this by the published estimate, sum once more, with the beta that is
-    /// estimated to suffice (Qu & James 2021, equations 14 and 15), 16 at most.
+    /// Used with `beta`: if the published estimate of the error is above this, the sum is repeated
+    /// with the beta that is estimated to suffice (Qu & James 2021, equations 14 and 15), at most
+    /// 16.
     pub target: Option<f64>,
-    /// Whether expansions stop at the dipole.
+    /// True if expansions stop at the dipole.
     pub dipole: bool,
-    /// The order of the fast multipole method, 2 to 20. Without it, as the proven bound asks for.
+    /// Order of the fast multipole method, 2 to 20. `None`: the proven error bound decides.
     pub order: Option<u32>,
 }
 
 impl Method {
-    /// Every kernel.
+    /// All kernels.
     pub const ALL: [Method; 7] = [
         Method::Auto,
         Method::Crossings,
@@ -59,7 +62,7 @@ impl Method {
         Method::Interval,
     ];
 
-    /// The word on the command line.
+    /// Returns the name of the kernel on the command line.
     pub fn word(self) -> &'static str {
         match self {
             Method::Auto => "auto",
@@ -72,8 +75,9 @@ impl Method {
         }
     }
 
-    /// The kernel that sums, ready for some pairs of a set of polylines; none where crossings are counted or it is not known yet
-    /// what is. Both direct sums are one on an adapter.
+    /// Returns the summation kernel, prepared for `pairs` of a set of polylines. Returns `None` if
+    /// crossings are counted, or if the kernel is not chosen yet ([`Method::Auto`]). On a GPU both
+    /// direct sums are the same kernel.
     pub(crate) fn summation<'a>(
         self,
         polylines: &'a CurveSet,
@@ -82,9 +86,9 @@ impl Method {
         pairs: &[Pair],
     ) -> Option<Box<dyn Summation + 'a>> {
         let direct = |formula| {
-            let processor =
+            let cpu =
                 move || -> Box<dyn Summation + 'a> { Box::new(Direct::new(polylines, formula)) };
-            accelerator.direct_sum(polylines, pairs, processor)
+            accelerator.direct_sum(polylines, pairs, cpu)
         };
         Some(match self {
             Method::Auto | Method::Crossings => return None,
@@ -101,7 +105,7 @@ impl Method {
                     ..Options::default()
                 };
                 let Accuracy { beta, target, .. } = accuracy;
-                let processor = move || -> Box<dyn Summation + 'a> {
+                let cpu = move || -> Box<dyn Summation + 'a> {
                     match (beta, target) {
                         (Some(beta), None) => {
                             Box::new(BarnesHut::new(polylines, options(Accept::Beta(beta))))
@@ -119,8 +123,8 @@ impl Method {
                     }
                 };
                 match (target, accuracy.dipole) {
-                    (None, false) => accelerator.barnes_hut(polylines, pairs, beta, processor),
-                    _ => processor(),
+                    (None, false) => accelerator.barnes_hut(polylines, pairs, beta, cpu),
+                    _ => cpu(),
                 }
             }
             Method::Fmm => {
@@ -151,7 +155,9 @@ impl FromStr for Method {
     }
 }
 
-/// One pass by distance, which proves most pairs of a garment for a third of the time; by the bound where it does not.
+/// Barnes-Hut in two steps. The first pass accepts node pairs by distance; it proves most pairs of
+/// a garment in a third of the time. The second pass accepts by the error bound, for pairs that the
+/// first one leaves undecided.
 struct FirstByBeta<'a>([BarnesHut<'a>; 2]);
 
 impl Summation for FirstByBeta<'_> {
@@ -165,7 +171,7 @@ impl Summation for FirstByBeta<'_> {
     }
 }
 
-/// Arai's intervals, as estimates.
+/// Arai's enclosing intervals, converted to estimates.
 struct Enclosures<'a>(&'a CurveSet);
 
 impl Summation for Enclosures<'_> {

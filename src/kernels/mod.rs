@@ -1,19 +1,24 @@
-//! Kernels: two closed curves in, their linking number out.
+//! Kernels: compute the linking number of two closed curves.
 //!
-//! `crossings` counts, exactly; the others sum the Gauss integral and say how far off they may be ([`Estimate`]). The
-//! verifier takes from a sum what its bound decides and counts the rest ([`crate::Ladder`]), so a kernel costs time, never
-//! truth.
+//! `crossings` counts crossings, exactly. The other kernels sum the Gauss integral and return a
+//! value with a proven error bound ([`Estimate`]). The verifier accepts a sum if its bound proves
+//! the integer, and counts crossings otherwise ([`crate::Ladder`]). So the choice of a kernel
+//! changes the time, never the result.
 //!
-//! What every kernel owes, and the tests check by these numbers:
+//! # Contract
+//!
+//! Every kernel satisfies these properties; the tests refer to them by number:
 //!
 //! 1. Symmetry: `lambda(i, j) = lambda(j, i)`.
 //! 2. Reversing one curve changes the sign; reversing both does not.
-//! 3. Cyclic shifts of the vertices change nothing.
-//! 4. Rigid motions and positive scaling change nothing (as far as they are exact on the input floats).
-//! 5. Inserting a vertex on a segment changes nothing.
-//! 6. A plane between the curves makes it 0.
+//! 3. Cyclic shifts of the vertices do not change the result.
+//! 4. Rigid motions and positive scaling do not change the result (if they are exact on the input
+//!    floats).
+//! 5. Inserting a vertex on a segment does not change the result.
+//! 6. If a plane separates the curves, the result is 0.
 //! 7. The sign is that of Arai's sum (Arai 2013).
-//! 8. An integer is given only when it is proven; otherwise a [`crate::Defect`] says why, and where.
+//! 8. An integer is returned only if it is proven. Otherwise a [`crate::Defect`] names the reason
+//!    and the place.
 
 mod accelerator;
 pub(crate) mod barnes_hut;
@@ -48,27 +53,33 @@ pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};
 
-/// Work that linking numbers take, in counts. It depends on the curves alone, not on the machine.
+/// Returns the power of two `2^exponent`, for the exponents of normal numbers, -1022 to 1023.
+pub(crate) const fn pow2(exponent: i32) -> f64 {
+    assert!(exponent >= -1022 && exponent <= 1023);
+    f64::from_bits(((1023 + exponent) as u64) << 52)
+}
+
+/// Work of linking numbers, in counts. It depends on the curves alone, not on the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct KernelWork {
-    /// Node pairs looked into for the choice of the direction, breadth first.
+    /// Node pairs visited breadth first, to choose the direction of projection.
     pub front: u64,
-    /// Node pairs looked into on the way to the segments, depth first, whose boxes are stored.
+    /// Node pairs visited depth first, down to the segments, whose boxes are stored.
     pub nodes: u64,
-    /// Those whose boxes are computed from the coordinates.
+    /// Node pairs visited depth first whose boxes are computed from the coordinates.
     pub computed: u64,
     /// Segment pairs tested for a crossing.
     pub tests: u64,
-    /// Segment pairs of splines whose boxes overlap in space, and whose hulls are compared.
+    /// Segment pairs of splines whose boxes overlap in space. Their hulls are compared.
     pub overlaps: u64,
     /// Points that the discretization adds.
     pub refined: u64,
-    /// Tests that exact arithmetic decides.
+    /// Tests that needed exact arithmetic.
     pub exact: u64,
 }
 
 impl KernelWork {
-    /// So many times the work, rounded.
+    /// Returns `factor` times the work, rounded.
     pub(crate) fn scaled(self, factor: f64) -> KernelWork {
         let scaled = |count: u64| (count as f64 * factor).round() as u64;
         KernelWork {
@@ -105,11 +116,11 @@ impl std::iter::Sum for KernelWork {
     }
 }
 
-/// What a kernel says of one pair.
+/// Result of counting the crossings of one pair of curves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Linking {
     /// The linking number, proven.
     Number(i64),
-    /// There is none, or it could not be proven.
+    /// The linking number does not exist or could not be proven.
     Undefined(DefectKind, Place),
 }

@@ -1,21 +1,23 @@
-//! The slow exact oracle that every kernel is measured against.
+//! Exact but slow reference implementation ("oracle") that every kernel is tested against.
 //!
-//! Counts crossings of integer polygons in 128-bit integers, along a random oblique direction, and starts
-//! again with another direction whenever a determinant is zero. It shares neither code nor idea with the
-//! crossing kernel: no trees, no floating point, no axis directions, no rule for ties.
+//! Counts the crossings of integer polygons in 128-bit integers, along a random oblique direction,
+//! and retries with another direction whenever a determinant is zero. It shares neither code nor
+//! method with the crossing kernel: no trees, no floating point, no axis directions, no
+//! tie-breaking rule.
 //!
 //! Cost: quadratic.
 
-/// Largest coordinate magnitude: `2^40`. Determinants then stay below `2^126`.
+/// Maximum magnitude of a coordinate: `2^40`. Determinants then stay below `2^126`.
 pub const LIMIT: i64 = 1 << 40;
 
-/// Linking number of two closed integer polygons, or `None` where they touch.
+/// Returns the linking number of two closed integer polygons, or `None` if they touch.
 ///
 /// The sign is that of Arai's sum.
 ///
 /// # Panics
-/// If a coordinate exceeds [`LIMIT`], or if 1000 random directions are all degenerate (which means a bug: the
-/// degenerate directions lie on finitely many curves).
+///
+/// Panics if a coordinate exceeds [`LIMIT`], or if 1000 random directions are all degenerate (which
+/// means a bug, because the degenerate directions lie on finitely many curves).
 pub fn linking_number(a: &[[i64; 3]], b: &[[i64; 3]]) -> Option<i64> {
     let big = a.iter().chain(b).flatten().find(|x| x.abs() > LIMIT);
     assert!(big.is_none(), "coordinate {big:?} exceeds 2^40");
@@ -25,7 +27,7 @@ pub fn linking_number(a: &[[i64; 3]], b: &[[i64; 3]]) -> Option<i64> {
     let mut seed = 0x9e37_79b9_7f4a_7c15u64;
     (0..1000)
         .find_map(|_| {
-            // A linear congruential generator is random enough to leave finitely many lines.
+            // A linear congruential generator suffices to avoid finitely many curves.
             seed = seed
                 .wrapping_mul(6364136223846793005)
                 .wrapping_add(1442695040888963407);
@@ -33,12 +35,13 @@ pub fn linking_number(a: &[[i64; 3]], b: &[[i64; 3]]) -> Option<i64> {
             count(a, b, slope(20), slope(40))
         })
         .map(Some)
-        .expect("some direction is in general position")
+        .expect("one of 1000 random directions is in general position")
 }
 
-/// Sum of the signs where `a` passes over `b`, seen along `(p, q, 1)`; `None` where that view is degenerate.
+/// Returns the sum of the signs of the crossings at which `a` is above `b`, in projection along
+/// `(p, q, 1)`. Returns `None` if that projection is degenerate.
 fn count(a: &[[i64; 3]], b: &[[i64; 3]], p: i128, q: i128) -> Option<i64> {
-    // Points on one line of sight get the same shadow.
+    // Points on one line of sight have the same projection.
     let shadow = |[x, y, z]: [i64; 3]| {
         let (x, y, z) = (i128::from(x), i128::from(y), i128::from(z));
         [x - p * z, y - q * z]
@@ -53,7 +56,7 @@ fn count(a: &[[i64; 3]], b: &[[i64; 3]], p: i128, q: i128) -> Option<i64> {
     let mut sum = 0;
     for &(t0, t1, t0_shadow, t1_shadow) in &a {
         for &(u0, u1, u0_shadow, u1_shadow) in &b {
-            // Apart in projection: no determinant needed.
+            // Disjoint in projection: no determinant is needed.
             if (0..2).any(|x| {
                 let range = |p: [i128; 2], q: [i128; 2]| (p[x].min(q[x]), p[x].max(q[x]));
                 let (t, u) = (range(t0_shadow, t1_shadow), range(u0_shadow, u1_shadow));
@@ -68,8 +71,8 @@ fn count(a: &[[i64; 3]], b: &[[i64; 3]], p: i128, q: i128) -> Option<i64> {
                 turn(u0_shadow, u1_shadow, t1_shadow),
             ];
             let [s0, s1, r0, r1] = sides.map(i128::signum);
-            // One segment wholly on one side of the other. First, since a vertex may lie on the line of an
-            // edge in every view.
+            // One segment lies wholly on one side of the other. Tested first, because a vertex may
+            // lie on the line of an edge in every projection.
             if s0 * s1 > 0 || r0 * r1 > 0 {
                 continue;
             }
@@ -77,7 +80,7 @@ fn count(a: &[[i64; 3]], b: &[[i64; 3]], p: i128, q: i128) -> Option<i64> {
                 return None;
             }
             match volume(t0, t1, u0, u1).signum() {
-                0 => unreachable!("touching polygons were told before"),
+                0 => unreachable!("touching polygons returned `None` before"),
                 // The upper end of the line of sight is on t.
                 s if s == s1 => {}
                 _ => sum += s1 as i64,
@@ -91,12 +94,12 @@ fn edges<T: Copy>(v: &[T]) -> impl Iterator<Item = (T, T)> + '_ {
     (0..v.len()).map(|k| (v[k], v[(k + 1) % v.len()]))
 }
 
-/// Twice the signed area of a projected triangle.
+/// Returns twice the signed area of a projected triangle.
 fn turn(a: [i128; 2], b: [i128; 2], c: [i128; 2]) -> i128 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Six times the signed volume of a tetrahedron, `(a - d) . ((b - d) x (c - d))`.
+/// Returns six times the signed volume of a tetrahedron, `(a - d) . ((b - d) x (c - d))`.
 fn volume(a: [i64; 3], b: [i64; 3], c: [i64; 3], d: [i64; 3]) -> i128 {
     let sub = |p: [i64; 3]| [0, 1, 2].map(|x| i128::from(p[x]) - i128::from(d[x]));
     let (a, b, c) = (sub(a), sub(b), sub(c));
@@ -105,12 +108,13 @@ fn volume(a: [i64; 3], b: [i64; 3], c: [i64; 3], d: [i64; 3]) -> i128 {
         + a[2] * (b[0] * c[1] - b[1] * c[0])
 }
 
-/// Whether two closed polygons share a point.
+/// Returns true if two closed polygons share a point.
 pub fn touch(a: &[[i64; 3]], b: &[[i64; 3]]) -> bool {
     edges(a).any(|(p0, p1)| edges(b).any(|(q0, q1)| segments_touch(p0, p1, q0, q1)))
 }
 
-/// Whether two segments share a point, by solving `p0 + s d = q0 + t e` in rationals.
+/// Returns true if two segments share a point, by solving `p0 + s d = q0 + t e` in rational
+/// numbers.
 fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> bool {
     let sub = |a: [i64; 3], b: [i64; 3]| [0, 1, 2].map(|x| i128::from(a[x]) - i128::from(b[x]));
     let cross = |a: [i128; 3], b: [i128; 3]| {
@@ -123,7 +127,8 @@ fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> boo
     let (d, e, r) = (sub(p1, p0), sub(q1, q0), sub(q0, p0));
     let n = cross(d, e);
     if n != [0; 3] {
-        // Not parallel: r = s d - t e has a solution only in their plane; r x e = s n, r x d = t n.
+        // Not parallel: r = s d - t e has a solution only if r lies in their plane; r x e = s n, r
+        // x d = t n.
         let (s, t) = (cross(r, e), cross(r, d));
         let x = if n[0] != 0 {
             0
@@ -132,7 +137,8 @@ fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> boo
         } else {
             2
         };
-        // In one plane exactly where r is orthogonal to n: 3 * 2^41 * 2^83 fits.
+        // The segments are coplanar exactly if r is orthogonal to n. 3 * 2^41 * 2^83 fits into 128
+        // bits.
         let coplanar = r[0] * n[0] + r[1] * n[1] + r[2] * n[2] == 0;
         let within = |v: i128| {
             if n[x] > 0 {
@@ -143,7 +149,8 @@ fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> boo
         };
         return coplanar && within(s[x]) && within(t[x]);
     }
-    // Parallel, or one of them a point: on one line, and their ranges meet on every axis.
+    // Parallel, or one of them a point: they meet if they are on one line and their ranges overlap
+    // on every axis.
     let on_line = |v: [i128; 3], d: [i128; 3]| cross(v, d) == [0; 3];
     let direction = if d == [0; 3] { e } else { d };
     let line = if direction == [0; 3] {
@@ -162,7 +169,7 @@ mod tests {
     const A: [[i64; 3]; 4] = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
     const B: [[i64; 3]; 4] = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];
 
-    /// Arai's sum (Arai 2013, Theorem 1): two arctangents for every pair of edges.
+    /// Returns Arai's sum (Arai 2013, Theorem 1): two arctangents for every pair of edges.
     fn arai(a: &[[i64; 3]], b: &[[i64; 3]]) -> f64 {
         let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
         let mut sum = 0.0;
@@ -229,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn touching_polygons_have_no_number() {
+    fn touching_polygons_have_no_linking_number() {
         let touching = [[2, 0, 0], [5, 0, 1], [5, 0, -1]];
         assert!(touch(&A, &touching));
         assert_eq!(linking_number(&A, &touching), None);

@@ -1,27 +1,33 @@
-//! A proven bound of what a truncated multipole expansion leaves out.
+//! Proven bound of the remainder of a truncated multipole expansion.
 //!
-//! Two pieces of curves with centres `R` apart contribute the integral of `F(R + d) . (dr1 x dr2) / 4 pi`, where
-//! `F(x) = x / |x|^3` and `d = p1 - p2` is the difference of the displacements from the centres. By the Legendre
-//! series,
+//! # Bound of the remainder
+//!
+//! Two pieces of curves with centres `R` apart contribute the integral of
+//! `F(R + d) . (dr1 x dr2) / 4 pi`, where `F(x) = x / |x|^3` and `d = p1 - p2` is the difference of
+//! the displacements from the centres. By the Legendre series,
 //!
 //! ```text
 //! 1 / |R + d| = sum over n of H_n(d),    H_n(d) = (-1)^n |d|^n P_n(cos t) / |R|^(n + 1),
 //! ```
 //!
-//! with `t` the angle between `R` and `d`, for `|d| < |R|`; and `F` is minus its gradient. The length of the gradient of
-//! `H_n` is `|d|^(n - 1) / |R|^(n + 1)` times the root of `n^2 P_n^2 + (dP_n / dt)^2`. As `P_n(cos t)` is a trigonometric
-//! polynomial of degree `n` in `t`, nowhere larger than 1, that root is at most `n` (Bernstein and Szegő). So the
-//! part of `F` that is of degree `m = n - 1` in `d` is at most `(m + 1) |d|^m / |R|^(m + 2)`, and with the least `m`
-//! that is left out, `rho >= |d|` and `q = rho / |R| < 1`, all that is left out is at most
+//! where `t` is the angle between `R` and `d`, for `|d| < |R|`; and `F` is minus the gradient of
+//! the series. The length of the gradient of `H_n` is `|d|^(n - 1) / |R|^(n + 1)` times the root of
+//! `n^2 P_n^2 + (dP_n / dt)^2`. As `P_n(cos t)` is a trigonometric polynomial of degree `n` in `t`,
+//! with absolute values of at most 1, that root is at most `n` (Bernstein and Szegő). So the part
+//! of `F` of degree `m = n - 1` in `d` is at most `(m + 1) |d|^m / |R|^(m + 2)`. Let `m` be the
+//! smallest truncated degree, and let `rho >= |d|` and `q = rho / |R| < 1`. Then the remainder is
+//! at most
 //!
 //! ```text
-//! L1 L2 / (4 pi |R|^2) [ (m + 1) W_m / |R|^m + W_(m + 1) / |R|^(m + 1) (m + 2 - (m + 1) q) / (1 - q)^2 ]
+//! L1 L2 / (4 pi |R|^2)
+//!     [ (m + 1) W_m / |R|^m + W_(m + 1) / |R|^(m + 1) (m + 2 - (m + 1) q) / (1 - q)^2 ]
 //! ```
 //!
-//! since the sum of `(k + 1) q^(k - M)` over `k >= M` is `(M + 1 - M q) / (1 - q)^2`. Here `L` are the lengths of the
-//! pieces and `W_k` is the mean of `|t1 x t2| |d|^k` over all pairs of their points, by length, with unit tangents
-//! `t`. It is far below `rho^k`, since few points are as far from the centre as the farthest, and since neighbouring
-//! strands are often parallel. By the inequality of Cauchy and Schwarz, with `E_k` the mean of `|d|^k` and `s^2` that of
+//! since the sum of `(k + 1) q^(k - M)` over `k >= M` is `(M + 1 - M q) / (1 - q)^2`. Here `L1` and
+//! `L2` are the lengths of the pieces and `W_k` is the mean of `|t1 x t2| |d|^k` over all pairs of
+//! their points, by length, with unit tangents `t`. `W_k` is far below `rho^k`, because few points
+//! are as far from the centre as the farthest, and because neighbouring strands are often parallel.
+//! By the inequality of Cauchy and Schwarz, with `E_k` the mean of `|d|^k` and `s^2` that of
 //! `|t1 x t2|^2`,
 //!
 //! ```text
@@ -29,71 +35,76 @@
 //! W_4 <= root(E_4) min(root(E_4), s rho^2).
 //! ```
 //!
-//! These means follow from those of each piece, because its centre is its centroid by length, where the mean of `p` is 0:
-//! `E_2 = <p1^2> + <p2^2>`, and `E_4 <= <p1^4> + <p2^4> + 6 <p1^2> <p2^2>`, for the mean of `(p1 . p2)^2` is at most
-//! `<p1^2> <p2^2>`. Last, `s^2 = 1 - tr(S1 S2)` with `S` the mean of `t t^T`.
-
-use crate::curve::Point;
+//! These means follow from those of each piece, because its centre is its centroid by length, where
+//! the mean of `p` is 0: `E_2 = <p1^2> + <p2^2>`, and `E_4 <= <p1^4> + <p2^4> + 6 <p1^2> <p2^2>`,
+//! because the mean of `(p1 . p2)^2` is at most `<p1^2> <p2^2>`. Last, `s^2 = 1 - tr(S1 S2)` with
+//! `S` the mean of `t t^T`.
 
 use super::Order;
+use crate::curve::Point;
+use crate::kernels::pow2;
 
-/// What the bound takes of a piece of a curve.
+/// Geometric data of a piece of a curve that the bound depends on.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Reach {
-    /// The centroid by length, rounded: the centre of the expansion.
+    /// Centre of the expansion: the centroid by length, rounded.
     pub centre: Point,
-    /// An upper bound of the distance of its points from the centre.
+    /// Upper bound of the distance of its points from the centre.
     pub radius: f64,
-    /// Length.
+    /// Total length of the segments.
     pub length: f64,
-    /// Mean of the square of the distance from the centre, an upper bound.
+    /// Upper bound of the mean of the squared distance from the centre.
     pub second: f64,
-    /// Mean of its fourth power, an upper bound.
+    /// Upper bound of the mean of the fourth power of the distance.
     pub fourth: f64,
-    /// Mean of the products of the unit tangent's coordinates: xx, yy, zz, xy, xz, yz.
+    /// Means of the products of the coordinates of the unit tangent: xx, yy, zz, xy, xz, yz.
     pub tangents: [f64; 6],
 }
 
-/// Bounds of one node pair's share of the error.
+/// Error bounds of the contribution of a node pair.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bounds {
-    /// What the expansion leaves out.
+    /// Bound of the remainder.
     pub tail: f64,
-    /// The sum of the magnitudes of its terms: what rounding is relative to.
+    /// Sum of the magnitudes of the terms, to which the rounding error is relative.
     pub size: f64,
 }
 
 impl Bounds {
-    /// No expansion.
+    /// Value for a node pair that must not be expanded.
     const NONE: Bounds = Bounds {
         tail: f64::INFINITY,
         size: f64::INFINITY,
     };
 }
 
-/// Rounding of the moments and of the evaluation of a node pair, by the sum of the magnitudes of its terms.
+/// Rounding error of the moments and of the evaluation of a node pair, relative to the sum of the
+/// magnitudes of the terms.
 ///
-/// Every displacement is a difference of two stored numbers and so is off by `u = 2^-53` of itself. A moment is a
-/// sum of products of at most four such factors, shifted on each of at most 32 levels by some 20 operations, every
-/// intermediate at most 4 times the moment's largest possible value `L rho^k`: below `2^12 u`. The evaluation adds some 60
-/// operations on sums that are at most 4 times the product of the lengths of their factors. That is below `2^14 u`.
-pub(super) const ROUNDING: f64 = f64::from_bits((1023 - 38) << 52);
+/// Every displacement is a difference of two stored numbers and so has a relative error of
+/// `u = 2^-53`. A moment is a sum of products of at most four such factors, shifted on each of at
+/// most 32 levels by some 20 operations. Every intermediate value is at most 4 times the maximum of
+/// the moment, `L rho^k`. So the error of a moment is below `2^12 u`. The evaluation adds some 60
+/// operations on sums that are at most 4 times the product of the lengths of their factors. The
+/// total is below `2^14 u`.
+pub(super) const ROUNDING: f64 = pow2(-38);
 
-/// Covers the rounding of the bounds themselves, operations in the dozens.
+/// Factor that covers the rounding of the bounds themselves, dozens of operations.
 pub(super) const OUTWARD: f64 = 1.0 + 1e-9;
 
-/// Most of `rho / |R|` where the series is used.
+/// Maximum of `rho / |R|` for which the series is used.
 const WIDEST: f64 = 0.8;
 
-/// Squares of distances below which an expansion could underflow (coordinates are at most 1).
-const NEAREST: f64 = f64::from_bits((1023 - 120) << 52);
+/// Squared distance below which an expansion could underflow (coordinates are at most 1).
+const NEAREST: f64 = pow2(-120);
 
-/// The bounds of the expansion of a node pair with centres at a distance of which this is the square.
+/// Returns the error bounds of the expansion of a node pair; `square` is the squared distance of
+/// the centres.
 #[inline(always)]
 pub(super) fn bounds(order: Order, square: f64, a: &Reach, b: &Reach) -> Bounds {
     let rho = a.radius + b.radius;
-    // Not where it is NaN either.
+    // Written so that a NaN is rejected as well.
     let converges = square > NEAREST && rho * rho < WIDEST * WIDEST * square;
     if !converges {
         return Bounds::NONE;
@@ -120,16 +131,16 @@ pub(super) fn bounds(order: Order, square: f64, a: &Reach, b: &Reach) -> Bounds 
     let scale = SPHERE * a.length * b.length * inverse * inverse;
     Bounds {
         tail: scale * series * OUTWARD,
-        // The terms of degree 0, 1 and 2, each taken apart, are at most 1, 4 q and 12 q^2 times the scale.
+        // The terms of degree 0, 1 and 2 are at most 1, 4 q and 12 q^2 times the scale.
         size: scale * (1.0 + q * (4.0 + 12.0 * q)),
     }
 }
 
-/// The root of the mean of the squared sine between the tangents of two pieces, an upper bound.
+/// Returns an upper bound of the root mean square of the sine between the tangents of two pieces.
 #[inline(always)]
 fn parallel(s: &[f64; 6], t: &[f64; 6]) -> f64 {
     let squares = s[0] * t[0] + s[1] * t[1] + s[2] * t[2];
     let mixed = s[3] * t[3] + s[4] * t[4] + s[5] * t[5];
-    // The constant is above the rounding of the means.
+    // The constant exceeds the rounding error of the means.
     (1.0 - squares - 2.0 * mixed + 1e-11).clamp(0.0, 1.0).sqrt()
 }

@@ -1,28 +1,31 @@
-//! The far field: the expansions of accepted node pairs, some at a time.
+//! Far field: the expansions of accepted node pairs, in batches.
 //!
-//! With `R = c1 - c2` and moments `c`, `D`, `Q` of both nodes, `w` the vector of the antisymmetric part of `D` and
-//! likewise `W = eps Q`, the terms of degree 0 to 2 of the expansion in [`super::bound`] are
+//! Let `R = c1 - c2`, let `c`, `D`, `Q` be the moments of a node, `w` the vector of the
+//! antisymmetric part of `D`, and `W = eps Q` likewise. The terms of degree 0 to 2 of the expansion
+//! in [`super::bound`] are
 //!
 //! ```text
 //! R . (c1 x c2) / R^3
 //! - (c2 . w1 + c1 . w2) / R^3 - 3 R . ((D1 R) x c2 - c1 x (D2 R)) / R^5
 //! + 3 (c2 . (W1 R) - c1 . (W2 R)) / R^5 - 3/2 R . (trace Q1 x c2 + c1 x trace Q2) / R^5
 //! + 15/2 R . ((Q1 R R) x c2 + c1 x (Q2 R R)) / R^7
-//! + 3 (R . sum over k of D1_k x D2_k - w1 . (D2 R) + w2 . (D1 R)) / R^5 - 15 R . ((D1 R) x (D2 R)) / R^7
+//! + 3 (R . sum over k of D1_k x D2_k - w1 . (D2 R) + w2 . (D1 R)) / R^5
+//! - 15 R . ((D1 R) x (D2 R)) / R^7
 //! ```
 //!
-//! with `D_k` the columns of `D`: what the supplement of Qu & James 2021 has as equations 28 to 30, factored.
+//! with `D_k` the columns of `D`. This is a factored form of equations 28 to 30 in the supplement
+//! of Qu & James 2021.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "lanes and axes of several arrays, side by side"
+    reason = "one index runs over lanes or axes of several arrays"
 )]
 
 use super::Order;
 use super::bound::Reach;
 use super::moments::{COUNT, Moments, d, q};
 
-/// Node pairs evaluated together.
+/// Number of node pairs that are evaluated together.
 pub(super) const BATCH: usize = 8;
 
 type Lanes = [f64; BATCH];
@@ -47,7 +50,7 @@ fn plus(a: Vector, b: Vector) -> Vector {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-/// What the expansion takes of one node: contractions of its moments with `R`.
+/// Contractions of the moments of a node with `R`, as the expansion needs them.
 struct Contracted {
     c: Vector,
     /// Columns of the dipole.
@@ -99,13 +102,13 @@ impl Contracted {
     }
 }
 
-/// The integral of `dr x p`, of that of `dr_i p_j`.
+/// Returns the integral of `dr x p`, from that of `dr_i p_j`.
 #[inline(always)]
 fn antisymmetric(m: [Vector; 3]) -> Vector {
     [m[1][2] - m[2][1], m[2][0] - m[0][2], m[0][1] - m[1][0]]
 }
 
-/// The expansion of one node pair, times 4 pi.
+/// Returns the expansion of one node pair, times 4 pi.
 #[inline(always)]
 fn expand(m1: &[f64; COUNT], m2: &[f64; COUNT], r: Vector, order: Order) -> f64 {
     let (a, b) = (Contracted::new(m1, r, order), Contracted::new(m2, r, order));
@@ -134,7 +137,7 @@ fn expand(m1: &[f64; COUNT], m2: &[f64; COUNT], r: Vector, order: Order) -> f64 
     i3 * (monopole + i2 * (fifth + i2 * seventh))
 }
 
-/// The sum of the expansions of some node pairs, times 4 pi.
+/// Returns the sum of the expansions of a batch of node pairs, times 4 pi.
 #[inline(always)]
 pub(super) fn expand_batch(
     order: Order,
@@ -144,7 +147,7 @@ pub(super) fn expand_batch(
 ) -> f64 {
     let mut m1 = [[0.0; BATCH]; COUNT];
     let mut m2 = [[0.0; BATCH]; COUNT];
-    // Empty lanes have no moments, and any distance.
+    // Unused lanes have zero moments and an arbitrary distance.
     let mut r = [[1.0; BATCH]; 3];
     for (l, &(t, u)) in pairs.iter().enumerate().take(BATCH) {
         let (t, u) = (t as usize, u as usize);
@@ -168,13 +171,13 @@ pub(super) fn expand_batch(
     values.iter().sum()
 }
 
-/// The published estimate of the error of a node pair, times 4 pi and a constant (equation 14): the size of the
-/// terms of the next degree that are products of moments at hand.
+/// Returns the published estimate of the error of a node pair, times 4 pi and a constant (equation
+/// 14): the magnitude of those terms of the next degree that are products of the stored moments.
 pub(super) fn next_order(square: f64, [a, b]: [&Reach; 2], [m, n]: [&Moments; 2]) -> f64 {
     let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let norms = |m: &Moments| {
         let q = (0..3).map(|i| {
-            // The mixed products stand for two each.
+            // Mixed products count twice.
             let row = &m.0[q(i, 0)..=q(i, 5)];
             norm(row).hypot(norm(&row[3..]))
         });

@@ -1,13 +1,14 @@
-//! Barnes-Hut with two trees (Qu & James 2021, section 3.4.4), with a proven bound.
+//! Barnes-Hut with two trees (Qu & James 2021, section 3.4.4), with a proven error bound.
 //!
-//! Pairs of nodes that are far enough from one another contribute by an expansion up to the quadrupole, pairs of leaves
-//! that are not by the exact sum. The published method accepts node pairs by their distance alone and
-//! estimates the error from some terms of the next degree; both are here, for comparison. What is new is that
-//! the remainder of every expansion is bounded ([`bound`]), that rounding is, and that node pairs are
-//! accepted by that bound: effort goes where it lowers the error most, and an integer is proven.
+//! Pairs of nodes that are far enough apart contribute by an expansion up to the quadrupole; the
+//! remaining pairs of leaves contribute by the exact sum. The published method accepts node pairs
+//! by their distance alone and estimates the error from some terms of the next degree. It is
+//! implemented here for comparison. Differences: the remainder of every expansion and the rounding
+//! errors are bounded ([`bound`]), and node pairs are accepted by that bound. So work is spent on
+//! the node pairs that reduce the error most, and an integer is proven.
 //!
-//! Cost: `N log N` for the trees, once; then a number of node pairs that grows as the length of the curves over
-//! their distance.
+//! Cost: `N log N` for the trees, once; then a number of node pairs that grows as the length of the
+//! curves divided by their distance.
 
 mod bound;
 mod evaluate;
@@ -37,7 +38,7 @@ use trees::{Tree, dot};
 pub(super) use near::Angles;
 pub(super) use trees::Node;
 
-/// How far the expansion goes.
+/// Highest order of the expansion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Order {
     /// First-order terms.
@@ -46,36 +47,36 @@ pub(crate) enum Order {
     Quadrupole,
 }
 
-/// When an expansion is good enough for a node pair.
+/// Criterion by which an expansion is accepted for a node pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Accept {
-    /// Where the centres are further apart than this times the sum of the radii: one pass.
+    /// One pass that accepts node pairs whose distance is above this times the sum of the radii.
     Beta(f64),
-    /// As published: where the error, as estimated, is above `target`, a second pass follows with a larger beta
-    /// (equation 15), which is at most `most`.
+    /// The published criterion: if the estimated error is above `target`, a second pass follows
+    /// with a larger beta (equation 15), at most `most`.
     Estimated {
-        /// That of the first pass.
+        /// Beta of the first pass.
         beta: f64,
-        /// Largest error.
+        /// Target of the estimated error.
         target: f64,
-        /// Largest beta.
+        /// Maximum beta.
         most: f64,
     },
-    /// By the proven bound, such that the sum is below this; passes go on until it is, until rounding alone is
-    /// above it, or until the limit.
+    /// The proven error bound. Passes are repeated until the bound of the sum is below this, until
+    /// rounding alone is above it, or until the limit.
     Bound(f64),
 }
 
-/// How to sum.
+/// Options of the sum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Options {
-    /// How far the expansion goes.
+    /// Highest order of the expansion.
     pub order: Order,
-    /// When it is taken.
+    /// Criterion by which an expansion is accepted.
     pub accept: Accept,
-    /// Node pairs that all passes over a pair may visit, about: no pass is started that is expected to go beyond. Where
-    /// the sum of all bounds is far above the error, since the contributions of many strands cancel, other
-    /// kernels are better.
+    /// Approximate maximum number of node pairs visited by all passes over a pair. No pass is
+    /// started that is expected to exceed it. If the sum of all bounds is far above the error,
+    /// because the contributions of many strands cancel, other kernels are faster.
     pub limit: u64,
 }
 
@@ -83,7 +84,8 @@ impl Default for Options {
     fn default() -> Options {
         Options {
             order: Order::Quadrupole,
-            // Another integer is then further off than the bound, unless the error uses up most of it, which it does not.
+            // Below 1 by a margin: the nearest other integer is then outside of the bound, unless
+            // the actual error uses up most of it, which is unlikely.
             accept: Accept::Bound(0.8),
             limit: 1 << 26,
         }
@@ -95,12 +97,12 @@ impl Default for Options {
 pub(crate) struct BarnesHut<'a> {
     set: &'a CurveSet,
     options: Options,
-    /// Of closed curves; the others have none.
+    /// Trees of the closed curves; `None` for other curves.
     trees: Arc<[Option<Tree>]>,
 }
 
 impl<'a> BarnesHut<'a> {
-    /// Builds the trees of all closed curves. Other curves than polylines have no linking numbers here.
+    /// Builds the trees of all closed polylines. Other curves have no linking numbers here.
     pub fn new(set: &'a CurveSet, options: Options) -> BarnesHut<'a> {
         let scale = normalizing(set.max_abs());
         let polyline = set.basis().is_polyline();
@@ -115,7 +117,7 @@ impl<'a> BarnesHut<'a> {
         }
     }
 
-    /// The same trees, summed in another way.
+    /// Returns a kernel with the same trees and other options.
     pub fn with(&self, options: Options) -> BarnesHut<'a> {
         BarnesHut {
             set: self.set,
@@ -124,7 +126,7 @@ impl<'a> BarnesHut<'a> {
         }
     }
 
-    /// One pass over two trees.
+    /// Makes one pass over two trees.
     fn pass(&self, trees: [&Tree; 2], criterion: Criterion) -> Sum {
         let order = self.options.order;
         let walk = Walk {
@@ -139,7 +141,7 @@ impl<'a> BarnesHut<'a> {
             walk.run(&mut agenda, &mut start);
             return start;
         }
-        // Some hundred node pairs, the same for any number of threads.
+        // Some hundred node pairs, independent of the number of threads.
         while agenda.len() < TASKS {
             let before = agenda.len();
             let mut next = Vec::with_capacity(4 * before);
@@ -162,7 +164,7 @@ impl<'a> BarnesHut<'a> {
         parts.into_iter().fold(start, Sum::plus)
     }
 
-    /// The sum for a pair, and what it took.
+    /// Returns the sum of a pair with its work, or `None` if a curve has no tree.
     fn sum(&self, (i, j): Pair) -> Option<Sum> {
         let tree = |i: u32| self.trees.get(i as usize)?.as_ref();
         let trees = [tree(i)?, tree(j)?];
@@ -183,7 +185,7 @@ impl<'a> BarnesHut<'a> {
             Accept::Bound(budget) => {
                 let leaves = trees.map(|t| f64::from(t.root().leaves));
                 let all = leaves[0] * leaves[1];
-                // About right for neighbouring rings; long curves need more node pairs.
+                // A good initial value for neighbouring rings; long curves need more node pairs.
                 let mut share = budget / (8.0 * (leaves[0] + leaves[1]).sqrt());
                 if all <= FEW {
                     share = 0.0;
@@ -194,13 +196,15 @@ impl<'a> BarnesHut<'a> {
                     if bound <= budget || bound.is_nan() || sum.estimate_of_rounding() > budget {
                         break;
                     }
-                    // The bound grows about as the share to the power of 0.6 to 0.9, the work as that of -0.5.
+                    // Heuristic: the bound grows approximately as the share to the power of 0.6 to
+                    // 0.9, the work as the share to the power of -0.5.
                     let finer = (0.9 * budget / bound).powf(1.25).clamp(1e-4, 0.7);
                     let expected = sum.visited as f64 / finer.sqrt();
                     if expected.min(all) > self.options.limit as f64 {
                         break;
                     }
-                    // An expected pass too few costs more than a leaf pair too many.
+                    // A pass that is expected to visit more than half of all leaf pairs sums all of
+                    // them exactly instead, which costs less than one more pass.
                     share *= if 2.0 * expected > all { 0.0 } else { finer };
                     let mut again = self.pass(trees, Criterion::Share(share));
                     again.spent(&sum);
@@ -212,16 +216,16 @@ impl<'a> BarnesHut<'a> {
     }
 }
 
-/// Most passes after the first.
+/// Maximum number of passes after the first one.
 const PASSES: usize = 12;
 
-/// Leaf pairs that are not worth an expansion.
+/// Maximum number of leaf pairs that are summed without expansions.
 const FEW: f64 = 64.0;
 
-/// Leaves of two trees that are not worth more than one task.
+/// Maximum number of leaves of two trees that are summed in one task.
 const SMALL: usize = 64;
 
-/// Tasks of a pass, about.
+/// Approximate number of tasks of a pass.
 const TASKS: usize = 128;
 
 impl Summation for BarnesHut<'_> {
@@ -232,41 +236,43 @@ impl Summation for BarnesHut<'_> {
     }
 }
 
-/// The power of two that takes the largest coordinate to 1/2 or above, below 1; linking numbers stay the same.
+/// Returns the power of two that scales the largest coordinate to at least 1/2 and below 1. Scaling
+/// does not change linking numbers.
 ///
-/// Products are exact but for underflow, which moves points by `2^-1074` at most, far less than the distance below which
-/// segments count as touching.
+/// Products are exact except for underflow, which moves points by `2^-1074` at most, far less than
+/// the distance below which segments count as touching.
 pub(super) fn normalizing(max_abs: f64) -> f64 {
     let exponent = (max_abs.to_bits() >> 52) as i64 - 1022;
-    // The exponents of subnormal numbers are all alike, and so is their factor; those of the largest have a subnormal one.
+    // Subnormal numbers share one exponent, and so one factor. The factor of the largest numbers is
+    // subnormal.
     match 1023 - exponent {
         normal @ 1.. => f64::from_bits((normal.min(2046) as u64) << 52),
         _ => f64::MIN_POSITIVE / 4.0,
     }
 }
 
-/// What a pass accepts.
+/// Criterion of one pass.
 #[derive(Clone, Copy, Debug)]
 enum Criterion {
     Beta(f64),
-    /// Likewise, and the published estimate is added up.
+    /// As `Beta`; also sums the published estimate.
     Estimated(f64),
-    /// Where the bound of the remainder is below this; nowhere where it is 0.
+    /// Accepts if the bound of the remainder is below this; with 0, accepts nothing.
     Share(f64),
 }
 
-/// Sums over node pairs.
+/// Sums over node pairs, with their errors and their work.
 #[derive(Clone, Copy, Debug)]
 struct Sum {
-    /// Of the expansions, times 4 pi.
+    /// Sum of the expansions, times 4 pi.
     far: f64,
-    /// Magnitudes and remainders.
+    /// Sums of the remainders and of the magnitudes.
     bounds: Bounds,
     near: f64,
     near_error: f64,
     /// Published estimate of the error.
     estimate: f64,
-    /// Node pairs expanded, leaf pairs summed, node pairs visited: of all passes.
+    /// Node pairs expanded, leaf pairs summed and node pairs visited, in all passes.
     expanded: u64,
     summed: u64,
     visited: u64,
@@ -306,9 +312,10 @@ impl Sum {
         self.visited += other.visited;
     }
 
-    /// The bound without the remainders: what no smaller share changes.
+    /// Returns the bound without the remainders: the part that a smaller share does not reduce.
     fn estimate_of_rounding(&self) -> f64 {
-        // Every sum is of at most as many numbers as there are node pairs, with a unit each.
+        // Every sum has at most as many terms as there are node pairs; each addition has an error
+        // of one unit.
         let units = (self.expanded + self.summed + 64) as f64 * f64::EPSILON;
         self.near_error + self.bounds.size * (ROUNDING + units) + units * (1.0 + self.near.abs())
     }
@@ -321,7 +328,7 @@ impl Sum {
     }
 }
 
-/// The way down two trees.
+/// Simultaneous descent in two trees.
 #[derive(Clone, Copy)]
 struct Walk<'a> {
     trees: [&'a Tree; 2],
@@ -330,7 +337,7 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// The bounds of a node pair, where it is accepted.
+    /// Returns the bounds of a node pair if it is accepted.
     #[inline(always)]
     fn accepted(&self, t: Node, u: Node) -> Option<Bounds> {
         let a = self.trees[0].reach.get(t.place as usize)?;
@@ -352,7 +359,8 @@ impl Walk<'_> {
         }
     }
 
-    /// What follows from a node pair: itself where it is accepted or cannot be split.
+    /// Appends the next node pairs: the children, or the node pair itself if it is accepted or
+    /// cannot be split.
     #[inline(always)]
     fn split(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
         if (t.is_leaf() && u.is_leaf()) || self.accepted(t, u).is_some() {
@@ -377,13 +385,14 @@ impl Walk<'_> {
         #[cfg(target_arch = "x86_64")]
         if Avx2::detect().is_some() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the processor has them.
+            // SAFETY: the CPU supports these instructions.
             return unsafe { self.run_avx2(agenda, sum) };
         }
         self.run_with(agenda, sum)
     }
 
-    /// [`Walk::run_with`], compiled with AVX2: the same operations, none of them fused, and so the same bits.
+    /// [`Walk::run_with`], compiled with AVX2: the same operations, none of them fused, so the
+    /// results have the same bits.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn run_avx2(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
@@ -428,7 +437,8 @@ impl Walk<'_> {
         sum.near_error += error;
     }
 
-    /// The published estimate for a node pair; its constant is not, so this one is that of the kernel.
+    /// Returns the published estimate for a node pair. Its constant is not published, so this one
+    /// is that of the kernel.
     fn published(&self, t: Node, u: Node) -> f64 {
         let [first, second] = self.trees;
         let (t, u) = (t.place as usize, u.place as usize);

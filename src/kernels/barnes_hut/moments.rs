@@ -2,25 +2,25 @@
 
 use crate::curve::Point;
 
-/// Numbers in the moments of a node.
+/// Number of components of the moments of a node.
 pub(super) const COUNT: usize = 30;
 
-/// The moments about a centre, with `p` the displacement from it: `c_i`, the integral of `dr_i`; `d_ij`, that of
-/// `dr_i p_j`; `q_ijk`, that of `dr_i p_j p_k`, for `jk` = xx, yy, zz, xy, xz, yz.
+/// Moments about a centre, with `p` the displacement from it: `c_i`, the integral of `dr_i`;
+/// `d_ij`, that of `dr_i p_j`; `q_ijk`, that of `dr_i p_j p_k`, for `jk` = xx, yy, zz, xy, xz, yz.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Moments(pub [f64; COUNT]);
 
-/// The two indices of each of the six products.
+/// Indices of each of the six products.
 pub(super) const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
-/// Where `d_ij` lies.
+/// Returns the index of `d_ij`.
 #[inline(always)]
 pub(super) const fn d(i: usize, j: usize) -> usize {
     3 + 3 * i + j
 }
 
-/// Where `q_ijk` lies, with `jk` the pair of that number.
+/// Returns the index of `q_ijk`, for `jk` the product with this number.
 #[inline(always)]
 pub(super) const fn q(i: usize, pair: usize) -> usize {
     12 + 6 * i + pair
@@ -29,7 +29,7 @@ pub(super) const fn q(i: usize, pair: usize) -> usize {
 impl Moments {
     pub const ZERO: Moments = Moments([0.0; COUNT]);
 
-    /// Adds those of a segment with this direction and this displacement of its midpoint.
+    /// Adds the moments of a segment with direction `c` and displacement `r` of its midpoint.
     pub fn add_segment(&mut self, c: Point, r: Point) {
         let m = &mut self.0;
         for i in 0..3 {
@@ -43,7 +43,7 @@ impl Moments {
         }
     }
 
-    /// Adds those of a child whose centre has this displacement.
+    /// Adds the moments of a child whose centre has the displacement `r`.
     pub fn add_shifted(&mut self, child: &Moments, r: Point) {
         let (m, c) = (&mut self.0, &child.0);
         for i in 0..3 {

@@ -1,61 +1,69 @@
-//! The near field: every pair of the segments of two leaves, exactly but for rounding.
+//! Near field: the exact sum over all segment pairs of two leaves, up to rounding.
 //!
-//! The vectors from the ends of one segment to those of another, `a`, `b`, `c`, `e` in order around the
-//! parallelogram of all differences of their points, see it under the solid angle `2 (t1 + t2)`, where `t` is the
-//! argument of `d + i p` for either of its halves:
+//! # Formula
+//!
+//! The differences of the points of two segments form a parallelogram. Let `a`, `b`, `c`, `e` be
+//! the vectors to its corners, in order: they connect the ends of one segment to those of the
+//! other. The parallelogram is seen under the solid angle `2 (t1 + t2)`, where `t1` and `t2` are
+//! the arguments of `d + i p` for its two halves:
 //!
 //! ```text
 //! d1 = |a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|,    d2 likewise of a, e, c,    p = a . (dl x dk)
 //! ```
 //!
-//! (Arai 2013; van Oosterom and Strackee). Their product has the argument `t1 + t2`, which is at most a half turn,
-//! so that one product a pair, into a running one whose turns are counted, needs no arctangent (Bertolazzi et al.
-//! 2019).
+//! (Arai 2013; van Oosterom and Strackee). The product of both complex numbers has the argument
+//! `t1 + t2`, which is at most half a turn. So one product for each pair, accumulated with a count
+//! of its turns, replaces the arctangents (Bertolazzi et al. 2019).
 //!
-//! Rounding moves `d` by less than `2^-46 |a||b||c|` and `p` by less than `2^-46 |a| (|a| + |b|) (|b| + |c|)`, so
-//! `d + i p` stays in a disc, and its argument within 3 times the ratio of its radius and `|d| + |p|`, where that is
-//! below a fourth. Where it is not, or where the disc meets the negative axis, there a full turn is uncertain: the segments
-//! are about to touch.
+//! # Error bound
+//!
+//! Rounding changes `d` by less than `2^-46 |a||b||c|` and `p` by less than
+//! `2^-46 |a| (|a| + |b|) (|b| + |c|)`. So `d + i p` stays in a disc. If the ratio of its radius
+//! and `|d| + |p|` is below a fourth, the argument changes by less than 3 times that ratio.
+//! Otherwise, or if the disc meets the negative axis, a full turn is uncertain: the segments nearly
+//! touch.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "lanes and axes of several arrays, side by side"
+    reason = "one index runs over lanes or axes of several arrays"
 )]
 
 use super::trees::{LEAF, Tree};
+use crate::kernels::pow2;
 use std::ops::Range;
 
-/// Numbers of the lanes.
+/// A number in each lane.
 type Lanes = [f64; LEAF];
 
-/// A sum of angles, a lane for each segment of a leaf.
+/// Sum of angles, with a lane for each segment of a leaf.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernels) struct Angles {
-    /// A complex number whose argument is the sum but for full turns.
+    /// Complex number whose argument is the sum, up to full turns.
     x: Lanes,
     y: Lanes,
     turns: Lanes,
-    /// Bound of the error, in radians.
+    /// Error bound, in radians.
     error: Lanes,
-    /// Leaf pairs that were added.
+    /// Number of leaf pairs added.
     count: u64,
 }
 
-/// Distance that rounding moves a `d` or a `p` of factors 1: 128 units of `2^-53`. Five operations lead to a length
-/// (each off by 4 units at most), a dozen to a `d`, whose four terms are at most 1 each.
-const ROUNDED: f64 = f64::from_bits((1023 - 46) << 52);
+/// Rounding error of `d` and of `p` for factors of 1: 128 units of `2^-53`. A length is the result
+/// of five operations (with an error of at most 4 units), `d` of a dozen operations, with four
+/// terms of at most 1 each.
+const ROUNDED: f64 = pow2(-46);
 
-/// Rounding of a product of two complex numbers and of what follows from it, as an angle.
-const PRODUCT: f64 = f64::from_bits((1023 - 48) << 52);
+/// Rounding error of a product of two complex numbers and of the following operations, as an angle.
+const PRODUCT: f64 = pow2(-48);
 
-/// A full turn, and more than it.
-const FULL: f64 = 7.0;
+/// Upper bound of a full turn.
+const FULL_TURN: f64 = 7.0;
 
-/// Far below the rounding of what it multiplies.
-const BARELY: f64 = f64::from_bits((1023 - 20) << 52);
+/// Factor on an error that makes it negligible but keeps it positive.
+const NEGLIGIBLE: f64 = pow2(-20);
 
-/// Products below which underflow is no longer negligible.
-const LEAST: f64 = f64::from_bits((1023 - 800) << 52);
+/// Products below this are undecided, because underflow is not negligible.
+const MIN_PRODUCT: f64 = pow2(-800);
 
 impl Angles {
     pub const ZERO: Angles = Angles {
@@ -66,11 +74,11 @@ impl Angles {
         count: 0,
     };
 
-    /// Adds the angles of all segment pairs of two leaves, of this number in their curves.
+    /// Adds the angles of all segment pairs of two leaves, given by their indices in their curves.
     #[inline(always)]
     pub(super) fn add(&mut self, [first, second]: [&Tree; 2], [i, j]: [usize; 2]) {
         let (i, j) = (i * LEAF, j * LEAF);
-        // The ends of the second curve's segments: one window, and the next.
+        // Ends of the segments of the second curve: one window, and the same shifted by one.
         let ends = [j, j + 1].map(|at| {
             second
                 .vertices
@@ -89,8 +97,8 @@ impl Angles {
         self.count += 1;
     }
 
-    /// Adds the angles of all segment pairs of two ranges, as multiples of [`LEAF`], of two curves; their segments are
-    /// given by where they start and end.
+    /// Adds the angles of all segment pairs of two ranges of two curves, whose limits are multiples
+    /// of [`LEAF`]. The segments are given by their start and end points.
     #[inline(always)]
     pub fn add_segments(
         &mut self,
@@ -106,7 +114,7 @@ impl Angles {
             let mut before: Option<([f64; 3], Row)> = None;
             for k in i.clone() {
                 let (p, q) = (corner(0, k), corner(1, k));
-                // Neighbours share an end.
+                // Neighbouring segments share an end point.
                 let above = match before {
                     Some((end, row)) if end == p => row,
                     _ => Row::new(p, &ends),
@@ -120,7 +128,7 @@ impl Angles {
         }
     }
 
-    /// The pairs of one segment with those of a leaf.
+    /// Adds the pairs of one segment with those of a leaf.
     #[inline(always)]
     fn add_row(&mut self, side: [f64; 3], ends: &[[Lanes; 3]; 2], above: &Row, below: &Row) {
         for l in 0..LEAF {
@@ -145,16 +153,17 @@ impl Angles {
             let (ac, nac) = (dot(a, c), na * nc);
             let d1 = (nac + ac) * nb + above.dots[l] * nc + dot(b, c) * na;
             let d2 = (nac + ac) * ne + below.dots[l] * na + dot(a, e) * nc;
-            // How far off they may be.
+            // Error bounds of `p` and `d`.
             let off_p = ROUNDED * na * (na + nb) * (nb + nc);
             let off = [ROUNDED * nac * nb + off_p, ROUNDED * nac * ne + off_p];
             let size = [d1.abs() + p.abs(), d2.abs() + p.abs()];
             let clear = (size[0] > 4.0 * off[0]) & (size[1] > 4.0 * off[1]);
             let ahead = (p.abs() > off_p) | ((d1 > off[0]) & (d2 > off[1]));
-            // The angle is at most a half turn, so this is at least 0; the least is above it, for the sign.
-            let sum = (d1 + d2).max(BARELY * (off[0] + off[1]));
+            // The angle is at most half a turn, so the sum is not negative. The lower limit is
+            // positive, so that the product keeps the sign of `p`.
+            let sum = (d1 + d2).max(NEGLIGIBLE * (off[0] + off[1]));
             let (zx, zy) = (d1 * d2 - p * p, p * sum);
-            let fits = (zx.abs() > LEAST) | (zy.abs() > LEAST);
+            let fits = (zx.abs() > MIN_PRODUCT) | (zy.abs() > MIN_PRODUCT);
             let ratio = (off[0] * size[1] + off[1] * size[0]) / (size[0] * size[1]);
             let certain = clear & ahead & fits;
             let (x, y) = (self.x[l], self.y[l]);
@@ -166,11 +175,11 @@ impl Angles {
             self.x[l] = if certain { sx * shrink } else { x };
             self.y[l] = if certain { sy * shrink } else { y };
             self.turns[l] += if certain { turn } else { 0.0 };
-            self.error[l] += if certain { 3.0 * ratio } else { FULL };
+            self.error[l] += if certain { 3.0 * ratio } else { FULL_TURN };
         }
     }
 
-    /// The sum in turns, and a bound of its error.
+    /// Returns the sum in turns and its error bound.
     pub fn turns(&self) -> (f64, f64) {
         use std::f64::consts::TAU;
         let mut sum = 0.0;
@@ -187,12 +196,13 @@ impl Angles {
     }
 }
 
-/// A vertex of the first curve, seen from the ends of the second's segments.
+/// Differences and distances of a vertex of the first curve and the ends of the segments of the
+/// second one.
 #[derive(Clone, Copy)]
 struct Row {
     v: [[Lanes; 3]; 2],
     n: [Lanes; 2],
-    /// Products of the vectors to both ends.
+    /// Dot products of the differences to both ends of each segment.
     dots: Lanes,
 }
 

@@ -1,42 +1,45 @@
-//! Trees for those who cannot follow ours: nodes in one list for all curves, in single precision, without units.
+//! Trees for the GPU kernel: the nodes of all curves in one list, in single precision, with
+//! normalized moments.
 
 use super::moments::COUNT;
 use super::trees::{LEAF, Node, Tree};
 use crate::curve::Point;
 
-/// Leaves of ours in a leaf of theirs.
+/// Number of leaves of the CPU tree in one packed leaf.
 const LEAVES: u32 = 4;
 
-/// Segments of a leaf, at most.
+/// Maximum number of segments of a packed leaf.
 pub(crate) const LEAF_SEGMENTS: u32 = LEAVES * LEAF as u32;
 
-/// A node. Upper bounds are rounded up, all else to the nearest; moments are about the centre, over the length and for
-/// each order the radius.
+/// A packed node. Upper bounds are rounded up, all other values to the nearest. Moments are about
+/// the centre, divided by the length and, for each order, by the radius.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PackedNode {
-    /// Centre, in two parts: the second is what the first one lacks.
+    /// Centre, in two parts: the rounded value and its rounding error.
     pub centre: [[f32; 3]; 2],
-    /// An upper bound of the distance of its points from the centre.
+    /// Upper bound of the distance of its points from the centre.
     pub radius: f32,
-    /// Length.
+    /// Total length of the segments.
     pub length: f32,
-    /// Mean of the square of the distance from the centre over that of the radius, an upper bound.
+    /// Upper bound of the mean of the squared distance from the centre, divided by the squared
+    /// radius.
     pub second: f32,
-    /// Mean of its fourth power over that of the radius, an upper bound.
+    /// Upper bound of the mean of the fourth power of the distance, divided by that of the radius.
     pub fourth: f32,
-    /// Mean of the products of the unit tangent's coordinates.
+    /// Means of the products of the coordinates of the unit tangent.
     pub tangents: [f32; 6],
-    /// The second child; the first one comes next. 0: a leaf.
+    /// Index of the second child; the first child is the next node. 0 for a leaf.
     pub right: u32,
-    /// First segment.
+    /// Index of the first segment.
     pub first: u32,
-    /// Segments.
+    /// Number of segments.
     pub segments: u32,
-    /// Moments.
+    /// Moments about the centre.
     pub moments: [f32; COUNT],
 }
 
-/// Appends the nodes of a closed polyline, root first; returns the number of levels. The vertices are between -1 and 1.
+/// Appends the nodes of a closed polyline, root first. Returns the number of levels. The
+/// coordinates are between -1 and 1.
 pub(crate) fn pack(points: &[Point], out: &mut Vec<PackedNode>) -> u32 {
     let tree = Tree::of(points);
     if tree.reach.is_empty() {
@@ -46,11 +49,11 @@ pub(crate) fn pack(points: &[Point], out: &mut Vec<PackedNode>) -> u32 {
 }
 
 fn add(tree: &Tree, node: Node, segments: u32, out: &mut Vec<PackedNode>) -> u32 {
-    /// More than rounding to single precision costs.
+    /// Factor that exceeds the rounding error of single precision.
     const UP: f64 = 1.0 + 2.0 * f32::EPSILON as f64;
     let reach = &tree.reach[node.place as usize];
     let radius = reach.radius * UP;
-    // Without a radius or a length there is nothing to divide.
+    // Without a radius or a length all moments are 0.
     let over = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
     let square = over(radius * radius);
     let high = reach.centre.map(|x| x as f32);
@@ -69,7 +72,7 @@ fn add(tree: &Tree, node: Node, segments: u32, out: &mut Vec<PackedNode>) -> u32
         segments: (node.leaves * LEAF as u32).min(segments - first),
         moments: [0.0; COUNT],
     };
-    // Those by which the programs multiply.
+    // The rounded values that the shader multiplies by.
     let (by_length, by_radius) = (
         over(f64::from(packed.length)),
         over(f64::from(packed.radius)),

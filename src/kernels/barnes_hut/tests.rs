@@ -10,7 +10,7 @@ fn options(order: Order, accept: Accept) -> Options {
     }
 }
 
-/// Every way to sum.
+/// Returns all combinations of options.
 fn ways() -> Vec<Options> {
     let accepts = [
         Accept::Beta(1.3),
@@ -54,7 +54,7 @@ fn bounds_cover_the_error_on_scenes() {
 
 #[test]
 fn a_large_linking_number_is_never_rounded_to_a_wrong_one() {
-    // The published method's answer is -999 for a ribbon like this one.
+    // The published method returns -999 for a ribbon like this one.
     let (set, lambda) = scene("ribbon:segments=200000,lambda=1000");
     for beta in [1.3, 2.0, 2.5] {
         let way = options(Order::Quadrupole, Accept::Beta(beta));
@@ -67,7 +67,7 @@ fn a_large_linking_number_is_never_rounded_to_a_wrong_one() {
 }
 
 #[test]
-fn the_error_falls_with_beta_as_published() {
+fn the_error_decreases_with_beta_as_published() {
     let (set, lambda) = scene("ribbon:segments=100000,lambda=300");
     let error = |order, beta: f64| {
         let way = options(order, Accept::Beta(beta));
@@ -75,7 +75,7 @@ fn the_error_falls_with_beta_as_published() {
         ((found.value - lambda as f64).abs(), found.bound)
     };
     for (order, power) in [(Order::Dipole, 3.0), (Order::Quadrupole, 4.0)] {
-        // The mean over a range: single errors have either sign.
+        // The mean over a range, because single errors have either sign.
         let [coarse, fine] = [[1.8, 2.0, 2.2], [5.4, 6.0, 6.6]].map(|betas| {
             let found = betas.map(|beta| error(order, beta));
             found.iter().map(|f| f.0).sum::<f64>() / 3.0
@@ -87,7 +87,7 @@ fn the_error_falls_with_beta_as_published() {
 }
 
 #[test]
-fn the_scale_does_not_matter() {
+fn scaling_does_not_change_the_result() {
     for exponent in [-1074, -1070, -1022, -500, -50, 0, 50, 500, 1020] {
         let half = exponent / 2;
         let scale = 2f64.powi(half) * 2f64.powi(exponent - half);
@@ -112,7 +112,7 @@ fn the_scale_does_not_matter() {
 }
 
 #[test]
-fn repeated_vertices_and_points_are_no_contact() {
+fn repeated_vertices_and_point_curves_are_no_contact() {
     let [a, b] = hopf(1.0, 0.0);
     let mut repeated = b.clone();
     repeated.extend([b[3]; 20]);
@@ -123,7 +123,8 @@ fn repeated_vertices_and_points_are_no_contact() {
     assert_eq!(sums.linking_number((0, 2)).integer(), Some(0));
 }
 
-/// Measures the models and scenes named in `MODELS`, on one thread: `MODELS="a.bcc ribbon:lambda=10"`.
+/// Measures the models and scenes named in `MODELS`, on one thread:
+/// `MODELS="a.bcc ribbon:lambda=10"`.
 #[test]
 #[ignore]
 fn measure() {
@@ -133,7 +134,7 @@ fn measure() {
         .install(|| names.split_whitespace().for_each(measure_one));
 }
 
-/// Processor time of this thread, as Linux counts it.
+/// Returns the CPU time of this thread, from Linux.
 fn thread_seconds() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     let nanoseconds = text.split_whitespace().next().and_then(|t| t.parse().ok());
@@ -154,7 +155,8 @@ fn measure_one(name: &str) {
     let pairs = LinkSearch::default().find(boxes.roots()).to_vec();
     println!("{name}: {} segments, {} pairs", set.segments(), pairs.len());
     println!(
-        "accept, order: ms of trees, of sums | node pairs | off integers, bound: largest | undecided"
+        "accept, order: ms of trees, of sums | node pairs | \
+         largest distance from an integer, largest bound | undecided"
     );
     let mut ways = Vec::new();
     for beta in [2.0, 3.0, 4.0, 6.0, 8.0] {

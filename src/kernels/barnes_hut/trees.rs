@@ -1,21 +1,23 @@
-//! A binary tree over every curve, with moments.
+//! Binary trees over the curves, with moments.
 //!
-//! A curve is spatially coherent, so its tree halves its list of leaves, each a few segments in a row, again and
-//! again. Nodes lie in preorder, so that where children are follows from the number of leaves, and subtrees are
-//! slices, which threads share out. Two children a node, not eight as in the trees of boxes: the size of nodes then
-//! follows their distance more closely, and so fewer node pairs are needed.
+//! A curve is spatially coherent, so its tree halves the list of its leaves recursively; a leaf is
+//! a run of segments. Nodes are stored in preorder, so that the places of the children follow from
+//! the number of leaves, and a subtree is a slice that a parallel task can own. Nodes have two
+//! children, not eight as in the trees of boxes: the size of nodes then follows their distance more
+//! closely, and fewer node pairs are needed.
 
 use super::bound::Reach;
 use super::moments::Moments;
 use crate::curve::{CurveSet, Point};
+use crate::kernels::pow2;
 
-/// Segments of a leaf, and lanes of the near field.
+/// Number of segments of a leaf, and number of lanes of the near field.
 pub(super) const LEAF: usize = 4;
 
-/// Leaves above which subtrees are built as tasks of their own.
+/// Number of leaves above which a subtree is built in a parallel task.
 const GRAIN: usize = 1 << 10;
 
-/// A node: its place in preorder, and its leaves.
+/// A node: its place in preorder, and its range of leaves.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernels) struct Node {
     pub place: u32,
@@ -24,7 +26,7 @@ pub(in crate::kernels) struct Node {
 }
 
 impl Node {
-    /// The node above all leaves.
+    /// Returns the root, which contains all leaves.
     pub fn root(leaves: u32) -> Node {
         Node {
             place: 0,
@@ -37,7 +39,7 @@ impl Node {
         self.leaves == 1
     }
 
-    /// Both children of a node that is no leaf.
+    /// Returns both children of a node that is not a leaf.
     pub fn children(self) -> [Node; 2] {
         let half = self.leaves / 2;
         let left = Node {
@@ -54,23 +56,25 @@ impl Node {
     }
 }
 
-/// One closed curve.
+/// Tree of a closed curve.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
-    /// Vertices, one array an axis; the first is repeated at the end until the last leaf is full, and once more.
+    /// Vertices, as an array for each axis. The first vertex is repeated at the end until the last
+    /// leaf is full, and once more.
     pub vertices: [Vec<f64>; 3],
     pub reach: Vec<Reach>,
     pub moments: Vec<Moments>,
 }
 
 impl Tree {
-    /// The tree of curve `i`, a polyline, with its coordinates multiplied by a power of two.
+    /// Builds the tree of curve `i`, a polyline, with its coordinates multiplied by `scale`, a
+    /// power of two.
     pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
         let n = set.curve(i).points as usize;
         Tree::through(n, |k| set.point(i, k).map(|x| x * scale))
     }
 
-    /// The tree of a closed polyline.
+    /// Builds the tree of a closed polyline.
     #[cfg(feature = "gpu")]
     pub fn of(points: &[Point]) -> Tree {
         Tree::through(points.len(), |k| points[k])
@@ -112,10 +116,10 @@ const EMPTY: Reach = Reach {
     tangents: [0.0; 6],
 };
 
-/// Smallest and largest coordinates.
+/// Minimum and maximum of each coordinate.
 type Extent = [[f64; 3]; 2];
 
-/// Builds a subtree; returns its box.
+/// Builds a subtree. Returns its bounding box.
 fn build(
     vertices: &[Vec<f64>; 3],
     first: usize,
@@ -168,7 +172,8 @@ fn build(
         let square = dot(r, r);
         let shift = square.sqrt();
         reach.second += share * (child.second + square);
-        // The mean of p^2 (p . r), the only odd one that does not vanish, is at most |r| root(<p^2> <p^4>).
+        // The mean of p^2 (p . r), the only odd term that does not vanish, is at most |r|
+        // root(<p^2> <p^4>).
         let odd = 4.0 * shift * (child.second * child.fourth).sqrt();
         let fourth = child.fourth + odd + square * (6.0 * child.second + square);
         reach.fourth += share * fourth;
@@ -234,7 +239,7 @@ fn build_leaf(
     for (k, &(c, size)) in sides.iter().enumerate() {
         let r = from(centre, k);
         moments.add_segment(c, r);
-        // Over the points r + x h with x from -1 to 1.
+        // Means over the points r + x h with x from -1 to 1.
         let (square, half, along) = (dot(r, r), dot(c, c) / 4.0, dot(r, c) / 2.0);
         reach.second += share(k) * (square + half / 3.0);
         let mixed = square * (square + 2.0 / 3.0 * half);
@@ -251,14 +256,16 @@ fn build_leaf(
     extent
 }
 
-/// Rounds the bounds up: the centre is not quite the centroid, and all of them are rounded.
+/// Rounds the bounds up, because the centre is not exactly the centroid, and because all of them
+/// are rounded.
 ///
-/// Coordinates are at most 1, so that a centre is off the centroid by less than `2^-46` after 32 levels. That
-/// changes the mean of `p^2` by less than 8 times it and the radius, the mean of `p^4` by 32 times it and the cube of the
-/// radius, and those of `d` by less than the sums of both.
+/// Coordinates are at most 1, so the distance of a centre from the centroid is less than `2^-46`
+/// after 32 levels. That changes the mean of `p^2` by less than 8 times this distance times the
+/// radius, the mean of `p^4` by 32 times this distance times the cube of the radius, and the means
+/// over `d` by less than the sums of both.
 fn finish(reach: &mut Reach, radius: f64) {
-    const SLACK: f64 = f64::from_bits((1023 - 40) << 52);
-    const OFF: f64 = f64::from_bits((1023 - 46) << 52);
+    const SLACK: f64 = pow2(-40);
+    const OFF: f64 = pow2(-46);
     let radius = radius * (1.0 + SLACK);
     let square = radius * radius;
     reach.radius = radius;

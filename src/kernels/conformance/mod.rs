@@ -1,11 +1,12 @@
-//! What every kernel owes, checked by one runner against the oracle: the numbered properties of [`crate::kernels`],
-//! bounds that cover the error, and as many decisions as the table of tolerances asks for.
+//! Conformance tests of all kernels against the oracle, by one runner: the numbered properties of
+//! [`crate::kernels`], error bounds that cover the error, and the minimum number of decisions in
+//! the table of tolerances.
 
 pub mod polygons;
 mod runner;
 mod table;
 
-/// One test of each kind for every kernel.
+/// Generates one test of each kind for every kernel.
 macro_rules! conformance {
     ($($name:ident: $kernel:ident $([$when:meta])?),* $(,)?) => {$(
         mod $name {
@@ -20,7 +21,7 @@ macro_rules! conformance {
             #[test]
             #[ignore = "a hundred thousand pairs: half a minute and more"]
             fn random_polygons_are_within_the_bound_a_hundred_thousand_times() {
-                // Of these, a hundred thousand do not touch.
+                // 100,000 of these do not touch.
                 runner::random_polygons(&$kernel, 140_000, 1000);
             }
 
@@ -32,37 +33,37 @@ macro_rules! conformance {
 
             #[test]
             $(#[$when])?
-            fn scales_and_offsets_change_nothing() {
+            fn scales_and_offsets_do_not_change_the_result() {
                 runner::scales_and_offsets(&$kernel);
             }
 
             #[test]
             $(#[$when])?
-            fn scenes_have_the_numbers_of_their_constructions() {
+            fn scenes_have_the_linking_numbers_of_their_construction() {
                 runner::scenes(&$kernel);
             }
 
             #[test]
             $(#[$when])?
-            fn curves_that_touch_have_no_integer() {
+            fn touching_curves_are_undecided() {
                 runner::contact(&$kernel);
             }
 
             #[test]
             $(#[$when])?
-            fn curves_that_nearly_touch_are_right_or_undecided() {
+            fn nearly_touching_curves_are_right_or_undecided() {
                 runner::near_contact(&$kernel);
             }
 
             #[test]
             $(#[$when])?
-            fn other_curves_than_closed_polylines_are_unknown() {
+            fn curves_other_than_closed_polylines_are_unknown() {
                 runner::other_curves(&$kernel);
             }
 
             #[test]
             $(#[$when])?
-            fn the_bits_do_not_depend_on_the_number_of_threads() {
+            fn results_do_not_depend_on_the_number_of_threads() {
                 runner::threads(&$kernel);
             }
         }
@@ -82,7 +83,8 @@ conformance! {
     fmm_of_low_order: FMM_LOW,
 }
 
-/// The same on an adapter: `cargo test --release --lib gpu:: -- --ignored --skip hundred_thousand`.
+/// The same tests on an adapter:
+/// `cargo test --release --lib gpu:: -- --ignored --skip hundred_thousand`.
 #[cfg(feature = "gpu")]
 mod gpu {
     conformance! {

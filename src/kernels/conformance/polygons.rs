@@ -1,4 +1,4 @@
-//! Random polygons on integer grids, where the oracle is exact.
+//! Random polygons on integer grids, on which the oracle is exact.
 
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::kernels::Estimate;
@@ -8,17 +8,17 @@ use std::fmt::Display;
 /// Vertices of a closed polygon.
 pub type Polygon = Vec<[i64; 3]>;
 
-/// A generator, for runs that can be repeated.
+/// A reproducible random number generator.
 pub struct Random(u64);
 
 impl Random {
-    /// Neighbouring seeds give numbers that have nothing in common.
+    /// Creates a generator. Neighbouring seeds give unrelated sequences.
     pub fn new(seed: u64) -> Random {
         // 0 would be a fixed point, and is the image of one seed alone.
         Random((seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).max(1))
     }
 
-    /// A number from 0 on, below `n`.
+    /// Returns a random number from 0 to `n - 1`.
     pub fn next(&mut self, n: u64) -> i64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -26,20 +26,21 @@ impl Random {
         ((self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) % n) as i64
     }
 
-    /// So many vertices anywhere in a cube of `size` points along each axis.
+    /// Returns `n` vertices anywhere in a cube of `size` points along each axis.
     pub fn points(&mut self, n: usize, size: u64) -> Polygon {
         (0..n)
             .map(|_| [0; 3].map(|_: i64| self.next(size)))
             .collect()
     }
 
-    /// The same with 3 to `most` vertices.
+    /// Returns 3 to `most` vertices anywhere in such a cube.
     pub fn polygon(&mut self, most: u64, size: u64) -> Polygon {
         let n = 3 + self.next(most - 2) as usize;
         self.points(n, size)
     }
 
-    /// A closed walk along the axes between points of a lattice; `shift` moves it off another one.
+    /// Returns a closed walk along the axes between points of a lattice. `shift` moves it to a
+    /// disjoint lattice.
     pub fn lattice(&mut self, steps: usize, shift: i64) -> Polygon {
         let mut p = [0; 3].map(|_| 2 * self.next(4) + shift);
         let first = p;
@@ -56,7 +57,8 @@ impl Random {
         out
     }
 
-    /// Small steps in a cube: neighbours along the polygon are near one another, as on a yarn.
+    /// Returns a random walk in a cube. Neighbours along the polygon are near one another, as on a
+    /// yarn.
     pub fn walk(&mut self, n: usize, size: u64, step: u64) -> Polygon {
         let mut at = [0; 3].map(|_: i64| self.next(size));
         (0..n)
@@ -68,7 +70,7 @@ impl Random {
     }
 }
 
-/// A polygon around a circle, and one that winds `turns` times around it.
+/// Returns a polygon around a circle, and one that winds `turns` times around it.
 pub fn winding(turns: i64, n: usize, phase: f64) -> [Polygon; 2] {
     let grid = |p: [f64; 3]| p.map(|x| (x * 65536.0).round() as i64);
     let angle = |k: usize| k as f64 / n as f64 * std::f64::consts::TAU;
@@ -84,12 +86,12 @@ pub fn winding(turns: i64, n: usize, phase: f64) -> [Polygon; 2] {
     [core.collect(), around.collect()]
 }
 
-/// The same times `scale`.
+/// Returns the vertices multiplied by `scale`.
 pub fn floats(p: &Polygon, scale: f64) -> Vec<[f64; 3]> {
     p.iter().map(|p| p.map(|x| x as f64 * scale)).collect()
 }
 
-/// Two closed polylines, in single precision where that is asked for.
+/// Returns a set of two closed polylines, in single precision if `single`.
 pub fn set_of(a: &[[f64; 3]], b: &[[f64; 3]], single: bool) -> CurveSet {
     let counts = [a, b].map(|c| -(c.len() as i32));
     let xyz: Vec<f64> = a.iter().chain(b).flatten().copied().collect();
@@ -101,7 +103,7 @@ pub fn set_of(a: &[[f64; 3]], b: &[[f64; 3]], single: bool) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &counts, positions).expect("finite")
 }
 
-/// The same, in the least precision that is exact.
+/// Returns a set of two closed polylines, in the lowest precision that is exact.
 pub fn exact_set_of(a: &Polygon, b: &Polygon, scale: f64) -> CurveSet {
     let [a, b] = [a, b].map(|p| floats(p, scale));
     let fits = |x: &f64| f64::from(*x as f32) == *x;
@@ -109,7 +111,7 @@ pub fn exact_set_of(a: &Polygon, b: &Polygon, scale: f64) -> CurveSet {
     set_of(&a, &b, single)
 }
 
-/// Closed polylines with these vertices.
+/// Returns a set of closed polylines with these vertices.
 pub fn polylines(curves: &[&[[f64; 3]]]) -> CurveSet {
     let counts: Vec<i32> = curves.iter().map(|c| -(c.len() as i32)).collect();
     let flat: Vec<f64> = curves
@@ -122,7 +124,7 @@ pub fn polylines(curves: &[&[[f64; 3]]]) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&flat)).expect("finite")
 }
 
-/// The curves of a scene, and the linking number of the first pair.
+/// Returns the curves of a scene, and the linking number of the first pair.
 pub fn scene(text: &str) -> (CurveSet, i64) {
     let generated = text
         .parse::<Scene>()
@@ -133,15 +135,15 @@ pub fn scene(text: &str) -> (CurveSet, i64) {
     (generated.curves, lambda)
 }
 
-/// The bound covers the error, and no other integer is given.
+/// Asserts that the bound covers the error, and that no other integer is returned.
 pub fn check(found: Estimate, lambda: i64, what: &dyn Display) {
     let off = (found.value - lambda as f64).abs();
-    assert!(off <= found.bound, "{what}: {found:?}, not {lambda}");
+    assert!(off <= found.bound, "{what}: {found:?}, expected {lambda}");
     let integer = found.integer();
     assert!(integer.is_none_or(|n| n == lambda), "{what}: {found:?}");
 }
 
-/// A square about the z axis, and one through it.
+/// Returns a square around the z axis, and one that passes through it.
 pub fn hopf(scale: f64, offset: f64) -> [Vec<[f64; 3]>; 2] {
     let a = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
     let b = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];

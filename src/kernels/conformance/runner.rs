@@ -1,4 +1,4 @@
-//! The checks, each for any kernel.
+//! Conformance checks, each for any kernel.
 
 use super::polygons::{Polygon, Random, exact_set_of, floats, set_of, winding};
 use super::table::Kernel;
@@ -10,19 +10,19 @@ use proptest::test_runner::{Config, TestRunner};
 use rayon::prelude::*;
 use std::ops::AddAssign;
 
-/// What was decided of what.
+/// Counts of the outcomes of a check.
 #[derive(Clone, Copy, Debug, Default)]
-struct Tally {
-    /// Pairs that do not touch.
+struct Outcomes {
+    /// Number of pairs that do not touch.
     numbers: usize,
-    /// Those of them that the kernel decided.
+    /// Number of those that the kernel decided.
     decided: usize,
     touching: usize,
     linked: usize,
 }
 
-impl AddAssign for Tally {
-    fn add_assign(&mut self, other: Tally) {
+impl AddAssign for Outcomes {
+    fn add_assign(&mut self, other: Outcomes) {
         self.numbers += other.numbers;
         self.decided += other.decided;
         self.touching += other.touching;
@@ -30,32 +30,40 @@ impl AddAssign for Tally {
     }
 }
 
-impl Tally {
+impl Outcomes {
     fn share(&self) -> f64 {
         self.decided as f64 / self.numbers.max(1) as f64
     }
 }
 
-/// Asserts what a kernel owes of the first two curves: a value within its bound of the number, no other integer, and
-/// none where they touch.
-fn check(kernel: &Kernel, set: &CurveSet, want: Option<i64>, what: &dyn std::fmt::Debug) -> Tally {
+/// Asserts the contract of a kernel for the first two curves: a value within its bound of the
+/// linking number, no other integer, and no integer if they touch.
+fn check(
+    kernel: &Kernel,
+    set: &CurveSet,
+    want: Option<i64>,
+    what: &dyn std::fmt::Debug,
+) -> Outcomes {
     let found = kernel.estimate(set);
     let integer = found.integer();
     let method = kernel.method;
     if let Some(n) = want {
         let off = (found.value - n as f64).abs();
-        assert!(off <= found.bound, "{method}: {found:?}, not {n}: {what:?}");
+        assert!(
+            off <= found.bound,
+            "{method}: {found:?}, expected {n}: {what:?}"
+        );
         assert!(
             integer.is_none_or(|i| i == n),
-            "{method}: {found:?}, not {n}: {what:?}"
+            "{method}: {found:?}, expected {n}: {what:?}"
         );
     } else {
         assert_eq!(
             integer, None,
-            "{method}: {found:?}, but they touch: {what:?}"
+            "{method}: {found:?}, expected no integer, because the curves touch: {what:?}"
         );
     }
-    Tally {
+    Outcomes {
         numbers: usize::from(want.is_some()),
         decided: usize::from(integer.is_some()),
         touching: usize::from(want.is_none()),
@@ -63,18 +71,19 @@ fn check(kernel: &Kernel, set: &CurveSet, want: Option<i64>, what: &dyn std::fmt
     }
 }
 
-fn check_polygons(kernel: &Kernel, a: &Polygon, b: &Polygon, scale: f64) -> Tally {
+fn check_polygons(kernel: &Kernel, a: &Polygon, b: &Polygon, scale: f64) -> Outcomes {
     let want = oracle::linking_number(a, b);
     check(kernel, &exact_set_of(a, b, scale), want, &(a, b, scale))
 }
 
-/// Random polygons of three kinds: in general position, walks, and on so few points that nearly all is degenerate.
+/// Checks random polygons of three kinds: in general position, walks, and on so few points that
+/// nearly every case is degenerate.
 pub fn random_polygons(kernel: &Kernel, pairs: usize, seed: u64) {
-    /// Pairs of a seed.
+    /// Number of pairs for each seed.
     const ROUND: usize = 50;
-    let round = |k: usize| -> [Tally; 2] {
+    let round = |k: usize| -> [Outcomes; 2] {
         let mut random = Random::new(seed + k as u64);
-        let (mut general, mut lattice) = (Tally::default(), Tally::default());
+        let (mut general, mut lattice) = (Outcomes::default(), Outcomes::default());
         for n in 0..ROUND {
             match n % 4 {
                 0 => {
@@ -99,7 +108,7 @@ pub fn random_polygons(kernel: &Kernel, pairs: usize, seed: u64) {
                     lattice += check_polygons(kernel, &a, &b, 0.125);
                 }
                 _ => {
-                    // On one lattice most touch; on two that miss one another none does.
+                    // On one lattice most of them touch; on two disjoint lattices none.
                     let shift = random.next(2);
                     let [a, b] = [0, shift].map(|s| {
                         let n = 4 + random.next(10) as usize;
@@ -111,11 +120,11 @@ pub fn random_polygons(kernel: &Kernel, pairs: usize, seed: u64) {
         }
         [general, lattice]
     };
-    let rounds: Vec<[Tally; 2]> = (0..pairs.div_ceil(ROUND))
+    let rounds: Vec<[Outcomes; 2]> = (0..pairs.div_ceil(ROUND))
         .into_par_iter()
         .map(round)
         .collect();
-    let [mut general, mut lattice] = [Tally::default(); 2];
+    let [mut general, mut lattice] = [Outcomes::default(); 2];
     for [g, l] in rounds {
         general += g;
         lattice += l;
@@ -128,7 +137,7 @@ pub fn random_polygons(kernel: &Kernel, pairs: usize, seed: u64) {
     assert!(lattice.share() >= tolerance.lattice, "{lattice:?}");
 }
 
-/// Motions of the grid: signed permutations of the axes, and translations.
+/// Rigid motions of the grid: signed permutations of the axes, and translations.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     order: [usize; 3],
@@ -170,10 +179,10 @@ fn polygon() -> impl Strategy<Value = Polygon> {
     ]
 }
 
-/// The properties by their numbers; 7 and 8 are in every comparison with the oracle.
+/// Checks the properties by their numbers. 7 and 8 are part of every comparison with the oracle.
 pub fn numbered_properties(kernel: &Kernel) {
     let cases = (kernel.tolerance.pairs / 10) as u32;
-    // Nothing is written down: a failure shows its input, shrunk.
+    // No regression file is written: a failure prints its input, shrunk.
     let config = Config {
         failure_persistence: None,
         ..Config::with_cases(cases)
@@ -202,7 +211,7 @@ pub fn numbered_properties(kernel: &Kernel) {
         let times =
             |p: &Polygon, f: i64| -> Polygon { p.iter().map(|p| p.map(|x| x * f)).collect() };
         say("4: scaling", &times(&a, factor), &times(&b, factor), want);
-        // Doubled, so that the middle of an edge is on the grid.
+        // Doubled, so that the midpoint of an edge is on the grid.
         let (mut longer, other) = (times(&a, 2), times(&b, 2));
         let k = at % a.len();
         let (p, q) = (longer[k], longer[(k + 1) % a.len()]);
@@ -222,7 +231,7 @@ pub fn numbered_properties(kernel: &Kernel) {
     }
 }
 
-/// Scales over nearly the whole range of numbers, and a Hopf link at an offset of a million.
+/// Checks scales over nearly the whole range of numbers, and a Hopf link at an offset of a million.
 pub fn scales_and_offsets(kernel: &Kernel) {
     // So few segments that each kernel sums them exactly, then so many that trees have levels.
     for (turns, n) in [(2, 24), (5, 250)] {
@@ -231,12 +240,12 @@ pub fn scales_and_offsets(kernel: &Kernel) {
         let mut decided = 0;
         let powers = [-1050, -900, -500, -126, -40, 0, 40, 110, 127, 300, 1000];
         for power in powers {
-            // In two steps: the inverse of such a power may overflow.
+            // In two steps, because the inverse of such a power may overflow.
             let scale = 2f64.powi(power / 2) * 2f64.powi(power - power / 2);
             decided += check(kernel, &exact_set_of(&a, &b, scale), want, &power).decided;
         }
         for scale in [1e-6, 1e6, 1e-300, 1e300] {
-            // Coordinates round: not by enough to pull one through the other.
+            // Coordinates are rounded, but not by enough to pull one curve through the other.
             let set = set_of(&floats(&a, scale), &floats(&b, scale), false);
             decided += check(kernel, &set, want, &scale).decided;
         }
@@ -256,7 +265,7 @@ pub fn scales_and_offsets(kernel: &Kernel) {
     }
 }
 
-/// Scenes of several curves, all of their pairs at once.
+/// Checks scenes of several curves, with all of their pairs in one call.
 pub fn scenes(kernel: &Kernel) {
     let all = [
         "ribbon:segments=1000,lambda=10",
@@ -286,7 +295,10 @@ pub fn scenes(kernel: &Kernel) {
             let link = links.iter().find(|l| (l.i, l.j) == pair);
             let want = link.map_or(0, |l| l.lambda);
             let off = (found.value - want as f64).abs();
-            assert!(off <= found.bound, "{text} {pair:?}: {found:?}, not {want}");
+            assert!(
+                off <= found.bound,
+                "{text} {pair:?}: {found:?}, expected {want}"
+            );
             let integer = found.integer();
             assert!(
                 integer.is_none_or(|n| n == want),
@@ -306,10 +318,11 @@ pub fn scenes(kernel: &Kernel) {
 
 const SQUARE: [[f64; 3]; 4] = [[-2., -2., 0.], [2., -2., 0.], [2., 2., 0.], [-2., 2., 0.]];
 
-/// Contact of every kind.
+/// Checks contact of every kind.
 pub fn contact(kernel: &Kernel) {
     let others: [&[[f64; 3]]; 7] = [
-        // A vertex in an edge, an edge through one, vertex on vertex, along an edge, collinear, at an edge from aside.
+        // A vertex on an edge, an edge through an edge, vertex on vertex, overlapping edges,
+        // collinear edges, an edge that touches from the side.
         &[[2.0, 0.3, 0.0], [5.0, 0.0, 1.0], [5.0, 1.0, -1.0]],
         &[[2.0, 0.3, -1.0], [2.0, 0.3, 1.0], [7.0, 7.0, 0.0]],
         &[[2.0, 2.0, 0.0], [3.0, 3.0, 1.0], [3.0, 2.0, 5.0]],
@@ -329,10 +342,11 @@ pub fn contact(kernel: &Kernel) {
     }
 }
 
-/// A square, and a triangle through it at a distance from an edge, a vertex or the middle of one.
+/// Checks a square, and a triangle through it at a small distance from an edge, a vertex or the
+/// midpoint of an edge.
 pub fn near_contact(kernel: &Kernel) {
     let (mut numbers, mut decided) = (0, 0);
-    // The way to an adapter and back takes longer than any of these pairs.
+    // On an adapter the round trip takes longer than any of these pairs, so fewer are tested.
     let step = if kernel.device == Device::Cpu { 1 } else { 5 };
     for size in [1.0, 1e-6, 1e6] {
         let square = SQUARE.map(|p| p.map(|x| x * size));
@@ -343,7 +357,7 @@ pub fn near_contact(kernel: &Kernel) {
                     let at = [place[0] + gap, place[1] + gap];
                     let through = [[at[0], at[1], -1.0], [at[0], at[1], 1.0], [9.0, 7.0, 0.5]];
                     let through = through.map(|p| p.map(|x| x * size));
-                    // Where the gap is lost in rounding, the curves touch.
+                    // If the gap is lost by rounding, the curves touch.
                     let inside = |x: usize| through[0][x].abs() < square[2][x];
                     let touching = (0..2).any(|x| through[0][x] == square[2][x])
                         && (0..2).all(|x| through[0][x] <= square[2][x]);
@@ -352,9 +366,9 @@ pub fn near_contact(kernel: &Kernel) {
                         false => Some(i64::from(inside(0) && inside(1))),
                     };
                     let set = set_of(&square, &through, false);
-                    let tally = check(kernel, &set, want, &through);
-                    numbers += tally.numbers;
-                    decided += tally.decided;
+                    let outcomes = check(kernel, &set, want, &through);
+                    numbers += outcomes.numbers;
+                    decided += outcomes.decided;
                 }
             }
         }
@@ -363,7 +377,7 @@ pub fn near_contact(kernel: &Kernel) {
     assert!(share > kernel.tolerance.close, "{decided} of {numbers}");
 }
 
-/// Long curves, which are shared out.
+/// Checks long curves, which are split into parallel tasks, with several numbers of threads.
 pub fn threads(kernel: &Kernel) {
     let segments = if kernel.method == Method::Interval {
         1000
@@ -391,8 +405,8 @@ pub fn threads(kernel: &Kernel) {
     assert_eq!(found[0], found[1]);
 }
 
-/// Open curves, splines, a curve and itself, and curves that are not there. Crossings are counted of splines too, and
-/// whoever asks for them leaves out the others.
+/// Checks open curves, splines, a curve paired with itself, and curves that do not exist. Crossings
+/// are counted for splines too, and callers of the counting kernel skip the other cases.
 pub fn other_curves(kernel: &Kernel) {
     if kernel.method == Method::Crossings {
         return;

@@ -1,4 +1,4 @@
-//! All kernels, with what is asked of each beside the truth: the one table of tolerances.
+//! All kernels with their tolerances: the only table of tolerances.
 
 use crate::curve::CurveSet;
 use crate::kernels::crossings::{self, Workspace, Workspaces};
@@ -8,33 +8,35 @@ use crate::kernels::{Accelerator, Accuracy, Counted, Device, Estimate, Method};
 use crate::pairs::{Pair, Trees};
 use std::collections::HashMap;
 
-/// Sums of some pairs of a set.
+/// Function that returns the sums of some pairs of a set.
 pub type Sums = fn(&CurveSet, &[Pair]) -> Vec<Estimate>;
 
-/// A kernel at some accuracy.
+/// A kernel with its accuracy and its tolerances.
 pub struct Kernel {
     pub method: Method,
     pub accuracy: Accuracy,
-    /// Where it runs.
+    /// Device on which the kernel runs.
     pub device: Device,
-    /// A part of it alone, in the place of all.
+    /// Function that is tested instead of the whole kernel.
     pub part: Option<Sums>,
     pub tolerance: Tolerance,
 }
 
-/// What a kernel must reach. That its bound covers its error, and that no integer is wrong, is asked of all.
+/// Tolerances of a kernel. All kernels must have bounds that cover their error, and must return no
+/// wrong integer.
 pub struct Tolerance {
-    /// Largest bound on pairs of a few dozen segments that are not close to one another.
+    /// Maximum bound on pairs of a few dozen segments that are not close to one another.
     pub bound: f64,
-    /// Least share of the pairs in general position that it decides.
+    /// Minimum share of decided pairs in general position.
     pub general: f64,
-    /// The same of smooth curves of some hundred segments.
+    /// Minimum share of decided pairs of smooth curves of some hundred segments.
     pub smooth: f64,
-    /// The same of pairs on a few points of a lattice: parallel, collinear, with repeated vertices.
+    /// Minimum share of decided pairs on a few points of a lattice: parallel, collinear, with
+    /// repeated vertices.
     pub lattice: f64,
-    /// The same of pairs that come as near as rounding: gaps from 1/2 to 2^-59.
+    /// Minimum share of decided pairs that are close: gaps from 1/2 to 2^-59.
     pub close: f64,
-    /// Random pairs that a quick test has time for.
+    /// Number of random pairs in a quick test.
     pub pairs: usize,
 }
 
@@ -120,7 +122,7 @@ pub const INTERVAL: Kernel = by(
     },
 );
 
-/// First by beta, then by the proven bound: what the command uses.
+/// First with a beta, then with the proven bound: the setting of the command.
 pub const BARNES_HUT: Kernel = by(
     Method::BarnesHut,
     Tolerance {
@@ -141,7 +143,7 @@ pub const BARNES_HUT_BETA: Kernel = barnes_hut(
     [0.9, 0.5, 0.9],
 );
 
-/// So coarse that most of what it expands is wrong.
+/// With such a low beta that most expansions are wrong.
 pub const BARNES_HUT_COARSE: Kernel = barnes_hut(
     Accuracy {
         beta: Some(1.3),
@@ -151,7 +153,7 @@ pub const BARNES_HUT_COARSE: Kernel = barnes_hut(
     [0.5, 0.0, 0.5],
 );
 
-/// As published: a second pass where the estimate says so.
+/// The published method: a second pass if the estimate requires it.
 pub const BARNES_HUT_ESTIMATED: Kernel = barnes_hut(
     Accuracy {
         beta: Some(2.0),
@@ -173,7 +175,7 @@ pub const FMM: Kernel = by(
     },
 );
 
-/// Of so low an order that little can be expanded.
+/// With such a low order that few node pairs can be expanded.
 pub const FMM_LOW: Kernel = Kernel {
     method: Method::Fmm,
     accuracy: Accuracy {
@@ -192,7 +194,7 @@ pub const FMM_LOW: Kernel = Kernel {
     },
 };
 
-/// On an adapter; what is asked there single precision has to reach.
+/// Returns a kernel on an adapter, with the tolerances of single precision.
 #[cfg(feature = "gpu")]
 const fn on_device(method: Method, tolerance: Tolerance) -> Kernel {
     Kernel {
@@ -230,7 +232,7 @@ pub const GPU_DIRECT: Kernel = on_device(
     },
 );
 
-/// Double precision alone, without single precision before it: as much as on the processor.
+/// Double precision alone, without single precision before it, with the tolerances of the CPU.
 #[cfg(feature = "gpu")]
 pub const GPU_DIRECT_DOUBLE: Kernel = Kernel {
     method: Method::Direct,
@@ -261,7 +263,7 @@ pub const GPU_BARNES_HUT: Kernel = on_device(
 );
 
 impl Kernel {
-    /// What it says of some pairs of polylines.
+    /// Returns the estimates of some pairs of polylines.
     pub fn estimates(&self, set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
         if let Some(part) = self.part {
             return part(set, pairs);
@@ -272,18 +274,18 @@ impl Kernel {
             .summation(set, self.accuracy, &accelerator, pairs);
         let found = sum.map(|sum| sum.linking_numbers(pairs));
         let found = found.unwrap_or_else(|| counted(set, pairs, &mut accelerator));
-        // Else this would have tested the processor.
+        // Otherwise the CPU would have been tested.
         assert_eq!(accelerator.info().is_some(), self.device != Device::Cpu);
         found
     }
 
-    /// What it says of the first two.
+    /// Returns the estimate of the first two curves.
     pub fn estimate(&self, set: &CurveSet) -> Estimate {
         self.estimates(set, &[(0, 1)])[0]
     }
 }
 
-/// Counted numbers, as sums without an error.
+/// Returns counted linking numbers as estimates without an error.
 fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec<Estimate> {
     let mut trees = Trees::default();
     trees.refit(set);
@@ -294,7 +296,7 @@ fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec
         trees,
         workspaces,
     };
-    let on_processor = || {
+    let on_cpu = || {
         let mut all = Counted::default();
         for &pair in pairs {
             let workspace = &mut Workspace::default();
@@ -305,7 +307,7 @@ fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec
         }
         vec![all]
     };
-    let found = accelerator.count(scene, pairs).unwrap_or_else(on_processor);
+    let found = accelerator.count(scene, pairs).unwrap_or_else(on_cpu);
     let found = Counted::joined(found);
     let known = |value| Estimate { value, bound: 0.0 };
     let mut numbers: HashMap<Pair, Estimate> = HashMap::new();

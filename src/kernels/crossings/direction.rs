@@ -1,37 +1,40 @@
-//! The choice of the direction: along which of six does the pair overlap the least?
+//! Choice of the direction: of six directions, the one in which the curves of a pair overlap the
+//! least.
 //!
-//! A breadth-first pass over both trees carries, for every node pair, the set of directions in which the nodes
-//! overlap in projection and the upper one is not wholly below. A direction without any left proves that the
-//! linking number is 0, at once: most pairs of a garment end here.
+//! A breadth-first pass over both trees carries, for every node pair, the set of directions in
+//! which the nodes overlap in projection and the upper one is not wholly below. If no node pair
+//! remains in a direction, the linking number is 0. Most pairs of a garment are decided here.
 
 use super::Direction;
 use crate::curve::{Box3, BoxGroup, LANES, Lanes};
 use crate::pairs::{Agenda, CurveTree, Node};
 
-/// Node pairs at which the pass has seen enough to choose.
+/// Number of node pairs at which the pass stops and chooses.
 const ENOUGH: usize = 192;
 
-/// Whether the direction of a pair is chosen by a formula on its boxes: both curves are small.
+/// Returns true if the direction of a pair is chosen by a formula on the bounding boxes, because
+/// both curves are small.
 #[inline(always)]
 pub(crate) fn by_formula([a, b]: [CurveTree<'_>; 2]) -> bool {
     a.is_small() && b.is_small()
 }
 
-/// A set of directions, a bit each in the order of [`Direction::ALL`].
+/// A set of directions as a bit mask, in the order of [`Direction::ALL`].
 type Directions = u32;
 const ALL: Directions = 0x3f;
 
-/// Buffers of the pass.
+/// Buffers of the breadth-first pass.
 #[derive(Debug, Default)]
 pub(super) struct Fronts {
     now: Front,
     next: Front,
-    /// Node pairs looked into, since this was last set to 0.
+    /// Number of node pairs visited since the last reset to 0.
     pub visited: u64,
 }
 
-/// Node pairs, structure of arrays; all first nodes are of one level, and so are all second ones. The arrays are
-/// longer than what is in use, so that eight may be written everywhere.
+/// Node pairs as a structure of arrays. All first nodes are of one level, and so are all second
+/// nodes. The arrays are longer than the used part, so that eight lanes may be written at any
+/// position.
 #[derive(Debug, Default)]
 struct Front {
     len: usize,
@@ -41,8 +44,8 @@ struct Front {
     directions: Vec<Directions>,
 }
 
-/// The direction to count in, with the node pairs to start from on the agenda (upper curve first), or `None` where the
-/// curves are proven to be unlinked.
+/// Chooses the direction to count in and writes the node pairs to start from to the agenda (upper
+/// curve first). Returns `None` if the curves are proven to be unlinked.
 #[inline(always)]
 pub(super) fn choose<L: Lanes>(
     simd: L,
@@ -63,7 +66,7 @@ pub(super) fn choose<L: Lanes>(
     let mut alive = ALL;
     now.reset();
     while !alive.is_power_of_two() && now.len <= ENOUGH && levels != [0, 0] {
-        next.make_room(now.len);
+        next.reserve(now.len);
         *visited += now.len as u64;
         if levels[0] >= levels[1] {
             expand::<L, false>(simd, [a, b], levels, now, next);
@@ -86,7 +89,7 @@ pub(super) fn choose<L: Lanes>(
         for (d, &count) in counts.iter().enumerate() {
             fewer &= !(u32::from(count != fewest) << d);
         }
-        // What has survived in a direction that is alive needs no second look.
+        // Node pairs need no filter if all directions are still alive.
         if fewer != alive {
             alive = fewer;
             now.keep(alive);
@@ -106,15 +109,15 @@ pub(super) fn choose<L: Lanes>(
 }
 
 impl Front {
-    /// The two roots alone.
+    /// Resets to the pair of both roots.
     fn reset(&mut self) {
-        self.make_room(1);
+        self.reserve(1);
         self.len = 1;
         (self.first[0], self.second[0], self.directions[0]) = (0, 0, ALL);
     }
 
-    /// Nothing, with room for the children of `parents` node pairs.
-    fn make_room(&mut self, parents: usize) {
+    /// Clears the front and reserves space for the children of `parents` node pairs.
+    fn reserve(&mut self, parents: usize) {
         let needed = LANES * (parents + 1);
         if self.first.len() < needed {
             for v in [&mut self.first, &mut self.second, &mut self.directions] {
@@ -124,7 +127,7 @@ impl Front {
         self.len = 0;
     }
 
-    /// Keeps the node pairs that overlap in one of `alive`, in no other directions.
+    /// Keeps only the directions in `alive`, and the node pairs that overlap in one of them.
     fn keep(&mut self, alive: Directions) {
         let (first, second) = (&mut self.first[..self.len], &mut self.second[..self.len]);
         let directions = &mut self.directions[..self.len];
@@ -137,10 +140,10 @@ impl Front {
         self.len = len;
     }
 
-    /// Node pairs of each direction.
+    /// Returns the number of node pairs for each direction.
     fn counts(&self) -> [u32; 6] {
         let mut counts = [0; 6];
-        // A byte a direction, summed up before any can overflow.
+        // One byte per direction, summed before any byte can overflow.
         for part in self.directions[..self.len].chunks(255) {
             let mut sum = 0;
             for &set in part {
@@ -154,16 +157,16 @@ impl Front {
     }
 }
 
-/// A set of directions as six bytes, each of which is 1 where the set has it: the bit `d` goes to `8 d`, and the
-/// product has room for the others beside it.
+/// Spreads a set of directions to six bytes, each of which is 1 if the set contains the direction.
+/// The bit `d` moves to `8 d`; the product keeps the other terms apart.
 #[inline(always)]
 fn spread(set: Directions) -> u64 {
     const COPIES: u64 = 1 | 1 << 7 | 1 << 14 | 1 << 21 | 1 << 28 | 1 << 35;
     (u64::from(set) * COPIES) & 0x0101_0101_0101
 }
 
-/// Small loops: the direction by a formula on their boxes, the overlap in projection times the chance that
-/// the upper one is not wholly below.
+/// Chooses the direction of small curves by a formula on their boxes: the overlap in projection
+/// times the probability that the upper curve is not wholly below.
 #[inline(always)]
 fn guess(a: &Box3, b: &Box3) -> Direction {
     let mut overlap = [0.0; 3];
@@ -172,7 +175,7 @@ fn guess(a: &Box3, b: &Box3) -> Direction {
         let (a_size, b_size) = (a.hi[x] - a.lo[x], b.hi[x] - b.lo[x]);
         let common = a.hi[x].min(b.hi[x]) - a.lo[x].max(b.lo[x]);
         overlap[x] = common / a_size.max(b_size).max(f32::MIN_POSITIVE);
-        // From -1, the first one wholly below, to 1, wholly above.
+        // From -1 (the first box is wholly below) to 1 (wholly above).
         let between = (a.lo[x] + a.hi[x]) - (b.lo[x] + b.hi[x]);
         height[x] = (between / (a_size + b_size).max(f32::MIN_POSITIVE)).clamp(-1.0, 1.0);
     }
@@ -180,12 +183,13 @@ fn guess(a: &Box3, b: &Box3) -> Direction {
     let axis = (1..3).fold(0, |best, w| if cost(w) < cost(best) { w } else { best });
     Direction {
         axis,
-        // The curve that lies lower is seldom on top, so it is the one to count.
+        // The lower curve is rarely above the other one, so its crossings are counted.
         second_over: height[axis] > 0.0,
     }
 }
 
-/// One breadth-first step: the nodes of one curve, the second where `SECOND`, go down one level.
+/// One breadth-first step: the nodes of one curve (the second one if `SECOND`) are replaced by
+/// their children.
 #[inline(always)]
 fn expand<L: Lanes, const SECOND: bool>(
     simd: L,
@@ -214,9 +218,9 @@ fn expand<L: Lanes, const SECOND: bool>(
             overlap[len..].first_chunk_mut(),
         );
         let (Some(first), Some(second), Some(overlap)) = (first, second, overlap) else {
-            unreachable!("the next front has room for the children of this one");
+            unreachable!("the next front has space for the children of this one");
         };
-        // Those that survive in some direction, one after the other.
+        // The survivors are stored contiguously.
         let survive = simd.nonzero(words);
         let order = simd.packed(survive);
         let (moved, kept) = if SECOND {
@@ -232,8 +236,9 @@ fn expand<L: Lanes, const SECOND: bool>(
     next.len = len;
 }
 
-/// For each lane of `group`, those of `directions` in which it overlaps the box `one` in projection while the upper
-/// curve is not wholly below. `one` is of the first curve, or of the second where `SWAPPED`.
+/// Returns for each lane of `group` the subset of `directions` in which it overlaps the box `one`
+/// in projection while the upper curve is not wholly below. `one` belongs to the first curve, or to
+/// the second one if `SWAPPED`.
 #[inline(always)]
 fn survivors<L: Lanes, const SWAPPED: bool>(
     simd: L,
@@ -251,7 +256,8 @@ fn survivors<L: Lanes, const SWAPPED: bool>(
     simd.or_words(simd.or_words(along_x, along_y), along_z)
 }
 
-/// Lanes that a box is wholly below, and lanes that it is wholly above, along an axis.
+/// Returns the lanes that a box is wholly below and the lanes that it is wholly above, along an
+/// axis.
 #[inline(always)]
 fn sides<L: Lanes>(simd: L, one: &Box3, group: &BoxGroup, x: usize) -> [L::Mask; 2] {
     [
@@ -260,7 +266,7 @@ fn sides<L: Lanes>(simd: L, one: &Box3, group: &BoxGroup, x: usize) -> [L::Mask;
     ]
 }
 
-/// [`survivors`] in the two directions of the axis `w`.
+/// Returns the [`survivors`] in the two directions of the axis `w`.
 #[inline(always)]
 fn seen<L: Lanes, const SWAPPED: bool>(
     simd: L,
@@ -269,7 +275,7 @@ fn seen<L: Lanes, const SWAPPED: bool>(
     axis: u32,
 ) -> L::Words {
     let apart = simd.or(simd.or(u[0], u[1]), simd.or(v[0], v[1]));
-    // The first curve on top: lost where it is wholly below.
+    // With the first curve as the upper one, a node pair is discarded if it is wholly below.
     let below = simd.or(apart, if SWAPPED { w[1] } else { w[0] });
     let above = simd.or(apart, if SWAPPED { w[0] } else { w[1] });
     let first_over = simd.and_words(directions, simd.splat_word(1 << (2 * axis)));
@@ -285,7 +291,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_set_spreads_to_bytes_and_is_counted() {
+    fn sets_of_directions_are_spread_and_counted() {
         let directions: Vec<u32> = (0..640).map(|k| k % 64).collect();
         for set in &directions {
             let bytes = spread(*set).to_le_bytes();

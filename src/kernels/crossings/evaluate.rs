@@ -1,4 +1,5 @@
-//! Candidates to a number: eight at a time in floating point, one by one exactly where that cannot decide.
+//! Evaluation of candidates: eight at a time in floating point; candidates that this does not
+//! decide one at a time, exactly.
 
 use super::gather::Task;
 #[cfg(target_arch = "x86_64")]
@@ -9,44 +10,44 @@ use crate::exact::{Batch, Crossing, Predicates, crossing, segments_touch};
 use crate::verdict::Stats;
 use std::ops::ControlFlow;
 
-/// Candidates that are worth a task of their own.
+/// Minimum number of candidates of a task.
 const GRAIN: usize = 1 << 14;
 
-/// Candidates that are faster by themselves than as a part of a batch.
+/// Maximum number of candidates for which single tests are faster than a batch.
 const FEW: usize = 2;
 
-/// The signed count of one pair of curves, in one direction, or of a part of it.
+/// Sum of the signed crossings of one pair of curves in one direction, or of a part of the pair.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Tally {
+pub(super) struct SignedCount {
     sum: i64,
     /// First pair of segments that touch.
     contact: Option<[u32; 2]>,
-    /// Node pairs that the descent looked into.
+    /// Number of node pairs visited by the descent.
     pub nodes: u64,
-    /// Work done.
+    /// Work counters.
     pub stats: Stats,
 }
 
-/// Buffers for the polylines that stand for two segments.
+/// Buffers for the polylines that two split segments are replaced by.
 #[derive(Debug, Default)]
 pub(super) struct Polylines {
     upper: Vec<Point>,
     lower: Vec<Point>,
 }
 
-impl Tally {
-    /// The sum of the signs so far.
+impl SignedCount {
+    /// Returns the sum of the signs.
     pub fn sum(&self) -> i64 {
         self.sum
     }
 
-    /// The first pair of segments found to touch, in their order along the curves.
+    /// Returns the first pair of touching segments, in their order along the curves.
     pub fn contact(&self) -> Option<[u32; 2]> {
         self.contact
     }
 
     /// Adds another part of the same pair.
-    pub fn merge(&mut self, other: &Tally) {
+    pub fn merge(&mut self, other: &SignedCount) {
         self.sum += other.sum;
         self.nodes += other.nodes;
         self.stats.add(&other.stats);
@@ -56,15 +57,15 @@ impl Tally {
     }
 
     fn found_contact(&mut self, segments: [u32; 2]) {
-        // The least one in the order of the curves, whatever the order of the visits.
+        // The minimum in the order of the curves does not depend on the order of the visits.
         self.contact = Some(self.contact.map_or(segments, |c| c.min(segments)));
     }
 
-    /// Adds whole segments, in parts that are shared out.
+    /// Adds candidates of whole segments, in parallel tasks.
     pub fn add_shared(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
         if tests.len() > GRAIN {
             let (left, right) = tests.split_at(tests.len() / 2);
-            let mut other = Tally::default();
+            let mut other = SignedCount::default();
             rayon::join(
                 || self.add_shared(task, left),
                 || other.add_shared(task, right),
@@ -77,20 +78,20 @@ impl Tally {
         #[cfg(target_arch = "x86_64")]
         if Avx2::detect().is_some() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the processor has just been asked.
+            // SAFETY: the feature has just been detected.
             return unsafe { self.add_avx2(task, tests) };
         }
         self.add(task, tests);
     }
 
-    /// [`Tally::add`], compiled with AVX2.
+    /// [`SignedCount::add`], compiled with AVX2.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
     fn add_avx2(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
         self.add(task, tests);
     }
 
-    /// Adds whole segments.
+    /// Adds candidates of whole segments.
     #[inline(always)]
     pub fn add(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
         let [upper, lower] = task.curves.map(|i| task.scene.set.knots(i, task.axis));
@@ -146,11 +147,12 @@ impl Tally {
         }
     }
 
-    /// Adds two whole segments by themselves.
+    /// Adds a single pair of whole segments.
     ///
-    /// Segments that touch are found here. A contact at a vertex is invisible to the crossing test, which resolves
-    /// ties by a translation; but segments that touch lie in one plane and their shadows meet, so floating point
-    /// proves neither that they are not in one plane nor that one of them lies on one side of the other.
+    /// Segments that touch are detected here. A contact at a vertex is invisible to the crossing
+    /// test, which breaks ties by a translation. But touching segments are coplanar and their
+    /// projections meet. So floating point proves neither that they are not coplanar nor that one
+    /// of them lies on one side of the other, and they always reach this function.
     fn add_segments<K: ReadKnots>(&mut self, task: &Task<'_>, [p, q]: [&K; 2], s: u32, t: u32) {
         let edge = |knots: &K, s: u32| {
             let [u, v, w] = [0, 1, 2].map(|x| knots.edge(s, x).map(Into::into));
@@ -158,10 +160,10 @@ impl Tally {
         };
         let (p, q) = (edge(p, s), edge(q, t));
         let exact = self.stats.exact;
-        // The knots are in the frame of the projection, whose axis is its last.
+        // The knots are in the frame of the projection, whose last axis is the axis of projection.
         self.add_edges(p, q, 2, [s, t]);
-        // Exact calls made below are not the crossing tests' and are not counted with them. The chords of splines
-        // that share a point are too close, which the discretization says.
+        // Exact calls of the contact test are not counted as exact crossing tests. Splines whose
+        // chords share a point are too close, which the discretization reports.
         if self.stats.exact > exact
             && task.scene.set.basis().is_polyline()
             && segments_touch(p.0, p.1, q.0, q.1, &mut Predicates::default())
@@ -170,8 +172,8 @@ impl Tally {
         }
     }
 
-    /// Adds those segments of splines that the pair's discretization split, each as the polyline that it became, and
-    /// takes them out of the list.
+    /// Adds the candidates of spline segments that the discretization of the pair has split, each
+    /// as the polyline that replaces it, and removes them from the list.
     pub fn add_split(
         &mut self,
         task: &Task<'_>,
@@ -219,21 +221,21 @@ impl Tally {
             }
             Crossing::Contact => self.found_contact(segments),
         }
-        // A test is one, however many of its determinants are close to zero.
+        // A test counts once, however many of its determinants are close to zero.
         self.stats.exact += u64::from(predicates.exact > 0);
     }
 }
 
-/// Sieve for parts of an upper and a lower polyline. They have no crossing if the boxes of their
-/// shadows do not overlap, or if the upper part is entirely below the lower one.
+/// Sieve for runs of an upper and a lower polyline. They have no crossing if the boxes of their
+/// projections do not overlap, or if the upper run is entirely below the lower one.
 ///
-/// Ties count as overlap: the translation that breaks them is smaller than every gap.
+/// Ties count as overlap, because the translation that breaks them is smaller than every gap.
 struct Shadows {
     axis: usize,
 }
 
 impl Sieve<Point> for Shadows {
-    /// Least and largest coordinates.
+    /// Minimum and maximum of each coordinate.
     type Bounds = [Point; 2];
 
     #[inline(always)]

@@ -1,9 +1,10 @@
-//! From the node pairs to start with to the candidates of a pair, and for polylines straight on to their sum.
+//! Descent from the initial node pairs to the candidates of a pair. Polylines are evaluated on the
+//! way.
 //!
-//! A task that has much left to do halves what is left and shares it out. Where it does so depends on the scene
-//! alone, and so does the result.
+//! A task with much work left splits its node pairs in two halves and runs them in parallel. The
+//! split depends on the curves alone, so the result is deterministic.
 
-use super::evaluate::Tally;
+use super::evaluate::SignedCount;
 use super::{Scene, Workspace};
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
@@ -12,31 +13,31 @@ use crate::discretize::Separation;
 use crate::pairs::{Query, SegmentPairs, descend};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Candidates at which they are looked at.
+/// Number of candidates after which they are evaluated.
 const BATCH: usize = 4096;
 
-/// Node pairs after which candidates are looked at, however few.
+/// Number of node pairs after which candidates are evaluated, however few.
 const STEPS: usize = 4096;
 
-/// Rounds of these after which a task shares out what is left: some tenths of a millisecond.
+/// Number of rounds after which a task splits its remaining work: some tenths of a millisecond.
 const ROUNDS: usize = 3;
 
-/// Whether a pair that takes these node pairs and candidates is shared out among threads.
+/// Returns true if a pair with this many node pairs and candidates is split into parallel tasks.
 pub(crate) fn shares_out(nodes: u64, candidates: u64) -> bool {
     nodes / STEPS as u64 + candidates / BATCH as u64 >= ROUNDS as u64
 }
 
-/// Candidates of one pair of splines at which it counts as too close: a tangle in which everything overlaps
-/// everything would fill the memory.
+/// Number of candidates above which a pair of splines counts as too close. A tangle in which
+/// everything overlaps would exhaust the memory.
 const MAX_CANDIDATES: usize = 1 << 25;
 
 /// Candidates of a pair, upper curve first.
 #[derive(Debug, Default)]
 pub(super) struct Candidates {
-    /// Overlap in projection, and the upper one is not wholly below: to be tested for a crossing. Those of them
-    /// whose boxes overlap in space may be too close to discretize.
+    /// Segment pairs that overlap in projection with the upper one not wholly below. They are
+    /// tested for a crossing. Those whose boxes overlap in space may be too close to discretize.
     found: SegmentPairs,
-    /// Those of them that are, as far as their hulls tell.
+    /// Candidates whose hulls are too close.
     close: Vec<(u32, u32)>,
 }
 
@@ -48,14 +49,14 @@ impl Candidates {
     }
 }
 
-/// One pair of curves in one direction.
+/// A pair of curves in one direction.
 pub(super) struct Task<'a> {
     pub scene: Scene<'a>,
     /// Upper and lower curve.
     pub curves: [usize; 2],
     pub axis: usize,
     separation: Separation<'a>,
-    /// Candidates that wait for the discretization, of all tasks of the pair.
+    /// Number of candidates that wait for the discretization, in all tasks of the pair.
     waiting: AtomicUsize,
 }
 
@@ -70,17 +71,18 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Whether there are more candidates than can wait. Some are lost then.
+    /// Returns true if the candidates exceed the limit. Some of them are lost then.
     pub fn entangled(&self) -> bool {
         self.waiting.load(Ordering::Relaxed) > MAX_CANDIDATES
     }
 
-    /// Discretizes the pair and counts the candidates that waited for it. On `Err`, two segments of the upper and
-    /// the lower curve that are too close.
+    /// Discretizes the pair and counts the crossings of the waiting candidates.
+    ///
+    /// Errors: a segment of the upper and a segment of the lower curve that are too close.
     pub fn finish_splines(&self, workspace: &mut Workspace) -> Result<(), [u32; 2]> {
         let Workspace {
             candidates,
-            tally,
+            count,
             halving,
             polylines,
             ..
@@ -88,15 +90,15 @@ impl<'a> Task<'a> {
         let tests = &mut candidates.found.all;
         if !candidates.close.is_empty() {
             self.separation.refine(&candidates.close, halving)?;
-            tally.add_split(self, tests, &halving.splits, polylines);
+            count.add_split(self, tests, &halving.splits, polylines);
         }
-        tally.add_shared(self, tests);
+        count.add_shared(self, tests);
         Ok(())
     }
 }
 
-/// Visits everything below the node pairs of the workspace's agenda. The sum of polylines is complete then; the
-/// candidates of splines are waiting.
+/// Visits everything below the node pairs of the workspace's agenda. Afterwards the sum of
+/// polylines is complete; the candidates of splines wait for their discretization.
 #[inline(always)]
 pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspace) {
     let Scene { set, trees, .. } = task.scene;
@@ -110,20 +112,20 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
     let Workspace {
         agenda,
         candidates,
-        tally,
+        count,
         ..
     } = &mut *workspace;
     let Candidates { found, close } = candidates;
     for round in 0.. {
         if round >= ROUNDS && agenda.len() > 1 {
-            return share(task, workspace);
+            return split(task, workspace);
         }
         let known = found.all.len();
         let limits = (STEPS, known + BATCH);
-        tally.nodes += descend::<L, false>(simd, both, query, agenda, found, limits) as u64;
+        count.nodes += descend::<L, false>(simd, both, query, agenda, found, limits) as u64;
         if splines {
-            // Splines wait for their final polylines.
-            tally.stats.overlaps += found.meeting.len() as u64;
+            // Candidates of splines wait for the final polylines.
+            count.stats.overlaps += found.meeting.len() as u64;
             task.separation.add_close(&found.meeting, close);
             found.meeting.clear();
             let new = found.all.len() - known;
@@ -132,8 +134,8 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
                 agenda.clear();
             }
         } else {
-            // Polylines are evaluated as they come, so the list stays short however many there are.
-            tally.add(task, &found.all);
+            // Polylines are evaluated at once, so that the list stays short.
+            count.add(task, &found.all);
             found.all.clear();
         }
         if task.scene.cancelled() {
@@ -145,16 +147,16 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
     }
 }
 
-/// Gathers in two halves.
+/// Splits the remaining work into two parallel tasks.
 #[cold]
 #[inline(never)]
-fn share(task: &Task<'_>, workspace: &mut Workspace) {
+fn split(task: &Task<'_>, workspace: &mut Workspace) {
     let workspaces = task.scene.workspaces;
     let mut other = workspaces.take();
-    other.tally = Tally::default();
+    other.count = SignedCount::default();
     other.candidates.clear();
     other.agenda.clear();
-    // Every second one: node pairs at the bottom have more below them.
+    // Alternating node pairs, because those at the start of the agenda have more work below them.
     let mut mine = false;
     workspace.agenda.retain(|&pair| {
         mine = !mine;
@@ -164,19 +166,19 @@ fn share(task: &Task<'_>, workspace: &mut Workspace) {
         mine
     });
     rayon::join(|| resume(task, workspace), || resume(task, &mut other));
-    workspace.tally.merge(&other.tally);
+    workspace.count.merge(&other.count);
     let (own, others) = (&mut workspace.candidates, &mut other.candidates);
     own.found.all.append(&mut others.found.all);
     own.close.append(&mut others.close);
     workspaces.put(other);
 }
 
-/// [`gather`] with the instructions that there are.
+/// Runs [`gather`] with the best instruction set of the CPU.
 pub(super) fn resume(task: &Task<'_>, workspace: &mut Workspace) {
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = Avx2::detect() {
         #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token says that the processor has them.
+        // SAFETY: the token proves that the CPU supports these instructions.
         return unsafe { resume_avx2(avx2, task, workspace) };
     }
     gather(Portable, task, workspace);

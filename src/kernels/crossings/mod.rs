@@ -1,16 +1,27 @@
 //! Linking numbers by counting crossings, exactly, on the input floats.
 //!
-//! Source: Qu & James 2021, section 3.4.1 (count crossings), with these changes: projection along a coordinate
-//! axis instead of a rotated frame, so that exact predicates apply to the input itself and degenerate views
-//! are decided by a proven rule ([`crate::exact`]) instead of a retry; only crossings where the first loop is
-//! on top are counted, so no factor 1/2 and everything wholly below is culled in space; the best of six
-//! directions for every pair ([`direction`]); trees over both loops ([`gather`]).
+//! # Method
 //!
-//! Cost: near-linear in segments and crossings for curves that are spatially coherent. Beaten by summation
-//! where crossings in every direction are far more than segments.
-//! Requires: closed curves, finite coordinates (both are invariants of [`CurveSet`] and of the pair list).
-//! Undefined: curves that touch, that are too close to discretize, or that have fewer than three distinct
-//! vertices.
+//! Source: Qu & James 2021, section 3.4.1 (count crossings), with these changes:
+//!
+//! * The projection is along a coordinate axis instead of a rotated frame. So exact predicates
+//!   apply to the input itself, and degenerate projections are decided by a proven rule
+//!   ([`crate::exact`]) instead of a retry.
+//! * Only crossings where the first curve is above are counted. So there is no factor 1/2, and
+//!   everything wholly below is culled in space.
+//! * The best of six directions is chosen for every pair ([`direction`]).
+//! * Both curves have trees ([`gather`]).
+//!
+//! # Cost and limits
+//!
+//! Cost: near-linear in segments and crossings for curves that are spatially coherent. Summation is
+//! faster if the crossings in every direction are far more than the segments.
+//!
+//! Requires: closed curves, finite coordinates (both are invariants of [`CurveSet`] and of the pair
+//! list).
+//!
+//! Undefined: curves that touch, that are too close to discretize, or that have fewer than three
+//! distinct vertices.
 
 mod direction;
 mod evaluate;
@@ -24,7 +35,7 @@ mod spline_tests;
 mod tests;
 
 pub(crate) use self::direction::by_formula;
-use self::evaluate::Tally;
+use self::evaluate::SignedCount;
 pub(crate) use self::gather::shares_out;
 #[cfg(feature = "gpu")]
 pub(crate) use self::remainder::conclude;
@@ -39,17 +50,18 @@ use crate::pairs::{Agenda, Pair, Trees, closest_approach, closest_of_segments};
 use crate::verdict::{DefectKind, Stats};
 use std::sync::{Mutex, PoisonError};
 
-/// A direction of projection: an axis, and which of the two curves is counted when on top.
+/// A direction of projection: an axis, and the curve whose crossings above the other one are
+/// counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Direction {
     /// Axis of projection; up is its positive end.
     pub axis: usize,
-    /// Whether the second curve of the pair is the one on top.
+    /// True if the second curve of the pair is the upper one.
     pub second_over: bool,
 }
 
 impl Direction {
-    /// All six, in the order of their bits in masks.
+    /// All six directions, in the order of their bits in masks.
     pub const ALL: [Direction; 6] = [
         Direction::new(0, false),
         Direction::new(0, true),
@@ -63,7 +75,7 @@ impl Direction {
         Direction { axis, second_over }
     }
 
-    /// What belongs to the upper curve first.
+    /// Returns both arguments in the order upper curve, lower curve.
     pub fn upper_first<T>(self, first: T, second: T) -> (T, T) {
         if self.second_over {
             (second, first)
@@ -73,7 +85,7 @@ impl Direction {
     }
 }
 
-/// What a pair is computed from: curves and their trees, of one frame.
+/// Input of the crossing kernel: the curves of a frame, their trees, and the buffers of tasks.
 #[derive(Clone, Copy)]
 pub(crate) struct Scene<'a> {
     pub set: &'a CurveSet,
@@ -89,30 +101,30 @@ impl Scene<'_> {
     }
 }
 
-/// Buffers that wait for a task. They serve every pair of every frame.
+/// Pool of task buffers, reused for every pair of every frame.
 #[derive(Debug, Default)]
 pub(crate) struct Workspaces {
     idle: Mutex<Idle>,
-    /// Flag that ends the work of all tasks early.
+    /// Flag that cancels all tasks.
     pub cancel: Option<Cancel>,
 }
 
-/// Boxed: they come and go with every task, and a pointer moves faster than all buffers.
+/// Boxed, because the buffers are moved with every task, and moving a pointer is cheaper.
 type Idle = Vec<Box<Workspace>>;
 
 impl Workspaces {
-    /// Buffers, which the caller gives back.
+    /// Takes buffers from the pool. The caller returns them by [`Workspaces::put`].
     pub fn take(&self) -> Box<Workspace> {
         self.lock().pop().unwrap_or_default()
     }
 
-    /// Gives buffers back.
+    /// Returns buffers to the pool.
     pub fn put(&self, workspace: Box<Workspace>) {
         self.lock().push(workspace);
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Idle> {
-        // A task that panicked holds no lock: the list is whole.
+        // No task panics while it holds the lock, so the list is consistent.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -124,22 +136,23 @@ pub(crate) struct Workspace {
     /// Node pairs to visit, upper curve first.
     agenda: Agenda,
     candidates: gather::Candidates,
-    tally: Tally,
+    count: SignedCount,
     halving: Halving,
     polylines: evaluate::Polylines,
     sampling: sample::Buffers,
-    /// Work done since the caller last took it.
+    /// Work since the last call of [`Workspace::take_stats`].
     pub stats: Stats,
 }
 
 impl Workspace {
-    /// Takes the counts of the work done so far.
+    /// Returns the work counters and resets them.
     pub fn take_stats(&mut self) -> Stats {
         std::mem::take(&mut self.stats)
     }
 }
 
-/// Linking number of the curves `i` and `j`; `fixed` leaves no choice of the direction.
+/// Returns the linking number of a pair of curves, counted in the direction `fixed`, or else in the
+/// best direction.
 pub(crate) fn linking_number(
     scene: Scene<'_>,
     pair: Pair,
@@ -149,7 +162,7 @@ pub(crate) fn linking_number(
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = Avx2::detect() {
         #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token says that the processor has them.
+        // SAFETY: the token proves that the CPU supports these instructions.
         return unsafe { with_avx2(avx2, scene, pair, fixed, workspace) };
     }
     compute(Portable, scene, pair, fixed, workspace)
@@ -187,7 +200,7 @@ fn compute<L: Lanes>(
     };
     let (upper, lower) = direction.upper_first(i, j);
     let task = gather::Task::new(scene, [upper, lower], direction.axis);
-    workspace.tally = Tally::default();
+    workspace.count = SignedCount::default();
     workspace.candidates.clear();
     gather::gather(simd, &task, workspace);
     let entangled = task.entangled();
@@ -195,18 +208,18 @@ fn compute<L: Lanes>(
     if !set.basis().is_polyline() && !entangled {
         too_close = task.finish_splines(workspace).err();
     }
-    let tally = &workspace.tally;
-    workspace.stats.add(&tally.stats);
+    let count = &workspace.count;
+    workspace.stats.add(&count.stats);
     let undefined = |kind, [s, t]: [u32; 2]| {
         let (s, t) = direction.upper_first(s, t);
         Linking::Undefined(kind, closest_of_segments(set, [i, j], [s, t]))
     };
-    match (too_close, tally.contact()) {
+    match (too_close, count.contact()) {
         _ if entangled => {
             Linking::Undefined(DefectKind::TooClose, closest_approach(set, trees, i, j))
         }
         (Some(segments), _) => undefined(DefectKind::TooClose, segments),
         (None, Some(segments)) => undefined(DefectKind::Contact, segments),
-        (None, None) => Linking::Number(tally.sum()),
+        (None, None) => Linking::Number(count.sum()),
     }
 }

@@ -1,13 +1,14 @@
-//! What others have left to decide of a pair: those who count what they can tell for certain.
+//! Exact decision of the tests that the GPU leaves undecided.
 
-use super::evaluate::Tally;
+use super::evaluate::SignedCount;
 use super::gather::Task;
 use super::{Direction, Scene, Workspace, linking_number};
 use crate::kernels::Linking;
 use crate::pairs::Pair;
 
-/// The linking number of a pair of polylines, from the sum of the signs that are certain and from what is left: segments of
-/// the upper and of the lower curve. Segments that touch have to be among these.
+/// Returns the linking number of a pair of polylines, from the sum of the decided signs and from
+/// the undecided tests: segments of the upper and of the lower curve. Pairs of segments that touch
+/// must be among these tests.
 pub(crate) fn conclude(
     scene: Scene<'_>,
     (i, j): Pair,
@@ -18,16 +19,17 @@ pub(crate) fn conclude(
 ) -> Linking {
     let (upper, lower) = direction.upper_first(i as usize, j as usize);
     let task = Task::new(scene, [upper, lower], direction.axis);
-    let mut tally = Tally::default();
-    tally.add_shared(&task, tests);
-    if tally.contact().is_some() {
-        // Where it is said to be does not depend on who counted: the first one in a direction of our own choice.
+    let mut count = SignedCount::default();
+    count.add_shared(&task, tests);
+    if count.contact().is_some() {
+        // The reported place must not depend on the kernel, so the contact is searched again in the
+        // direction that the CPU chooses.
         let before = workspace.stats;
         let linking = linking_number(scene, (i, j), None, workspace);
         workspace.stats = before;
-        workspace.stats.add(&tally.stats);
+        workspace.stats.add(&count.stats);
         return linking;
     }
-    workspace.stats.add(&tally.stats);
-    Linking::Number(sum + tally.sum())
+    workspace.stats.add(&count.stats);
+    Linking::Number(sum + count.sum())
 }

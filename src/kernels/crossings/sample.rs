@@ -1,6 +1,6 @@
-//! What a pair costs, found out on a part of it.
+//! Estimate of the work of a pair, from a sample.
 
-use super::{Scene, Tally, Workspace, direction, gather};
+use super::{Scene, SignedCount, Workspace, direction, gather};
 use crate::curve::Portable;
 use crate::kernels::KernelWork;
 use crate::pairs::{Agenda, Pair, Query, SegmentPairs, descend};
@@ -14,14 +14,15 @@ pub(super) struct Buffers {
     one: Agenda,
 }
 
-/// Node pairs of a level that are looked into.
+/// Maximum number of node pairs visited in a level.
 const BRANCHES: usize = 256;
 
-/// The work that the linking number of a pair takes, extrapolated level by level: of the node pairs that are left at a
-/// level, [`BRANCHES`] that lie evenly among them stand for all. Where there are never more, it is the work itself.
+/// Estimates the work that the linking number of a pair takes, level by level: if more than
+/// [`BRANCHES`] node pairs remain in a level, an evenly spaced sample of [`BRANCHES`] of them
+/// represents all. If there are never more, the result is exact.
 ///
-/// Cost: the choice of the direction; some thousand node pairs, whatever the length of the curves; and the tests
-/// below the last of them.
+/// Cost: the choice of the direction; some thousand node pairs, however long the curves are; and
+/// the tests below the last node pairs.
 pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) -> KernelWork {
     let [i, j] = [i as usize, j as usize];
     let both = [i, j].map(|i| scene.trees.of(scene.set, i));
@@ -50,7 +51,7 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
     let both = task.curves.map(|i| scene.trees.of(scene.set, i));
     let Buffers { found, below, one } = sampling;
     let (mut factor, mut nodes) = (1.0, 0.0);
-    // All first nodes are of one level, and so are all second ones.
+    // All first nodes are of one level, and so are all second nodes.
     loop {
         factor *= thin(agenda);
         if agenda
@@ -69,11 +70,11 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
     }
     found.all.clear();
     found.meeting.clear();
-    workspace.tally = Tally::default();
+    workspace.count = SignedCount::default();
     workspace.candidates.clear();
     gather::resume(&task, workspace);
     if !scene.set.basis().is_polyline() {
-        // Where it is too close, the pair takes the same time to say so.
+        // A pair that is too close takes the same time until it is rejected.
         task.finish_splines(workspace).ok();
     }
     let Stats {
@@ -82,8 +83,8 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
         refined,
         exact,
         ..
-    } = workspace.tally.stats;
-    let (mut stored, mut computed) = (workspace.tally.nodes, 0);
+    } = workspace.count.stats;
+    let (mut stored, mut computed) = (workspace.count.nodes, 0);
     if !both.iter().all(|tree| tree.stores_leaves()) {
         std::mem::swap(&mut stored, &mut computed);
     }
@@ -103,7 +104,8 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
     choice + inner + leaves.scaled(factor)
 }
 
-/// Keeps [`BRANCHES`] node pairs at even distances; returns how many each stands for.
+/// Keeps [`BRANCHES`] evenly spaced node pairs. Returns the number of node pairs that each of them
+/// represents.
 fn thin(agenda: &mut Agenda) -> f64 {
     let all = agenda.len();
     if all <= BRANCHES {

@@ -1,4 +1,4 @@
-//! Random spline links against the oracle on densely sampled polygons.
+//! Tests of random spline links against the oracle on densely sampled polygons.
 
 use super::*;
 use crate::curve::{Basis, Positions};
@@ -6,10 +6,11 @@ use crate::discretize::homotopic_polylines;
 use crate::kernels::oracle;
 use crate::{AbortOn, Verifier};
 
-/// Points a segment of the reference polygons; the finer one is asked where the coarser one disagrees.
+/// Points per segment of the reference polygons; the finer one is used if the coarser one
+/// disagrees.
 const SAMPLES: [usize; 2] = [12, 150];
 
-/// The curve as an integer polygon, `samples` points a segment.
+/// Returns the curve as an integer polygon, with `samples` points per segment.
 fn sampled(set: &CurveSet, i: usize, samples: usize) -> Vec<[i64; 3]> {
     let n = set.curve(i).segments as usize;
     (0..n * samples)
@@ -21,7 +22,7 @@ fn sampled(set: &CurveSet, i: usize, samples: usize) -> Vec<[i64; 3]> {
 }
 
 #[test]
-fn random_splines_equal_finely_sampled_polygons_in_all_six_directions() {
+fn random_splines_match_finely_sampled_polygons_in_all_six_directions() {
     let mut state = 4242u64;
     let mut next = || {
         state ^= state << 13;
@@ -75,15 +76,17 @@ fn random_splines_equal_finely_sampled_polygons_in_all_six_directions() {
             assert_eq!(lambda(&certificate.links), expected, "Algorithm 3");
         }
         println!(
-            "{basis:?}: {linked} linked, {refined} points added, {control_polygon_lies} unlike their control polygons"
+            "{basis:?}: {linked} linked, {refined} points added, \
+             {control_polygon_lies} unlike their control polygons"
         );
         assert!(linked > 40 && refined > 1000 && control_polygon_lies > 10);
     }
 }
 
-/// Powers of two scale every rounding with them, until numbers underflow; larger ones are refused.
+/// Scaling by a power of two scales every rounding error with it, until numbers underflow. Larger
+/// scales are rejected.
 #[test]
-fn splines_of_any_scale_have_the_same_numbers() {
+fn the_scale_of_splines_does_not_change_the_result() {
     let mut state = 7u64;
     let mut next = || {
         state = state
@@ -108,7 +111,7 @@ fn splines_of_any_scale_have_the_same_numbers() {
                     "{basis:?} {n} 2^{power}"
                 );
             }
-            // Too small to compute with: never another number, but perhaps none.
+            // Too small to compute with: the linking number may be undecided, but never wrong.
             for power in [-1000, -600, -340] {
                 let found = certify(power).unwrap();
                 assert!(
@@ -122,7 +125,7 @@ fn splines_of_any_scale_have_the_same_numbers() {
 }
 
 #[test]
-fn touching_splines_are_too_close_and_say_where() {
+fn touching_splines_are_reported_as_too_close_with_their_place() {
     // Two closed curves through one common point.
     let a = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]];
     let b = [[0., 0., 0.], [-1., 0., 0.], [-1., 0., 1.], [0., 0., 1.]];
@@ -142,7 +145,7 @@ fn touching_splines_are_too_close_and_say_where() {
 }
 
 #[test]
-fn identical_and_parallel_splines_end_in_bounded_time() {
+fn identical_and_parallel_splines_take_bounded_time() {
     let ring = |z: f64| {
         (0..64).flat_map(move |k| {
             let t = f64::from(k) / 64.0 * std::f64::consts::TAU;

@@ -1,4 +1,5 @@
-//! The kernel against the oracle, in all six directions, with vector instructions and without.
+//! Tests of the kernel against the oracle, in all six directions, with vector instructions and
+//! without.
 
 use super::*;
 use crate::kernels::conformance::polygons::{
@@ -7,8 +8,8 @@ use crate::kernels::conformance::polygons::{
 use crate::kernels::oracle;
 use rayon::prelude::*;
 
-/// Linking number by the kernel, in one direction or in the one that it chooses. Coordinates are integers
-/// times `scale`, a power of two.
+/// Returns the linking number by the kernel, in one direction or in the one that it chooses.
+/// Coordinates are integers times `scale`, a power of two.
 fn kernel(a: &Polygon, b: &Polygon, scale: f64, fixed: Option<Direction>) -> Linking {
     let set = exact_set_of(a, b, scale);
     let mut trees = Trees::default();
@@ -20,7 +21,7 @@ fn kernel(a: &Polygon, b: &Polygon, scale: f64, fixed: Option<Direction>) -> Lin
     };
     let (mut workspace, mut portable) = (Workspace::default(), Workspace::default());
     let found = linking_number(scene, (0, 1), fixed, &mut workspace);
-    // With the processor's vector instructions and without, to the last count.
+    // With vector instructions and without: all results and counters are equal.
     assert_eq!(
         compute(Portable, scene, (0, 1), fixed, &mut portable),
         found
@@ -29,7 +30,8 @@ fn kernel(a: &Polygon, b: &Polygon, scale: f64, fixed: Option<Direction>) -> Lin
     found
 }
 
-/// Compares all six directions and the chosen one with the oracle; returns the number, or `None` on contact.
+/// Compares all six directions and the chosen one with the oracle. Returns the linking number, or
+/// `None` on contact.
 fn check(a: &Polygon, b: &Polygon, scale: f64) -> Option<i64> {
     let want = oracle::linking_number(a, b);
     for fixed in Direction::ALL.map(Some).into_iter().chain([None]) {
@@ -43,14 +45,14 @@ fn check(a: &Polygon, b: &Polygon, scale: f64) -> Option<i64> {
 }
 
 #[derive(Default, Debug)]
-struct Tally {
+struct Outcomes {
     links: usize,
     linked: usize,
     touching: usize,
     largest: i64,
 }
 
-impl Tally {
+impl Outcomes {
     fn add(&mut self, outcome: Option<i64>) {
         match outcome {
             None => self.touching += 1,
@@ -62,7 +64,7 @@ impl Tally {
         }
     }
 
-    fn merge(&mut self, other: &Tally) {
+    fn merge(&mut self, other: &Outcomes) {
         self.links += other.links;
         self.linked += other.linked;
         self.touching += other.touching;
@@ -70,21 +72,21 @@ impl Tally {
     }
 }
 
-/// What kinds of random links there are, each with its outcomes.
+/// Counts of random links by kind, each with its outcomes.
 #[derive(Default, Debug)]
-struct Tallies {
+struct KindOutcomes {
     /// Far from degenerate, up to a few dozen vertices.
-    generic: Tally,
+    generic: Outcomes,
     /// On a grid so small that nearly every determinant is zero in some direction.
-    integer: Tally,
-    /// Along the axes, on two lattices that miss one another.
-    lattice: Tally,
+    integer: Outcomes,
+    /// Along the axes, on two disjoint lattices.
+    lattice: Outcomes,
     /// Along the axes, on one lattice: most of them touch.
-    shared: Tally,
+    shared: Outcomes,
 }
 
-impl Tallies {
-    fn merged(mut self, other: Tallies) -> Tallies {
+impl KindOutcomes {
+    fn merged(mut self, other: KindOutcomes) -> KindOutcomes {
         self.generic.merge(&other.generic);
         self.integer.merge(&other.integer);
         self.lattice.merge(&other.lattice);
@@ -92,8 +94,8 @@ impl Tallies {
         self
     }
 
-    fn total(&self) -> Tally {
-        let mut total = Tally::default();
+    fn total(&self) -> Outcomes {
+        let mut total = Outcomes::default();
         for part in [&self.generic, &self.integer, &self.lattice, &self.shared] {
             total.merge(part);
         }
@@ -102,58 +104,58 @@ impl Tallies {
 }
 
 /// Compares random links of one seed with the oracle: some 215 that do not touch, and 85 that do.
-fn check_random_links(seed: u64) -> Tallies {
+fn check_random_links(seed: u64) -> KindOutcomes {
     let mut random = Random::new(seed);
-    let mut tallies = Tallies::default();
+    let mut outcomes = KindOutcomes::default();
     for _ in 0..20 {
         let sizes = [3 + random.next(40) as usize, 3 + random.next(90) as usize];
         let [a, b] = sizes.map(|n| random.points(n, 1 << 24));
-        tallies.generic.add(check(&a, &b, 0.5f64.powi(24)));
+        outcomes.generic.add(check(&a, &b, 0.5f64.powi(24)));
     }
     for _ in 0..100 {
         let sizes = [3 + random.next(10) as usize, 3 + random.next(10) as usize];
         let [a, b] = sizes.map(|n| random.points(n, 6));
-        tallies.integer.add(check(&a, &b, 1.0));
+        outcomes.integer.add(check(&a, &b, 1.0));
     }
     for _ in 0..100 {
         let sizes = [4 + random.next(16) as usize, 4 + random.next(16) as usize];
         let a = random.lattice(sizes[0], 0);
         let b = random.lattice(sizes[1], 1);
-        tallies.lattice.add(check(&a, &b, 0.125));
+        outcomes.lattice.add(check(&a, &b, 0.125));
     }
     for _ in 0..80 {
         let sizes = [3 + random.next(4) as usize, 3 + random.next(4) as usize];
         let [a, b] = sizes.map(|n| random.lattice(n, 0));
-        tallies.shared.add(check(&a, &b, 1.0));
+        outcomes.shared.add(check(&a, &b, 1.0));
     }
-    tallies
+    outcomes
 }
 
 /// Compares at least `links` random links with the oracle. Stops at the first wrong one.
 fn check_many_random_links(links: usize) {
-    // More than a seed has without contact, to be sure; the tally counts.
+    // A seed has at least 200 links without contact; the exact number is counted.
     let seeds = links.div_ceil(200) as u64;
-    let tallies = (0..seeds)
+    let outcomes = (0..seeds)
         .into_par_iter()
         .map(check_random_links)
-        .reduce(Tallies::default, Tallies::merged);
-    println!("{tallies:?}\nall: {:?}, none wrong", tallies.total());
-    assert!(tallies.total().links >= links);
+        .reduce(KindOutcomes::default, KindOutcomes::merged);
+    println!("{outcomes:?}\nall: {:?}, none wrong", outcomes.total());
+    assert!(outcomes.total().links >= links);
     let often = links / 50;
-    assert!(tallies.generic.linked > often && tallies.lattice.linked > often);
-    assert!(tallies.integer.linked > often / 10);
-    assert!(tallies.integer.touching > often && tallies.shared.touching > often);
+    assert!(outcomes.generic.linked > often && outcomes.lattice.linked > often);
+    assert!(outcomes.integer.linked > often / 10);
+    assert!(outcomes.integer.touching > often && outcomes.shared.touching > often);
 }
 
 #[test]
-fn random_polygons_equal_the_oracle_in_all_six_directions() {
+fn random_polygons_match_the_oracle_in_all_six_directions() {
     check_many_random_links(50_000);
 }
 
-/// The same and twenty times as long: about a minute on two cores.
+/// Twenty times as many random links: about a minute on two cores.
 #[test]
 #[ignore = "a long run: cargo test --release a_million -- --ignored --nocapture"]
-fn a_million_random_polygons_equal_the_oracle() {
+fn a_million_random_polygons_match_the_oracle() {
     check_many_random_links(1_000_000);
 }
 
@@ -172,7 +174,7 @@ fn windings_up_to_thirty_are_counted() {
 }
 
 #[test]
-fn a_generic_link_needs_no_exact_arithmetic_and_a_lattice_does() {
+fn only_degenerate_links_need_exact_arithmetic() {
     let exact = |a: &Polygon, b: &Polygon| {
         let set = set_of(&floats(a, 1.0), &floats(b, 1.0), false);
         let mut trees = Trees::default();
@@ -196,9 +198,10 @@ fn a_generic_link_needs_no_exact_arithmetic_and_a_lattice_does() {
     assert!(lattices.filter(|&n| n > 0).count() > 50);
 }
 
-/// Sizes that leave lanes of the last group empty: boxes with infinite bounds once overlapped those.
+/// Regression test: sizes that leave lanes of the last group empty. Boxes with infinite bounds
+/// overlapped those.
 #[test]
-fn far_and_tiny_scales_change_nothing() {
+fn far_and_tiny_scales_do_not_change_the_result() {
     for n in [56, 250] {
         let [a, b] = winding(5, n, 0.2);
         let want = check(&a, &b, 1.0);
@@ -219,7 +222,7 @@ fn far_and_tiny_scales_change_nothing() {
             900,
             1000,
         ] {
-            // In two steps: the inverse of such a power may overflow.
+            // In two steps, because the inverse of such a power may overflow.
             let scale = 2f64.powi(power / 2) * 2f64.powi(power - power / 2);
             assert_eq!(
                 kernel(&a, &b, scale, None),

@@ -1,9 +1,11 @@
-//! The Gauss integral of a block of segments and another one, with its bound: what every summation ends in.
+//! Gauss integral of two blocks of segments, with its error bound; the last step of every
+//! summation.
 //!
-//! # The angle of a pair
+//! # Angle of a segment pair
 //!
-//! For segments `k0 k1` and `l0 l1` with `a = l0 - k0`, `b = l0 - k1`, `c = l1 - k1`, `d = l1 - k0`, Arai's sum (Arai
-//! 2013, equation 3) has the term `theta = arg z1 + arg z2`, where `z1 = d1 + i p`, `z2 = d2 + i p`,
+//! For segments `k0 k1` and `l0 l1` with `a = l0 - k0`, `b = l0 - k1`, `c = l1 - k1`,
+//! `d = l1 - k0`, Arai's sum (Arai 2013, equation 3) has the term `theta = arg z1 + arg z2`, where
+//! `z1 = d1 + i p`, `z2 = d2 + i p`,
 //!
 //! ```text
 //! p  = a . (b x c) = a . (f x e),  e = k1 - k0,  f = l1 - l0
@@ -11,74 +13,83 @@
 //! d2 = |a| |d| |c| + (a . d) |c| + (d . c) |a| + (c . a) |d|
 //! ```
 //!
-//! and the linking number is the sum of all `theta`, divided by `2 pi`. It is half the solid angle of the parallelogram
-//! `a b c d`, which lies in a plane, so it is below `pi`: one argument, that of `z1 z2`, is enough, and `d1 + d2 >= 0`.
+//! and the linking number is the sum of all `theta`, divided by `2 pi`. `theta` is half the solid
+//! angle of the plane parallelogram `a b c d`, so it is below `pi`. So one argument, that of
+//! `z1 z2`, is enough, and `d1 + d2 >= 0`.
 //!
-//! # The bound of a pair
+//! # Error bound of a segment pair
 //!
-//! With `u = 2^-53`, to first order: differences of input floats are off by `u` in each coordinate; lengths by `3.5 u` of
-//! themselves; a dot product by `5 u` of the product of the lengths. Then `d1`, summed as below, is off by `50 u
-//! |a| |b| |c|` at most (and `d2` likewise), and `p` by `8 sqrt(2) u |a| |e| |f|`. Together, with [`TINY`] for
-//! underflow, that is `delta1`, with 64 and 12 for 50 and `8 sqrt(2)`, which covers higher orders by far.
+//! Let `u = 2^-53`. To first order, differences of input floats have a relative error of `u` in
+//! each coordinate, lengths of `3.5 u`, and a dot product is off by `5 u` times the product of the
+//! lengths. Then `d1`, summed as below, is off by `50 u |a| |b| |c|` at most (and `d2` likewise),
+//! and `p` by `8 sqrt(2) u |a| |e| |f|`. `delta1` is the sum of both, with 64 in place of 50 and 12
+//! in place of `8 sqrt(2)`, which amply covers higher orders, and with [`TINY`] for underflow.
 //!
-//! Let `m1 = max(d1, |p|)`, computed, and `kappa1 = delta1 / m1` or up to twice that. Where `kappa1 <= 1/8`, either the
-//! real part or the sign of the imaginary part is certain, so that the true and the computed `z1` do not lie on different
-//! sides of the negative axis, and their arguments differ by `asin(8/7 kappa1) < 1.15 kappa1` at most. The same for `z2`. The
-//! product rounds by `3 u`. It does not cross the negative axis either, because a negative `d1 + d2`, which is
-//! rounding, counts as 0: this moves the argument back to `pi`, towards the true one.
+//! Let `m1 = max(d1, |p|)`, as computed, and let `kappa1` be between `delta1 / m1` and twice that.
+//! If `kappa1 <= 1/8`, either the real part or the sign of the imaginary part is certain. So the
+//! true and the computed `z1` do not lie on different sides of the negative axis, and their
+//! arguments differ by `asin(8/7 kappa1) < 1.15 kappa1` at most. The same holds for `z2`. The
+//! product rounds by `3 u`. It does not cross the negative axis either, because a negative
+//! `d1 + d2`, which is a rounding error, is replaced by 0: this moves the argument back to `pi`,
+//! towards the true one.
 //!
-//! Where `kappa1 + kappa2 > 1/8`, the pair is in doubt: it counts as 0, which is off by less than `pi`. A pair
-//! that touches is always in doubt: the origin lies in one of the two triangles, whose `p = 0` and `d <= 0` are
-//! computed as at most `delta`. If no other pair is in doubt, the true sum of the others is a half-integer, and the two
-//! integers next to it are both within the bound; if there are others, the bound is 1 at least.
+//! If `kappa1 + kappa2 > 1/8`, the pair is undecided: it contributes 0, which is off by less than
+//! `pi`. A pair that touches is always undecided: the origin lies in one of the two triangles,
+//! whose `p = 0` and `d <= 0` are computed as at most `delta`. If no other pair is undecided, the
+//! true sum of the others is a half-integer, and the two integers next to it are both within the
+//! bound. If another pair is undecided, the bound is at least 1.
 //!
-//! # The bound of the sum
+//! # Error bound of the sum
 //!
-//! [`Formula::Arctangent`] adds an arctangent a pair, which is off by `10 u` with its turns, and to the bound the
-//! rounding of each addition. [`Formula::AngleSum`] (Bertolazzi et al. 2019) multiplies the complex numbers instead,
-//! off by `3 u` a product. It counts quarter turns: the running product is turned to within an eighth of a turn of
-//! the positive axis, exactly, and the next factor to the right half plane, so that their product is always
-//! an eighth of a turn away from the negative axis. No decision about a turn is in doubt, but for those about
-//! a single pair (see above).
+//! [`Formula::Arctangent`] adds an arctangent for each pair, which is off by `10 u` with its turns.
+//! The rounding error of each addition is added to the bound. [`Formula::AngleSum`] (Bertolazzi et
+//! al. 2019) multiplies the complex numbers instead, with an error of `3 u` for each product. It
+//! counts quarter turns: the running product is rotated to within an eighth of a turn of the
+//! positive axis, exactly, and the next factor to the right half plane. So their product is always
+//! an eighth of a turn away from the negative axis, and no count of turns is uncertain, apart from
+//! those of a single pair (see above).
 
 use crate::kernels::Estimate;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// How angles are summed. Both have the same bound, up to rounding.
+/// Method to sum the angles. Both methods have the same bound, up to rounding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Formula {
-    /// An arctangent for each pair of segments.
+    /// One arctangent for each segment pair.
     Arctangent,
-    /// A product of complex numbers, and an arctangent for each block.
+    /// A product of complex numbers, and one arctangent for each block.
     AngleSum,
 }
 
-/// The vertices of consecutive segments, one array an axis: one more than segments. Coordinates are from -1 to 1: the
-/// caller scales them, by a power of two.
+/// Vertices of consecutive segments, as an array for each axis; one more than segments. Coordinates
+/// are from -1 to 1: the caller scales them by a power of two.
 pub(crate) type Strip<'a> = [&'a [f64]; 3];
 
 /// Half a unit in the last place of 1.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// More than all errors by underflow: squares of coordinates underflow by `2^-1074`, lengths by its root, and
-/// products of three lengths, each below 4, by less than `1e-158`.
+/// Upper bound of all errors by underflow: squares of coordinates underflow by `2^-1074`, lengths
+/// by its root, and products of three lengths, each below 4, by less than `1e-158`.
 const TINY: f64 = 1e-150;
 
-/// Columns that are worked on at once, segments of the second strip; of a short strip fewer, which take less to set up.
+/// Number of columns (segments of the second strip) in a block. A short strip uses smaller blocks,
+/// which cost less to set up.
 const COLUMNS: usize = 64;
 const FEW: usize = 16;
 
-/// More elements of a row than columns: there is a vertex more, and loops over vertices go on to the next vector.
+/// Padding of a row: there is one more vertex than columns, and loops over vertices run to the end
+/// of a vector register.
 const MORE: usize = 8;
 
-/// The part of the linking number that two strips contribute, each segment of one with each of the other.
+/// Returns the contribution of two strips to the linking number: all pairs of a segment of one and
+/// a segment of the other.
 pub(crate) fn gauss_sum(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
         let wide = std::arch::is_x86_feature_detected!("avx512f")
             && std::arch::is_x86_feature_detected!("avx512dq");
         #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the processor has just been asked.
+        // SAFETY: the features have just been detected.
         return unsafe {
             match wide {
                 true => gauss_sum_avx512(formula, rows, columns),
@@ -89,7 +100,7 @@ pub(crate) fn gauss_sum(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -
     sum_all::<false>(formula, rows, columns)
 }
 
-/// [`gauss_sum`] as every processor can do it, and with AVX2 where it is there.
+/// Returns [`gauss_sum`] without special instructions, and with AVX2 if the CPU supports it.
 #[cfg(test)]
 pub(super) fn narrower(
     formula: Formula,
@@ -100,7 +111,7 @@ pub(super) fn narrower(
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
         #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the processor has just been asked.
+        // SAFETY: the features have just been detected.
         return (
             portable,
             Some(unsafe { gauss_sum_avx2(formula, rows, columns) }),
@@ -109,7 +120,7 @@ pub(super) fn narrower(
     (portable, None)
 }
 
-/// [`sum_all`], compiled with AVX-512. The same bits as with AVX2.
+/// [`sum_all`], compiled with AVX-512. The results have the same bits as with AVX2.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,avx512f,avx512dq")]
 fn gauss_sum_avx512(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
@@ -150,7 +161,7 @@ fn sum_all<const FMA: bool>(formula: Formula, rows: Strip<'_>, columns: Strip<'_
     sum.estimate()
 }
 
-/// Estimates added up, with the rounding of the sum in the bound.
+/// Sum of estimates, with the rounding errors of the sum in the bound.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sum {
     value: f64,
@@ -167,7 +178,8 @@ impl Sum {
         self.rounding += self.value.abs();
     }
 
-    /// The sum of all parts. Bounds are far from being sharp to the last places, which are what adding them up costs.
+    /// Returns the sum of all parts. Adding the bounds rounds only their last places, which the
+    /// margins of the bounds cover.
     #[inline(always)]
     pub fn estimate(&self) -> Estimate {
         Estimate {
@@ -177,7 +189,7 @@ impl Sum {
     }
 }
 
-/// `a b + c`, rounded once where the processor can.
+/// Returns `a b + c`, rounded once if `FMA`.
 #[inline(always)]
 fn fma<const FMA: bool>(a: f64, b: f64, c: f64) -> f64 {
     if FMA { a.mul_add(b, c) } else { a * b + c }
@@ -193,10 +205,11 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// The columns, and what is known of them with the current row: plain loops over arrays, which the compiler makes
-/// vectors of.
+/// The columns and their values for the current row. All loops are over arrays, so that the
+/// compiler vectorizes them.
 struct Block<const N: usize> {
-    /// Columns, and as many as fill the vectors up: points at the last vertex, which contribute nothing.
+    /// Number of columns. The vectors are padded with copies of the last vertex, which contribute
+    /// nothing.
     columns: usize,
     filled: usize,
     vertices: [[f64; N]; 3],
@@ -204,14 +217,15 @@ struct Block<const N: usize> {
     lengths: [f64; N],
     /// Distances of the vertices from the start and from the end of the row.
     near: [[f64; N]; 2],
-    /// Dot products of the differences to the ends of each column, from the start and from the end of the row.
+    /// Dot products of the differences to the ends of each column, from the start and from the end
+    /// of the row.
     along: [[f64; N]; 2],
     /// Dot products of the differences to the ends of the row, from each vertex.
     across: [f64; N],
-    /// The sum of the angles; or, of the product of complex numbers, the real part, the imaginary part and how often it
-    /// was turned back by a quarter turn.
+    /// The sum of the angles; or the real part and the imaginary part of the product of complex
+    /// numbers, and the number of its quarter turns.
     sums: [[f64; N]; 3],
-    /// The sum of the bounds.
+    /// Sum of the error bounds.
     errors: [f64; N],
 }
 
@@ -271,7 +285,8 @@ impl<const N: usize> Block<N> {
         self.finish::<FMA, PRODUCT>(end, n)
     }
 
-    /// Distances and dot products from the first vertex of all rows, as if it were the end of one.
+    /// Computes distances and dot products from the first vertex of all rows, as if it were the end
+    /// of a row.
     #[inline(always)]
     fn start<const FMA: bool>(&mut self, k: [f64; 3], n: usize) {
         for j in 0..n + 4 {
@@ -322,7 +337,8 @@ impl<const N: usize> Block<N> {
             let slack = fma::<FMA>(na, length * self.lengths[j], TINY);
             let ac = 64.0 * U * na * nc;
             let (delta1, delta2) = (fma::<FMA>(ac, nb, slack), fma::<FMA>(ac, nd, slack));
-            // Divided by the power of two below the product, which is quicker; more than 1/8 where it is 0.
+            // Divided by the power of two below the product, which is faster; the result is above
+            // 1/8 if the product is 0.
             let parts = fma::<FMA>(delta1, m2, fma::<FMA>(delta2, m1, 1e-307));
             let kappa = parts * reciprocal_power(m1 * m2);
             let certain = kappa <= 0.125;
@@ -332,7 +348,8 @@ impl<const N: usize> Block<N> {
             let x = if certain { x } else { 1.0 };
             let y = if certain { y } else { 0.0 };
             self.errors[j] += if certain { kappa } else { PI };
-            // The right half plane; the half turn is towards the side of p.
+            // Rotates the factor to the right half plane; the direction of the half turn follows
+            // the sign of p.
             let half = if x < 0.0 { 2f64.copysign(p) } else { 0.0 };
             let y = if x < 0.0 { -y } else { y };
             let x = x.abs();
@@ -360,7 +377,7 @@ impl<const N: usize> Block<N> {
     #[inline(always)]
     fn finish<const FMA: bool, const PRODUCT: bool>(&self, rows: usize, n: usize) -> Estimate {
         let mut sum = Sum::default();
-        // What every pair is off by beside its own error: see the module.
+        // Additional error of every pair: see the module documentation.
         let each = rows as f64 * 16.0 * U;
         for j in 0..n {
             let value = if PRODUCT {
@@ -370,7 +387,7 @@ impl<const N: usize> Block<N> {
                 self.sums[0][j]
             };
             let bound = 1.16 * self.errors[j] + each + 16.0 * U * (1.0 + value.abs());
-            // What fills the vectors up is not off by anything, but may come near where no segment does.
+            // Padding has no error, but may come near the row even if no segment does.
             if j < self.columns {
                 sum.add(Estimate { value, bound });
             }
@@ -383,8 +400,8 @@ impl<const N: usize> Block<N> {
     }
 }
 
-/// A complex number turned by a quarter turn where this brings it nearer to the positive axis, and by how many it
-/// was turned.
+/// Returns a complex number rotated by a quarter turn if this brings it nearer to the positive
+/// axis, and the number of quarter turns.
 #[inline(always)]
 fn turned(x: f64, y: f64) -> (f64, f64, f64) {
     let over = y.abs() > x;
@@ -396,20 +413,22 @@ fn turned(x: f64, y: f64) -> (f64, f64, f64) {
     )
 }
 
-/// A power of two from `1 / x` to `2 / x`, for normal `x > 0`; `2^1023` below.
+/// Returns a power of two from `1 / x` to `2 / x`, for normal `x > 0`; `2^1023` for smaller ones.
 #[inline(always)]
 fn reciprocal_power(x: f64) -> f64 {
     const EXPONENT: u64 = 0x7ff << 52;
     f64::from_bits((2046 << 52) - (x.to_bits() & EXPONENT))
 }
 
-/// `atan(1/2)`, to the nearest.
+/// `atan(1/2)`, rounded to the nearest.
 const ATAN_HALF: f64 = 0.463_647_609_000_806_1;
 
-/// The argument of a complex number within an eighth of a turn of the positive axis; off by less than `6 u`.
+/// Returns the argument of a complex number within an eighth of a turn of the positive axis; the
+/// error is below `6 u`.
 ///
-/// Arguments whose tangent is above 1/3 are turned back by `atan(1/2)`. The tangent is then between `-1/7` and `1/3`, off
-/// by `3 u` of itself, and 16 terms of its series, which alternates, leave less than the next, `6e-18`.
+/// Arguments with a tangent above 1/3 are rotated back by `atan(1/2)`. The tangent is then between
+/// `-1/7` and `1/3`, with a relative error of `3 u`. The truncation error of 16 terms of its
+/// alternating series is below the next term, `6e-18`.
 #[inline(always)]
 fn arctangent<const FMA: bool>(x: f64, y: f64) -> f64 {
     let size = y.abs();

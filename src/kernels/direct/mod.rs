@@ -1,13 +1,22 @@
-//! Direct summation: the Gauss linking integral, exact for polylines, over all pairs of segments.
+//! Direct summation: the Gauss linking integral over all segment pairs, exact for polylines.
 //!
-//! Source: Arai 2013 for the term, Bertolazzi et al. 2019 and Qu & James 2021 (section 3.4.2 and algorithm 7) for the sum
-//! without arctangents, with these changes: one argument a pair instead of two, which is enough because the angle of a
-//! pair stays below half a turn; a bound of every term and of the sum ([`block`]); quarter turns are counted instead of
-//! half turns, so that no count is in doubt; vectors of columns instead of one running product.
+//! # Method
 //!
-//! Cost: quadratic, whatever the curves look like.
-//! Beaten by every other kernel on curves of many segments; what they are measured against, and what ends them.
-//! Undefined: curves that touch or nearly touch get a bound of 1/2 or more.
+//! Source: Arai 2013 for the term, Bertolazzi et al. 2019 and Qu & James 2021 (section 3.4.2 and
+//! algorithm 7) for the sum without arctangents, with these changes:
+//!
+//! * One argument for each pair instead of two, which is enough because the angle of a pair is
+//!   below half a turn.
+//! * A bound of every term and of the sum ([`block`]).
+//! * Quarter turns are counted instead of half turns, so that no count is uncertain.
+//! * Columns are vectorized, instead of one running product.
+//!
+//! # Cost and limits
+//!
+//! Cost: quadratic for all curves. Every other kernel is faster on curves of many segments. This
+//! one is the reference for their timings, and their fallback for near pairs.
+//!
+//! Undefined: curves that touch or nearly touch get an error bound of 1/2 or more.
 
 pub(crate) mod block;
 #[cfg(test)]
@@ -26,13 +35,13 @@ use block::{Strip, Sum};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows that make a task: segments of the curve with more of them.
+/// Number of rows of a task: segments of the curve with more segments.
 const ROWS: usize = 64;
 
-/// Pairs of segments from which on rows are shared out among threads.
+/// Number of segment pairs above which the rows are split into parallel tasks.
 const GRAIN: usize = 1 << 14;
 
-/// Direct summation over the pairs of a set of polylines.
+/// Direct summation for all pairs of a set of polylines.
 #[derive(Debug)]
 pub(crate) struct Direct {
     vertices: Vertices,
@@ -48,7 +57,7 @@ impl Direct {
         }
     }
 
-    /// What some rows contribute.
+    /// Returns the contribution of a range of rows.
     fn task(&self, rows: Strip<'_>, columns: Strip<'_>, range: Range<usize>) -> Estimate {
         let rows = rows.map(|v| &v[range.start..=range.end]);
         block::gauss_sum(self.formula, rows, columns)
@@ -62,7 +71,7 @@ impl Summation for Direct {
             return Estimate::UNKNOWN;
         };
         let segments = |strip: Strip<'_>| strip[0].len() - 1;
-        // The same sum whichever curve is named first.
+        // The sum does not depend on the order of the curves.
         let (rows, columns) = match (segments(first), i) {
             (n, i) if (n, i) > (segments(second), j) => (first, second),
             _ => (second, first),

@@ -1,4 +1,4 @@
-//! With vector instructions and without; what the sums cost, beside the published one.
+//! Tests with and without vector instructions; timings in comparison to the published algorithm.
 
 use super::*;
 use crate::scenes::Scene;
@@ -22,7 +22,7 @@ fn bounds_hold_without_vectors() {
     }
 }
 
-/// Algorithm 7 of Qu & James 2021, without vectors and without a bound: what the sums are measured against.
+/// Algorithm 7 of Qu & James 2021, without vectors and without a bound: the reference for timings.
 fn published(rows: Strip<'_>, columns: Strip<'_>) -> f64 {
     let at = |v: Strip<'_>, k: usize| [v[0][k], v[1][k], v[2][k]];
     let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
@@ -93,7 +93,8 @@ fn measure_a_pair_of_segments() {
         let [theirs, arctangent, product] =
             times.each_mut().map(|times| median(times) / (n * n) as f64);
         println!(
-            "{n}: algorithm 7 {theirs:.1} ns a pair; arctangents {arctangent:.1} ({:.1}x), angle sum {product:.1} ({:.1}x)",
+            "{n}: algorithm 7 {theirs:.1} ns per pair; \
+             arctangents {arctangent:.1} ({:.1}x), angle sum {product:.1} ({:.1}x)",
             theirs / arctangent,
             theirs / product
         );

@@ -1,80 +1,97 @@
-//! A proven bound of what the interaction of a node pair leaves out.
+//! Proven bound of the remainder of the interaction of a node pair.
 //!
-//! In the frame of [`super::interact`] the terms of degrees `n` and `m` are diagonal in `k`. With the norms of
-//! [`super::norms`], `N = n + m`, and
+//! # Bound of a term
+//!
+//! In the frame of [`super::interact`] the terms of degrees `n` and `m` are diagonal in `k`. With
+//! the norms of [`super::norms`], `N = n + m`, and
 //!
 //! ```text
 //! (N)! / root((n - k)! (n + k)! (m - k)! (m + k)!) = root(C(N, n + k) C(N, n - k)) <= C(N, n),
 //! ```
 //!
-//! the inequality of Cauchy and Schwarz bounds them, times 4 pi, by
+//! the inequality of Cauchy and Schwarz bounds the terms, times 4 pi, by
 //!
 //! ```text
-//! C(N, n) / R^(N + 1) [|P_n| |T_m| / (m + 1) + |T_n| |P_m| / (n + 1) + R K(n, m) / (n m) |P_n| |P_m|]
+//! C(N, n) / R^(N + 1)
+//!     [|P_n| |T_m| / (m + 1) + |T_n| |P_m| / (n + 1) + R K(n, m) / (n m) |P_n| |P_m|]
 //! ```
 //!
-//! where `K` is the largest `k root(C(N, n + k) C(N, n - k)) / C(N, n)`. The ratio of binomials is the product over `i` from 1
-//! to `k` of `(m - i + 1)(n - i + 1) / ((n + i)(m + i))`, which rises with `n`; without the factors of `n` it is a bound
-//! for all `n`, `K(m)`, and likewise `K(n)`; and `K <= min(n, m)`.
+//! where `K` is the largest `k root(C(N, n + k) C(N, n - k)) / C(N, n)`. The ratio of binomials is
+//! the product over `i` from 1 to `k` of `(m - i + 1)(n - i + 1) / ((n + i)(m + i))`, which
+//! increases with `n`. Without the factors of `n` it is a bound `K(m)` for all `n`, and likewise
+//! `K(n)`; and `K <= min(n, m)`.
 //!
-//! Left out are the terms of which a degree is above the order `p`:
+//! # Bound of the remainder
 //!
-//! 1. `n > p >= m`: from degree `n` to the next, the bound by lengths grows by `(N + 1) / n r / R` at most, with `r` the
-//!    radius of the node, since the norm of `P_n` by `(n + 1) / n r`, that of `T_n / (n + 1)` by less. So the
-//!    sum over all `n` is that of degree `p + 1` by `1 - (1 + (m + 1) / (p + 1)) r / R`. 2. `m > p >= n` likewise.
-//! 3. Both above: with `|P_n| <= n L r^(n - 1)`, `|T_n| / (n + 1) <= L r^n / root 2`, and the binomial series of
-//!    `q^N = (r1 + r2)^N / R^N`, all terms with `n + m = N` are at most `4 N q^(N - 2) L1 L2 / R^2`. Summed from `M = 2 p + 2`
-//!    on that is `4 q^(M - 2) (M - (M - 1) q) / (1 - q)^2`.
+//! The remainder consists of the terms with a degree above the order `p`:
 //!
-//! The last also bounds the sum of the magnitudes of all terms, with `M = 2`: what the rounding of their sum is relative to.
+//! 1. `n > p >= m`: from degree `n` to the next, the bound by lengths grows by `(N + 1) / n r / R`
+//!    at most, with `r` the radius of the node, because the norm of `P_n` grows by `(n + 1) / n r`,
+//!    and that of `T_n / (n + 1)` by less. So the sum over all `n` is that of degree `p + 1`,
+//!    divided by `1 - (1 + (m + 1) / (p + 1)) r / R`.
+//! 2. `m > p >= n`: as 1, with `n` and `m` exchanged.
+//! 3. Both above `p`: with `|P_n| <= n L r^(n - 1)`, `|T_n| / (n + 1) <= L r^n / root 2`, and the
+//!    binomial series of `q^N = (r1 + r2)^N / R^N`, all terms with `n + m = N` are at most
+//!    `4 N q^(N - 2) L1 L2 / R^2`. The sum of that from `N = M = 2 p + 2` on is
+//!    `4 q^(M - 2) (M - (M - 1) q) / (1 - q)^2`.
+//!
+//! The last formula with `M = 2` also bounds the sum of the magnitudes of all terms, to which the
+//! rounding of their sum is relative.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "degrees of several arrays, side by side"
+    reason = "one index runs over degrees of several arrays"
 )]
 
 use super::harmonics::MOST;
 use super::tree::Ball;
 use crate::curve::Point;
+use crate::kernels::pow2;
 use std::f64::consts::PI;
 
-/// Bounds of one node pair's share of the error.
+/// Error bounds of the contribution of a node pair.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bounds {
-    /// What the expansion leaves out.
+    /// Bound of the remainder.
     pub tail: f64,
-    /// The sum of the magnitudes of its terms: what the rounding of their sum is relative to.
+    /// Sum of the magnitudes of the terms, to which the rounding error of their sum is relative.
     pub size: f64,
 }
 
-/// Rounding of what is of degree `n`, divided by `(n + 2)^2` and by its largest possible size: of the moments of both nodes
-/// and of their interaction.
+/// Rounding error of a term of degree `n`, divided by `(n + 2)^2` and by the maximum of the term.
+/// It covers the moments of both nodes and their interaction.
 ///
-/// Every displacement is a difference of two stored numbers and so is off by `u = 2^-53` of itself. Harmonics of degree `n`
-/// follow by `2 n` steps of a few operations, means over segments by as many; an error in one of them grows no more than the
-/// degree. A shift, on each of at most 32 levels, sums `(n + 1)^2` products, an interaction adds four rotations by `2 n` terms
-/// a row and a sum over `p` degrees. In all, degree `n` is off by less than `2^7 (n + 2)^2 u` of its largest possible size.
-/// The rest is for both nodes, their product, and what follows.
+/// # Proof
 ///
-/// That size is of the ball in which the rounding happened, which is that of a node below. Shifts are exact maps of the errors
-/// made before them, and they compose: seen from the centre of the node itself, the error of a node below is as that
-/// of moments in its ball, which is at most [`Ball::spread`] away. So the bound of all terms of degree `N`,
-/// `4 N q^(N - 2) L1 L2 / R^2`, holds for the errors with the spreads in the place of the radii.
-pub(super) const ROUNDING: f64 = f64::from_bits((1023 - 44) << 52);
+/// Every displacement is a difference of two stored numbers and so has a relative error of
+/// `u = 2^-53`. Harmonics of degree `n` are computed in `2 n` steps of a few operations, means over
+/// segments in as many; an error in one of them grows at most as the degree. A shift, on each of at
+/// most 32 levels, sums `(n + 1)^2` products. An interaction adds four rotations by `2 n` terms a
+/// row and a sum over `p` degrees. In total, degree `n` is off by less than `2^7 (n + 2)^2 u` times
+/// its maximum. The remaining factor is for both nodes, their product, and the following
+/// operations.
+///
+/// That maximum is over the ball of the node in which the rounding happened, which may be a
+/// descendant. Shifts are exact maps of the errors made before them, and they compose. So, seen
+/// from the centre of the node itself, the error of a descendant is as that of moments in the ball
+/// of the descendant, whose points are at most [`Ball::spread`] away. So the bound of all terms of
+/// degree `N`, `4 N q^(N - 2) L1 L2 / R^2`, holds for the errors with the spreads in place of the
+/// radii.
+pub(super) const ROUNDING: f64 = pow2(-44);
 
-/// Covers the rounding of the bounds themselves.
+/// Factor that covers the rounding of the bounds themselves.
 pub(super) const OUTWARD: f64 = 1.0 + 1e-9;
 
-/// Most of `(r1 + r2) / R` where the series is used.
+/// Maximum of `(r1 + r2) / R` for which the series is used.
 pub(super) const WIDEST: f64 = 0.8;
 
-/// Most of `(1 + (m + 1) / (p + 1)) r / R`, which is at most `2 r / R`.
+/// Maximum of `(1 + (m + 1) / (p + 1)) r / R`, which is at most `2 r / R`.
 const STEEPEST: f64 = 0.9;
 
-/// Squares of distances below which underflow could matter (coordinates are at most 1).
-const NEAREST: f64 = f64::from_bits((1023 - 120) << 52);
+/// Squared distance below which underflow could matter (coordinates are at most 1).
+const NEAREST: f64 = pow2(-120);
 
-/// Binomials `C(p + 1 + m, m)`, for this order `p`.
+/// Returns the binomials `C(p + 1 + m, m)` for the order `p`.
 fn binomials(order: usize) -> [f64; MOST + 1] {
     let mut c = [1.0; MOST + 1];
     for m in 1..=MOST {
@@ -83,7 +100,7 @@ fn binomials(order: usize) -> [f64; MOST + 1] {
     c
 }
 
-/// `K(m) / m`.
+/// Returns `K(m) / m`.
 fn twists() -> [f64; MOST + 1] {
     let mut out = [0.0; MOST + 1];
     for m in 1..=MOST {
@@ -97,7 +114,7 @@ fn twists() -> [f64; MOST + 1] {
     out
 }
 
-/// Bounds for an order, with what is the same for all node pairs.
+/// Constants of the bound for one order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounding {
     order: usize,
@@ -114,7 +131,8 @@ impl Bounding {
         }
     }
 
-    /// How far apart two nodes are, by their radii; at least 1 where no series is used.
+    /// Returns the difference of the centres, their distance, and the sum of the radii divided by
+    /// the distance; at least 1 if no series is used.
     #[inline(always)]
     pub fn separation(a: &Ball, b: &Ball) -> (Point, f64, f64) {
         let r = [0, 1, 2].map(|x| a.centre[x] - b.centre[x]);
@@ -127,7 +145,8 @@ impl Bounding {
         }
     }
 
-    /// The bounds of the interaction of a node pair at this distance, of this separation; none where no series is used.
+    /// Returns the error bounds of the interaction of a node pair with this distance and
+    /// separation, or `None` if no series is used.
     #[inline(always)]
     pub fn bounds(
         &self,
@@ -138,7 +157,7 @@ impl Bounding {
     ) -> Option<Bounds> {
         let inverse = 1.0 / distance;
         let steepest = |ball: &Ball| 2.0 * ball.radius * inverse;
-        // Not where it is NaN either.
+        // Written so that a NaN is rejected as well.
         if !(q < WIDEST && steepest(a) < STEEPEST && steepest(b) < STEEPEST) {
             return None;
         }
@@ -161,7 +180,8 @@ impl Bounding {
         })
     }
 
-    /// A bound of the rounding of the interaction of a node pair at this distance: see [`ROUNDING`].
+    /// Returns a bound of the rounding error of the interaction of a node pair at this distance:
+    /// see [`ROUNDING`].
     #[inline(always)]
     pub fn rounding(&self, [a, b]: [&Ball; 2], distance: f64) -> f64 {
         let inverse = 1.0 / distance;
@@ -173,7 +193,8 @@ impl Bounding {
         ROUNDING * OUTWARD * lengths * series / PI
     }
 
-    /// The terms of degree `p + 1` of the one node and 1 to `p` of the other.
+    /// Returns the bound of the terms of degree `p + 1` of one node and of degrees 1 to `p` of the
+    /// other one.
     #[inline(always)]
     fn edge(&self, [p, t]: [&[f64]; 2], [op, ot]: [&[f64]; 2], [own, other]: [f64; 2]) -> f64 {
         let n = self.order + 1;

@@ -1,37 +1,37 @@
-//! The moments of the nodes of a curve.
+//! Moments of the nodes of a curve.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "lanes and axes of several arrays, side by side"
+    reason = "one index runs over lanes or axes of several arrays"
 )]
 
-use super::harmonics::{Lanes, Room, ShiftRoom, add_segments, add_shifted, count};
+use super::harmonics::{Buffers, Lanes, ShiftBuffers, add_segments, add_shifted, count};
 use super::norms::Norms;
 use super::tree::{Ball, GRAIN, LEAF, Tree};
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
 use std::ops::Range;
 
-/// Segments whose moments are summed together.
+/// Number of segments whose moments are computed together.
 const TOGETHER: usize = 8;
 
-/// Leaves up to which the segments of a node are expanded rather than the moments of its children shifted, which costs as
-/// much as some hundred segments.
+/// Maximum number of leaves for which the segments of a node are expanded instead of shifting the
+/// moments of its children, which costs as much as some hundred segments.
 const DIRECT: usize = 16;
 
-/// The moments of nodes of a curve, and what the bound takes of them.
+/// Moments of the nodes of a curve, and their norms for the error bound.
 #[derive(Clone, Debug)]
 pub(super) struct Expansions {
     pub order: usize,
-    /// Nodes of fewer leaves have no moments.
+    /// Minimum number of leaves of a node that has moments.
     pub least: u32,
-    /// `P`, then `T`, of a node after the other.
+    /// Moments of all nodes: `P`, then `T`, of each node.
     moments: Vec<f64>,
     pub norms: Norms,
 }
 
 impl Expansions {
-    /// What is known before any moment is: how large they can be.
+    /// Returns the upper bounds of the norms, without moments.
     pub fn outline(tree: &Tree, order: usize) -> Expansions {
         Expansions {
             order,
@@ -41,7 +41,7 @@ impl Expansions {
         }
     }
 
-    /// Adds the moments about the centres of all nodes of at least so many leaves.
+    /// Computes the moments about their centres of all nodes with at least `least` leaves.
     pub fn fill(&mut self, tree: &Tree, least: u32) {
         let nodes = tree.balls.len();
         self.least = least.max(1);
@@ -59,7 +59,7 @@ impl Expansions {
         }
     }
 
-    /// `P`, then `T`, of a node.
+    /// Returns `P`, then `T`, of a node.
     #[inline(always)]
     pub fn of(&self, place: usize) -> &[f64] {
         let size = 2 * count(self.order);
@@ -69,7 +69,7 @@ impl Expansions {
     }
 }
 
-/// What all nodes of a tree have in common.
+/// Common data of all nodes of a tree during the construction.
 struct Build<'a> {
     tree: &'a Tree,
     order: usize,
@@ -78,7 +78,7 @@ struct Build<'a> {
 }
 
 impl Build<'_> {
-    /// The moments of a subtree, whose place, first leaf and number of leaves are given.
+    /// Computes the moments of a subtree, given by its place, first leaf and number of leaves.
     fn node(&self, [place, first, leaves]: [usize; 3], moments: &mut [f64], norms: &mut [f64]) {
         let (order, width) = (self.order, self.width);
         let size = 2 * count(order);
@@ -111,30 +111,31 @@ impl Build<'_> {
             let range = first * LEAF..(first + leaves) * LEAF;
             expand(self.tree, order, range, &ball, own);
         } else {
-            let mut room = ShiftRoom::new(order);
+            let mut buffers = ShiftBuffers::new(order);
             for place in [at[0][0], at[1][0]] {
                 let child = self.tree.balls[place];
                 let moments = &below[(place - at[0][0]) * size..][..size];
                 let r = [0, 1, 2].map(|x| (child.centre[x] - ball.centre[x]) / ball.size);
-                add_shifted(order, moments, child.size / ball.size, r, &mut room, own);
+                add_shifted(order, moments, child.size / ball.size, r, &mut buffers, own);
             }
         }
         Norms::tighten(order, &ball, own, own_norms);
     }
 }
 
-/// The moments of a range of segments.
+/// Computes the moments of a range of segments.
 fn expand(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
     #[cfg(target_arch = "x86_64")]
     if Avx2::detect().is_some() {
         #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the processor has them.
+        // SAFETY: the CPU supports these instructions.
         return unsafe { expand_avx2(tree, order, range, ball, out) };
     }
     expand_with(tree, order, range, ball, out)
 }
 
-/// [`expand_with`], compiled with AVX2: the same operations, none of them fused, and so the same bits.
+/// [`expand_with`], compiled with AVX2: the same operations, none of them fused, so the results
+/// have the same bits.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn expand_avx2(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
@@ -143,7 +144,7 @@ fn expand_avx2(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out:
 
 #[inline(always)]
 fn expand_with(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
-    let mut room: Room<TOGETHER> = Room::new(order);
+    let mut buffers: Buffers<TOGETHER> = Buffers::new(order);
     let mut sums: Vec<Lanes<TOGETHER>> = vec![[0.0; TOGETHER]; 2 * count(order)];
     let [starts, ends] = &tree.ends;
     for start in range.step_by(TOGETHER) {
@@ -156,7 +157,7 @@ fn expand_with(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out:
                 e[x][l] = (ends[x][start + l] - at) / ball.size;
             }
         }
-        add_segments(order, &p, &e, &mut room, &mut sums);
+        add_segments(order, &p, &e, &mut buffers, &mut sums);
     }
     for (out, lanes) in out.iter_mut().zip(&sums) {
         *out = lanes.iter().sum();

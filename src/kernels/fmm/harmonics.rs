@@ -1,54 +1,59 @@
 //! Solid harmonics, and the moments of segments and nodes.
 //!
+//! # Definitions
+//!
 //! With `r, theta, phi` of a displacement,
 //!
 //! ```text
 //! R_n^k = r^n P_n^k(cos theta) e^(i k phi) / (n + k)!
 //! ```
 //!
-//! (with the phase of Condon and Shortley), for `k >= 0`; the others follow from `R_n^-k = (-1)^k conj R_n^k`. In this
-//! scaling derivatives and translations have no factors (Dehnen 2014, *A fast multipole method for stellar dynamics*,
-//! section 3.2 and appendix A):
+//! (with the phase of Condon and Shortley), for `k >= 0`; the others follow from
+//! `R_n^-k = (-1)^k conj R_n^k`. In this scaling derivatives and translations have no factors
+//! (Dehnen 2014, *A fast multipole method for stellar dynamics*, section 3.2 and appendix A):
 //!
 //! ```text
-//! d/dz R_n^k = R_(n-1)^k,   (d/dx + i d/dy) R_n^k = R_(n-1)^(k+1),   (d/dx - i d/dy) R_n^k = -R_(n-1)^(k-1)
+//! d/dz R_n^k = R_(n-1)^k
+//! (d/dx + i d/dy) R_n^k = R_(n-1)^(k+1),   (d/dx - i d/dy) R_n^k = -R_(n-1)^(k-1)
 //! R_n^k(x + r) = sum over j, l of R_j^l(x) R_(n-j)^(k-l)(r)
 //! ```
 //!
-//! A piece of a curve has two moments of each degree, about a centre, with `x` the displacement from it:
+//! A piece of a curve has two moments of each degree, about a centre, with `x` the displacement
+//! from it:
 //!
 //! ```text
 //! P_n^k = integral of grad R_n^k . dx            T_n^k = integral of grad R_n^k . (x cross dx)
 //! ```
 //!
-//! They are exact for straight segments: with `I_n^k` the mean of `R_n^k` over the segment from `p` to `q`,
-//! `(n + 1) I_n = R_n(q) + p . grad I_n` by Euler's theorem, and gradients are sums of the degree before.
+//! They are exact for straight segments: with `I_n^k` the mean of `R_n^k` over the segment from `p`
+//! to `q`, `(n + 1) I_n = R_n(q) + p . grad I_n` by Euler's theorem, and gradients are sums of
+//! harmonics of the previous degree.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "lanes and axes of several arrays, side by side"
+    reason = "one index runs over lanes or axes of several arrays"
 )]
 
 use crate::curve::Point;
 
-/// Largest order.
+/// Maximum order.
 pub(super) const MOST: usize = 20;
 
-/// Where the real part of degree `n` and order `k >= 0` lies; the imaginary one is next.
+/// Returns the index of the real part of degree `n` and order `k >= 0`; the imaginary part is next.
 #[inline(always)]
 pub(super) const fn at(n: usize, k: usize) -> usize {
     n * (n + 1) + 2 * k
 }
 
-/// Numbers of one kind of moments up to this degree.
+/// Returns the number of components of one kind of moments up to this degree.
 pub(super) const fn count(order: usize) -> usize {
     (order + 1) * (order + 2)
 }
 
-/// Lanes of numbers that are worked on together.
+/// A number in each of `L` lanes.
 pub(super) type Lanes<const L: usize> = [f64; L];
 
-/// A complex number a lane.
+/// A complex number in each lane.
 type Complex<const L: usize> = [Lanes<L>; 2];
 
 #[inline(always)]
@@ -56,7 +61,7 @@ fn map<const L: usize>(f: impl Fn(usize) -> f64) -> Lanes<L> {
     std::array::from_fn(f)
 }
 
-/// Degree `n`, order `k` from -n-1 to n+1; 0 beyond n.
+/// Returns the component of degree `n` and order `k` from -n-1 to n+1; 0 if `|k| > n`.
 #[inline(always)]
 fn get<const L: usize>(a: &[Lanes<L>], n: usize, k: isize) -> Complex<L> {
     let m = k.unsigned_abs();
@@ -75,7 +80,7 @@ fn get<const L: usize>(a: &[Lanes<L>], n: usize, k: isize) -> Complex<L> {
     }
 }
 
-/// Regular solid harmonics up to an order.
+/// Computes the regular solid harmonics up to an order.
 #[inline(always)]
 pub(super) fn regular<const L: usize>(order: usize, x: &[Lanes<L>; 3], out: &mut [Lanes<L>]) {
     let square: Lanes<L> = map(|l| x[0][l] * x[0][l] + x[1][l] * x[1][l] + x[2][l] * x[2][l]);
@@ -105,7 +110,8 @@ pub(super) fn regular<const L: usize>(order: usize, x: &[Lanes<L>; 3], out: &mut
     }
 }
 
-/// `v . grad` of degree `n`, order `k >= 0`, of a function whose coefficients of degree `n - 1` are given.
+/// Returns `v . grad` of degree `n` and order `k >= 0` of a function, given its coefficients of
+/// degree `n - 1`.
 #[inline(always)]
 fn along<const L: usize>(v: &[Lanes<L>; 3], a: &[Lanes<L>], n: usize, k: usize) -> Complex<L> {
     let k = k as isize;
@@ -119,51 +125,53 @@ fn along<const L: usize>(v: &[Lanes<L>; 3], a: &[Lanes<L>], n: usize, k: usize) 
     ]
 }
 
-/// Space for [`add_segments`].
+/// Buffers of [`add_segments`].
 #[derive(Clone, Debug)]
-pub(super) struct Room<const L: usize> {
+pub(super) struct Buffers<const L: usize> {
     end: Vec<Lanes<L>>,
     mean: Vec<Lanes<L>>,
 }
 
-impl<const L: usize> Room<L> {
-    pub fn new(order: usize) -> Room<L> {
+impl<const L: usize> Buffers<L> {
+    pub fn new(order: usize) -> Buffers<L> {
         let zeros = vec![[0.0; L]; count(order)];
-        Room {
+        Buffers {
             end: zeros.clone(),
             mean: zeros,
         }
     }
 }
 
-/// Adds the moments of a segment a lane, from `p` by `e`, to the sums of all lanes: `P`, then `T`.
+/// Adds the moments of one segment in each lane, from `p` to `p + e`, to the sums of all lanes:
+/// `P`, then `T`.
 #[inline(always)]
 pub(super) fn add_segments<const L: usize>(
     order: usize,
     p: &[Lanes<L>; 3],
     e: &[Lanes<L>; 3],
-    room: &mut Room<L>,
+    buffers: &mut Buffers<L>,
     out: &mut [Lanes<L>],
 ) {
     let q = [0, 1, 2].map(|x| map(|l| p[x][l] + e[x][l]));
     let turn =
         [(1, 2), (2, 0), (0, 1)].map(|(x, y)| map(|l| p[x][l] * e[y][l] - p[y][l] * e[x][l]));
-    regular(order - 1, &q, &mut room.end);
-    room.mean[0] = [1.0; L];
-    room.mean[1] = [0.0; L];
+    regular(order - 1, &q, &mut buffers.end);
+    buffers.mean[0] = [1.0; L];
+    buffers.mean[1] = [0.0; L];
     let (out_p, out_t) = out.split_at_mut(count(order));
     for n in 1..=order {
         for k in 0..=n {
             let i = at(n, k);
             if n < order {
-                let shifted = along(p, &room.mean, n, k);
+                let shifted = along(p, &buffers.mean, n, k);
                 let f = 1.0 / (n + 1) as f64;
                 for part in 0..2 {
-                    room.mean[i + part] = map(|l| f * (room.end[i + part][l] + shifted[part][l]));
+                    buffers.mean[i + part] =
+                        map(|l| f * (buffers.end[i + part][l] + shifted[part][l]));
                 }
             }
-            let [re, im] = along(e, &room.mean, n, k);
-            let [tr, ti] = along(&turn, &room.mean, n, k);
+            let [re, im] = along(e, &buffers.mean, n, k);
+            let [tr, ti] = along(&turn, &buffers.mean, n, k);
             for l in 0..L {
                 out_p[i][l] += re[l];
                 out_p[i + 1][l] += im[l];
@@ -174,19 +182,19 @@ pub(super) fn add_segments<const L: usize>(
     }
 }
 
-/// Space for [`add_shifted`].
+/// Buffers of [`add_shifted`].
 #[derive(Clone, Debug)]
-pub(super) struct ShiftRoom {
+pub(super) struct ShiftBuffers {
     harmonics: Vec<[f64; 1]>,
-    /// The child's moments, in the units of the parent.
+    /// Moments of the child, in the units of the parent.
     child: Vec<[f64; 1]>,
-    /// Likewise, with `T` as its parent needs it.
+    /// The same, with `T` about the parent's centre.
     turned: Vec<[f64; 1]>,
 }
 
-impl ShiftRoom {
-    pub fn new(order: usize) -> ShiftRoom {
-        ShiftRoom {
+impl ShiftBuffers {
+    pub fn new(order: usize) -> ShiftBuffers {
+        ShiftBuffers {
             harmonics: vec![[0.0]; count(order)],
             child: vec![[0.0]; 2 * count(order)],
             turned: vec![[0.0]; count(order)],
@@ -194,17 +202,18 @@ impl ShiftRoom {
     }
 }
 
-/// Adds the moments of a child at displacement `r`, in units of its own size, to those of its parent. Both are `P`, then
-/// `T`; `r` and `ratio`, the child's unit, are in units of the parent.
+/// Adds the moments of a child at displacement `r`, in units of its own size, to those of its
+/// parent. Both are `P`, then `T`; `r` and `ratio`, the unit of the child, are in units of the
+/// parent.
 ///
-/// With `x + r` for `x`, `T` gains the integral of `grad R . (r cross dx)`, which by the decomposition of
-/// [`super::interact`] is a sum of moments about the child's centre.
+/// With `x + r` in place of `x`, `T` gains the integral of `grad R . (r cross dx)`, which by the
+/// decomposition of [`super::interact`] is a sum of moments about the centre of the child.
 pub(super) fn add_shifted(
     order: usize,
     child: &[f64],
     ratio: f64,
     r: Point,
-    room: &mut ShiftRoom,
+    buffers: &mut ShiftBuffers,
     out: &mut [f64],
 ) {
     let size = count(order);
@@ -212,13 +221,13 @@ pub(super) fn add_shifted(
     for n in 1..=order {
         power *= ratio;
         for i in at(n, 0)..at(n + 1, 0) {
-            room.child[i] = [child[i] * power];
-            room.child[size + i] = [child[size + i] * power * ratio];
+            buffers.child[i] = [child[i] * power];
+            buffers.child[size + i] = [child[size + i] * power * ratio];
         }
     }
     let v = r.map(|x| [x]);
-    regular(order - 1, &v, &mut room.harmonics);
-    let (p, t) = room.child.split_at(size);
+    regular(order - 1, &v, &mut buffers.harmonics);
+    let (p, t) = buffers.child.split_at(size);
     for n in 1..=order {
         let f = 1.0 / n as f64;
         for k in 0..=n {
@@ -239,11 +248,11 @@ pub(super) fn add_shifted(
                 + up * (r[0] * ui[0] - r[1] * ur[0])
                 + down * (r[0] * wi[0] + r[1] * wr[0]);
             let [gr, gi] = along(&v, t, n, k);
-            room.turned[i] = [t[i][0] + f * (gr[0] - im)];
-            room.turned[i + 1] = [t[i + 1][0] + f * (gi[0] + re)];
+            buffers.turned[i] = [t[i][0] + f * (gr[0] - im)];
+            buffers.turned[i + 1] = [t[i + 1][0] + f * (gi[0] + re)];
         }
     }
-    let harmonics = &room.harmonics;
+    let harmonics = &buffers.harmonics;
     let (out_p, out_t) = out.split_at_mut(size);
     for n in 1..=order {
         for k in 0..=n {
@@ -257,7 +266,7 @@ pub(super) fn add_shifted(
                 for l in first..=last {
                     let [hr, hi] = get(harmonics, n - j, k as isize - l);
                     let [pr, pi] = get(p, j, l);
-                    let [tr, ti] = get(&room.turned, j, l);
+                    let [tr, ti] = get(&buffers.turned, j, l);
                     sums[0] += hr[0] * pr[0] - hi[0] * pi[0];
                     sums[1] += hr[0] * pi[0] + hi[0] * pr[0];
                     sums[2] += hr[0] * tr[0] - hi[0] * ti[0];

@@ -1,36 +1,42 @@
-//! The interaction of accepted node pairs, some at a time.
+//! Interaction of accepted node pairs, in batches.
 //!
-//! With the centres `R` apart along z, and displacements `a` and `b` from them, `g = 1 / |R + a - b|` is
+//! # Formula
+//!
+//! With the centres `R` apart along z, and displacements `a` and `b` from them,
+//! `g = 1 / |R + a - b|` is
 //!
 //! ```text
-//! sum over n, m, k of c(n, m, k) R_n^k(a) conj R_m^k(b),   c = (-1)^(n + k) (n + m)! / R^(n + m + 1)
+//! sum over n, m, k of c(n, m, k) R_n^k(a) conj R_m^k(b),
+//! c = (-1)^(n + k) (n + m)! / R^(n + m + 1)
 //! ```
 //!
-//! and what the node pair contributes, times 4 pi, is minus the integral of `db . H(b)`, with `H(b)` the integral of
-//! `grad_a g cross da`. It is harmonic and has no divergence, and so is `grad f + curl (b h)` with two harmonic
-//! functions, told by `b . H` and `b . curl H` (the Lamb-Helmholtz decomposition; Gumerov & Duraiswami 2013,
-//! *Efficient FMM accelerated vortex methods in three dimensions via the Lamb-Helmholtz decomposition*). So is
-//! `R cross grad R_n^k`, with degree `n` of `f = -i k R / n R_n^k` and degree `n - 1` of `h = -R / n R_(n-1)^k`. With
-//! the moments `P`, `T` of [`super::harmonics`] all of it comes to
+//! and the contribution of the node pair, times 4 pi, is minus the integral of `db . H(b)`, with
+//! `H(b)` the integral of `grad_a g cross da`. `H` is harmonic and has no divergence. So it is
+//! `grad f + curl (b h)` with two harmonic functions, which `b . H` and `b . curl H` determine (the
+//! Lamb-Helmholtz decomposition; Gumerov & Duraiswami 2013, *Efficient FMM accelerated vortex
+//! methods in three dimensions via the Lamb-Helmholtz decomposition*). The same holds for
+//! `R cross grad R_n^k`, with degree `n` of `f = -i k R / n R_n^k` and degree `n - 1` of
+//! `h = -R / n R_(n-1)^k`. With the moments `P`, `T` of [`super::harmonics`] the contribution is
 //!
 //! ```text
 //! - sum of c [P_n conj T_m / (m + 1) + T_n conj P_m / (n + 1) - i k R / (n m) P_n conj P_m]
 //! ```
 //!
-//! over degrees from 1 on and all k: two scalars a node, where the three components of a vector potential are the usual
-//! way. Nodes are turned until R lies along z ([`super::rotate`]); the sum is then of the order of `p^3`, not `p^4`.
-//! There is neither a local expansion nor a way down: what is asked for is one number, and this is it.
+//! over degrees from 1 on and all k: two scalars for each node, instead of the usual three
+//! components of a vector potential. Nodes are rotated until R lies along z ([`super::rotate`]);
+//! the cost of the sum is then of the order of `p^3`, not `p^4`. There is neither a local expansion
+//! nor a downward pass, because the result is a single number.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "lanes and axes of several arrays, side by side"
+    reason = "one index runs over lanes or axes of several arrays"
 )]
 
 use super::harmonics::{Lanes, MOST, at, count};
 use super::rotate::{SWAP, turn};
 use crate::curve::Point;
 
-/// Node pairs evaluated together.
+/// Number of node pairs that are evaluated together.
 pub(super) const BATCH: usize = 8;
 
 /// A node of a pair: its moments, `P` and then `T`, up to `degrees`, in units of its `size`.
@@ -41,25 +47,25 @@ pub(super) struct Side<'a> {
     pub size: f64,
 }
 
-/// Space for a batch.
+/// Buffers of a batch.
 #[derive(Clone, Debug)]
-pub(super) struct Room {
+pub(super) struct Buffers {
     /// `P` and `T` of both nodes.
     sides: [[Vec<Lanes<BATCH>>; 2]; 2],
     other: Vec<Lanes<BATCH>>,
 }
 
-impl Room {
-    pub fn new(order: usize) -> Room {
+impl Buffers {
+    pub fn new(order: usize) -> Buffers {
         let zeros = vec![[0.0; BATCH]; count(order)];
-        Room {
+        Buffers {
             sides: std::array::from_fn(|_| [zeros.clone(), zeros.clone()]),
             other: zeros,
         }
     }
 }
 
-/// Factorials.
+/// Factorials of 0 to twice the maximum order.
 const FACTORIALS: [f64; 2 * MOST + 1] = {
     let mut f = [1.0; 2 * MOST + 1];
     let mut n = 1;
@@ -70,15 +76,15 @@ const FACTORIALS: [f64; 2 * MOST + 1] = {
     f
 };
 
-/// What some node pairs contribute, times 4 pi, up to an order: a lane each. Displacements are from the second centre to
-/// the first.
+/// Returns the contributions of a batch of node pairs, times 4 pi, up to an order: one in each
+/// lane. Displacements are from the second centre to the first.
 #[inline(always)]
 pub(super) fn interact(
     order: usize,
     pairs: &[([Side; 2], Point)],
-    room: &mut Room,
+    buffers: &mut Buffers,
 ) -> Lanes<BATCH> {
-    // Empty lanes have no moments, and any distance.
+    // Unused lanes have zero moments and an arbitrary distance.
     let mut phi = [[1.0; BATCH], [0.0; BATCH]];
     let mut theta = [[1.0; BATCH], [0.0; BATCH]];
     let mut scale = [[0.0; BATCH]; 2];
@@ -86,7 +92,7 @@ pub(super) fn interact(
     for (l, (sides, r)) in pairs.iter().enumerate().take(BATCH) {
         let flat = (r[0] * r[0] + r[1] * r[1]).sqrt();
         let distance = (flat * flat + r[2] * r[2]).sqrt();
-        // Squares that underflow are next to nothing beside the distance.
+        // If the squares underflow, `flat` is negligible compared to the distance.
         if flat > 1e-140 {
             phi[0][l] = r[0] / flat;
             phi[1][l] = -r[1] / flat;
@@ -99,7 +105,7 @@ pub(super) fn interact(
             scale[x][l] = side.size / distance;
             for kind in 0..2 {
                 let moments = &side.moments[kind * count(side.degrees)..][..size];
-                for (to, from) in room.sides[x][kind].iter_mut().zip(moments) {
+                for (to, from) in buffers.sides[x][kind].iter_mut().zip(moments) {
                     to[l] = *from;
                 }
             }
@@ -108,19 +114,19 @@ pub(super) fn interact(
     for l in pairs.len()..BATCH {
         for x in 0..2 {
             for kind in 0..2 {
-                room.sides[x][kind].iter_mut().for_each(|to| to[l] = 0.0);
+                buffers.sides[x][kind].iter_mut().for_each(|to| to[l] = 0.0);
             }
         }
     }
     let swap = &*SWAP;
     for x in 0..2 {
         for kind in 0..2 {
-            let moments = &mut room.sides[x][kind];
+            let moments = &mut buffers.sides[x][kind];
             turn(order, &phi[0], &phi[1], moments);
-            swap.apply(order, moments, &mut room.other);
-            turn(order, &theta[0], &theta[1], &mut room.other);
-            swap.apply(order, &room.other, moments);
-            // Powers of size by distance, and 1 / (n + 1) of T.
+            swap.apply(order, moments, &mut buffers.other);
+            turn(order, &theta[0], &theta[1], &mut buffers.other);
+            swap.apply(order, &buffers.other, moments);
+            // Powers of size divided by distance, and the factor 1 / (n + 1) of T.
             let mut power = if kind == 0 { [1.0; BATCH] } else { scale[x] };
             for n in 1..=order {
                 for l in 0..BATCH {
@@ -135,18 +141,18 @@ pub(super) fn interact(
             }
         }
     }
-    contract(order, room)
+    contract(order, buffers)
 }
 
-/// The sum in the turned frame.
+/// Computes the sum in the rotated frame.
 #[inline(always)]
-fn contract(order: usize, room: &Room) -> Lanes<BATCH> {
-    let [[pa, ta], [pb, tb]] = &room.sides;
+fn contract(order: usize, buffers: &Buffers) -> Lanes<BATCH> {
+    let [[pa, ta], [pb, tb]] = &buffers.sides;
     let mut total = [0.0; BATCH];
     for k in 0..=order {
         let mut sum = [0.0; BATCH];
         for n in k.max(1)..=order {
-            // Over m: T_m, P_m, P_m / m, complex.
+            // Sums over m of T_m, P_m and P_m / m, each complex.
             let mut y = [[0.0; BATCH]; 6];
             for m in k.max(1)..=order {
                 let (f, g) = (FACTORIALS[n + m], FACTORIALS[n + m] / m as f64);

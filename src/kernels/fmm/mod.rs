@@ -1,17 +1,21 @@
-//! A fast multipole method for two curves (Qu & James 2021, section 3.4.3), with a proven bound.
+//! A fast multipole method for two curves (Qu & James 2021, section 3.4.3), with a proven error
+//! bound.
 //!
-//! The published way hands points to a library for the Biot-Savart integral and corrects for the length of segments
-//! afterwards. Here the segments themselves are expanded, exactly ([`harmonics`]), to any order up to 20; node pairs that are
-//! too close end in the exact sum of their segments, which is that of Barnes-Hut. A linking number is one number, so
-//! there are no local expansions and no way down: each accepted node pair contributes a number ([`interact`]), and the
-//! work is of the order of the number of leaves. The remainder of every node pair and rounding are bounded ([`bound`]),
-//! and node pairs are accepted by that.
+//! The published method passes points to a library for the Biot-Savart integral and corrects for
+//! the length of segments afterwards. Differences: the segments themselves are expanded, exactly
+//! ([`harmonics`]), up to order 20. Node pairs that are too close are summed exactly, segment by
+//! segment, as in Barnes-Hut. A linking number is a single number, so there are no local expansions
+//! and no downward pass: each accepted node pair contributes a number ([`interact`]), and the work
+//! is proportional to the number of leaves. The remainder of every node pair and the rounding
+//! errors are bounded ([`bound`]), and node pairs are accepted by that bound.
 //!
-//! A pair is planned before it is summed: dry runs, by how large moments can be, find what to accept, and so which nodes
-//! need moments at all. Once these are known, norms are smaller, and so is the number of node pairs.
+//! A pair is planned before it is summed. Dry runs with upper bounds of the moments find the node
+//! pairs to accept, and so the nodes that need moments at all. Once the moments are known, their
+//! norms are smaller than the bounds, and so fewer node pairs are needed.
 //!
-//! What it is for: many strands in a small space, whose contributions cancel. Sums of magnitudes are then large beside an
-//! integer, and only a high order makes the remainder small enough. Nodes are regions, not stretches ([`tree`]).
+//! The method is made for many strands in a small space, whose contributions cancel. The sum of
+//! magnitudes is then large compared to an integer, and only a high order makes the remainder small
+//! enough. Nodes are regions of space, not runs of segments ([`tree`]).
 
 mod bound;
 mod expansions;
@@ -34,25 +38,28 @@ use rayon::prelude::*;
 use tree::Tree;
 use walk::{Criterion, Sum, Walk};
 
-/// When an expansion is good enough for a node pair.
+/// Criterion by which an expansion is accepted for a node pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Accept {
-    /// Where the sum of the radii is at most this times the distance of the centres.
-    #[cfg_attr(not(test), expect(dead_code, reason = "sweeps of the error by order"))]
+    /// Accepts if the sum of the radii is at most this times the distance of the centres.
+    #[cfg_attr(
+        not(test),
+        expect(dead_code, reason = "used by tests that sweep the order")
+    )]
     Separation(f64),
-    /// By the proven bound, such that the sum is below this.
+    /// Accepts by the proven error bound, such that the bound of the sum is below this.
     Bound(f64),
 }
 
-/// How to sum.
+/// Options of the sum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Options {
-    /// The order of expansions, 2 to 20; by the bound that is asked for where there is none.
+    /// Order of the expansions, 2 to 20. `None`: chosen from the required bound.
     pub order: Option<u32>,
-    /// When they are taken.
+    /// Criterion by which an expansion is accepted.
     pub accept: Accept,
-    /// Work on a pair that is not gone beyond, in microseconds of a core, about: where it is expected to be more, other
-    /// kernels are better.
+    /// Approximate maximum work on a pair, in microseconds of one core. If more is expected, the
+    /// pair is undecided, because other kernels are faster.
     pub limit: f64,
 }
 
@@ -70,20 +77,21 @@ impl Default for Options {
 #[derive(Debug)]
 pub(crate) struct Fmm {
     options: Options,
-    /// Of closed curves.
+    /// Trees of the closed curves; `None` for other curves.
     trees: Vec<Option<Tree>>,
 }
 
-/// Orders that are tried, one after the other.
+/// Orders, tried in this sequence.
 const ORDERS: [usize; 5] = [4, 8, 12, 16, 20];
 
 impl Fmm {
-    /// Builds the trees of all closed curves. Other curves than polylines have no linking numbers here.
+    /// Builds the trees of all closed polylines. Other curves have no linking numbers here.
     pub fn new(set: &CurveSet, options: Options) -> Fmm {
         Fmm::of_some(set, |_| true, options)
     }
 
-    /// Builds the trees of some curves; the others have no linking numbers here.
+    /// Builds the trees of the curves for which `some` holds. Other curves have no linking numbers
+    /// here.
     pub fn of_some(set: &CurveSet, some: impl Fn(u32) -> bool + Sync, options: Options) -> Fmm {
         let scale = normalizing(set.max_abs());
         let polyline = set.basis().is_polyline();
@@ -103,7 +111,7 @@ impl Fmm {
         Some([tree(i)?, tree(j)?])
     }
 
-    /// The order for a pair: none where nothing is worth an expansion.
+    /// Returns the order for a pair, or `None` if the leaf pairs are so few that no expansion pays.
     fn order(&self, trees: [&Tree; 2]) -> Option<usize> {
         let [m, n] = trees.map(|t| t.root().leaves as usize);
         if m * n <= FEW {
@@ -114,7 +122,7 @@ impl Fmm {
             Accept::Bound(budget) => {
                 let magnitude = Walk::magnitude(trees);
                 let digits = (magnitude / budget).log10().max(0.0);
-                // About what makes expansions and the near field cost the same.
+                // Fitted so that expansions and the near field cost about the same.
                 2 + (1.7 * digits) as usize
             }
         };
@@ -122,7 +130,8 @@ impl Fmm {
         Some(order.clamp(2, harmonics::MOST))
     }
 
-    /// What is accepted for a pair such that the remainder suffices, and what that takes; none where that is too much.
+    /// Returns the criterion for which the remainder of a pair suffices, and the planned sum.
+    /// Returns `None` if its work exceeds the limit.
     fn plan(
         &self,
         trees: [&Tree; 2],
@@ -138,7 +147,7 @@ impl Fmm {
             }
             Accept::Bound(budget) => budget,
         };
-        // Rounding takes some.
+        // A part of the budget is reserved for rounding errors.
         let aim = 0.8 * budget;
         let [m, n] = trees.map(|t| f64::from(t.root().leaves));
         let mut share = match start {
@@ -168,10 +177,10 @@ impl Fmm {
     }
 }
 
-/// Dry runs for the share of a node pair.
+/// Maximum number of dry runs that adjust the share of a node pair.
 const TRIES: usize = 8;
 
-/// Leaf pairs that are not worth an expansion.
+/// Maximum number of leaf pairs that are summed without expansions.
 const FEW: usize = 9;
 
 impl Summation for Fmm {
@@ -180,7 +189,7 @@ impl Summation for Fmm {
         estimates.first().copied().unwrap_or(Estimate::UNKNOWN)
     }
 
-    /// Expansions are made once for each curve and order, and serve all of its pairs.
+    /// Computes the expansions once for each curve and order, for all of its pairs.
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
         let mut estimates = vec![Estimate::UNKNOWN; pairs.len()];
         let orders: Vec<Option<Option<usize>>> = pairs
@@ -201,7 +210,7 @@ impl Summation for Fmm {
 }
 
 impl Fmm {
-    /// Sums the pairs of the lowest order; returns the others, and those that need a higher one.
+    /// Sums the pairs of the lowest order. Returns the others, and those that need a higher order.
     fn stage(
         &self,
         pairs: &[Pair],
@@ -216,7 +225,7 @@ impl Fmm {
             used[i as usize] = true;
             used[j as usize] = true;
         }
-        // What can be said without moments tells which nodes need any.
+        // Upper bounds, known without moments, tell which nodes need moments.
         let mut expansions: Vec<Option<Expansions>> = self
             .trees
             .par_iter()
@@ -259,10 +268,11 @@ impl Fmm {
             .zip(plans)
             .map(|(&(at, _), first)| {
                 let bounded = matches!(self.options.accept, Accept::Bound(_));
-                // What is too much work is more of it by a higher order, where most of it is near.
+                // If most of the work is near field, a higher order increases it.
                 let more =
                     self.options.order.is_none() && order.is_some() && bounded && first.is_some();
-                // Moments may be smaller than they could be, and so node pairs larger.
+                // The moments may be smaller than their upper bounds, so larger nodes may be
+                // accepted.
                 let again = first.and_then(|(criterion, _)| plan(&expansions, at, Some(criterion)));
                 let (i, j) = pairs[at];
                 let (Some((criterion, _)), Some(trees)) = (again, self.pair((i, j))) else {

@@ -1,13 +1,15 @@
-//! Norms of the moments of a node: what the bound of the remainder takes of them.
+//! Norms of the moments of a node, from which the bound of the remainder is computed.
 //!
-//! The norm of `P_n` is the root of the sum over all `k` of `(n - k)! (n + k)! |P_n^k|^2`, which no rotation changes. For
-//! one point at `x` it is that of `t . grad` of the harmonics, at most `n |x|^(n - 1)` for a unit tangent `t`; that of
-//! `T_n`, whose `x cross t` is across `x`, is at most `root(n (n + 1) / 2) |x|^n`. So the means of the powers of `|x|` over the
-//! node bound the degrees that are not stored, and strands that cancel lower those that are.
+//! The norm of `P_n` is the root of the sum over all `k` of `(n - k)! (n + k)! |P_n^k|^2`, which is
+//! invariant under rotation. For a single point at `x` it is the norm of `t . grad` of the
+//! harmonics, at most `n |x|^(n - 1)` for a unit tangent `t`. The norm of `T_n`, whose `x cross t`
+//! is orthogonal to `x`, is at most `root(n (n + 1) / 2) |x|^n`. So the means of the powers of
+//! `|x|` over the node bound the degrees that are not stored. The stored degrees are smaller than
+//! these bounds if strands cancel.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "lanes and axes of several arrays, side by side"
+    reason = "one index runs over lanes or axes of several arrays"
 )]
 
 use super::bound::ROUNDING;
@@ -17,17 +19,17 @@ use super::tree::{Ball, GRAIN, LEAF, Tree};
 use crate::curve::Avx2;
 use std::ops::Range;
 
-/// The norms of all nodes of a tree: of `P`, then of `T`, for degrees 1 to one above the order.
+/// Norms of all nodes of a tree: of `P`, then of `T`, for degrees 1 to one above the order.
 #[derive(Clone, Debug)]
 pub(super) struct Norms {
     order: usize,
     values: Vec<f64>,
 }
 
-/// Rounding of moments by the largest that they can be: see [`ROUNDING`].
+/// Rounding error of moments, relative to their maximum: see [`ROUNDING`].
 const SLACK: f64 = ROUNDING;
 
-/// The factors `(n - k)! (n + k)!`, twice those for `k > 0`.
+/// The factors `(n - k)! (n + k)!`, doubled for `k > 0`.
 const WEIGHTS: [[f64; MOST + 1]; MOST + 1] = {
     let mut f = [1.0; 2 * MOST + 1];
     let mut n = 1;
@@ -49,17 +51,17 @@ const WEIGHTS: [[f64; MOST + 1]; MOST + 1] = {
 };
 
 impl Norms {
-    /// Numbers of a node.
+    /// Returns the number of norms of a node.
     const fn width(order: usize) -> usize {
         2 * (order + 1)
     }
 
-    /// All numbers, and how many there are of a node.
+    /// Returns all norms and the number of norms of a node.
     pub fn parts(&mut self) -> (&mut [f64], usize) {
         (&mut self.values, Norms::width(self.order))
     }
 
-    /// Norms of `P` and of `T` from degree 1 on, in units of the node.
+    /// Returns the norms of `P` and of `T` from degree 1 on, in units of the node.
     #[inline(always)]
     pub fn of(&self, place: usize) -> [&[f64]; 2] {
         let width = Norms::width(self.order);
@@ -68,7 +70,7 @@ impl Norms {
         [p, t]
     }
 
-    /// The largest norms that nodes of these segments can have.
+    /// Returns upper bounds of the norms, from the segments of the nodes.
     pub fn outline(order: usize, tree: &Tree) -> Norms {
         let nodes = tree.balls.len();
         let mut norms = Norms {
@@ -96,7 +98,8 @@ impl Norms {
     }
 }
 
-/// The largest norms in a subtree, whose place, first leaf and number of leaves are given.
+/// Computes upper bounds of the norms in a subtree, given by its place, first leaf and number of
+/// leaves.
 fn outline(tree: &Tree, order: usize, [place, first, leaves]: [usize; 3], out: &mut [f64]) {
     let (own, below) = out.split_at_mut(Norms::width(order));
     if leaves > 1 {
@@ -125,10 +128,10 @@ fn outline(tree: &Tree, order: usize, [place, first, leaves]: [usize; 3], out: &
     [own_p[order], own_t[order]] = most(order + 1, integral, radius).map(|x| x * UP);
 }
 
-/// Covers the rounding of a norm.
+/// Factor that covers the rounding of a norm.
 const UP: f64 = 1.0 + 1e-10;
 
-/// The norm of degree `n` of one kind of moments.
+/// Returns the norm of degree `n` of one kind of moments.
 pub(super) fn norm(moments: &[f64], n: usize) -> f64 {
     let square = |k: usize| {
         let (re, im) = (moments[at(n, k)], moments[at(n, k) + 1]);
@@ -137,7 +140,7 @@ pub(super) fn norm(moments: &[f64], n: usize) -> f64 {
     (0..=n).map(square).sum::<f64>().sqrt()
 }
 
-/// The largest norms of degree `n`, by the integral of `|x|^(n - 1)`.
+/// Returns upper bounds of the norms of degree `n`, from the integral of `|x|^(n - 1)`.
 pub(super) fn most(n: usize, integral: f64, radius: f64) -> [f64; 2] {
     let n = n as f64;
     [
@@ -146,20 +149,21 @@ pub(super) fn most(n: usize, integral: f64, radius: f64) -> [f64; 2] {
     ]
 }
 
-/// An upper bound of the integral of `|x|^order` over segments, in units of the node.
+/// Returns an upper bound of the integral of `|x|^order` over segments, in units of the node.
 ///
 /// On a segment the power is convex, so it is below its chords between both ends and the middle.
 fn powers(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
     #[cfg(target_arch = "x86_64")]
     if Avx2::detect().is_some() {
         #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the processor has them.
+        // SAFETY: the CPU supports these instructions.
         return unsafe { powers_avx2(order, tree, range, ball) };
     }
     powers_with(order, tree, range, ball)
 }
 
-/// [`powers_with`], compiled with AVX2: the same operations, none of them fused, and so the same bits.
+/// [`powers_with`], compiled with AVX2: the same operations, none of them fused, so the results
+/// have the same bits.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn powers_avx2(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {

@@ -1,38 +1,40 @@
 //! Rotations of moments about the axes.
 //!
-//! A turn about z multiplies by phases. One about y is the same between two swaps of y and z, which are constant
-//! matrices (Dehnen 2014, section 3.3): a fourth of their entries are not 0.
+//! A rotation about z multiplies by phases. A rotation about y is a rotation about z between two
+//! exchanges of y and z, which are constant matrices (Dehnen 2014, section 3.3); only a fourth of
+//! their entries are not 0.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "lanes and axes of several arrays, side by side"
+    reason = "one index runs over lanes or axes of several arrays"
 )]
 
 use super::harmonics::{Lanes, MOST, at};
 use std::sync::LazyLock;
 
-/// One number of the swapped moments: which numbers it is a sum of.
+/// A row of the exchange matrix: the indices and coefficients of its entries.
 #[derive(Clone, Debug)]
 struct Row {
     terms: Vec<(u32, f64)>,
 }
 
-/// The swap of y and z: `f(x, z, y)` for every real and imaginary part of every harmonic.
+/// Exchange of y and z: `f(x, z, y)` for every real and imaginary part of every harmonic.
 #[derive(Clone, Debug)]
 pub(super) struct Swap {
     rows: Vec<Row>,
 }
 
-/// The swap up to the largest order.
+/// The exchange up to the maximum order.
 pub(super) static SWAP: LazyLock<Swap> = LazyLock::new(Swap::new);
 
 type Complex = [f64; 2];
 
 impl Swap {
-    /// From degree to degree, by the derivatives; all entries are multiples of `2^-n`, and exact.
+    /// Computes the matrix degree by degree, from the derivatives. All entries are multiples of
+    /// `2^-n`, and exact.
     fn new() -> Swap {
         let mut rows = vec![Row { terms: Vec::new() }; at(MOST + 1, 0)];
-        // Coefficients of R_n^k(x, z, y), k from -n to n, by R_n^l.
+        // Coefficients of R_n^k(x, z, y), for k from -n to n, in terms of R_n^l.
         let mut before: Vec<Vec<Complex>> = vec![vec![[1.0, 0.0]]];
         for n in 1..=MOST as isize {
             let get = |k: isize, l: isize| -> Complex {
@@ -97,7 +99,7 @@ impl Swap {
         Swap { rows }
     }
 
-    /// Swaps y and z.
+    /// Exchanges y and z.
     #[inline(always)]
     pub fn apply<const L: usize>(&self, order: usize, from: &[Lanes<L>], to: &mut [Lanes<L>]) {
         for i in at(1, 0)..at(order + 1, 0) {

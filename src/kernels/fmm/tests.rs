@@ -15,7 +15,7 @@ fn by_bound(order: Option<u32>) -> Options {
     options(order, Accept::Bound(0.8))
 }
 
-/// Every way to sum.
+/// Returns all combinations of options.
 fn ways() -> Vec<Options> {
     let mut ways = vec![by_bound(None)];
     for order in [2, 3, 6, 11, 20] {
@@ -29,7 +29,8 @@ fn sum(set: &CurveSet, options: Options) -> Estimate {
     Fmm::new(set, options).linking_number((0, 1))
 }
 
-/// Walks of some hundred steps, which have several levels of leaves, in every way; returns how many integers were proven.
+/// Checks random walks of some hundred steps, which have several levels of leaves, with all
+/// options. Returns the number of proven integers.
 fn check_walks(pairs: usize, seed: u64) -> usize {
     let mut random = Random::new(seed);
     let ways = ways();
@@ -106,7 +107,7 @@ fn strands_that_cancel_need_a_high_order() {
 
 #[test]
 fn a_large_linking_number_is_never_rounded_to_a_wrong_one() {
-    // The published method's answer is -999 for a ribbon like this one.
+    // The published method returns -999 for a ribbon like this one.
     let (set, lambda) = scene("ribbon:segments=200000,lambda=1000");
     let coarse = sum(&set, options(Some(2), Accept::Separation(0.7)));
     check(coarse, lambda, &"coarse");
@@ -115,7 +116,7 @@ fn a_large_linking_number_is_never_rounded_to_a_wrong_one() {
 }
 
 #[test]
-fn the_error_falls_with_the_order_as_a_power_of_the_separation() {
+fn the_error_decreases_with_the_order_as_a_power_of_the_separation() {
     for text in [
         "ribbon:segments=20000,lambda=100",
         "woundball:segments=8000,crossings=40",
@@ -126,10 +127,11 @@ fn the_error_falls_with_the_order_as_a_power_of_the_separation() {
             let found = sum(&set, options(Some(order), Accept::Separation(0.6)));
             ((found.value - lambda as f64).abs(), found.bound)
         };
-        // The larger of two orders: single errors have either sign.
+        // The larger of two orders, because a single error may vanish by cancellation.
         let error = |order| found(order).0.max(found(order + 1).0);
         let (low, high) = (error(2), error(8));
-        // With a = b = 0.3 R a degree more is worth 0.3 / 0.7 at least; points are nearer to the centre than the radius.
+        // With a = b = 0.3 R one more degree reduces the error by 0.3 / 0.7 at least; most points
+        // are nearer to the centre than the radius.
         assert!(low > 1e-7, "{text}: {low}");
         assert!(high < low * 0.43f64.powi(6), "{text}: {low} {high}");
         assert!(found(8).1 < found(2).1 * 0.5f64.powi(6), "{text}");
@@ -140,13 +142,13 @@ fn the_error_falls_with_the_order_as_a_power_of_the_separation() {
     }
 }
 
-/// The bound of the interaction of two leaves is not absurdly far from the error.
+/// The bound of the interaction of two leaves is within a factor of the actual error.
 #[test]
-fn the_bound_is_attained_within_a_factor() {
+fn the_bound_exceeds_the_error_by_a_limited_factor() {
     let mut random = Random::new(5);
     let mut closest = f64::INFINITY;
     for _ in 0..300 {
-        // Leaves are no closed curves, whose interaction would be 0: two a curve.
+        // Two leaves for each curve, because the interaction of closed curves would be 0.
         let mut curve = |centre: f64| -> Vec<[f64; 3]> {
             let place = |p: [i64; 3]| p.map(|x| x as f64 / 1000.0 + centre);
             random
@@ -185,7 +187,7 @@ fn the_bound_is_attained_within_a_factor() {
 }
 
 #[test]
-fn moments_of_parents_are_those_of_their_segments() {
+fn moments_of_parents_equal_those_of_their_segments() {
     let (set, _) = scene("torus_link:segments=2000,toroidal=5,poloidal=7");
     let fmm = Fmm::new(&set, by_bound(None));
     let tree = fmm.trees[0].as_ref().unwrap();
@@ -193,13 +195,13 @@ fn moments_of_parents_are_those_of_their_segments() {
         let mut shifted = Expansions::outline(tree, order);
         shifted.fill(tree, 1);
         let root = tree.balls[0];
-        let mut room = harmonics::Room::<1>::new(order);
+        let mut buffers = harmonics::Buffers::<1>::new(order);
         let mut direct = vec![[0.0]; 2 * harmonics::count(order)];
         let [starts, ends] = &tree.ends;
         for k in 0..starts[0].len() {
             let p = [0, 1, 2].map(|x| [(starts[x][k] - root.centre[x]) / root.size]);
             let e = [0, 1, 2].map(|x| [(ends[x][k] - starts[x][k]) / root.size]);
-            harmonics::add_segments(order, &p, &e, &mut room, &mut direct);
+            harmonics::add_segments(order, &p, &e, &mut buffers, &mut direct);
         }
         let length = root.length / root.size;
         for (shifted, direct) in shifted.of(0).iter().zip(&direct) {
@@ -212,7 +214,7 @@ fn moments_of_parents_are_those_of_their_segments() {
 }
 
 #[test]
-fn reversing_a_curve_changes_the_sign_and_swapping_nothing() {
+fn reversing_a_curve_flips_the_sign_and_swapping_curves_does_not() {
     let (set, lambda) = scene("ribbon:segments=4000,lambda=20");
     let curve = |i: usize| -> Vec<[f64; 3]> {
         (0..set.curve(i).points as usize)
@@ -228,7 +230,7 @@ fn reversing_a_curve_changes_the_sign_and_swapping_nothing() {
 }
 
 #[test]
-fn the_scale_does_not_matter() {
+fn scaling_does_not_change_the_result() {
     for exponent in [-1074, -1070, -1022, -500, -50, 0, 50, 500, 1020] {
         let half = exponent / 2;
         let scale = 2f64.powi(half) * 2f64.powi(exponent - half);
@@ -240,7 +242,7 @@ fn the_scale_does_not_matter() {
             "{exponent}: {found:?}"
         );
     }
-    // Expansions too: powers of two change no bit.
+    // Expansions too: scaling by a power of two changes no bit.
     let (set, lambda) = scene("ribbon:segments=4000,lambda=20");
     let at = |scale: f64, offset: f64| {
         let curve = |i: usize| -> Vec<[f64; 3]> {
@@ -264,7 +266,7 @@ fn the_scale_does_not_matter() {
 }
 
 #[test]
-fn long_curves_that_touch_have_no_integer() {
+fn long_touching_curves_are_undecided() {
     let (set, _) = scene("ribbon:segments=4000,lambda=20");
     let curve: Vec<[f64; 3]> = (0..2000).map(|k| set.point(0, k)).collect();
     for way in ways() {
@@ -273,7 +275,7 @@ fn long_curves_that_touch_have_no_integer() {
 }
 
 #[test]
-fn repeated_vertices_and_points_are_no_contact() {
+fn repeated_vertices_and_point_curves_are_no_contact() {
     let [a, b] = hopf(1.0, 0.0);
     let mut repeated = b.clone();
     repeated.extend([b[3]; 500]);
@@ -286,7 +288,7 @@ fn repeated_vertices_and_points_are_no_contact() {
 }
 
 #[test]
-fn pairs_together_are_as_pairs_alone() {
+fn pairs_in_one_call_have_the_same_results_as_single_pairs() {
     let (set, _) = scene("chainmail");
     let mut pairs = Vec::new();
     for i in 0..set.len().min(12) as u32 {
@@ -301,7 +303,7 @@ fn pairs_together_are_as_pairs_alone() {
     }
 }
 
-/// Pieces of all shapes that are hard on a bound.
+/// Returns a piece of a curve of a shape that is difficult for a bound.
 fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
     let mut unit = || random.next(1 << 30) as f64 / (1u64 << 29) as f64 - 1.0;
     let n = tree::LEAF * (2 + (unit().abs() * 12.0) as usize);
@@ -312,10 +314,10 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
             let t = k as f64 / n as f64;
             let free = [unit(), unit(), unit()];
             match kind {
-                // Long segments, of which each goes through all of the piece; flat and thin ones, too.
+                // Long segments, each of which crosses the whole piece; also flat and thin pieces.
                 0 => free,
                 1 => [0, 1, 2].map(|x| free[x] * stretch[x]),
-                // On a sphere, so that all means are as large as can be; and at its six tips.
+                // On a sphere, so that all means are maximal; and at its six poles.
                 2 => {
                     let r = free.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-9);
                     free.map(|x| x / r)
@@ -331,7 +333,7 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
                         }
                     })
                 }
-                // There and back, nearly on the same way; strands side by side.
+                // There and back on nearly the same way; strands side by side.
                 4 | 5 => {
                     let way = if kind == 4 {
                         1.0 - (2.0 * t - 1.0).abs()
@@ -340,12 +342,12 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
                     };
                     [0, 1, 2].map(|x| way * axis[x] + free[x] * [1e-7, 0.05][kind - 4])
                 }
-                // Two clusters, far apart, with long segments between them.
+                // Two distant clusters with long segments between them.
                 6 => {
                     let end = if k % 2 == 0 { 1.0 } else { -1.0 };
                     [0, 1, 2].map(|x| end * axis[x] + 0.01 * free[x])
                 }
-                // A curl.
+                // A helix.
                 _ => [
                     (40.0 * t).cos() * stretch[0],
                     (40.0 * t).sin() * stretch[0],
@@ -358,7 +360,7 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
     points
 }
 
-/// A random node below the root.
+/// Returns a random node below the root.
 fn some_node(random: &mut Random, tree: &Tree) -> crate::kernels::barnes_hut::Node {
     let mut node = tree.root();
     while !node.is_leaf() {
@@ -370,7 +372,8 @@ fn some_node(random: &mut Random, tree: &Tree) -> crate::kernels::barnes_hut::No
     node
 }
 
-/// Node pairs at every distance, up to the nearest that are expanded, in every order, against the sum of their segments.
+/// Compares node pairs at every distance, up to the nearest that are expanded, in every order, with
+/// the exact sum of their segments.
 fn check_nodes(cases: usize, seed: u64) -> [f64; 2] {
     let mut random = Random::new(seed);
     let [mut closest, mut rounding] = [f64::INFINITY, 0.0f64];
@@ -389,7 +392,7 @@ fn check_nodes(cases: usize, seed: u64) -> [f64; 2] {
         };
         let here = scaled(&curves[0], 1.0, [offset; 3]);
         let there = |by| scaled(&curves[1], ratio, by);
-        // First to see how large nodes are, then where they are to be.
+        // The first call determines the size of the nodes, the second one places them.
         let nodes = |random: &mut Random, by, at: Option<[_; 2]>| {
             let set = polylines(&[&here, &there(by)]);
             let fmm = Fmm::new(&set, by_bound(None));
@@ -455,10 +458,11 @@ fn bounds_cover_the_error_of_many_node_pairs_at_the_limit() {
     println!("tail by error: {closest}; rounding by its bound: {rounding}");
 }
 
-/// Moments that were shifted through all levels are off by far less than what the bounds allow for, by the norms that these
-/// are made of; also where the nodes below reach far beyond the ball of the one above.
+/// The rounding error of moments that were shifted through all levels is far below the bound,
+/// relative to the norms in that bound; also if descendants reach far beyond the ball of their
+/// ancestor.
 #[test]
-fn rounding_of_shifted_moments_is_within_the_bounds() {
+fn the_rounding_error_of_shifted_moments_is_within_the_bound() {
     let mut random = Random::new(3);
     for kind in [0, 1, 2, 3, 5, 6] {
         let mut curve = Vec::new();
@@ -471,13 +475,13 @@ fn rounding_of_shifted_moments_is_within_the_bounds() {
         let mut shifted = Expansions::outline(tree, order);
         shifted.fill(tree, 1);
         let (root, size) = (tree.balls[0], harmonics::count(order));
-        let mut room = harmonics::Room::<1>::new(order);
+        let mut buffers = harmonics::Buffers::<1>::new(order);
         let mut direct = vec![[0.0]; 2 * size];
         let [starts, ends] = &tree.ends;
         for k in 0..starts[0].len() {
             let p = [0, 1, 2].map(|x| [(starts[x][k] - root.centre[x]) / root.size]);
             let e = [0, 1, 2].map(|x| [(ends[x][k] - starts[x][k]) / root.size]);
-            harmonics::add_segments(order, &p, &e, &mut room, &mut direct);
+            harmonics::add_segments(order, &p, &e, &mut buffers, &mut direct);
         }
         let (length, spread) = (root.length / root.size, root.spread / root.size);
         let off: Vec<f64> = shifted

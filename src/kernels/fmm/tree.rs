@@ -1,36 +1,38 @@
-//! A tree over the segments of every curve, by space.
+//! Spatial trees over the segments of the curves.
 //!
-//! Wound curves come back to the same place again and again, so nodes are made of the segments of a region, not of
-//! a stretch: the longest side of the box of the midpoints is halved by number. Nodes lie in preorder as those of
-//! [`super::super::barnes_hut`], so that where children are follows from the number of leaves. All leaves but the last
-//! are full.
+//! Wound curves return to the same place again and again, so a node holds the segments of a region,
+//! not a run of consecutive segments. A node is split at the median of the midpoints of its
+//! segments, along the longest side of their box. Nodes are stored in preorder, as those of
+//! [`super::super::barnes_hut`], so that the places of the children follow from the number of
+//! leaves. All leaves but the last one are full.
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "lanes and axes of several arrays, side by side"
+    reason = "one index runs over lanes or axes of several arrays"
 )]
 
 use crate::curve::{CurveSet, Point};
 use crate::kernels::barnes_hut::Node;
+use crate::kernels::pow2;
 
-/// Segments of a leaf.
+/// Number of segments of a leaf.
 pub(super) const LEAF: usize = 16;
 
-/// Leaves above which subtrees are built as tasks of their own.
+/// Number of leaves above which a subtree is built in a parallel task.
 pub(super) const GRAIN: usize = 1 << 5;
 
 /// A ball around the segments of a node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ball {
-    /// The centre of expansions.
+    /// Centre of the expansions.
     pub centre: Point,
-    /// An upper bound of the distance of its points from the centre.
+    /// Upper bound of the distance of its points from the centre.
     pub radius: f64,
-    /// The radius of a ball around this centre that holds this ball and those of all nodes below.
+    /// Radius of a ball around this centre that contains this ball and those of all descendants.
     pub spread: f64,
-    /// An upper bound of the length.
+    /// Upper bound of the total length of the segments.
     pub length: f64,
-    /// The unit of its moments: a power of two, at least the radius.
+    /// Unit of the moments: a power of two, at least the radius.
     pub size: f64,
 }
 
@@ -42,15 +44,16 @@ const EMPTY: Ball = Ball {
     size: 1.0,
 };
 
-/// One closed curve.
+/// Tree of a closed curve.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
-    /// Where segments start and end, one array an axis, in the order of the leaves; the last is filled up with points.
+    /// Start and end points of the segments, as an array for each axis, in the order of the leaves.
+    /// The last leaf is padded with points.
     pub ends: [[Vec<f64>; 3]; 2],
     pub balls: Vec<Ball>,
 }
 
-/// A segment on its way into a leaf.
+/// A segment during the construction of the leaves.
 #[derive(Clone, Copy, Debug, Default)]
 struct Segment {
     ends: [Point; 2],
@@ -64,7 +67,8 @@ impl Segment {
 }
 
 impl Tree {
-    /// The tree of curve `i`, a closed polyline of at least one point, with its coordinates multiplied by a power of two.
+    /// Builds the tree of curve `i`, a closed polyline of at least one point, with its coordinates
+    /// multiplied by `scale`, a power of two.
     pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
         let n = set.curve(i).points as usize;
         let leaves = n.div_ceil(LEAF);
@@ -94,7 +98,8 @@ impl Tree {
     }
 }
 
-/// Sorts segments into leaves; those of a leaf by their number, so that neighbours share ends.
+/// Sorts segments into leaves, and within a leaf by their index, so that neighbours share end
+/// points.
 fn sort(segments: &mut [Segment], leaves: usize) {
     if leaves <= 1 {
         segments.sort_unstable_by_key(|s| s.number);
@@ -128,10 +133,10 @@ fn sort(segments: &mut [Segment], leaves: usize) {
     }
 }
 
-/// Smallest and largest coordinates.
+/// Minimum and maximum of each coordinate.
 type Extent = [Point; 2];
 
-/// The balls of a subtree; returns its box.
+/// Computes the balls of a subtree. Returns its bounding box.
 fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [Ball]) -> Extent {
     let Some((ball, below)) = balls.split_first_mut() else {
         return [[0.0; 3]; 2];
@@ -180,7 +185,7 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
         }
     }
     ball.centre = centre;
-    // Rounded up, and above squares that underflow.
+    // Rounded up, and at least as large as lengths whose squares underflow.
     ball.radius = (farthest.sqrt() * SLACK).max(SMALLEST / 2.0);
     ball.spread = below.iter().fold(ball.radius, |spread, b| {
         let square = |x: usize| (b.centre[x] - centre[x]).powi(2);
@@ -192,16 +197,16 @@ fn enclose(ends: &[[Vec<f64>; 3]; 2], first: usize, leaves: usize, balls: &mut [
     extent
 }
 
-/// Covers the rounding of radii and lengths, on every level.
+/// Factor that covers the rounding of radii and lengths, on every level.
 const SLACK: f64 = 1.0 + 1e-12;
 
-/// Above the lengths of segments whose squares underflow.
-const SHORTEST: f64 = f64::from_bits((1023 - 500) << 52);
+/// Upper bound of the lengths of segments whose squares underflow.
+const SHORTEST: f64 = pow2(-500);
 
-/// Least unit of moments.
-const SMALLEST: f64 = f64::from_bits((1023 - 400) << 52);
+/// Minimum unit of the moments.
+const SMALLEST: f64 = pow2(-400);
 
-/// The least power of two above a positive normal number.
+/// Returns the least power of two above a positive normal number.
 fn power_above(x: f64) -> f64 {
     f64::from_bits(((x.to_bits() >> 52) + 1) << 52)
 }

@@ -1,9 +1,9 @@
-//! The way down two trees.
+//! Simultaneous descent in two trees.
 
 use super::OUTWARD;
 use super::bound::{Bounding, Bounds, WIDEST};
 use super::expansions::Expansions;
-use super::interact::{BATCH, Room, Side, interact};
+use super::interact::{BATCH, Buffers, Side, interact};
 use super::tree::{Ball, LEAF, Tree};
 use crate::curve::Point;
 use crate::kernels::Estimate;
@@ -11,32 +11,32 @@ use crate::kernels::barnes_hut::{Angles, Node};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// What a pass accepts.
+/// Criterion of one pass.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Criterion {
-    /// Where the sum of the radii is at most this times the distance of the centres.
+    /// Accepts if the sum of the radii is at most this times the distance of the centres.
     Separation(f64),
-    /// Where the bound of the remainder is below this; nowhere where it is 0.
+    /// Accepts if the bound of the remainder is below this; with 0, accepts nothing.
     Share(f64),
 }
 
-/// Sums over node pairs.
+/// Sums over node pairs, with their errors and their work.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sum {
-    /// Of the expansions, times 4 pi.
+    /// Sum of the expansions, times 4 pi.
     pub far: f64,
-    /// Magnitudes and remainders.
+    /// Sums of the remainders and of the magnitudes.
     pub bounds: Bounds,
-    /// A bound of the rounding of the expansions.
+    /// Bound of the rounding errors of the expansions.
     pub rounding: f64,
     near: f64,
     near_error: f64,
-    /// Node pairs expanded, leaf pairs summed, node pairs visited.
+    /// Node pairs expanded, leaf pairs summed and node pairs visited.
     pub expanded: u64,
     pub summed: u64,
     pub visited: u64,
     order: usize,
-    /// Leaves of the smallest expanded nodes of both trees.
+    /// Number of leaves of the smallest expanded node of each tree.
     pub smallest: [u32; 2],
 }
 
@@ -57,7 +57,7 @@ impl Sum {
         smallest: [u32::MAX; 2],
     };
 
-    /// Nothing was summed.
+    /// Result without information.
     pub const UNKNOWN: Sum = Sum {
         near_error: f64::INFINITY,
         ..Sum::ZERO
@@ -79,14 +79,15 @@ impl Sum {
         self
     }
 
-    /// About how long it takes, in microseconds.
+    /// Returns the approximate CPU time, in microseconds.
     pub fn work(&self) -> f64 {
         let p = self.order as f64;
         self.expanded as f64 * 0.001 * p * p * p + self.summed as f64 * 0.8
     }
 
     pub fn estimate(&self) -> Estimate {
-        // Every sum is of at most as many numbers as there are node pairs, with a unit each.
+        // Every sum has at most as many terms as there are node pairs; each addition has an error
+        // of one unit.
         let units = (self.expanded + self.summed + 64) as f64 * f64::EPSILON;
         let rounding = self.near_error
             + self.rounding
@@ -103,16 +104,16 @@ impl Sum {
     }
 }
 
-/// Tasks of a pass, about.
+/// Approximate number of tasks of a pass.
 const TASKS: usize = 256;
 
-/// Tasks of a dry run between two looks at what it has come to.
+/// Number of tasks of a dry run after which its limit is checked.
 const GROUP: usize = 32;
 
-/// Leaves of two trees that are not worth more than one task.
+/// Maximum number of leaves of two trees that are summed in one task.
 const SMALL: usize = 8;
 
-/// Two trees, and what is accepted.
+/// Two trees and a criterion.
 #[derive(Clone, Copy)]
 pub(super) struct Walk<'a> {
     trees: [&'a Tree; 2],
@@ -147,7 +148,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// About the sum of the magnitudes of all contributions.
+    /// Returns an estimate of the sum of the magnitudes of all contributions.
     pub fn magnitude(trees: [&Tree; 2]) -> f64 {
         let walk = Walk::new(trees, [None; 2], Criterion::Share(0.0));
         let smallest = trees.map(|t| t.balls[0].radius / 64.0);
@@ -173,7 +174,7 @@ impl<'a> Walk<'a> {
         &self.trees[side].balls[node.place as usize]
     }
 
-    /// The bounds of a node pair, where it is accepted.
+    /// Returns the bounds of a node pair if it is accepted.
     #[inline(always)]
     fn accepted(&self, t: Node, u: Node) -> Option<Accepted> {
         let expansions = self.expansions?;
@@ -187,7 +188,7 @@ impl<'a> Walk<'a> {
         {
             return None;
         }
-        // The norms are not looked at where there is no series.
+        // Without a series the norms are not read.
         if q >= WIDEST {
             return None;
         }
@@ -217,7 +218,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Some hundred tasks, the same for any number of threads; one for small trees.
+    /// Returns some hundred tasks, independent of the number of threads; a single one for small
+    /// trees.
     fn tasks(&self) -> Vec<(Node, Node)> {
         let mut agenda = vec![(self.trees[0].root(), self.trees[1].root())];
         let leaves = agenda[0].0.leaves as usize + agenda[0].1.leaves as usize;
@@ -242,7 +244,7 @@ impl<'a> Walk<'a> {
         agenda
     }
 
-    /// Runs tasks and adds them up in their order.
+    /// Runs tasks and adds the results in their order.
     fn over(tasks: &[(Node, Node)], run: impl Fn(&mut Vec<(Node, Node)>) -> Sum + Sync) -> Sum {
         match tasks {
             [one] => run(&mut vec![*one]),
@@ -254,8 +256,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// What a pass would take, and its remainder, without the sum; none where it would take more than `limit`, in
-    /// microseconds, which it is not looked at how much.
+    /// Dry run: returns the work and the remainder of a pass, without the sum. Returns `None` as
+    /// soon as the work exceeds `limit`, in microseconds.
     pub fn plan(&self, limit: f64) -> Option<Sum> {
         let dry = |agenda: &mut Vec<(Node, Node)>| {
             let mut sum = Sum::ZERO;
@@ -284,7 +286,7 @@ impl<'a> Walk<'a> {
         Some(plan)
     }
 
-    /// One pass.
+    /// Makes one pass.
     pub fn sum(&self) -> Sum {
         Self::over(&self.tasks(), |agenda| self.run(agenda))
     }
@@ -294,13 +296,14 @@ impl<'a> Walk<'a> {
         #[cfg(target_arch = "x86_64")]
         if crate::curve::Avx2::detect().is_some() {
             #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the processor has them.
+            // SAFETY: the CPU supports these instructions.
             return unsafe { self.run_avx2(agenda) };
         }
         self.run_with(agenda)
     }
 
-    /// [`Walk::run_with`], compiled with AVX2: the same operations, none of them fused, and so the same bits.
+    /// [`Walk::run_with`], compiled with AVX2: the same operations, none of them fused, so the
+    /// results have the same bits.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn run_avx2(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
@@ -310,7 +313,7 @@ impl<'a> Walk<'a> {
     #[inline(always)]
     fn run_with(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
         let order = self.expansions.map_or(0, |e| e[0].order);
-        let mut room = Room::new(order);
+        let mut buffers = Buffers::new(order);
         let mut sum = Sum::ZERO;
         let mut angles = Angles::ZERO;
         let mut batch: Vec<([Side; 2], Point)> = Vec::with_capacity(BATCH);
@@ -329,7 +332,7 @@ impl<'a> Walk<'a> {
                 };
                 batch.push(([side(0, t), side(1, u)], accepted.r));
                 if batch.len() == BATCH {
-                    sum.far += expand(order, &mut batch, &mut room);
+                    sum.far += expand(order, &mut batch, &mut buffers);
                 }
             } else if t.is_leaf() && u.is_leaf() {
                 let [first, second] = self.trees;
@@ -341,7 +344,7 @@ impl<'a> Walk<'a> {
             }
         }
         if !batch.is_empty() {
-            sum.far += expand(order, &mut batch, &mut room);
+            sum.far += expand(order, &mut batch, &mut buffers);
         }
         let (turns, error) = angles.turns();
         sum.near = turns;
@@ -350,10 +353,10 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Sums and empties a batch.
+/// Sums a batch and empties it.
 #[inline(always)]
-fn expand(order: usize, batch: &mut Vec<([Side; 2], Point)>, room: &mut Room) -> f64 {
-    let values = interact(order, batch, room);
+fn expand(order: usize, batch: &mut Vec<([Side; 2], Point)>, buffers: &mut Buffers) -> f64 {
+    let values = interact(order, batch, buffers);
     batch.clear();
     values.iter().sum()
 }

@@ -1,8 +1,8 @@
-// Lists of node pairs: those to look into next, and those of the bottom, which are tiles. src/kernels/gpu/descent.rs has the
-// words.
+// Lists of node pairs: those to visit next, and those of the lowest level, which are tiles. The
+// constants are defined in src/kernels/gpu/descent.rs.
 
-// What to look into: a pair of curves and two of their nodes, the one that counts when on top first. The axis of
-// projection is in the highest bits of the pair.
+// A node pair to visit: a pair of curves and a node of each, that of the upper curve first. The
+// axis of projection is in the highest bits of the pair.
 struct NodePair {
     pair: u32,
     first: u32,
@@ -14,23 +14,24 @@ struct NodePair {
 @group(0) @binding(3) var<storage, read_write> tiles: array<NodePair>;
 @group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>, COUNTS>;
 
-// Of this workgroup, node pairs to look into and tiles: how many, and where they go.
+// Number of node pairs and of tiles that this workgroup appends, and their first indices in the
+// lists.
 var<workgroup> added: array<atomic<u32>, 2>;
 var<workgroup> places: array<u32, 2>;
 
-// Which of the lists two nodes belong to: 1 is that of tiles.
+// Returns the list that two nodes belong to: 0 for node pairs, 1 for tiles.
 fn list_of(first: u32, second: u32) -> u32 {
     return select(0u, 1u, nodes[first].below < LEVEL && nodes[second].below < LEVEL);
 }
 
-// Makes room in both lists for what the workgroup has added: all of its threads at once.
+// Reserves space in both lists for the items of the workgroup. All of its threads must call it.
 fn reserve(thread: u32, level: u32) {
     workgroupBarrier();
     if thread < 2u {
         let count = atomicExchange(&added[thread], 0u);
         let counter = select(TILES, level, thread == 0u);
         var place = 0xffffffffu;
-        // Beyond all room, and the count must not come back to 0.
+        // Above TOO_MANY the counter is not incremented any more, because it would wrap to 0.
         if count > 0u && atomicLoad(&counts[counter]) < TOO_MANY {
             place = atomicAdd(&counts[counter], count);
         }
@@ -39,7 +40,7 @@ fn reserve(thread: u32, level: u32) {
     workgroupBarrier();
 }
 
-// Writes what was added as number `own` of a list, where there is room.
+// Writes item number `own` of the workgroup to a list, if the list has the capacity.
 fn put(list: u32, own: u32, item: NodePair) {
     let place = places[list];
     if place >= TOO_MANY {

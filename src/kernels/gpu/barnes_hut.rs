@@ -1,63 +1,70 @@
-//! Barnes-Hut with quadrupoles for all pairs of curves at once: level by level down both trees, all node pairs of a level
-//! side by side.
+//! Barnes-Hut for all pairs of curves at once. Both trees are descended level by level, all node
+//! pairs of a level in parallel.
 //!
-//! The expansion and its remainder are those of [`crate::kernels::barnes_hut`]; the trees are its trees, of the vertices as they
-//! went up, cut off at leaves of 16 segments. What is new is single precision: moments are over the length and the radius
-//! of their node, the distance is the unit of length, so that no product underflows. Pairs of leaves that are not
+//! The expansion and its remainder are those of [`crate::kernels::barnes_hut`]. The trees are its
+//! trees, built from the uploaded vertices, with leaves of 16 segments. The difference is single
+//! precision: moments are divided by the length and by powers of the radius of their node, and the
+//! distance is the unit of length, so that no product underflows. Pairs of leaves that are not
 //! expanded become tiles of the direct sum ([`super::direct`]).
 //!
-//! # Rounding
+//! # Bound of the rounding error
 //!
-//! With `u = 2^-23` (see [`super::direct`]): a centre comes in two parts, so that a coordinate of the difference of two is off by
-//! `3 u` of itself, its direction by `13 u`, the ratio of a radius and the distance by `8 u`, a moment by `u`. A term of the
-//! expansion is a product of at most two moments, two squares of ratios and five directions, by at most 20
-//! multiplications and additions: off by less than `128 u` of the sum of the sizes of its monomials. That sum is
-//! at most 4 times what the term can be at most, and those add up to `1 + 4 q + 12 q^2` times the scale ([`bound`]); the scale
-//! itself is off by `20 u`. [`ROUNDING`] is `1024 u`.
+//! Let `u = 2^-23` (see [`super::direct`]). A centre is stored in two parts, so that a coordinate
+//! of the difference of two centres has a relative error of `3 u`, its direction `13 u`, the ratio
+//! of a radius and the distance `8 u`, and a moment `u`. A term of the expansion is a product of at
+//! most two moments, two squares of ratios and five directions, computed by at most 20
+//! multiplications and additions. So its error is less than `128 u` times the sum of the magnitudes
+//! of its monomials. That sum is at most 4 times the maximum of the term, and these maxima add up
+//! to `1 + 4 q + 12 q^2` times the scale ([`bound`]). The scale itself has a relative error of
+//! `20 u`. [`ROUNDING`] is `1024 u`.
 //!
-//! The bound of the remainder has positive terms only, but for `1 - q`, which is above 0.2, and for the squared sine between
-//! tangents, to which [`PARALLEL`] is added; [`OUTWARD`] covers the rest.
+//! The bound of the remainder has positive terms only, except for `1 - q`, which is above 0.2, and
+//! for the squared sine between tangents, to which [`PARALLEL`] is added. [`OUTWARD`] covers the
+//! rest.
 //!
 //! [`bound`]: crate::kernels::barnes_hut
 //!
 //! # Passes
 //!
-//! First by distance; then, for the pairs that this does not prove, by the bound, finer and finer, like on the processor.
+//! The first pass accepts node pairs by distance. Pairs that it does not prove are summed again
+//! with the error bound as the criterion, in finer and finer passes, as on the CPU.
 
+use super::capacity::in_batches;
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::descent::TOO_MANY;
 use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
-use super::room::in_parts;
-use super::{Engine, direct};
+use super::{State, direct};
 use crate::kernels::Estimate;
 use crate::kernels::barnes_hut::{PackedNode, pack};
 use crate::pairs::Pair;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Node pairs are no longer expanded where the sum of the radii is above this, by the distance of the centres.
+/// Node pairs are not expanded if the sum of their radii, divided by the distance of the centres,
+/// is above this.
 const WIDEST: f64 = 0.79;
-/// Added to the squared sine between tangents: six products of means, rounded.
+/// Added to the squared sine between tangents: rounding error of six products of means.
 const PARALLEL: f64 = 4e-6;
-/// What bounds are taken times.
+/// Factor on error bounds, for the rounding of the bounds themselves.
 const OUTWARD: f64 = 1.01;
-/// Of the sizes of the terms.
+/// Rounding error of an expansion, relative to the sum of the magnitudes of its terms.
 const ROUNDING: f64 = 1024.0 * direct::UNIT_ERROR;
-/// Squared distance of nodes that are not expanded: the rest of a coordinate is rounded by `2^-49`, which is less than `u` of
-/// `10^-7`.
+/// Node pairs whose squared distance is below this are not expanded. The low part of a coordinate
+/// is rounded by `2^-49`, which is less than `u` times `10^-7`.
 const NEAREST_SQUARE: f64 = 1e-14;
-/// Expansions whose terms or remainders are larger are not taken.
+/// Expansions with larger terms or remainders are rejected.
 const LARGEST: f64 = 16.0;
-/// Expansions that a thread adds up in 64 bits: far below the 500,000 that these hold.
+/// Maximum number of expansions that a thread adds up in 64 bits: far below the 500,000 that these
+/// hold.
 const RUN: u32 = 1024;
 
-/// Counters: one a level; the last ones for what was gone through, and for tiles.
+/// Number of counters: one for each level; the last two count processed node pairs and tiles.
 const COUNTS: u32 = 64;
 
-/// The program.
+/// The shader that descends by one level.
 pub(super) const STAGE: Stage = Stage {
     name: "Barnes-Hut",
     source: || {
@@ -83,10 +90,10 @@ pub(super) const STAGE: Stage = Stage {
             ("REACH", direct::REACH),
             ("NEAREST_SQUARE", NEAREST_SQUARE),
         ];
-        super::program(
+        super::shader(
             &whole,
             &real,
-            &[direct::SUMS_PROGRAM, include_str!("barnes_hut.wgsl")],
+            &[direct::SUMS_SHADER, include_str!("barnes_hut.wgsl")],
         )
     },
 };
@@ -102,22 +109,22 @@ const FAR: Buffer = Buffer("sums", "Barnes-Hut");
 const COUNTERS: Buffer = Buffer("counts", "Barnes-Hut");
 const PARAMETERS: Buffer = Buffer("parameters", "Barnes-Hut");
 
-/// Passes by the bound.
+/// Maximum number of passes with the error bound as the criterion.
 const PASSES: usize = 4;
 
-/// What the bound of a pair is to become.
+/// Target for the error bound of a pair.
 const BUDGET: f64 = 0.8;
 
-/// The trees of a frame.
+/// Trees of a frame.
 #[derive(Debug)]
 pub(super) struct Forest {
     nodes: Vec<Node>,
-    /// Of each curve its root, its levels and its leaves.
+    /// Root, number of levels and number of leaves of each curve.
     roots: Vec<(u32, u32, u32)>,
 }
 
 impl Forest {
-    /// The trees of the curves of a frame.
+    /// Builds the trees of the curves of a frame.
     pub fn new(frame: &Frame) -> Forest {
         let trees: Vec<(Vec<Node>, u32)> = (frame.curves.par_iter())
             .map(|range| {
@@ -170,11 +177,11 @@ fn node(n: &PackedNode, first_vertex: u32) -> Node {
     }
 }
 
-/// What a pass gave for a pair.
+/// Result of a pass for one pair.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     estimate: Estimate,
-    /// The part of the bound that no finer pass changes.
+    /// Part of the bound that a finer pass does not reduce.
     rounding: f64,
 }
 
@@ -183,9 +190,10 @@ const NOTHING: Found = Found {
     rounding: f64::INFINITY,
 };
 
-/// The linking numbers of all pairs; `beta` leaves it at one pass by distance.
+/// Returns the linking numbers of all pairs. With `beta` it makes one pass and accepts node pairs
+/// by distance.
 pub(super) fn linking_numbers(
-    engine: &mut Engine,
+    state: &mut State,
     frame: &Frame,
     forest: &Forest,
     pairs: &[Pair],
@@ -214,9 +222,9 @@ pub(super) fn linking_numbers(
                 (pairs[at], criterion)
             })
             .collect();
-        let found = sums(engine, frame, forest, &asked)?;
+        let found = sums(state, frame, forest, &asked)?;
         for (&at, found) in open.iter().zip(&found) {
-            // A pass that is finer may still be worse, by rounding.
+            // A finer pass may have a larger bound, because of rounding.
             if found.estimate.bound < out[at].estimate.bound {
                 out[at] = *found;
             }
@@ -249,21 +257,21 @@ pub(super) fn linking_numbers(
     Ok(out.into_iter().map(|found| found.estimate).collect())
 }
 
-/// One pass; pairs in parts where all at once are too many.
+/// Runs one pass, in batches if all pairs together exceed a capacity.
 fn sums(
-    engine: &mut Engine,
+    state: &mut State,
     frame: &Frame,
     forest: &Forest,
     asked: &[(Pair, Criterion)],
 ) -> Result<Vec<Found>, Trouble> {
-    // Room for the sums, the larger of both kinds.
-    let most = engine.device.most_bytes() / size_of::<FarSum>() as u64;
-    let parts = in_parts(
-        engine,
+    // Limit of the buffer of the sums, for the larger of both kinds.
+    let most = state.device.max_buffer_bytes() / size_of::<FarSum>() as u64;
+    let parts = in_batches(
+        state,
         asked,
         most as usize,
-        |engine| &mut engine.sum_room,
-        &mut |engine, asked| pass(engine, frame, forest, asked),
+        |state| &mut state.sum_capacity,
+        &mut |state, asked| pass(state, frame, forest, asked),
     )?;
     let each = parts.into_iter().flat_map(|(count, found)| {
         let found = found.unwrap_or_else(|| vec![NOTHING; count]);
@@ -272,15 +280,15 @@ fn sums(
     Ok(each.collect())
 }
 
-/// One pass; none where there was too little room.
+/// Runs one pass. Returns `None` if a capacity was too small.
 fn pass(
-    engine: &mut Engine,
+    state: &mut State,
     frame: &Frame,
     forest: &Forest,
     asked: &[(Pair, Criterion)],
 ) -> Result<Option<Vec<Found>>, Trouble> {
-    let room = engine.sum_room;
-    if asked.len() as u64 > u64::from(room.node_pairs) {
+    let capacity = state.sum_capacity;
+    if asked.len() as u64 > u64::from(capacity.node_pairs) {
         return Ok(None);
     }
     let root = |i: u32| forest.roots[i as usize];
@@ -308,11 +316,11 @@ fn pass(
         items: level,
     };
     let parameters: Vec<Parameters> = (0..levels).map(own).collect();
-    let tile_bytes = u64::from(room.tiles) * size_of::<super::Tile>() as u64;
+    let tile_bytes = u64::from(capacity.tiles) * size_of::<super::Tile>() as u64;
     let far_bytes = (asked.len() * size_of::<FarSum>()) as u64;
-    let agendas = AGENDAS.map(|buffer| room.agenda(buffer));
+    let agendas = AGENDAS.map(|buffer| capacity.agenda(buffer));
     let mut commands = Vec::new();
-    if engine.nodes_of != Some(frame.id) {
+    if state.nodes_of != Some(frame.id) {
         commands.push(Command::upload(NODES, &forest.nodes));
     }
     commands.extend([
@@ -339,19 +347,19 @@ fn pass(
                 Binding::whole(TILES, tile_bytes),
                 Binding::whole(COUNTERS, u64::from(4 * COUNTS)),
             ],
-            groups: engine.strides(),
+            groups: state.strides(),
         });
     }
     commands.push(Command::Download(FAR, far_bytes));
     commands.push(Command::Download(COUNTERS, u64::from(4 * COUNTS)));
-    engine.nodes_of = None;
-    let got = engine.run(frame, commands)?;
-    engine.nodes_of = Some(frame.id);
+    state.nodes_of = None;
+    let got = state.run(frame, commands)?;
+    state.nodes_of = Some(frame.id);
     let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&got[1]);
-    let Some(tiles) = tiles(engine, &counts, levels, asked.len())? else {
+    let Some(tiles) = tiles(state, &counts, levels, asked.len())? else {
         return Ok(None);
     };
-    // What is left below the last level would be lost.
+    // Node pairs below the last level would be lost.
     if counts[levels as usize] > 0 {
         return Err(Trouble::limit(
             "levels of trees",
@@ -360,7 +368,7 @@ fn pass(
         ));
     }
     let far: Vec<FarSum> = bytemuck::pod_collect_to_vec(&got[0]);
-    let near = direct::sum_tiles(engine, frame, asked.len(), TILES, tiles)?;
+    let near = direct::sum_tiles(state, frame, asked.len(), TILES, tiles)?;
     Ok(Some(
         far.iter()
             .zip(&near)
@@ -369,24 +377,26 @@ fn pass(
     ))
 }
 
-/// The tiles that were listed, where all node pairs were gone through ([`Engine::broken_off`]); none where there were more of
-/// either than there was room for.
+/// Returns the number of listed tiles. Returns `None` if the node pairs or the tiles exceeded the
+/// capacity.
+///
+/// Errors: not all node pairs were processed ([`State::incomplete`]).
 pub(super) fn tiles(
-    engine: &mut Engine,
+    state: &mut State,
     counts: &[u32],
     levels: u32,
     asked: usize,
 ) -> Result<Option<u32>, Trouble> {
-    let room = engine.sum_room;
+    let capacity = state.sum_capacity;
     let (node_pairs, last) = counts.split_at(levels as usize + 1);
-    let listed = node_pairs.iter().map(|&c| c.min(room.node_pairs));
+    let listed = node_pairs.iter().map(|&c| c.min(capacity.node_pairs));
     let gone_through = listed.take(levels as usize).fold(0, u32::wrapping_add);
     match *last {
         [.., done, tiles] if done == gone_through && node_pairs[0] as usize == asked => {
-            let fit = |&count: &u32| count <= room.node_pairs;
-            Ok((node_pairs.iter().all(fit) && tiles <= room.tiles).then_some(tiles))
+            let fit = |&count: &u32| count <= capacity.node_pairs;
+            Ok((node_pairs.iter().all(fit) && tiles <= capacity.tiles).then_some(tiles))
         }
-        _ => Err(engine.broken_off()),
+        _ => Err(state.incomplete()),
     }
 }
 

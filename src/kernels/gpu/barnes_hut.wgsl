@@ -1,5 +1,5 @@
-// One level down two trees at once, for all pairs of curves: src/kernels/gpu/barnes_hut.rs has the formulas and the proof of
-// the bounds. Constants in capitals come from there.
+// Descent by one level in two trees at once, for all pairs of curves. The formulas, the proof of
+// the error bounds and the constants in capitals are in src/kernels/gpu/barnes_hut.rs.
 
 struct Node {
     centre: vec3<f32>,
@@ -33,10 +33,11 @@ struct Criterion {
 @group(0) @binding(4) var<storage, read> agenda: array<NodePair>;
 @group(0) @binding(5) var<storage, read_write> next: array<NodePair>;
 @group(0) @binding(6) var<storage, read_write> tiles: array<Tile>;
-// Node pairs of each level; what was gone through of all; tiles last.
+// Number of node pairs of each level; the last two are the numbers of processed node pairs and of
+// tiles.
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>, COUNTS>;
 
-// What the expansion takes of a node: its moments, contracted with the direction.
+// Moments of a node, contracted with the direction, as the expansion needs them.
 struct Contracted {
     c: vec3<f32>,
     column_x: vec3<f32>,
@@ -53,12 +54,13 @@ fn moment3(n: u32, k: u32) -> vec3<f32> {
     return vec3<f32>(nodes[n].moments[k], nodes[n].moments[k + 1u], nodes[n].moments[k + 2u]);
 }
 
-// The integral of dr x p, of that of dr_i p_j, given by its rows.
+// Returns the integral of dr x p, from the rows of the integral of dr_i p_j.
 fn antisymmetric(x: vec3<f32>, y: vec3<f32>, z: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(y.z - z.y, z.x - x.z, x.y - y.x);
 }
 
-// Moments about the centre, times the ratio of the radius and the distance for each order.
+// Returns the moments about the centre, multiplied for each order by the ratio of the radius and
+// the distance.
 fn contracted(n: u32, r: vec3<f32>, ratio: f32) -> Contracted {
     var out: Contracted;
     out.c = moment3(n, 0u);
@@ -88,7 +90,7 @@ fn contracted(n: u32, r: vec3<f32>, ratio: f32) -> Contracted {
     return out;
 }
 
-// The expansion, for a distance of 1 in the direction r and lengths of 1, times 4 pi.
+// Returns the expansion for a distance of 1 in the direction r and lengths of 1, times 4 pi.
 fn expanded(a: Contracted, b: Contracted, r: vec3<f32>) -> f32 {
     let monopole = dot(r, cross(a.c, b.c)) - dot(b.c, a.w) - dot(a.c, b.w);
     let dipole = cross(a.dr, b.c) - cross(a.c, b.dr);
@@ -100,7 +102,7 @@ fn expanded(a: Contracted, b: Contracted, r: vec3<f32>) -> f32 {
         - 1.5 * dot(r, traces) + 7.5 * dot(r, twice) - 15.0 * dot(r, cross(a.dr, b.dr));
 }
 
-// The root of the mean of the squared sine between the tangents of two nodes, an upper bound.
+// Returns an upper bound of the root mean square of the sine between the tangents of two nodes.
 fn parallel(a: u32, b: u32) -> f32 {
     var cosines = 0.0;
     for (var k = 0u; k < 3u; k++) {
@@ -110,7 +112,7 @@ fn parallel(a: u32, b: u32) -> f32 {
     return sqrt(clamp(1.0 - cosines + PARALLEL, 0.0, 1.0));
 }
 
-// Node pairs that the workgroup went through.
+// Number of node pairs that the workgroup processed.
 var<workgroup> done: atomic<u32>;
 
 struct Running {
@@ -195,7 +197,7 @@ fn main(
         let t_leaf = nodes[t].leaf > 0u;
         let u_leaf = nodes[u].leaf > 0u;
         if t_leaf && u_leaf {
-            // Beyond all room: the count must not come back to 0.
+            // Above TOO_MANY the counter is not incremented any more, because it would wrap to 0.
             if atomicLoad(&counts[COUNTS - 1u]) >= TOO_MANY {
                 continue;
             }
@@ -205,7 +207,7 @@ fn main(
             }
             continue;
         }
-        // The larger one gives way to its children.
+        // The larger node is replaced by its children.
         let at = atomicAdd(&counts[level + 1u], 2u);
         if at + 1u < arrayLength(&next) {
             if u_leaf || (!t_leaf && nodes[t].radius > nodes[u].radius) {

@@ -1,67 +1,69 @@
-//! Boxes around runs of segments: of [`LEAF`] at the bottom, of up to [`FAN`] boxes from there on, until a curve has no
-//! more than [`ROOTS`] of them.
+//! Hierarchy of bounding boxes around runs of segments. A box of the lowest level holds [`LEAF`]
+//! segments, every other one up to [`FAN`] boxes, until a curve has at most [`ROOTS`] boxes.
 //!
-//! What a box is around follows from the numbers of segments alone, so it goes up once and stays while these do; each frame
-//! the adapter computes the boxes themselves, a level at a time. They are exact: coordinates are compared, never computed.
+//! The structure of the hierarchy follows from the numbers of segments alone, so it is uploaded
+//! once and kept while these stay the same. The adapter computes the boxes of each frame, level by
+//! level. They are exact: coordinates are compared, never computed.
 
-use super::Engine;
+use super::State;
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::frame::Frame;
 use super::layout::{BoxNode, Parameters, Roots};
 use std::ops::Range;
 
-/// Segments of a box at the bottom.
+/// Maximum number of segments of a box of the lowest level.
 pub(super) const LEAF: u32 = 16;
 
-/// Boxes below another one.
+/// Maximum number of children of any other box.
 pub(super) const FAN: u32 = 4;
 
-/// Boxes of a curve at the top.
+/// Maximum number of root boxes of a curve.
 pub(super) const ROOTS: u32 = 16;
 
 /// Threads of a workgroup.
 const THREADS: u32 = 64;
 
-/// In the last word of a node: its level times this, and what is below it.
+/// The last word of a node is its level times this constant, plus the number of its children.
 pub(super) const LEVEL: u32 = 256;
 
-/// The program.
+/// The shader that computes the boxes of one level.
 pub(super) const STAGE: Stage = Stage {
     name: "boxes",
     source: || {
         let whole = [("THREADS", THREADS), ("LEVEL", LEVEL)];
-        super::program(&whole, &[], &[NODES_PROGRAM, include_str!("boxes.wgsl")])
+        super::shader(&whole, &[], &[NODES_SHADER, include_str!("boxes.wgsl")])
     },
 };
 
-/// What programs make of a node.
-pub(super) const NODES_PROGRAM: &str = include_str!("nodes.wgsl");
+/// Shader code that reads and compares nodes.
+pub(super) const NODES_SHADER: &str = include_str!("nodes.wgsl");
 
 const NODES: Buffer = Buffer("nodes", STAGE.name);
 const ROOTS_OF: Buffer = Buffer("roots", STAGE.name);
 const PARAMETERS: Buffer = Buffer("parameters", STAGE.name);
 
-/// How many workgroups have made boxes, since the hierarchy went up.
+/// Counter of the workgroups of this stage that ran since the hierarchy was uploaded.
 pub(super) const MADE: Binding = Binding::whole(Buffer("made", STAGE.name), 4);
 
-/// What boxes there are. Those of a level follow one another, curve by curve.
+/// Structure of the hierarchy. The boxes of a level are consecutive, ordered by curve.
 #[derive(Debug, Default)]
 pub(super) struct Hierarchy {
-    /// Vertices of each curve.
+    /// Range of vertices of each curve.
     curves: Vec<Range<u32>>,
-    /// Nodes of each level, from the bottom.
+    /// Range of nodes of each level, from the bottom.
     levels: Vec<Range<u32>>,
 }
 
 impl Hierarchy {
-    /// The boxes of a frame, without their sizes: nodes, and the roots of each curve.
+    /// Builds the hierarchy of a frame: the nodes, without their bounds, and the roots of each
+    /// curve.
     fn new(frame: &Frame) -> (Hierarchy, Vec<BoxNode>, Vec<Roots>) {
         let mut hierarchy = Hierarchy {
             curves: frame.curves.clone(),
             levels: Vec::new(),
         };
         let mut nodes: Vec<BoxNode> = Vec::new();
-        // Of each curve the nodes of the level below.
+        // Nodes of the level below, for each curve.
         let mut below: Vec<Range<u32>> = Vec::new();
         for range in &frame.curves {
             let first = nodes.len() as u32;
@@ -100,40 +102,41 @@ impl Hierarchy {
         (hierarchy, nodes, roots)
     }
 
-    /// Levels of the boxes of the longest curve.
+    /// Returns the number of levels of the longest curve.
     pub fn levels(&self) -> u32 {
         self.levels.len() as u32
     }
 
-    /// What a program reads of the boxes.
+    /// Returns the binding of the boxes.
     pub fn nodes(&self) -> Binding {
         let count = self.levels.last().map_or(0, |l| l.end);
         Binding::whole(NODES, u64::from(count) * size_of::<BoxNode>() as u64)
     }
 
-    /// What a program reads of the roots of curves.
+    /// Returns the binding of the roots of the curves.
     pub fn roots(&self) -> Binding {
         let bytes = self.curves.len() * size_of::<Roots>();
         Binding::whole(ROOTS_OF, bytes as u64)
     }
 }
 
-/// What it takes until the boxes of a frame are on the adapter: uploads, and what runs after them.
-pub(super) fn fit(engine: &mut Engine, frame: &Frame) -> [Vec<Command>; 2] {
+/// Returns the commands that compute the boxes of a frame: the uploads, and the dispatches that
+/// follow them. Both are empty if the boxes are computed already.
+pub(super) fn fit(state: &mut State, frame: &Frame) -> [Vec<Command>; 2] {
     let mut uploads = Vec::new();
-    if engine.hierarchy.curves != frame.curves {
+    if state.hierarchy.curves != frame.curves {
         let (hierarchy, nodes, roots) = Hierarchy::new(frame);
         uploads.push(Command::upload(NODES, &nodes));
         uploads.push(Command::upload(ROOTS_OF, &roots));
         uploads.push(Command::upload(MADE.buffer, &[0u32]));
-        engine.boxes_made = 0;
-        engine.hierarchy = hierarchy;
-        engine.boxes_of = None;
+        state.boxes_made = 0;
+        state.hierarchy = hierarchy;
+        state.boxes_of = None;
     }
-    if engine.boxes_of == Some(frame.id) {
+    if state.boxes_of == Some(frame.id) {
         return [uploads, Vec::new()];
     }
-    let hierarchy = &engine.hierarchy;
+    let hierarchy = &state.hierarchy;
     if hierarchy.nodes().size == 0 {
         return [uploads, Vec::new()];
     }
@@ -151,7 +154,7 @@ pub(super) fn fit(engine: &mut Engine, frame: &Frame) -> [Vec<Command>; 2] {
         stage: STAGE,
         bindings: vec![
             Binding::parameters(PARAMETERS, level),
-            engine.vertices(frame),
+            state.vertices(frame),
             hierarchy.nodes(),
             MADE,
         ],
@@ -159,7 +162,7 @@ pub(super) fn fit(engine: &mut Engine, frame: &Frame) -> [Vec<Command>; 2] {
     };
     let steps = (0..).zip(&hierarchy.levels).map(fit).collect();
     let more: u32 = hierarchy.levels.iter().map(groups).sum();
-    engine.boxes_made = engine.boxes_made.wrapping_add(more);
+    state.boxes_made = state.boxes_made.wrapping_add(more);
     [uploads, steps]
 }
 
@@ -179,13 +182,13 @@ mod tests {
     }
 
     #[test]
-    fn every_segment_is_in_one_box_of_each_level_of_its_curve() {
+    fn every_segment_is_in_one_box_of_each_level() {
         let segments = [3, 0, 16, 17, 256, 257, 1024, 1025, 40_000];
         let frame = frame(&segments);
         let (hierarchy, nodes, roots) = Hierarchy::new(&frame);
         assert_eq!(hierarchy.levels(), 5);
         assert_eq!(hierarchy.nodes().size, 32 * nodes.len() as u64);
-        // Segments below a node, checked to be in order.
+        // Collects the segments below a node and checks that they are in order.
         fn walk(nodes: &[BoxNode], levels: &[Range<u32>], n: u32, seen: &mut Vec<u32>) {
             let node = nodes[n as usize];
             let (level, count) = (node.below / LEVEL, node.below % LEVEL);

@@ -1,4 +1,5 @@
-// The boxes of one level, from the vertices or from the level below: src/kernels/gpu/boxes.rs.
+// Bounding boxes of one level, from the vertices or from the level below: see
+// src/kernels/gpu/boxes.rs.
 
 @group(0) @binding(1) var<storage, read> vertices: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> nodes: array<BoxNode>;

@@ -1,37 +1,39 @@
-//! What a processor is to do, as a plain list: stages say it, [`super::device`] does it.
+//! Commands for an adapter, as a plain list. The stages create them, [`super::device`] executes
+//! them.
 //!
-//! No type of the graphics interface appears here, so a list can be made, printed and tested without an adapter.
+//! No wgpu type appears here, so a list can be created, printed and tested without an adapter.
 
 use super::error::Trouble;
 use super::layout::Parameters;
 use bytemuck::NoUninit;
 
-/// A buffer, by what it holds and for which stage. It grows where a command needs more room, and stays for the frames to come.
+/// A buffer, named by its contents and its stage. It grows if a command needs more capacity, and is
+/// kept for later frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Buffer(pub &'static str, pub &'static str);
 
-/// A program: a stage by its name, which is that of its `.rs` and of its `.wgsl` file.
+/// A stage and its shader. The name is that of the `.rs` file and of the `.wgsl` file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stage {
-    /// The name.
+    /// Name of the stage.
     pub name: &'static str,
-    /// Its program, with what it shares with others in front.
+    /// Returns the source of the shader, with the shared parts.
     pub source: fn() -> String,
 }
 
-/// A part of a buffer, as a program sees it.
+/// A range of a buffer that is bound to a shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Binding {
     /// The buffer.
     pub buffer: Buffer,
-    /// First byte: a multiple of [`ALIGNMENT`].
+    /// Offset of the first byte: a multiple of [`ALIGNMENT`].
     pub offset: u64,
-    /// Bytes.
+    /// Size in bytes.
     pub size: u64,
 }
 
 impl Binding {
-    /// So many bytes from the start.
+    /// Binds the first `size` bytes.
     pub const fn whole(buffer: Buffer, size: u64) -> Binding {
         Binding {
             buffer,
@@ -40,7 +42,7 @@ impl Binding {
         }
     }
 
-    /// Number `k` of what [`Command::parameters`] writes.
+    /// Binds entry `k` of the buffer that [`Command::parameters`] writes.
     pub const fn parameters(buffer: Buffer, k: u32) -> Binding {
         Binding {
             buffer,
@@ -50,40 +52,42 @@ impl Binding {
     }
 }
 
-/// Parts of buffers start at multiples of this: the largest alignment that an adapter may ask for.
+/// Bindings start at multiples of this: the largest alignment that an adapter may require.
 pub(crate) const ALIGNMENT: u64 = 256;
 
-/// One step.
+/// A single command.
 #[derive(Clone, Debug)]
 pub(crate) enum Command {
-    /// Makes room for so many bytes. What was in the buffer is lost where it grows.
+    /// Grows a buffer to this size in bytes, if it is smaller. Growing loses the contents.
     Reserve(Buffer, u64),
     /// Writes bytes to the start of a buffer.
     Upload(Buffer, Vec<u8>),
     /// Fills the first bytes of a buffer with zeros.
     Clear(Buffer, u64),
-    /// Runs a program. The first binding is its parameters.
+    /// Runs a shader. The first binding has its parameters.
     Dispatch {
-        /// The program.
+        /// Stage of the shader.
         stage: Stage,
-        /// What it reads and writes, in the order of its bindings.
+        /// Buffers that the shader accesses, in the order of its bindings.
         bindings: Vec<Binding>,
-        /// Workgroups.
+        /// Number of workgroups.
         groups: u32,
     },
-    /// Hands over what is listed so far, so that no piece of work is so long that the system takes the adapter for hung.
+    /// Submits the commands recorded so far, so that no submission takes so long that the system
+    /// considers the adapter hung.
     Submit,
-    /// Reads the first bytes of a buffer, once everything before is done.
+    /// Reads the first bytes of a buffer after all previous commands.
     Download(Buffer, u64),
 }
 
 impl Command {
-    /// Writes items to the start of a buffer.
+    /// Returns a command that writes items to the start of a buffer.
     pub fn upload<T: NoUninit>(buffer: Buffer, items: &[T]) -> Command {
         Command::Upload(buffer, bytemuck::cast_slice(items).to_vec())
     }
 
-    /// Writes what dispatches are told, each where a binding may start.
+    /// Returns a command that writes the parameters of dispatches, each at an offset where a
+    /// binding may start.
     pub fn parameters(buffer: Buffer, all: &[Parameters]) -> Command {
         let mut bytes = vec![0; all.len() * ALIGNMENT as usize];
         for (own, to) in all.iter().zip(bytes.chunks_mut(ALIGNMENT as usize)) {
@@ -93,7 +97,8 @@ impl Command {
     }
 }
 
-/// Workgroups as a grid, since one dimension has at most `limit`. It may have more than asked for; programs skip the rest.
+/// Returns a grid of at least `groups` workgroups, because one dimension has at most `limit`.
+/// Shaders skip the surplus.
 pub(crate) fn grid(groups: u32, limit: u32) -> Result<[u32; 2], Trouble> {
     let rows = groups.div_ceil(limit.max(1));
     if rows > limit {
@@ -111,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_grid_has_room_for_all_groups_within_the_limit() {
+    fn a_grid_holds_all_groups_within_the_limit() {
         for groups in [1, 7, 65535, 65536, 1 << 20, 1 << 31] {
             let [x, y] = grid(groups, 65535).unwrap();
             assert!(x <= 65535 && y <= 65535);

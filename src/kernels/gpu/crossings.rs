@@ -1,28 +1,34 @@
-//! Crossings of all pairs of curves at once: what single precision decides is counted here, the rest is listed and decided
-//! exactly by the processor ([`crate::kernels::crossings`]), by the same rules and in the same direction. So the sum is
-//! exact.
+//! Crossings of all pairs of curves at once. Single precision counts the crossings that it decides;
+//! the other tests are listed, and the CPU decides them exactly ([`crate::kernels::crossings`]), by
+//! the same rules and in the same direction. So the sum is exact.
 //!
-//! Which segments to test is found out on the adapter as well: boxes around runs of segments ([`super::boxes`]), the direction of
-//! each pair of curves ([`super::directions`]), and down to tiles, two boxes of 16 segments that may cross
+//! The adapter also finds the segments to test: bounding boxes of runs of segments
+//! ([`super::boxes`]), the direction of projection of each pair of curves ([`super::directions`]),
+//! and the descent to tiles, pairs of boxes of 16 segments that may contain a crossing
 //! ([`super::descent`]).
 //!
-//! # The bounds
+//! # Error bounds
 //!
-//! `u = 2^-23` is more than the relative error of an operation however it rounds (see [`super::direct`]). Coordinates
-//! are exact, their differences are pinned.
+//! `u = 2^-23` exceeds the relative error of an operation in any rounding mode (see
+//! [`super::direct`]). Coordinates are exact, and their differences are pinned.
 //!
-//! * The determinant of two differences each: the products are off by `3 u` of themselves and their difference by `u`,
-//!   together `4 u` of the sum of their sizes. [`FLAT`] is `5 u`, which covers the bound's own rounding.
-//! * The volume: three differences, three multiplications or additions inside, a multiplication, two additions, `9 u` of the
-//!   permanent. [`SOLID`] is `12 u`.
-//! * Coordinates are below 1, and numbers below `2^-126` may count as 0, which costs less than `10^-36`; [`TINY`] is more.
-//! * Where coordinates are off by a radius `r`, differences are by `2 r`. Each product of two is off by `2 r (|x| + |y| + 2 r)`;
-//!   each monomial of the volume's is one of the product of the three sums `|x| + |y| + |z|`, which grow by `6 r`.
+//! * Determinant of two vectors, each a difference: the products have a relative error of `3 u`,
+//!   and their difference of `u`, together `4 u` of the sum of the magnitudes. [`FLAT`] is `5 u`,
+//!   which covers the rounding of the bound itself.
+//! * Volume: three differences, three multiplications or additions inside, a multiplication, two
+//!   additions: `9 u` of the permanent. [`SOLID`] is `12 u`.
+//! * Coordinates are below 1, and numbers below `2^-126` may be flushed to 0, which causes an error
+//!   below `10^-36`. [`TINY`] is more.
+//! * If coordinates are off by a radius `r`, differences are off by `2 r`. Each product of two
+//!   differences is off by `2 r (|x| + |y| + 2 r)`. Each monomial of the volume is one of the
+//!   product of the three sums `|x| + |y| + |z|`, which grow by `6 r`.
 //!
-//! Boxes and intervals are compared by the sign of a difference, so none that touch are apart. Segments that touch are never decided here: they lie in one plane and their shadows meet in each
-//! direction, so bounds prove neither that they are apart nor that they cross.
+//! Boxes and intervals are compared by the sign of a difference, so touching ones are never
+//! disjoint. Touching segments are never decided here: they are coplanar and their projections meet
+//! in each direction, so the bounds prove neither that they are disjoint nor that they cross.
 
-use super::boxes::{self, LEAF, NODES_PROGRAM};
+use super::boxes::{self, LEAF, NODES_SHADER};
+use super::capacity::{Capacity, in_batches};
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::descent::{
     self, AXIS, COUNTERS, CROSSINGS, DONE, OPEN, SEPARATED, TESTS, TILES, TILES_AT, TOO_MANY,
@@ -31,22 +37,21 @@ use super::error::Trouble;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{Parameters, Undecided};
-use super::room::{Room, in_parts};
-use super::{Counts, Engine, Gpu, directions};
+use super::{Counts, Gpu, State, directions};
 use crate::kernels::crossings::{Direction, Scene, conclude, linking_number};
 use crate::kernels::{Counted, Linking};
 use crate::pairs::Pair;
 use crate::verdict::Stats;
 use rayon::prelude::*;
 
-/// Of the sum of the sizes of both products.
+/// Error of a determinant, relative to the sum of the magnitudes of both products.
 const FLAT: f64 = 5.0 * super::direct::UNIT_ERROR;
-/// Of the permanent.
+/// Error of a volume, relative to the permanent.
 const SOLID: f64 = 12.0 * super::direct::UNIT_ERROR;
-/// What underflow can add.
+/// Maximum error by underflow.
 const TINY: f64 = 1e-35;
 
-/// The program.
+/// The shader that counts the crossings of tiles.
 pub(super) const STAGE: Stage = Stage {
     name: "crossings",
     source: || {
@@ -58,10 +63,10 @@ pub(super) const STAGE: Stage = Stage {
             ("TESTS", TESTS),
             ("CROSSINGS", CROSSINGS),
         ]);
-        super::program(
+        super::shader(
             &whole,
             &real,
-            &[NODES_PROGRAM, include_str!("crossings.wgsl")],
+            &[NODES_SHADER, include_str!("crossings.wgsl")],
         )
     },
 };
@@ -70,37 +75,39 @@ const PARAMETERS: Buffer = Buffer("parameters", STAGE.name);
 const SIGNS: Buffer = Buffer("signs", STAGE.name);
 const UNDECIDED: Buffer = Buffer("undecided", STAGE.name);
 
-/// Undecided tests that there is room for at first; more where a frame has shown more.
-pub(super) const OPEN_ROOM: u32 = 1 << 16;
+/// Initial capacity of the list of undecided tests. It grows if a frame needs more.
+pub(super) const UNDECIDED_CAPACITY: u32 = 1 << 16;
 
-/// Bytes of one of them.
+/// Size of an undecided test in bytes.
 const ENTRY: u64 = size_of::<Undecided>() as u64;
 
-/// Undecided tests that are read without being asked for.
+/// Number of undecided tests that are downloaded with the counters, before their number is known.
 const READ_AHEAD: u32 = 1 << 12;
 
-/// Pairs of curves of one pass, at most: below [`descent::TOO_MANY`] with the node pairs of each, and with the axis in one word.
+/// Maximum number of pairs of curves in a pass: the node pairs of all of them stay below
+/// [`descent::TOO_MANY`], and the index and the axis fit into one word.
 const MOST_PAIRS: usize = 1 << 22;
 
-/// Rounds of a thread in a tile, which are counted: a driver that leaves a loop may do so in the middle of one.
+/// Rounds of a thread in a tile. All rounds are counted, because a driver that leaves a loop early
+/// may do so in the middle of a tile.
 const ROUNDS: u32 = (LEAF * LEAF).div_ceil(descent::THREADS);
 
-/// Pairs of curves that are a task of the processor.
+/// Number of pairs of curves in a CPU task.
 const TASK: usize = 1024;
 
-/// What a pass found.
+/// Result of a pass.
 struct Found {
-    /// The sum of the signs of each pair of curves, as far as it is decided.
+    /// Sum of the signs of the decided crossings, for each pair of curves.
     signs: Vec<[u32; 2]>,
-    /// What is not decided.
+    /// Tests that are not decided.
     undecided: Vec<Undecided>,
     counts: Vec<u32>,
 }
 
-/// What there is to do while the adapter counts.
-pub(super) type Meanwhile<'a> = dyn FnMut(&mut Engine) -> Result<(), Trouble> + 'a;
+/// CPU work that runs while the adapter counts.
+pub(super) type Meanwhile<'a> = dyn FnMut(&mut State) -> Result<(), Trouble> + 'a;
 
-/// All linking numbers.
+/// Returns all linking numbers, in the order of the pairs, and the number of undecided tests.
 pub(super) fn linking_numbers(
     gpu: &Gpu,
     frame: &Frame,
@@ -109,16 +116,17 @@ pub(super) fn linking_numbers(
     meanwhile: &mut Meanwhile<'_>,
 ) -> Result<Counts, Trouble> {
     let passes = {
-        // Nothing in here is shared out: a thread that waits for others may take up work that wants the adapter, too.
-        let engine = &mut gpu.lock();
-        let fits = engine.device.most_bytes() / size_of::<[u32; 2]>() as u64;
+        // No rayon task is spawned under this lock: a thread that waits for tasks may steal one
+        // that needs the lock.
+        let state = &mut gpu.lock();
+        let fits = state.device.max_buffer_bytes() / size_of::<[u32; 2]>() as u64;
         let most = MOST_PAIRS.min(fits as usize);
-        let mut pass = |engine: &mut Engine, pairs: &[Pair]| pass(engine, frame, pairs, meanwhile);
-        in_parts(
-            engine,
+        let mut pass = |state: &mut State, pairs: &[Pair]| pass(state, frame, pairs, meanwhile);
+        in_batches(
+            state,
             pairs,
             most,
-            |engine| &mut engine.count_room,
+            |state| &mut state.crossing_capacity,
             &mut pass,
         )?
     };
@@ -136,15 +144,15 @@ pub(super) fn linking_numbers(
                 parts.push(found.work(count));
                 parts.extend(found.conclude(frame, scene, own));
             }
-            // Too much for the adapter.
-            None => parts.push(on_processor(scene, own)),
+            // The capacity is too small even for one pair.
+            None => parts.push(on_cpu(scene, own)),
         }
     }
     Ok((parts, left))
 }
 
-/// The linking numbers of pairs that are too much for the adapter.
-fn on_processor(scene: Scene<'_>, pairs: &[Pair]) -> Counted {
+/// Counts the crossings of pairs that exceed the capacity of the adapter.
+fn on_cpu(scene: Scene<'_>, pairs: &[Pair]) -> Counted {
     let mut workspace = scene.workspaces.take();
     let mut part = Counted::default();
     for &pair in pairs {
@@ -155,13 +163,14 @@ fn on_processor(scene: Scene<'_>, pairs: &[Pair]) -> Counted {
     part
 }
 
-/// Which pair of curves a test is of.
+/// Returns the index of the pair of curves of a test.
 fn number(u: &Undecided) -> usize {
     (u.pair & ((1 << AXIS) - 1)) as usize
 }
 
 impl Found {
-    /// The work that the adapter did for so many pairs of curves. Undecided tests are counted where they are decided.
+    /// Returns the work that the adapter did for `pairs` pairs of curves. Undecided tests are
+    /// counted by the CPU, which decides them.
     fn work(&self, pairs: usize) -> Counted {
         let long = |at: u32| {
             let at = at as usize;
@@ -180,7 +189,7 @@ impl Found {
         }
     }
 
-    /// Decides what is left, which is in order.
+    /// Decides the undecided tests, which are sorted, and returns the linking numbers.
     fn conclude(&self, frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<Counted> {
         let task = |(task, signs): (usize, &[[u32; 2]])| {
             let first = task * TASK;
@@ -216,44 +225,48 @@ impl Found {
     }
 }
 
-/// Where a pass has its lists.
+/// Buffers of a pass.
 struct Lists {
-    room: Room,
+    capacity: Capacity,
     signs: Binding,
     undecided: Binding,
-    /// Tiles of one submission, so that none takes too long.
+    /// Number of tiles in one submission, so that none takes too long.
     part: u32,
 }
 
 impl Lists {
-    fn new(engine: &Engine, pairs: &[Pair]) -> Lists {
-        let list = u64::from(engine.open_room) * ENTRY;
+    fn new(state: &State, pairs: &[Pair]) -> Lists {
+        let list = u64::from(state.undecided_capacity) * ENTRY;
         Lists {
-            room: engine.count_room,
+            capacity: state.crossing_capacity,
             signs: Binding::whole(SIGNS, size_of_val(pairs) as u64),
             undecided: Binding::whole(UNDECIDED, list),
-            part: (engine.most_work / u64::from(LEAF * LEAF)).max(1) as u32,
+            part: (state.max_work / u64::from(LEAF * LEAF)).max(1) as u32,
         }
     }
 
-    /// All that it takes, up to the first part of the tiles. More of them are rare.
-    fn commands(&self, engine: &mut Engine, frame: &Frame, pairs: &[Pair]) -> Vec<Command> {
-        let (room, radius) = (self.room, frame.radius);
-        let [mut commands, fits] = boxes::fit(engine, frame);
-        let (uploads, choice) = directions::choose(engine, radius, pairs, room);
+    /// Returns all commands up to the first batch of tiles. Most frames have no further batch.
+    fn commands(&self, state: &mut State, frame: &Frame, pairs: &[Pair]) -> Vec<Command> {
+        let (capacity, radius) = (self.capacity, frame.radius);
+        let [mut commands, fits] = boxes::fit(state, frame);
+        let (uploads, choice) = directions::choose(state, radius, pairs, capacity);
         commands.extend(uploads);
-        let (upload, steps) = descent::descend(engine, radius, room);
+        let (upload, steps) = descent::descend(state, radius, capacity);
         commands.push(upload);
         let own = |first| Parameters {
             radius,
             zero: 0,
             first,
-            items: self.part.min(room.tiles - first),
+            items: self.part.min(capacity.tiles - first),
         };
-        let parts = (0..room.tiles).step_by(self.part as usize).map(own);
+        let parts = (0..capacity.tiles).step_by(self.part as usize).map(own);
         commands.push(Command::parameters(PARAMETERS, &parts.collect::<Vec<_>>()));
         let [now, next] = descent::AGENDAS;
-        for list in [room.agenda(now), room.agenda(next), room.tiles(TILES)] {
+        for list in [
+            capacity.agenda(now),
+            capacity.agenda(next),
+            capacity.tiles(TILES),
+        ] {
             commands.push(Command::Reserve(list.buffer, list.size));
         }
         commands.push(Command::Reserve(UNDECIDED, self.undecided.size));
@@ -262,25 +275,25 @@ impl Lists {
         commands.extend(fits);
         commands.push(choice);
         commands.extend(steps);
-        commands.push(self.count(engine, frame, 0));
+        commands.push(self.count(state, frame, 0));
         commands.extend(self.results());
         commands
     }
 
-    /// Counts the crossings of a part of the tiles.
-    fn count(&self, engine: &Engine, frame: &Frame, part: u32) -> Command {
+    /// Returns the command that counts the crossings of a batch of tiles.
+    fn count(&self, state: &State, frame: &Frame, part: u32) -> Command {
         Command::Dispatch {
             stage: STAGE,
             bindings: vec![
                 Binding::parameters(PARAMETERS, part),
-                engine.vertices(frame),
-                engine.hierarchy.nodes(),
-                self.room.tiles(TILES),
+                state.vertices(frame),
+                state.hierarchy.nodes(),
+                self.capacity.tiles(TILES),
                 self.signs,
                 self.undecided,
                 COUNTERS,
             ],
-            groups: engine.strides(),
+            groups: state.strides(),
         }
     }
 
@@ -295,47 +308,52 @@ impl Lists {
     }
 }
 
-/// The counters, where so many items were gone through, and all boxes were made ([`Engine::broken_off`]).
+/// Returns the counters.
+///
+/// Errors: not all items were processed, or not all boxes were computed ([`State::incomplete`]).
 pub(super) fn counters(
-    engine: &mut Engine,
+    state: &mut State,
     got: &[Vec<u8>],
     items: impl Fn(&[u32]) -> u32,
 ) -> Result<Vec<u32>, Trouble> {
     let words = |k: usize| bytemuck::pod_collect_to_vec::<u8, u32>(&got[k]);
     let (counts, made) = (words(0), words(3));
-    match counts[DONE as usize] == items(&counts) && made == [engine.boxes_made] {
+    match counts[DONE as usize] == items(&counts) && made == [state.boxes_made] {
         true => Ok(counts),
-        false => Err(engine.broken_off()),
+        false => Err(state.incomplete()),
     }
 }
 
-/// Counts on the adapter; none where there was too little room.
+/// Runs one pass. Returns `None` if a capacity was too small.
 fn pass(
-    engine: &mut Engine,
+    state: &mut State,
     frame: &Frame,
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
 ) -> Result<Option<Found>, Trouble> {
-    let lists = Lists::new(engine, pairs);
-    let commands = lists.commands(engine, frame, pairs);
-    let pending = engine.start(frame, commands)?;
-    meanwhile(engine)?;
-    let mut got = engine.finish(pending)?;
-    engine.boxes_of = Some(frame.id);
-    let levels = engine.hierarchy.levels() as usize;
-    let room = lists.room;
-    // Of each list what there was room for, and of tiles one part at first.
+    let lists = Lists::new(state, pairs);
+    let commands = lists.commands(state, frame, pairs);
+    let pending = state.start(frame, commands)?;
+    meanwhile(state)?;
+    let mut got = state.finish(pending)?;
+    state.boxes_of = Some(frame.id);
+    let levels = state.hierarchy.levels() as usize;
+    let capacity = lists.capacity;
+    // Expected number of processed items: of each list as many as it can hold, and of the tiles the
+    // first batch.
     let listed = |counts: &[u32], tiles: u32| {
-        let steps = counts[..levels - 1].iter().map(|&c| c.min(room.node_pairs));
+        let steps = counts[..levels - 1]
+            .iter()
+            .map(|&c| c.min(capacity.node_pairs));
         let rounds = counts[TILES_AT as usize].min(tiles).wrapping_mul(ROUNDS);
         steps.fold((pairs.len() as u32).wrapping_add(rounds), u32::wrapping_add)
     };
-    let mut counts = counters(engine, &got, |c| listed(c, lists.part.min(room.tiles)))?;
+    let mut counts = counters(state, &got, |c| listed(c, lists.part.min(capacity.tiles)))?;
     let tiles = counts[TILES_AT as usize];
-    if counts[..levels].iter().any(|&c| c > room.node_pairs) || tiles > room.tiles {
+    if counts[..levels].iter().any(|&c| c > capacity.node_pairs) || tiles > capacity.tiles {
         return Ok(None);
     }
-    // What is left below the last level would be lost.
+    // Node pairs below the last level would be lost.
     if counts[levels - 1] > 0 {
         let what = "levels of boxes";
         return Err(Trouble::limit(what, levels as u64 + 1, levels as u64));
@@ -343,27 +361,28 @@ fn pass(
     if tiles > lists.part {
         let mut commands = Vec::new();
         for part in 1..tiles.div_ceil(lists.part) {
-            commands.extend([lists.count(engine, frame, part), Command::Submit]);
+            commands.extend([lists.count(state, frame, part), Command::Submit]);
         }
         commands.extend(lists.results());
-        got = engine.run(frame, commands)?;
-        counts = counters(engine, &got, |c| listed(c, room.tiles))?;
+        got = state.run(frame, commands)?;
+        counts = counters(state, &got, |c| listed(c, capacity.tiles))?;
     }
     let open = counts[OPEN as usize];
-    if open > engine.open_room {
-        // Once more, with room for all of them. Where there is none, later frames still have what there was.
-        let most = engine.device.most_bytes() / ENTRY;
+    if open > state.undecided_capacity {
+        // Repeats the pass with capacity for all of them. If the adapter does not allow that much,
+        // later frames keep the old capacity.
+        let most = state.device.max_buffer_bytes() / ENTRY;
         let most = most.min(u64::from(TOO_MANY) - 1) as u32;
         if open > most {
             return Err(Trouble::limit("undecided tests", open.into(), most.into()));
         }
-        engine.open_room = open.saturating_add(open / 4).min(most);
-        return pass(engine, frame, pairs, meanwhile);
+        state.undecided_capacity = open.saturating_add(open / 4).min(most);
+        return pass(state, frame, pairs, meanwhile);
     }
     let mut undecided: Vec<Undecided> = bytemuck::pod_collect_to_vec(&got[2]);
     if open as usize > undecided.len() {
         let all = Command::Download(UNDECIDED, u64::from(open) * ENTRY);
-        undecided = bytemuck::pod_collect_to_vec(&engine.run(frame, vec![all])?[0]);
+        undecided = bytemuck::pod_collect_to_vec(&state.run(frame, vec![all])?[0]);
     }
     undecided.truncate(open as usize);
     Ok(Some(Found {

@@ -1,5 +1,5 @@
-// Crossings of tiles, as far as single precision decides: src/kernels/gpu/crossings.rs has the proof of the bounds. Constants
-// in capitals come from there. Rows are segments of the curve that counts when on top.
+// Crossings of tiles that single precision decides. The proof of the error bounds and the constants
+// in capitals are in src/kernels/gpu/crossings.rs. Rows are segments of the upper curve.
 
 struct NodePair {
     pair: u32,
@@ -16,7 +16,7 @@ struct Undecided {
 @group(0) @binding(1) var<storage, read> vertices: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> nodes: array<BoxNode>;
 @group(0) @binding(3) var<storage, read> tiles: array<NodePair>;
-// The signs of each pair of curves: low half, high half.
+// Sum of the signs of each pair of curves: low half, high half.
 @group(0) @binding(4) var<storage, read_write> sums: array<array<atomic<u32>, 2>>;
 @group(0) @binding(5) var<storage, read_write> undecided: array<Undecided>;
 @group(0) @binding(6) var<storage, read_write> counts: array<atomic<u32>, COUNTS>;
@@ -24,16 +24,17 @@ struct Undecided {
 var<workgroup> rows: array<vec3<f32>, LEAF + 1u>;
 var<workgroup> columns: array<vec3<f32>, LEAF + 1u>;
 var<workgroup> signs: atomic<i32>;
-// Tests and crossings of the workgroup.
+// Number of tests and of crossings of the workgroup.
 var<workgroup> work: array<atomic<u32>, 2>;
 var<workgroup> total: u32;
 
-// The coordinates in the frame of the projection, whose axis is the last.
+// Returns the coordinates in the frame of the projection, whose last axis is the axis of
+// projection.
 fn seen(p: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(p, p.yzx, axis == 0u), p.zxy, axis == 1u);
 }
 
-// A determinant and the bound of its error.
+// Returns a determinant and its error bound.
 fn side(a: vec2<f32>, b: vec2<f32>, c: vec2<f32>) -> vec2<f32> {
     let p = pinned(a.x - c.x);
     let q = pinned(b.y - c.y);
@@ -46,7 +47,7 @@ fn side(a: vec2<f32>, b: vec2<f32>, c: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(left - right, FLAT * (abs(left) + abs(right)) + 1.01 * moved + TINY);
 }
 
-// Six times the signed volume of a tetrahedron, and the bound of its error.
+// Returns six times the signed volume of a tetrahedron, and its error bound.
 fn volume(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
     let p = pinned3(a - d);
     let q = pinned3(b - d);
@@ -65,12 +66,12 @@ fn volume(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(volume, SOLID * permanent + 1.01 * moved + TINY);
 }
 
-// Both surely on one side.
+// Returns true if both values have the same proven sign.
 fn one_side(p: vec2<f32>, q: vec2<f32>) -> bool {
     return (p.x > p.y && q.x > q.y) || (-p.x > p.y && -q.x > q.y);
 }
 
-// What a test says.
+// Outcomes of a test.
 const APART = 0u;
 const CROSSES = 1u;
 const UNDECIDED = 2u;
@@ -80,7 +81,8 @@ struct Test {
     sign: i32,
 }
 
-// Whether the first of two segments, whose shadows' boxes meet, crosses above the second.
+// Tests if the first of two segments crosses above the second. The boxes of their projections
+// overlap.
 fn crossing(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, d: vec3<f32>) -> Test {
     let c_side = side(a.xy, b.xy, c.xy);
     let d_side = side(a.xy, b.xy, d.xy);
@@ -159,7 +161,7 @@ fn main(
             let d = columns[t + 1u];
             let a_high = max(a, b);
             let c_low = min(c, d);
-            // Shadows apart, or the upper one wholly below.
+            // Disjoint in projection, or the upper segment is wholly below.
             if any(beyond3(a_high, c_low)) || any(beyond3(max(c, d), min(a, b)).xy) {
                 continue;
             }
@@ -169,7 +171,8 @@ fn main(
                 sum += test.sign;
                 crossed += 1u;
             }
-            // No list has room for so many, and the count must not come back to 0.
+            // Above TOO_MANY the counter is not incremented any more, because it would wrap to 0.
+            // No list has that capacity.
             if test.outcome == UNDECIDED && atomicLoad(&counts[OPEN]) < TOO_MANY {
                 let at = atomicAdd(&counts[OPEN], 1u);
                 if at < arrayLength(&undecided) {

@@ -1,37 +1,38 @@
-//! From the node pairs to begin with to tiles, pairs of boxes at the bottom that may hold a crossing: level by level, all node
-//! pairs of all curves side by side.
+//! Descent from the initial node pairs to tiles: pairs of boxes of the lowest level that may
+//! contain a crossing. Level by level, the node pairs of all curves in parallel.
 
-use super::boxes::{FAN, LEVEL, NODES_PROGRAM};
+use super::boxes::{FAN, LEVEL, NODES_SHADER};
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::layout::Parameters;
-use super::{Engine, Room};
+use super::{Capacity, State};
 
 /// Threads of a workgroup.
 pub(super) const THREADS: u32 = 64;
 
-/// Counters: the node pairs of each level, and those that follow.
+/// Number of counters: the node pairs of each level, then the counters below.
 pub(super) const COUNTS: u32 = 64;
-/// Tiles.
+/// Counter of tiles.
 pub(super) const TILES_AT: u32 = 56;
-/// Tests that single precision does not decide.
+/// Counter of tests that single precision does not decide.
 pub(super) const OPEN: u32 = 57;
-/// Pairs of curves that a direction without any overlap proves to be unlinked.
+/// Counter of the pairs of curves that do not overlap in some direction, and so are not linked.
 pub(super) const SEPARATED: u32 = 58;
-/// Tests, low half; the high one follows.
+/// Counter of tests: low half; the high half follows.
 pub(super) const TESTS: u32 = 59;
-/// Crossings, likewise.
+/// Counter of crossings: low half; the high half follows.
 pub(super) const CROSSINGS: u32 = 61;
-/// What was gone through, of all lists: pairs of curves, node pairs and tiles.
+/// Counter of processed items of all lists: pairs of curves, node pairs and tiles.
 pub(super) const DONE: u32 = 63;
 
-/// Items at which a list is no longer counted, more than there can be room for; threads that have just looked add fewer
-/// than it takes to come round to 0.
+/// A list counter that has reached this value is not incremented any more. The value is above every
+/// capacity, and threads that have read a smaller value just before add less than would make the
+/// counter wrap to 0.
 pub(super) const TOO_MANY: u32 = 1 << 31;
 
-/// Where the axis is in the first word of a node pair.
+/// Position of the axis in the first word of a node pair.
 pub(super) const AXIS: u32 = 30;
 
-/// What all programs here know.
+/// Constants of all shaders of the crossing kernel.
 pub(super) const WORDS: [(&str, u32); 7] = [
     ("THREADS", THREADS),
     ("COUNTS", COUNTS),
@@ -42,17 +43,17 @@ pub(super) const WORDS: [(&str, u32); 7] = [
     ("LEVEL", LEVEL),
 ];
 
-/// How lists are added to.
-pub(super) const AGENDA_PROGRAM: &str = include_str!("agenda.wgsl");
+/// Shader code that appends to the lists.
+pub(super) const AGENDA_SHADER: &str = include_str!("agenda.wgsl");
 
-/// The program.
+/// The shader that descends by one level.
 pub(super) const STAGE: Stage = Stage {
     name: "descent",
     source: || {
         let mut whole = WORDS.to_vec();
         whole.push(("FAN", FAN));
-        let parts = [NODES_PROGRAM, AGENDA_PROGRAM, include_str!("descent.wgsl")];
-        super::program(&whole, &[], &parts)
+        let parts = [NODES_SHADER, AGENDA_SHADER, include_str!("descent.wgsl")];
+        super::shader(&whole, &[], &parts)
     },
 };
 
@@ -63,16 +64,17 @@ pub(super) const AGENDAS: [Buffer; 2] = [
 pub(super) const TILES: Buffer = Buffer("tiles", STAGE.name);
 const PARAMETERS: Buffer = Buffer("parameters", STAGE.name);
 
-/// What programs see of the counters.
+/// Binding of the counters.
 pub(super) const COUNTERS: Binding = Binding {
     buffer: Buffer("counts", STAGE.name),
     offset: 0,
     size: 4 * COUNTS as u64,
 };
 
-/// What it takes to come from the node pairs to begin with to tiles: an upload, and what runs after it.
-pub(super) fn descend(engine: &Engine, radius: f32, room: Room) -> (Command, Vec<Command>) {
-    let steps = engine.hierarchy.levels().saturating_sub(1);
+/// Returns the commands that descend from the initial node pairs to tiles: an upload, and the
+/// dispatches that follow it.
+pub(super) fn descend(state: &State, radius: f32, capacity: Capacity) -> (Command, Vec<Command>) {
+    let steps = state.hierarchy.levels().saturating_sub(1);
     let parameters: Vec<Parameters> = (0..steps)
         .map(|step| Parameters {
             radius,
@@ -90,13 +92,13 @@ pub(super) fn descend(engine: &Engine, radius: f32, room: Room) -> (Command, Vec
             stage: STAGE,
             bindings: vec![
                 Binding::parameters(PARAMETERS, step),
-                engine.hierarchy.nodes(),
-                room.agenda(to),
-                room.tiles(TILES),
+                state.hierarchy.nodes(),
+                capacity.agenda(to),
+                capacity.tiles(TILES),
                 COUNTERS,
-                room.agenda(from),
+                capacity.agenda(from),
             ],
-            groups: engine.strides(),
+            groups: state.strides(),
         }
     };
     let upload = Command::parameters(PARAMETERS, &parameters);

@@ -1,11 +1,11 @@
-// One level down two hierarchies of boxes at once, for all pairs of curves: src/kernels/gpu/descent.rs. FAN * FAN threads
-// have a node pair.
+// Descent by one level in two box hierarchies at once, for all pairs of curves: see
+// src/kernels/gpu/descent.rs. Each node pair has FAN * FAN threads.
 
 @group(0) @binding(5) var<storage, read> agenda: array<NodePair>;
 
 var<workgroup> total: u32;
 
-// Whether the shadows meet along the axis w, and the upper one is not wholly below.
+// Returns true if the projections along the axis w overlap and the upper box is not wholly below.
 fn may_cross(upper: u32, lower: u32, w: u32) -> bool {
     let upper_below = beyond3(nodes[upper].high, nodes[lower].low);
     let apart = upper_below | beyond3(nodes[lower].high, nodes[upper].low);
@@ -39,7 +39,8 @@ fn main(
             let axis = item.pair >> AXIS;
             let s = nodes[item.first];
             let t = nodes[item.second];
-            // The larger ones give way to what is below them.
+            // The node of the higher level is replaced by its children; both are if the levels are
+            // equal.
             let s_splits = s.below / LEVEL >= t.below / LEVEL;
             let t_splits = t.below / LEVEL >= s.below / LEVEL;
             let i = own / FAN;

@@ -1,4 +1,4 @@
-//! The adapter, and how a list of commands runs on it: the only file that names the graphics interface.
+//! The adapter and the execution of command lists on it. No other file uses wgpu.
 
 use super::commands::{Binding, Buffer, Command, Stage, grid};
 use super::error::Trouble;
@@ -11,11 +11,11 @@ use std::task::{Context, Poll, Wake, Waker};
 use std::time::Duration;
 use wgpu::PollType;
 
-/// What one submission may take. Pieces of work are cut so that they end far earlier; an adapter that does not answer in
-/// this time has hung.
+/// Time-out of a submission. Work is cut into batches that take far less; an adapter that does not
+/// respond within this time has hung.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// An adapter, open, with its programs and buffers.
+/// An open adapter with its pipelines and buffers.
 #[derive(Debug)]
 pub(crate) struct Device {
     info: DeviceInfo,
@@ -26,17 +26,17 @@ pub(crate) struct Device {
     buffers: HashMap<Buffer, wgpu::Buffer>,
     lost: Arc<AtomicBool>,
     uncaptured: Arc<Mutex<Option<String>>>,
-    /// Bytes that one buffer may have, at most.
+    /// Maximum size of a buffer in bytes.
     most: u64,
 }
 
-/// Work that was handed over, and where its downloads will be.
+/// Submitted work and the buffers for its downloads.
 #[derive(Debug)]
 pub(crate) struct Pending {
     submitted: Vec<wgpu::SubmissionIndex>,
     staged: Vec<wgpu::Buffer>,
 }
-/// What double precision takes: pins work on the bits.
+/// Features that double precision needs; pinning uses 64-bit integers.
 const DOUBLE: wgpu::Features = wgpu::Features::SHADER_F64.union(wgpu::Features::SHADER_INT64);
 
 fn instance() -> wgpu::Instance {
@@ -72,7 +72,7 @@ fn info((index, adapter): (usize, &wgpu::Adapter)) -> DeviceInfo {
     }
 }
 
-/// All adapters.
+/// Returns the properties of all adapters.
 pub(super) fn list() -> Vec<DeviceInfo> {
     adapters().iter().enumerate().map(info).collect()
 }
@@ -85,12 +85,13 @@ impl Device {
         let mut all: Vec<DeviceInfo> = found.iter().enumerate().map(info).collect();
         let at = choice.choose(&all).map_err(Trouble::NoAdapter)?;
         let (adapter, mut info) = (&found[at], all.swap_remove(at));
-        // Only what is used: buffers as large as they come, nothing else beyond what every adapter has.
+        // Requests only what is used: the largest buffers, and otherwise the limits that every
+        // adapter has.
         let has = adapter.limits();
         let limits = wgpu::Limits {
             max_buffer_size: has.max_buffer_size,
             max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
-            // Those of Barnes-Hut, and what every adapter has.
+            // Barnes-Hut needs 8, which every adapter supports.
             max_storage_buffers_per_shader_stage: 8,
             max_compute_workgroups_per_dimension: has.max_compute_workgroups_per_dimension,
             ..wgpu::Limits::downlevel_defaults()
@@ -130,47 +131,47 @@ impl Device {
         })
     }
 
-    /// Which adapter this is.
+    /// Returns the properties of the adapter.
     pub fn info(&self) -> &DeviceInfo {
         &self.info
     }
 
-    /// Bytes that a buffer may have, at most.
-    pub fn most_bytes(&self) -> u64 {
+    /// Returns the maximum size of a buffer in bytes.
+    pub fn max_buffer_bytes(&self) -> u64 {
         self.most
     }
 
-    /// Whether it has gone, or has failed once.
+    /// Returns true if the adapter is lost or has failed once.
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Relaxed)
     }
 
-    /// Allows buffers of so many bytes only.
+    /// Restricts buffers to a maximum size in bytes.
     #[cfg(test)]
     pub fn restrict(&mut self, most: u64) {
         self.most = most;
         self.buffers.clear();
     }
 
-    /// Takes the adapter away, as a driver that resets it would.
+    /// Destroys the device, as a driver reset would.
     #[cfg(test)]
     pub fn destroy(&self) {
         self.device.destroy();
     }
 
-    /// Runs the commands; returns what the downloads read, in their order. Without a download it does not wait for the work
-    /// to be done, and errors of that show in the next run.
+    /// Runs the commands and returns the downloads, in their order. Without a download it does not
+    /// wait for the work, and an error of the work is reported by the next run.
     pub fn run(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
         let pending = self.start(commands)?;
         self.finish(pending)
     }
 
-    /// Hands over the commands, and does not wait for anything.
+    /// Submits the commands without waiting for them.
     pub fn start(&mut self, commands: &[Command]) -> Result<Pending, Trouble> {
         self.checked(|device| device.submit_all(commands))
     }
 
-    /// Waits for the work to be done; returns what the downloads read, in their order.
+    /// Waits for the work and returns the downloads, in their order.
     pub fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
         match pending.staged.is_empty() {
             true => Ok(Vec::new()),
@@ -178,7 +179,7 @@ impl Device {
         }
     }
 
-    /// Does something, and returns what went wrong on the way.
+    /// Runs `what` and returns the errors that wgpu reports meanwhile.
     fn checked<T>(
         &mut self,
         what: impl FnOnce(&mut Device) -> Result<T, Trouble>,
@@ -191,7 +192,7 @@ impl Device {
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));
         let done = what(self);
         let mut errors = Vec::new();
-        // The last one pushed is the first to go.
+        // Error scopes are popped in reverse order.
         for scope in scopes.into_iter().rev() {
             errors.extend(block_on(scope.pop()).map(failed));
         }
@@ -205,7 +206,8 @@ impl Device {
         }
         let done = errors.into_iter().next().map_or(done, Err);
         if let Err(Trouble::Failed(_)) = done {
-            // What is lost is said to be lost only later. Whoever asks for the adapter again has it opened anew.
+            // The loss of a device may be reported later. The mark makes the next caller open the
+            // adapter again.
             self.lost.store(true, Ordering::Relaxed);
         }
         done
@@ -222,7 +224,7 @@ impl Device {
                 Command::Upload(buffer, bytes) => {
                     let padded = (bytes.len() as u64).next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
                     self.reserve(*buffer, padded)?;
-                    // What is listed before must not see it.
+                    // Commands recorded before the upload must not see the new data.
                     if std::mem::take(&mut recorded) {
                         submitted.push(self.submit(&mut encoder));
                     }
@@ -253,7 +255,8 @@ impl Device {
                         mapped_at_creation: false,
                     });
                     let source = self.buffers.get(buffer);
-                    let source = source.ok_or_else(|| failed("a download from no buffer"))?;
+                    let source = source
+                        .ok_or_else(|| failed("download from a missing buffer (internal error)"))?;
                     recorded = true;
                     encoder.copy_buffer_to_buffer(source, 0, &target, 0, *bytes);
                     staged.push(target);
@@ -269,7 +272,7 @@ impl Device {
         for buffer in &staged {
             let send = send.clone();
             buffer.map_async(wgpu::MapMode::Read, .., move |done| {
-                // The other end waits, unless it has given up.
+                // Sending fails only if the receiver has timed out.
                 let _ = send.send(done);
             });
         }
@@ -294,14 +297,14 @@ impl Device {
         Ok(out)
     }
 
-    /// Hands over what was recorded, and starts anew.
+    /// Submits the recorded commands and starts a new encoder.
     fn submit(&self, encoder: &mut wgpu::CommandEncoder) -> wgpu::SubmissionIndex {
         let fresh = self.device.create_command_encoder(&Default::default());
         let full = std::mem::replace(encoder, fresh);
         self.queue.submit([full.finish()])
     }
 
-    /// Makes room in a buffer.
+    /// Grows a buffer to at least `bytes`.
     fn reserve(&mut self, buffer: Buffer, bytes: u64) -> Result<(), Trouble> {
         if bytes > self.most {
             return Err(Trouble::limit("bytes in a buffer", bytes, self.most));
@@ -309,7 +312,7 @@ impl Device {
         if self.buffers.get(&buffer).is_some_and(|b| b.size() >= bytes) {
             return Ok(());
         }
-        // Room to grow, so that a frame of a few more segments needs no new one.
+        // Rounded up, so that a frame with a few more segments needs no new buffer.
         let size = bytes.next_power_of_two().max(256).min(self.most).max(bytes);
         let made = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(buffer.0),
@@ -343,7 +346,7 @@ impl Device {
                 layout: None,
                 module: &module,
                 entry_point: Some("main"),
-                // What programs read of it they have written.
+                // Shaders initialize the workgroup memory that they read.
                 compilation_options: wgpu::PipelineCompilationOptions {
                     zero_initialize_workgroup_memory: false,
                     ..Default::default()
@@ -354,7 +357,8 @@ impl Device {
         let mut entries = Vec::new();
         for (k, b) in (0..).zip(bindings) {
             let buffer = self.buffers.get(&b.buffer);
-            let buffer = buffer.ok_or_else(|| failed("a binding to no buffer"))?;
+            let buffer =
+                buffer.ok_or_else(|| failed("binding to a missing buffer (internal error)"))?;
             entries.push(wgpu::BindGroupEntry {
                 binding: k,
                 resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -377,7 +381,7 @@ impl Device {
     }
 }
 
-/// The fastest kinds first.
+/// Returns the rank of a kind of adapter: the fastest kinds first.
 fn rank(kind: wgpu::DeviceType) -> u32 {
     match kind {
         wgpu::DeviceType::DiscreteGpu => 0,

@@ -1,26 +1,27 @@
-// The Gauss sum of tiles, in either precision: src/kernels/gpu/direct.rs has the formulas and the proof of the bounds.
-// Constants in capitals that are not defined here come from there.
+// Gauss sum of tiles, in either precision. The formulas, the proof of the error bounds and the
+// constants in capitals that are not defined here are in src/kernels/gpu/direct.rs.
 
 @group(0) @binding(1) var<storage, read> vertices: array<vec4<real>>;
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 
-// Threads of a workgroup, and of those the ones that work on a tile together, a row each.
+// Number of tiles of a workgroup. Each tile has ROWS threads, one for each row.
 const SLOTS = THREADS / ROWS;
-// Columns that are in reach at once; a vertex more than segments.
+// Number of vertices of the columns that are loaded at once: one more than segments.
 const STRIDE = COLUMNS + 1u;
 
 var<workgroup> columns: array<vec3<real>, SLOTS * STRIDE>;
 var<workgroup> values: array<vec2<u32>, THREADS>;
 var<workgroup> bounds: array<vec2<u32>, THREADS>;
-// Of each thread: doubts, what is near, and what it went through.
+// Counts of each thread: undecided segment pairs, pairs that may meet, and processed pairs.
 var<workgroup> counts: array<vec3<u32>, THREADS>;
 
-// atan(y / x), the argument of a complex number of the upper half plane, x of any sign: off by 16 u of itself.
+// Returns atan(y / x), the argument of a complex number of the upper half plane, for x of any sign.
+// The relative error is at most 16 u.
 fn argument(x: real, y: real) -> real {
     let size = abs(x);
     let small = min(size, y);
     let large = max(size, y);
-    // Tangents above 1/3 are turned back by atan(1/2).
+    // Tangents above 1/3 are rotated back by atan(1/2).
     let over = 3.0 * small > large;
     let top = select(small, pinned(2.0 * small) - large, over);
     let bottom = select(large, 2.0 * large + small, over);
@@ -30,7 +31,7 @@ fn argument(x: real, y: real) -> real {
     return select(quarter, PI - quarter, x < 0.0);
 }
 
-// Gaps along the axes between the boxes of two segments: the largest.
+// Returns the largest gap along the axes between the boxes of two segments.
 fn gap(a0: vec3<real>, a1: vec3<real>, b0: vec3<real>, b1: vec3<real>) -> real {
     let above = pinned3(min(a0, a1)) - pinned3(max(b0, b1));
     let below = pinned3(min(b0, b1)) - pinned3(max(a0, a1));
@@ -80,7 +81,8 @@ fn main(
             var sum: real = 0.0;
             var error: real = 0.0;
             var l0 = columns[slot * STRIDE];
-            // Differences, the squares of their lengths and one over these, and the unit vectors.
+            // Differences, the squares of their lengths, the inverses of the lengths, and the unit
+            // vectors.
             let first_a = pinned3(l0 - k0);
             let first_b = pinned3(l0 - k1);
             var aa = dot(first_a, first_a);
@@ -124,7 +126,8 @@ fn main(
                     let size_of_angle = argument(x, y);
                     sum += select(size_of_angle, -size_of_angle, q < 0.0);
                     let off = inverse * over * (SPAN * edges * ic + (TURN + TILT * over) * size);
-                    // No angle that is certain is off by 1, and the bound of a sum has room for no more.
+                    // A decided angle is off by less than 1, and the fixed-point sum cannot hold
+                    // larger bounds.
                     error += min(off, MOST) + abs(sum);
                 } else {
                     doubts += 1u;
@@ -148,7 +151,8 @@ fn main(
             }
             done += j;
             value = add64(value, fixed64(sum));
-            // Up by more than what the rounding to fixed point, of both, and of this sum have cost.
+            // Rounded up by more than the rounding errors of both conversions to fixed point and of
+            // this sum.
             bound = add64(bound, add64(fixed64(error * ROUNDED_UP), vec2<u32>(8u, 0u)));
         }
     }
@@ -172,12 +176,12 @@ fn main(
         // A driver may leave a loop early.
         var unknown = counts[thread].y > 0u || counts[thread].z != tile.rows * tile.columns;
         if more > 0u {
-            // More doubts than 32 bits hold: nothing is known of the pair.
+            // If the count of undecided pairs exceeds 32 bits, nothing is known of the pair.
             let before = atomicAdd(&sums[at + DOUBTS], more);
             unknown = unknown || before + more < before;
         }
         if unknown {
-            // No count, which might come back to 0.
+            // A flag, not a count, which might wrap to 0.
             atomicMax(&sums[at + NEAR], 1u);
         }
         atomicAdd(&sums[arrayLength(&sums) - 1u], 1u);

@@ -1,42 +1,40 @@
-//! The direction of projection of every pair of curves, and the node pairs to begin with: a workgroup each.
+//! Choice of the direction of projection for every pair of curves, and its initial node pairs. Each
+//! pair of curves has a workgroup.
 //!
-//! All pairs of the roots of both curves, 256 at most, are seen in all six directions; that is taken in which the fewest may cross.
-//! Where it is none, the linking number is 0.
+//! All pairs of roots of both curves, 256 at most, are tested in all six directions. The direction
+//! with the fewest remaining node pairs is chosen. If none remain, the linking number is 0.
 
-use super::boxes::{NODES_PROGRAM, ROOTS};
+use super::boxes::{NODES_SHADER, ROOTS};
 use super::commands::{Binding, Buffer, Command, Stage};
-use super::descent::{self, AGENDA_PROGRAM, COUNTERS, SEPARATED, THREADS};
+use super::descent::{self, AGENDA_SHADER, COUNTERS, SEPARATED, THREADS};
 use super::layout::Parameters;
-use super::{Engine, Room};
+use super::{Capacity, State};
 use crate::pairs::Pair;
 
-/// Node pairs of a thread.
+/// Number of node pairs of a thread.
 const SHARE: u32 = (ROOTS * ROOTS).div_ceil(THREADS);
 
-/// The program.
+/// The shader that chooses the directions.
 pub(super) const STAGE: Stage = Stage {
     name: "directions",
     source: || {
         let mut whole = descent::WORDS.to_vec();
         whole.extend([("SHARE", SHARE), ("SEPARATED", SEPARATED)]);
-        let parts = [
-            NODES_PROGRAM,
-            AGENDA_PROGRAM,
-            include_str!("directions.wgsl"),
-        ];
-        super::program(&whole, &[], &parts)
+        let parts = [NODES_SHADER, AGENDA_SHADER, include_str!("directions.wgsl")];
+        super::shader(&whole, &[], &parts)
     },
 };
 
 const PAIRS: Buffer = Buffer("pairs", STAGE.name);
 const PARAMETERS: Buffer = Buffer("parameters", STAGE.name);
 
-/// What it takes to choose the directions of some pairs: uploads, and what runs after them.
+/// Returns the commands that choose the directions of some pairs: the uploads, and the dispatch
+/// that follows them.
 pub(super) fn choose(
-    engine: &Engine,
+    state: &State,
     radius: f32,
     pairs: &[Pair],
-    room: Room,
+    capacity: Capacity,
 ) -> ([Command; 2], Command) {
     let parameters = Parameters {
         radius,
@@ -53,11 +51,11 @@ pub(super) fn choose(
         stage: STAGE,
         bindings: vec![
             Binding::parameters(PARAMETERS, 0),
-            engine.hierarchy.nodes(),
-            room.agenda(descent::AGENDAS[0]),
-            room.tiles(descent::TILES),
+            state.hierarchy.nodes(),
+            capacity.agenda(descent::AGENDAS[0]),
+            capacity.tiles(descent::TILES),
             COUNTERS,
-            engine.hierarchy.roots(),
+            state.hierarchy.roots(),
             Binding::whole(PAIRS, size_of_val(&listed[..]) as u64),
         ],
         groups: pairs.len() as u32,

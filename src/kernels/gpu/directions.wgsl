@@ -1,5 +1,5 @@
-// The direction of each pair of curves, and the node pairs to begin with: src/kernels/gpu/directions.rs. A workgroup has a pair
-// of curves.
+// Choice of the direction of projection of each pair of curves, and the initial node pairs: see
+// src/kernels/gpu/directions.rs. Each pair of curves has a workgroup.
 
 struct Roots {
     first: u32,
@@ -9,11 +9,12 @@ struct Roots {
 @group(0) @binding(5) var<storage, read> roots: array<Roots>;
 @group(0) @binding(6) var<storage, read> pairs: array<vec2<u32>>;
 
-// Node pairs that are left in each direction.
+// Number of node pairs that remain in each direction.
 var<workgroup> left: array<atomic<u32>, 6>;
 var<workgroup> chosen: u32;
 
-// The directions in which two nodes may cross: bit 2 w for axis w with the first one on top, the next one with the second.
+// Returns the mask of the directions in which two nodes may cross: bit 2 w for axis w with the
+// first node above, bit 2 w + 1 with the second node above.
 fn directions(a: u32, b: u32) -> u32 {
     let a_below = beyond3(nodes[a].high, nodes[b].low);
     let b_below = beyond3(nodes[b].high, nodes[a].low);

@@ -1,29 +1,29 @@
-//! Why work that was given to an adapter did not come back.
+//! Failures of an adapter.
 
 use std::fmt;
 
-/// What went wrong. The caller goes on without the adapter, and says so once.
+/// Failure of an adapter. The caller logs it once and falls back to the CPU.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Trouble {
-    /// No adapter was found, or none, or several, fit the name; with a message.
+    /// No adapter exists, or none or several match the choice; with a message.
     NoAdapter(String),
-    /// Its arithmetic is not what the bounds rest on.
+    /// The arithmetic of the adapter does not satisfy the assumptions of the error bounds.
     Arithmetic(String),
-    /// More than the adapter can take.
+    /// The work exceeds a limit of the adapter.
     Limit {
-        /// Of what.
+        /// Name of the limited quantity.
         what: &'static str,
-        /// Asked for.
+        /// Needed amount.
         needed: u64,
-        /// Allowed.
+        /// Maximum amount.
         limit: u64,
     },
-    /// Out of memory, lost, or an error of the driver; in its words.
+    /// Out of memory, lost, or a driver error; with the message of the driver.
     Failed(String),
 }
 
 impl Trouble {
-    /// More than the adapter can take.
+    /// Returns the error for a limit that is exceeded.
     pub fn limit(what: &'static str, needed: u64, limit: u64) -> Trouble {
         Trouble::Limit {
             what,
@@ -36,12 +36,14 @@ impl Trouble {
 impl fmt::Display for Trouble {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Trouble::Arithmetic(what) => write!(f, "its arithmetic cannot be relied on: {what}"),
+            Trouble::Arithmetic(what) => {
+                write!(f, "the arithmetic of the adapter is wrong: {what}")
+            }
             Trouble::Limit {
                 what,
                 needed,
                 limit,
-            } => write!(f, "{needed} {what} needed, {limit} possible"),
+            } => write!(f, "{needed} {what} needed, the adapter allows {limit}"),
             Trouble::NoAdapter(what) | Trouble::Failed(what) => f.write_str(what),
         }
     }

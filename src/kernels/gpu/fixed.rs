@@ -1,16 +1,18 @@
-//! Fixed-point numbers, as programs sum them: exact in any order, so that a sum has the same bits on every run.
+//! Fixed-point numbers in which shaders sum. Their sums are exact in any order, so a sum has the
+//! same bits on every run.
 //!
-//! A thread has 64 bits, which are 500,000 radians; the sum of a pair of curves has 96.
+//! A thread sums in 64 bits, which hold 500,000 radians; the sum of a pair of curves has 96 bits.
 
-/// What one unit is worth.
+/// Value of the last bit.
 pub(crate) const UNIT: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// An integer from its two halves.
+/// Returns the integer with these halves, low and high.
 pub(crate) fn whole([low, high]: [u32; 2]) -> i64 {
     (u64::from(high) << 32 | u64::from(low)) as i64
 }
 
-/// The number nearest to so many units, given in three words; the rounding is below `2^-52` of it.
+/// Returns the floating-point number nearest to three words in units of [`UNIT`]. The relative
+/// rounding error is below `2^-52`.
 pub(crate) fn number([low, middle, high]: [u32; 3]) -> f64 {
     let whole = i128::from(high as i32) << 64 | i128::from(middle) << 32 | i128::from(low);
     whole as f64 * UNIT
@@ -21,7 +23,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_make_signed_numbers() {
+    fn words_combine_to_signed_numbers() {
         assert_eq!(whole([1, 0]), 1);
         assert_eq!(whole([u32::MAX, u32::MAX]), -1);
         assert_eq!(whole([0, 1]), 1 << 32);

@@ -1,4 +1,5 @@
-//! The vertices of a frame as they go up: in the precision of the adapter, with what that may have cost.
+//! Vertices of a frame in the format of the upload: in the precision of the shaders, with a bound
+//! of the rounding error.
 
 use super::precision::Real;
 use crate::curve::{Axes, CurveSet};
@@ -8,35 +9,37 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The vertices of all closed polylines of a set, each with its first vertex again at its end, times a power of two that
-/// brings them between -1 and 1.
+/// Vertices of all closed polylines of a set. The first vertex of each curve is repeated at its
+/// end. All coordinates are scaled by one power of two, so that they lie between -1 and 1.
 ///
-/// Input of the same precision, or of less, stays what it is, but for numbers below [`Real::SMALLEST`] of the largest. Doubles
-/// that do not fit into singles are moved to the middle first, and rounded; no coordinate is further off than `radius`.
+/// Input of the same precision or of a lower one is exact, except for numbers below
+/// [`Real::SMALLEST`] times the largest one. Doubles that do not fit into single precision are
+/// translated to the centre first and then rounded; no coordinate is off by more than `radius`.
 #[derive(Debug, Default)]
 pub(crate) struct Frame<R = f32> {
-    /// No two frames have the same.
+    /// Unique identifier of the frame.
     pub id: u64,
-    /// `x y z 0` a vertex.
+    /// Vertices, as `x y z 0`.
     pub vertices: Vec<[R; 4]>,
-    /// Those of each curve; empty where it has no linking numbers: an open curve, or a spline.
+    /// Range of vertices of each curve. Empty if the curve has no linking numbers: an open curve,
+    /// or a spline.
     pub curves: Vec<Range<u32>>,
-    /// How far a coordinate may be from the true one.
+    /// Maximum error of a coordinate.
     pub radius: f32,
 }
 
 impl<R: Real> Frame<R> {
-    /// Copies them.
+    /// Copies the vertices of a set, on all threads.
     pub fn new(set: &CurveSet) -> Frame<R> {
         Frame::copied(set, 64)
     }
 
-    /// Copies them on this thread alone: for those who hold what others wait for.
+    /// Copies the vertices of a set on the current thread alone, for callers that hold a lock.
     pub fn alone(set: &CurveSet) -> Frame<R> {
         Frame::copied(set, usize::MAX)
     }
 
-    /// Copies them, so many curves at least without sharing them out.
+    /// Copies the vertices of a set. A task has at least `at_least` curves.
     fn copied(set: &CurveSet, at_least: usize) -> Frame<R> {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         let mut frame = Frame {
@@ -60,7 +63,7 @@ impl<R: Real> Frame<R> {
         }
         let scale = Scale::new(set.max_abs());
         let mut worst = frame.write(set, &bodies, [0.0; 3], scale, at_least);
-        // To move them costs this much, differences from the middle being rounded too: they are 1 at most.
+        // Error of the translation: differences from the centre are at most 1, and rounded.
         const MOVED: f64 = f64::EPSILON;
         if worst > MOVED {
             let (centre, half) = middle(set, &bodies);
@@ -73,7 +76,7 @@ impl<R: Real> Frame<R> {
         frame
     }
 
-    /// Writes all vertices; returns by how much a coordinate is off, at most.
+    /// Writes all vertices. Returns the maximum error of a coordinate.
     fn write(
         &mut self,
         set: &CurveSet,
@@ -128,24 +131,26 @@ impl<R: Real> Frame<R> {
         each.reduce(|| 0.0, f64::max)
     }
 
-    /// Segments of curve `i`; none where it has no linking numbers.
+    /// Returns the number of segments of curve `i`; 0 if it has no linking numbers.
     pub fn segments(&self, i: u32) -> u32 {
         let range = self.curves.get(i as usize).cloned().unwrap_or_default();
         (range.len() as u32).saturating_sub(1)
     }
 
-    /// Whether it is of two curves that have segments: whether anything can be known of it.
+    /// Returns true if both curves are different and have segments, which a linking number
+    /// requires.
     pub fn has_numbers(&self, (i, j): Pair) -> bool {
         i != j && self.segments(i) > 0 && self.segments(j) > 0
     }
 
-    /// First vertex of curve `i`.
+    /// Returns the first vertex of curve `i`.
     pub fn first(&self, i: u32) -> u32 {
         self.curves[i as usize].start
     }
 }
 
-/// The middle of the box around the curves, and half its longest side, or a little more.
+/// Returns the centre of the bounding box of the curves, and an upper bound of half its longest
+/// side.
 fn middle(set: &CurveSet, bodies: &[Range<usize>]) -> ([f64; 3], f64) {
     let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for slot in bodies.iter().cloned().flatten() {
@@ -154,7 +159,7 @@ fn middle(set: &CurveSet, bodies: &[Range<usize>]) -> ([f64; 3], f64) {
             (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
         }
     }
-    // Halves first: their sum is finite.
+    // Each half is finite, and so is their sum.
     let centre = [0, 1, 2].map(|x| 0.5 * lo[x] + 0.5 * hi[x]);
     let half = (0..3).fold(0.0, |m: f64, x| {
         m.max(hi[x] - centre[x]).max(centre[x] - lo[x])
@@ -173,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_is_exact_and_closed() {
+    fn representable_coordinates_are_exact_and_curves_are_closed() {
         let f: Frame = frame(&[0.0, 1.0, -3.0, 2.0, 0.5, 7.0, 1.0, 1.0, 1.0]);
         assert_eq!(f.radius, 0.0);
         assert_eq!((f.curves.len(), f.curves[0].clone()), (1, 0..4));
@@ -183,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_rounded_within_the_radius() {
+    fn other_coordinates_are_rounded_within_the_radius() {
         let thirds = [
             1e6 + 1.0 / 3.0,
             0.1,
@@ -200,13 +205,13 @@ mod tests {
         let width = f.vertices[1][0] - f.vertices[0][0];
         let height = f.vertices[1][1] - f.vertices[0][1];
         assert!((f64::from(width / height) - (5.0 / 3.0) / 0.6).abs() < 1e-6);
-        // Too small to count, beside something large.
+        // A number that is flushed to 0, beside a large one.
         let f: Frame = frame(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1e-300, 1.0]);
         assert!(f.radius > 0.0 && f.radius < 1e-30);
     }
 
     #[test]
-    fn doubles_are_exact_but_for_numbers_that_are_too_small_to_count() {
+    fn doubles_are_exact_unless_they_are_flushed_to_zero() {
         let thirds = [
             1e6 + 1.0 / 3.0,
             0.1,
@@ -228,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_copies_the_copy_is_the_same() {
+    fn copies_of_one_thread_and_of_all_threads_are_equal() {
         let xyz: Vec<f64> = (0..900_000).map(|k| f64::from(k % 7919) / 3.0).collect();
         let counts = [-3, -100_000, -2, -99_995, 50_000, -7, -49_993];
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
@@ -238,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn extreme_exponents_fit_or_say_so() {
+    fn extreme_exponents_are_exact_or_within_the_radius() {
         let f: Frame = frame(&[1e300, 0.0, 0.0, 0.0, 1e300, 0.0, 0.0, -1e300, 1.7e308]);
         assert!(f.radius.is_finite() && f.vertices.iter().flatten().all(|x| x.abs() <= 1.0));
         let f: Frame = frame(&[1e-310, 0.0, 0.0, 0.0, 1e-310, 0.0, 0.0, 0.0, 1e-310]);

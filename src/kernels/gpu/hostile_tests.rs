@@ -1,5 +1,5 @@
-//! What might lead crossings on an adapter to a wrong number: sizes at the edges of boxes and levels, frames that follow
-//! one another, and several who share an adapter.
+//! Cases that might give a wrong count of crossings on an adapter: sizes at the limits of boxes and
+//! levels, sequences of frames, and an adapter that is shared.
 
 use super::tests::{adapter, counts_agree, pairs_of, set_of_all, two_frames};
 use super::*;
@@ -15,12 +15,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::Duration;
 
-/// Segments at the edges of leaves, of roots and of levels.
+/// Numbers of segments at the limits of leaves, of roots and of levels.
 const EDGES: [usize; 16] = [
     3, 4, 15, 16, 17, 31, 32, 33, 255, 256, 257, 1023, 1024, 1025, 4096, 4097,
 ];
 
-/// Links of a set as the adapter counts them.
+/// Returns the links of a set as counted by the adapter.
 fn counted(
     gpu: &Gpu,
     frame: &Frame,
@@ -38,7 +38,8 @@ fn counted(
     (Counted::joined(parts), sent)
 }
 
-/// Walks of all edge sizes, on grids so coarse that most views are degenerate, or so fine that few are.
+/// Returns random walks of these sizes, on grids so coarse that most projections are degenerate, or
+/// so fine that few are.
 fn walks(seed: u64, sizes: &[usize], size: u64, step: u64) -> Vec<Polygon> {
     let mut random = Random::new(seed);
     sizes.iter().map(|&n| random.walk(n, size, step)).collect()
@@ -46,7 +47,7 @@ fn walks(seed: u64, sizes: &[usize], size: u64, step: u64) -> Vec<Polygon> {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn sizes_at_the_edges_of_levels_lose_no_crossing() {
+fn no_crossing_is_lost_at_the_limits_of_levels() {
     let gpu = adapter();
     let kinds = [
         (1000, 40, 1.0),
@@ -71,7 +72,7 @@ fn sizes_at_the_edges_of_levels_lose_no_crossing() {
             let link = found.links.iter().find(|l| (l.i, l.j) == (i, j));
             let undefined = found.undefined.iter().any(|d| (d.i, d.j) == (i, Some(j)));
             let number = (!undefined).then(|| link.map_or(0, |l| l.lambda));
-            // A scale that rounds makes other polygons.
+            // A scale that rounds changes the polygons.
             if scale.abs() >= 0.5 {
                 assert_eq!(
                     number,
@@ -83,10 +84,11 @@ fn sizes_at_the_edges_of_levels_lose_no_crossing() {
     }
 }
 
-/// Open curves, one of no extent and one that bounds nothing between the others; and none but those.
+/// Curves without linking numbers between the others (open ones, a point, one with fewer than three
+/// distinct points); and a set of those only.
 #[test]
 #[ignore = "needs an adapter"]
-fn curves_without_numbers_shift_no_others() {
+fn curves_without_linking_numbers_do_not_affect_others() {
     let gpu = adapter();
     let mut random = Random::new(77);
     for _ in 0..4 {
@@ -116,7 +118,7 @@ fn curves_without_numbers_shift_no_others() {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn three_segments_against_two_hundred_thousand() {
+fn counts_three_segments_against_two_hundred_thousand() {
     let gpu = adapter();
     let [core, around] = winding(1000, 200_000, 0.1);
     let thin: Polygon = vec![[0, 0, -90_000], [0, 0, 90_000], [200_000, 3, 5]];
@@ -135,7 +137,8 @@ fn three_segments_against_two_hundred_thousand() {
     counts_agree(&gpu, &set_of_all(&off, false));
 }
 
-/// More pairs than one workgroup of Mesa's software goes through: it left its loops early, and a third of the links was lost.
+/// Regression test: more pairs than one workgroup of Mesa's software adapter processes. It left its
+/// loops early, and a third of the links was lost.
 #[test]
 #[ignore = "needs an adapter"]
 fn no_tile_of_a_million_pairs_is_lost() {
@@ -147,10 +150,10 @@ fn no_tile_of_a_million_pairs_is_lost() {
     counts_agree(&gpu, &set_of_all(&polygons, true));
 }
 
-/// More pairs than a pass takes, so they come in parts.
+/// More pairs than the maximum of a pass, so they are processed in batches.
 #[test]
 #[ignore = "needs an adapter, and a minute in software"]
-fn pairs_that_are_too_many_for_one_pass_come_in_their_order() {
+fn pairs_in_batches_keep_their_order() {
     let gpu = adapter();
     let mut random = Random::new(31);
     let polygons: Vec<_> = (0..2900)
@@ -159,10 +162,11 @@ fn pairs_that_are_too_many_for_one_pass_come_in_their_order() {
     counts_agree(&gpu, &set_of_all(&polygons, true));
 }
 
-/// Small curves beside something large or far away, where boxes are as small as what vertices are off by.
+/// Small curves beside something large or far away, so that boxes are as small as the error of the
+/// vertices.
 #[test]
 #[ignore = "needs an adapter"]
-fn what_is_as_small_as_the_error_of_a_vertex_is_left_to_the_processor() {
+fn curves_as_small_as_the_vertex_error_are_decided_by_the_cpu() {
     let gpu = adapter();
     for power in [
         -300i32, -150, -140, -126, -60, -40, -30, -24, -23, -22, -20, -10,
@@ -197,10 +201,11 @@ fn what_is_as_small_as_the_error_of_a_vertex_is_left_to_the_processor() {
     }
 }
 
-/// Sets of a few layouts in any order, announced or not, as announced or not, with sums between: nothing of another one is left.
+/// Sets of several layouts in random order, announced or not, correctly or not, with sums in
+/// between: nothing of another set is used.
 #[test]
 #[ignore = "needs an adapter"]
-fn frames_of_any_layout_follow_one_another() {
+fn frames_of_any_layout_may_follow_one_another() {
     let gpu = adapter();
     let mut random = Random::new(4242);
     let layouts: [&[usize]; 5] = [
@@ -212,7 +217,7 @@ fn frames_of_any_layout_follow_one_another() {
     ];
     let sets: Vec<CurveSet> = (0..15)
         .map(|k| {
-            // On the coarse grid most touch; on the other one they have numbers.
+            // On the coarse grid most pairs touch; on the other one they have linking numbers.
             let (size, step) = if k % 4 == 0 {
                 (12, 2)
             } else {
@@ -258,25 +263,26 @@ fn frames_of_any_layout_follow_one_another() {
     }
 }
 
-/// Who holds the adapter does not wait for the pool: its thread would be given work of another, which wants the adapter, too.
+/// A thread must not wait for the rayon pool while it holds the lock of the adapter: it may steal a
+/// task that needs the same lock, and deadlocks.
 #[test]
 #[ignore = "needs an adapter"]
-fn the_adapter_is_not_held_while_the_pool_is_waited_for() {
-    ends_beside_work_that_wants_the_adapter(|gpu, now, next| {
+fn counting_does_not_wait_for_the_pool_under_the_lock() {
+    ends_beside_tasks_that_need_the_lock(|gpu, now, next| {
         counted(gpu, &Frame::new(now), now, Some(next));
     });
 }
 
-/// Vertices were made while a calibration, or a measurement, held it.
+/// Regression test: vertices were built while a calibration or a measurement held the lock.
 #[test]
 #[ignore = "needs an adapter"]
-fn the_adapter_is_not_held_while_vertices_are_made_for_a_sum() {
-    ends_beside_work_that_wants_the_adapter(|gpu, _, large| {
+fn vertices_of_a_sum_are_not_built_under_the_lock() {
+    ends_beside_tasks_that_need_the_lock(|gpu, _, large| {
         gpu.sum_directly(large, &[(0, 1)]).unwrap();
     });
 }
 
-fn ends_beside_work_that_wants_the_adapter(
+fn ends_beside_tasks_that_need_the_lock(
     work_of: impl Fn(&Gpu, &CurveSet, &CurveSet) + Send + Sync + 'static,
 ) {
     let polygons = walks(1, &[40, 30], 1 << 20, 1 << 17);
@@ -296,12 +302,13 @@ fn ends_beside_work_that_wants_the_adapter(
             let counted_now = AtomicBool::new(false);
             let busy = || !counted_now.load(Ordering::Relaxed);
             pool.scope(|scope| {
-                // One has work in store that wants the adapter; one is free as soon as the third has it.
+                // The first task offers work that needs the lock; the second thread becomes idle as
+                // soon as the third one holds the lock.
                 scope.spawn(|_| {
                     let work = || while busy() {};
                     rayon::join(work, || drop(gpu.lock()));
                 });
-                scope.spawn(|_| while busy() && gpu.engine.try_lock().is_ok() {});
+                scope.spawn(|_| while busy() && gpu.state.try_lock().is_ok() {});
                 scope.spawn(|_| {
                     work_of(&gpu, &now, &next);
                     counted_now.store(true, Ordering::Relaxed);
@@ -311,13 +318,13 @@ fn ends_beside_work_that_wants_the_adapter(
         done.send(())
     });
     let ended = ended.recv_timeout(Duration::from_secs(90));
-    assert!(ended.is_ok(), "it waits for itself");
+    assert!(ended.is_ok(), "deadlock: no result within 90 s");
 }
 
-/// Several verifiers in the threads of one pool, on one adapter.
+/// Several verifiers in the threads of one pool share one adapter.
 #[test]
 #[ignore = "needs an adapter"]
-fn verifiers_that_share_an_adapter_do_not_see_one_another() {
+fn verifiers_that_share_an_adapter_do_not_affect_one_another() {
     let tangled: Vec<CurveSet> = (0..4)
         .map(|k| {
             let kind = [(12, 2), (1 << 20, 1 << 17)][k as usize % 2];
@@ -345,10 +352,10 @@ fn verifiers_that_share_an_adapter_do_not_see_one_another() {
     ));
 }
 
-/// Boxes that were to be made and were not, or programs that did not run: no number comes of it.
+/// If boxes were not computed, or shaders did not run, no number is returned.
 #[test]
 #[ignore = "needs an adapter"]
-fn work_that_was_broken_off_gives_no_number() {
+fn incomplete_work_is_an_error() {
     let gpu = adapter();
     let polygons = walks(9, &[400, 30, 3000], 1 << 20, 1 << 17);
     let scaled: Vec<_> = polygons.iter().map(|p| floats(p, 1.0)).collect();
@@ -366,24 +373,25 @@ fn work_that_was_broken_off_gives_no_number() {
     gpu.lock().boxes_of = Some(frame.id);
     let found = gpu.count(&frame, scene, &pairs_of(&set), None);
     assert!(matches!(found, Err(Trouble::Failed(_))));
-    let engine = &mut gpu.lock();
+    let state = &mut gpu.lock();
     let zeros = [256, 24, 12, 4].map(|n| vec![0; n]);
-    engine.boxes_made = 0;
-    assert!(crossings::counters(engine, &zeros, |_| 3).is_err());
-    assert!(direct::read(engine, &[0; 36], 1).is_err());
-    assert!(barnes_hut::tiles(engine, &[0; 64], 4, 1).is_err());
-    // Node pairs of two levels, 1 and 4; then one too few was gone through.
+    state.boxes_made = 0;
+    assert!(crossings::counters(state, &zeros, |_| 3).is_err());
+    assert!(direct::read(state, &[0; 36], 1).is_err());
+    assert!(barnes_hut::tiles(state, &[0; 64], 4, 1).is_err());
+    // Two levels with 1 and 4 node pairs, all processed; then one of them not processed.
     let mut counts = [0; 64];
     (counts[0], counts[1], counts[62], counts[63]) = (1, 4, 5, 7);
-    assert_eq!(barnes_hut::tiles(engine, &counts, 2, 1), Ok(Some(7)));
+    assert_eq!(barnes_hut::tiles(state, &counts, 2, 1), Ok(Some(7)));
     counts[62] = 4;
-    assert!(barnes_hut::tiles(engine, &counts, 2, 1).is_err());
+    assert!(barnes_hut::tiles(state, &counts, 2, 1).is_err());
 }
 
-/// A panic between the list of what goes up and its going up, which others who share the adapter survive.
+/// A panic between the record of an upload and the upload itself. Other users of the shared adapter
+/// must not be affected.
 #[test]
 #[ignore = "needs an adapter"]
-fn after_a_panic_nothing_is_taken_to_be_on_the_adapter() {
+fn uploads_are_repeated_after_a_panic() {
     let gpu = adapter();
     let sets = [[400usize, 30], [30, 400]].map(|sizes| {
         let polygons = walks(3, &sizes, 1 << 20, 1 << 17);
@@ -395,8 +403,8 @@ fn after_a_panic_nothing_is_taken_to_be_on_the_adapter() {
     counts_agree(&gpu, &sets[0]);
     std::thread::scope(|scope| {
         let panics = scope.spawn(|| {
-            let mut engine = gpu.lock();
-            drop(boxes::fit(&mut engine, &Frame::new(&sets[1])));
+            let mut state = gpu.lock();
+            drop(boxes::fit(&mut state, &Frame::new(&sets[1])));
             panic!("on purpose");
         });
         assert!(panics.join().is_err());
@@ -406,7 +414,7 @@ fn after_a_panic_nothing_is_taken_to_be_on_the_adapter() {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn a_frame_that_was_sent_stays_sent_until_it_comes() {
+fn an_uploaded_next_frame_stays_uploaded_until_its_turn() {
     let [now, next] = two_frames();
     let mut accelerator = crate::kernels::Accelerator::open(&Choice::Gpu).unwrap();
     let mut trees = Trees::default();
@@ -418,7 +426,7 @@ fn a_frame_that_was_sent_stays_sent_until_it_comes() {
     };
     let pairs = pairs_of(&now);
     accelerator.announce(&next);
-    // As early exit counts: block by block.
+    // Block by block, as with an early exit.
     for block in pairs.chunks(64) {
         accelerator.count(scene, block).unwrap();
         assert!(accelerator.has_sent(&next));

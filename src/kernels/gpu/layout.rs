@@ -1,161 +1,166 @@
-//! Structs that programs share with us: here as Rust has them, in `shared.wgsl` as programs see them. A test compares the two.
+//! Structs that Rust and the shaders share: defined here, and in `shared.wgsl` and other shaders. A
+//! test compares the layouts.
 
 use bytemuck::{Pod, Zeroable};
 
-/// What is the same for a whole dispatch.
+/// Parameters of a dispatch.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct Parameters {
-    /// How far each coordinate may be from the true one: 0 where all of them are exact in single precision.
+    /// Maximum error of a coordinate: 0 if all coordinates are exact in single precision.
     pub radius: f32,
-    /// 0, which a compiler does not know.
+    /// Always 0, but unknown to the shader compiler.
     pub zero: u32,
-    /// The first item.
+    /// Index of the first item.
     pub first: u32,
-    /// How many, or another number that a stage is told.
+    /// Number of items, or another number that the stage needs.
     pub items: u32,
 }
 
-/// A tile of work: some consecutive segments of one curve with some of another.
+/// A tile of work: a run of segments of one curve, to be paired with a run of segments of another
+/// one.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Tile {
-    /// Which pair of curves it is a part of.
+    /// Index of the pair of curves.
     pub pair: u32,
-    /// First vertex of the rows, and how many segments they are.
+    /// First vertex of the rows.
     pub first_row: u32,
-    /// Rows.
+    /// Number of rows.
     pub rows: u32,
     /// First vertex of the columns.
     pub first_column: u32,
-    /// Columns.
+    /// Number of columns.
     pub columns: u32,
-    /// None: parts of the list start at multiples of 32 bytes.
+    /// Unused. It makes the size 32 bytes, so that a batch of a list can start at an aligned
+    /// offset.
     pub padding: [u32; 3],
 }
 
-/// The sum of the angles of a pair: fixed-point numbers of three words each, in units of [`super::fixed::UNIT`]. Programs see
-/// a list of words, and are told where each is.
+/// Sum of the angles of a pair: fixed-point numbers of three words each, in units of
+/// [`super::fixed::UNIT`]. Shaders access it as a list of words, with the offsets as constants.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct AngleSum {
-    /// The sum.
+    /// Sum of the angles.
     pub value: [u32; 3],
-    /// The sum of the bounds.
+    /// Sum of the error bounds.
     pub bound: [u32; 3],
-    /// Pairs of segments whose angle is in doubt.
+    /// Number of segment pairs whose angle is undecided.
     pub doubts: u32,
-    /// Not 0 where the uncertainty of vertices may make segments cross, or where doubts are too many to count.
+    /// Not 0 if the uncertainty of the vertices may make segments cross, or if the count of
+    /// undecided pairs overflowed.
     pub near: u32,
 }
 
-/// A box around a run of segments.
+/// Bounding box of a run of segments.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct BoxNode {
-    /// Least coordinates.
+    /// Minimum of each coordinate.
     pub low: [f32; 3],
-    /// The first of what is below: vertices at the bottom, else nodes.
+    /// Index of the first child: a vertex at the bottom, else a node.
     pub first: u32,
-    /// Largest coordinates.
+    /// Maximum of each coordinate.
     pub high: [f32; 3],
-    /// How many there are below; and the level, times [`super::boxes::LEVEL`].
+    /// Number of children, plus the level times [`super::boxes::LEVEL`].
     pub below: u32,
 }
 
-/// The topmost boxes of a curve.
+/// Root boxes of a curve.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Roots {
-    /// The first.
+    /// Index of the first root.
     pub first: u32,
-    /// How many.
+    /// Number of roots.
     pub count: u32,
 }
 
-/// A test that single precision does not decide.
+/// A crossing test that single precision does not decide.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 pub(crate) struct Undecided {
-    /// The pair of curves; the axis is in its highest bits ([`super::descent::AXIS`]).
+    /// Index of the pair of curves; the axis is in the highest bits ([`super::descent::AXIS`]).
     pub pair: u32,
-    /// First vertex of the segment on top.
+    /// First vertex of the upper segment.
     pub upper: u32,
-    /// First vertex of the segment below.
+    /// First vertex of the lower segment.
     pub lower: u32,
 }
 
-/// A node of a tree; see [`crate::kernels::barnes_hut::PackedNode`].
+/// A tree node; see [`crate::kernels::barnes_hut::PackedNode`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Node {
-    /// Centre.
+    /// Centre, rounded.
     pub centre: [f32; 3],
-    /// Distance of its points from the centre, at most.
+    /// Upper bound of the distance of its points from the centre.
     pub radius: f32,
-    /// What the centre lacks.
+    /// Rounding error of `centre`; the sum of both is the centre.
     pub centre_rest: [f32; 3],
-    /// Length.
+    /// Total length of the segments.
     pub length: f32,
-    /// Mean of the squared distance from the centre, by that of the radius.
+    /// Mean of the squared distance from the centre, divided by the squared radius.
     pub second: f32,
-    /// Mean of its fourth power.
+    /// Mean of the fourth power of the distance, divided by that of the radius.
     pub fourth: f32,
-    /// First vertex.
+    /// Index of the first vertex.
     pub first: u32,
-    /// Segments.
+    /// Number of segments.
     pub segments: u32,
-    /// Mean of the products of the tangent's coordinates.
+    /// Means of the products of the coordinates of the tangent.
     pub tangents: [f32; 6],
-    /// Second child; the first one comes next.
+    /// Index of the second child; the first child is the next node.
     pub right: u32,
-    /// 1 where there are none.
+    /// 1 if the node is a leaf, else 0.
     pub leaf: u32,
-    /// Moments.
+    /// Moments about the centre.
     pub moments: [f32; 30],
-    /// None.
+    /// Unused.
     pub padding: [u32; 2],
 }
 
-/// A pair of nodes to look into, of the trees of Barnes-Hut or of boxes.
+/// A node pair to visit, of Barnes-Hut trees or of box hierarchies.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct NodePair {
-    /// The pair of curves; of boxes with the axis in its highest bits ([`super::descent::AXIS`]).
+    /// Index of the pair of curves; for boxes the axis is in the highest bits
+    /// ([`super::descent::AXIS`]).
     pub pair: u32,
-    /// A node of the first; of boxes of the one on top.
+    /// Node of the first curve; for boxes, of the upper curve.
     pub first: u32,
-    /// A node of the other one.
+    /// Node of the other curve.
     pub second: u32,
 }
 
-/// When a node pair is expanded: both have to hold.
+/// Conditions under which a node pair is expanded. Both must hold.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Criterion {
-    /// Its distance is above this times the sum of the radii.
+    /// Minimum ratio of the distance and the sum of the radii.
     pub beta: f32,
-    /// The bound of the remainder is not above this.
+    /// Maximum bound of the remainder.
     pub share: f32,
 }
 
-/// The sum of the expansions of a pair, like [`AngleSum`].
+/// Sum of the expansions of a pair, in the format of [`AngleSum`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct FarSum {
-    /// The sum.
+    /// Sum of the expansions.
     pub value: [u32; 3],
-    /// The sum of the bounds.
+    /// Sum of the error bounds.
     pub bound: [u32; 3],
-    /// That of rounding alone.
+    /// Sum of the rounding errors alone.
     pub size: [u32; 3],
-    /// Node pairs expanded.
+    /// Number of node pairs expanded.
     pub expanded: u32,
-    /// Node pairs looked into.
+    /// Number of node pairs visited.
     pub visited: u32,
 }
 
-/// A place in a struct, in words.
+/// Offset of a field, or size of a struct, in words.
 macro_rules! word {
     ($struct:ident.$field:ident) => {
         (std::mem::offset_of!($struct, $field) / 4) as u32

@@ -1,4 +1,5 @@
-//! What kernels take on an adapter, beside the processor: whole frames, and frames whose vertices are there already.
+//! Measurement of the kernels on an adapter and on the CPU: whole frames, and frames whose vertices
+//! are uploaded already.
 
 use super::barnes_hut::{self, Forest};
 use super::frame::Frame;
@@ -14,43 +15,45 @@ use crate::verifier::links_per_task;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// What a kernel takes, in milliseconds: medians.
+/// Measured times of a kernel: medians, in milliseconds.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DeviceTimes {
     /// The kernel.
     pub kernel: Method,
-    /// What the adapter computes it in.
+    /// Precision of the adapter.
     pub precision: Precision,
-    /// Pairs of curves.
+    /// Number of pairs of curves.
     pub links: usize,
-    /// Pairs of segments of all of them.
+    /// Number of segment pairs, over all pairs of curves.
     pub segment_pairs: u64,
-    /// Everything: vertices and lists made and sent up, the kernel, results back and read.
+    /// Time of a whole frame: preparation and upload of vertices and work lists, the kernel,
+    /// download and evaluation of the results.
     pub whole_ms: f64,
-    /// The same with the vertices, and trees where there are any, on the adapter.
+    /// Time with the vertices (and trees) prepared and uploaded before.
     pub resident_ms: f64,
-    /// The same kernel on the processor, all threads; none where it would take too long.
+    /// Time of the same kernel on all CPU threads. `None` if it would take too long.
     pub processor_ms: Option<f64>,
-    /// Largest difference of a sum from the linking number.
+    /// Largest difference between a sum and the linking number.
     pub largest_error: f64,
-    /// Pairs that the adapter did not decide: sums that prove no integer; for crossings, tests of segments.
+    /// Number of undecided results: sums that prove no integer; for crossings, tests of segments.
     pub undecided: u64,
-    /// Whether no decided number differs from that of the processor's exact count.
+    /// True if all decided numbers agree with the exact count on the CPU.
     pub equal: bool,
 }
 
 impl DeviceTimes {
-    /// Whether a whole frame takes less than on the processor, where that was measured; else it took too long.
+    /// Returns true if a whole frame is faster than on the CPU, or if the CPU would take too long
+    /// to measure.
     pub fn is_faster(&self) -> bool {
         self.processor_ms.is_none_or(|ms| self.whole_ms < ms)
     }
 }
 
-/// Measures kernels on a scene: those of [`Method::Crossings`], [`Method::Direct`] and [`Method::BarnesHut`] that are asked for.
-/// Splines are made polylines first, which is not measured. Sums on the processor that would take longer than `limit_s` are
-/// left out.
+/// Measures kernels on a set of curves: those of [`Method::Crossings`], [`Method::Direct`] and
+/// [`Method::BarnesHut`] that `kernels` contains. Splines are converted to polylines first; that
+/// time is not measured. Sums on the CPU that would take longer than `limit_s` are skipped.
 ///
-/// Errors: [`Error::Device`]; those of the discretization.
+/// Errors: [`Error::Device`]; errors of the discretization.
 pub fn measure(
     device: &Choice,
     set: &CurveSet,
@@ -75,7 +78,7 @@ pub fn measure(
         trees: &trees,
         workspaces: &Workspaces::default(),
     };
-    let subject = Subject {
+    let measurement = Measurement {
         gpu: &gpu,
         scene,
         pairs,
@@ -83,12 +86,12 @@ pub fn measure(
         limit_s,
     };
     let one = |kernel: &Method| match kernel {
-        Method::Crossings => vec![subject.crossings()],
+        Method::Crossings => vec![measurement.crossings()],
         Method::Direct if gpu.computes_in_double() => {
-            vec![subject.direct::<f32>(), subject.direct::<f64>()]
+            vec![measurement.direct::<f32>(), measurement.direct::<f64>()]
         }
-        Method::Direct => vec![subject.direct::<f32>()],
-        Method::BarnesHut => vec![subject.barnes_hut()],
+        Method::Direct => vec![measurement.direct::<f32>()],
+        Method::BarnesHut => vec![measurement.barnes_hut()],
         _ => Vec::new(),
     };
     let each = kernels.iter().flat_map(one);
@@ -96,7 +99,7 @@ pub fn measure(
     each.map(|times| times.map_err(failed)).collect()
 }
 
-struct Subject<'a> {
+struct Measurement<'a> {
     gpu: &'a Gpu,
     scene: Scene<'a>,
     pairs: &'a [Pair],
@@ -104,8 +107,8 @@ struct Subject<'a> {
     limit_s: f64,
 }
 
-impl Subject<'_> {
-    /// The median time of a run, and what the last one gave.
+impl Measurement<'_> {
+    /// Returns the median time of a run and the result of the last run.
     fn timed<T>(&self, mut run: impl FnMut() -> Result<T, Trouble>) -> Result<(f64, T), Trouble> {
         let mut times = Vec::new();
         loop {
@@ -125,7 +128,7 @@ impl Subject<'_> {
         each.sum()
     }
 
-    /// The exact numbers, by the processor.
+    /// Returns the exact linking numbers, counted on the CPU.
     fn count(&self) -> Counted {
         let part = |pairs: &[Pair]| {
             let mut workspace = self.scene.workspaces.take();
@@ -143,7 +146,7 @@ impl Subject<'_> {
     fn crossings(&self) -> Result<DeviceTimes, Trouble> {
         let frame = Frame::new(self.scene.set);
         let resident = || self.gpu.count(&frame, self.scene, self.pairs, None);
-        // Programs are compiled, and buffers made.
+        // The first run compiles the shaders and allocates the buffers.
         resident()?;
         let (resident_ms, _) = self.timed(resident)?;
         let (whole_ms, ((found, undecided), _)) = self.timed(|| {
@@ -169,7 +172,7 @@ impl Subject<'_> {
 
     fn direct<R: Real>(&self) -> Result<DeviceTimes, Trouble> {
         let (set, pairs) = (self.scene.set, self.pairs);
-        // A frame is made before the adapter is held.
+        // The frame is built before the lock is taken.
         let run = |frame: &Frame<R>| direct::linking_numbers(&mut self.gpu.lock(), frame, pairs);
         let frame = Frame::<R>::new(set);
         run(&frame)?;
@@ -200,7 +203,7 @@ impl Subject<'_> {
         resident_ms: f64,
         (whole_ms, found): (f64, Vec<Estimate>),
     ) -> Result<DeviceTimes, Trouble> {
-        /// What a pair of segments takes one thread, about, in nanoseconds.
+        /// Approximate time of a segment pair on one CPU thread, in nanoseconds.
         const PAIR_NS: f64 = 5.0;
         let threads = rayon::current_num_threads() as f64;
         let seconds = self.segment_pairs() as f64 * PAIR_NS * 1e-9 / threads;

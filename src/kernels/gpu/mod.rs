@@ -1,25 +1,40 @@
-//! Kernels on a graphics processor, through Vulkan, Metal or DX12: all pairs of curves in one list of commands.
+//! Kernels on a GPU, through Vulkan, Metal or DX12. All pairs of curves are processed by one list
+//! of commands.
 //!
-//! A stage has one name, on the processor's side (`.rs`: work lists, the proof of its bounds, what becomes of the result) and on
-//! the adapter's (`.wgsl`). [`device`] owns the adapter, and is the only file that knows the graphics interface;
-//! [`commands`] is what the others tell it, and [`layout`] what both sides read.
+//! # Structure
 //!
-//! Source: Qu & James 2021, section 3.4.5, who launch their kernels pair by pair in single precision and name all
-//! pairs at once as future work. Here all pairs are one work list of tiles, and single precision comes with a proof: crossings
-//! that it cannot decide go to the processor, sums have a bound of their error. What the bound of a direct sum leaves open is
-//! summed once more in double precision, where the adapter has it.
+//! Each stage has a Rust file (work lists, the proof of its error bounds, evaluation of the
+//! results) and a shader of the same name (`.wgsl`). [`device`] owns the adapter and is the only
+//! file that uses wgpu. The stages describe their work by [`commands`]; [`layout`] has the structs
+//! that Rust and the shaders share.
 //!
-//! The way of a frame: its vertices ([`frame`]) go up once, during the frame before where that is known, else ahead of the
-//! processor's own work on it. Crossings: [`boxes`], [`directions`], [`descent`], [`crossings`]; sums: [`direct`], and
-//! [`barnes_hut`] with what it leaves to the former. Programs and buffers stay for the next frame. Lists are cut so that no buffer is
-//! larger than the adapter allows and no submission so long that it is taken for hung; those that only the adapter knows the
-//! length of have [`room`] that grows.
+//! # Method
 //!
-//! An adapter is trusted with single operations only, and after a test ([`self_test`]). Whatever else fails, a lost adapter, too
-//! little memory, too large a frame, is [`Trouble`]: the caller says so and computes on the processor.
+//! Source: Qu & James 2021, section 3.4.5. They launch their kernels pair by pair in single
+//! precision, and name all pairs at once as future work. Here all pairs are one work list of tiles,
+//! and single precision comes with a proof: crossings that it does not decide go to the CPU, sums
+//! have an error bound. Pairs that the bound of a direct sum leaves undecided are summed again in
+//! double precision, if the adapter supports it.
+//!
+//! # Stages of a frame
+//!
+//! The vertices ([`frame`]) are uploaded once: during the previous frame if the next one is known,
+//! else before the CPU starts its own work on the frame. Crossings: [`boxes`], [`directions`],
+//! [`descent`], [`crossings`]. Sums: [`direct`], and [`barnes_hut`], whose near pairs are summed by
+//! [`direct`]. Pipelines and buffers are kept for the next frame. Work lists are cut so that no
+//! buffer exceeds the limit of the adapter and no submission takes so long that the system
+//! considers the adapter hung. Lists whose length only the adapter knows have a [`capacity`] that
+//! grows.
+//!
+//! # Failures
+//!
+//! An adapter is trusted with single operations only, and after a test ([`self_test`]). Every other
+//! failure (adapter lost, out of memory, frame too large) is a [`Trouble`]; the caller logs it and
+//! computes on the CPU.
 
 mod barnes_hut;
 mod boxes;
+mod capacity;
 mod commands;
 mod crossings;
 mod descent;
@@ -27,6 +42,7 @@ mod device;
 mod direct;
 mod directions;
 mod error;
+mod fallback;
 mod fixed;
 mod frame;
 #[cfg(test)]
@@ -34,9 +50,7 @@ mod hostile_tests;
 mod layout;
 mod measure;
 mod precision;
-mod room;
 mod self_test;
-mod standby;
 mod summations;
 #[cfg(test)]
 mod tests;
@@ -46,18 +60,18 @@ mod tiles;
 pub(super) use tests::direct_in_double;
 
 pub(crate) use error::Trouble;
+pub(super) use fallback::WithFallback;
 pub use measure::{DeviceTimes, measure};
 pub use precision::Precision;
-pub(super) use standby::WithStandby;
 pub(super) use summations::{BarnesHutSum, DirectSum};
 
 use self::boxes::Hierarchy;
+use self::capacity::Capacity;
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
 use self::device::{Device, Pending};
 pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
 use self::precision::Real;
-use self::room::Room;
 use super::crossings::Scene;
 use super::device::{Device as Choice, DeviceInfo};
 use super::{Counted, Estimate};
@@ -67,20 +81,18 @@ use std::fmt::Write;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 const PARAMETERS: Buffer = Buffer("parameters", "all");
-/// Of the frame in work, and of the one after it.
-const VERTICES: [Buffer; 2] = [
-    Buffer("vertices", "one"),
-    Buffer("vertices", "the other one"),
-];
+/// Vertices of the current frame and of the next one.
+const VERTICES: [Buffer; 2] = [Buffer("vertices", "one"), Buffer("vertices", "other")];
 const SUMS: Buffer = Buffer("sums", "all");
 
-/// Parts of lists of tiles start at multiples of this.
+/// Batches of lists of tiles start at multiples of this.
 const STEP: usize = ALIGNMENT as usize / size_of::<Tile>();
 
-/// Pairs of segments in one submission, at most: a fraction of a second of a slow adapter, and of the processor in disguise.
-const MOST_WORK: [u64; 2] = [1 << 31, 1 << 28];
+/// Maximum number of segment pairs in one submission: a fraction of a second, on a slow adapter and
+/// on a software adapter.
+const MAX_WORK: [u64; 2] = [1 << 31, 1 << 28];
 
-/// All adapters, each opened and tested.
+/// Returns all adapters. Opens and tests each of them.
 pub(super) fn devices() -> Vec<DeviceInfo> {
     let mut all = device::list();
     for info in &mut all {
@@ -92,42 +104,42 @@ pub(super) fn devices() -> Vec<DeviceInfo> {
     all
 }
 
-/// Returns the first adapter for which `is_wanted` holds, to be opened.
+/// Returns the index of the first adapter for which `is_wanted` holds.
 pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Choice> {
     let found = device::list().into_iter().find(|info| is_wanted(info));
     found.map(|info| Choice::Index(info.index))
 }
 
-/// Linking numbers, in parts, and how many tests were left to the processor.
+/// Linking numbers, in parts, and the number of tests that the CPU decided.
 type Counts = (Vec<Counted>, u64);
 
-/// Adapters that are open: one serves all who ask for it.
+/// Open adapters, shared by all callers.
 static OPEN: Mutex<Vec<(Choice, Weak<Gpu>)>> = Mutex::new(Vec::new());
 
-/// An adapter that is ready to compute. One caller at a time.
+/// An adapter that is ready to compute, for one caller at a time.
 #[derive(Debug)]
 pub(crate) struct Gpu {
-    engine: Mutex<Engine>,
+    state: Mutex<State>,
 }
 
 impl Gpu {
     /// Opens an adapter and tests its arithmetic.
     pub fn open(choice: &Choice) -> Result<Gpu, Trouble> {
-        let mut engine = Engine::new(Device::open(choice, true)?);
-        self_test::run::<f32>(&mut engine)?;
-        if engine.device.info().double_precision
-            && let Err(trouble) = self_test::run::<f64>(&mut engine)
+        let mut state = State::new(Device::open(choice, true)?);
+        self_test::run::<f32>(&mut state)?;
+        if state.device.info().double_precision
+            && let Err(trouble) = self_test::run::<f64>(&mut state)
         {
-            tracing::warn!("no double precision on the adapter: {trouble}");
-            // A program that it could not run may have taken it away.
-            engine = Engine::new(Device::open(choice, false)?);
+            tracing::warn!("the adapter is used in single precision only: {trouble}");
+            // A shader that the adapter could not run may have lost the device.
+            state = State::new(Device::open(choice, false)?);
         }
         Ok(Gpu {
-            engine: Mutex::new(engine),
+            state: Mutex::new(state),
         })
     }
 
-    /// [`Gpu::open`], once for all who ask for the same.
+    /// Returns an open adapter: the shared one if the same choice is open already, else a new one.
     pub fn shared(choice: &Choice) -> Result<Arc<Gpu>, Trouble> {
         let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
         open.retain(|(_, gpu)| gpu.strong_count() > 0);
@@ -143,42 +155,44 @@ impl Gpu {
         Ok(gpu)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Engine> {
-        self.engine.lock().unwrap_or_else(|poisoned| {
-            let mut engine = poisoned.into_inner();
-            // Who panicked may have noted what never went up.
-            engine.forget();
-            self.engine.clear_poison();
-            engine
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(|poisoned| {
+            let mut state = poisoned.into_inner();
+            // The panicking thread may have recorded an upload that never happened.
+            state.forget();
+            self.state.clear_poison();
+            state
         })
     }
 
-    /// Which adapter it is.
+    /// Returns the properties of the adapter.
     pub fn info(&self) -> DeviceInfo {
         self.lock().device.info().clone()
     }
 
-    /// Whether it has gone, or has failed once.
+    /// Returns true if the adapter is lost or has failed once.
     pub fn is_lost(&self) -> bool {
         self.lock().device.is_lost()
     }
 
-    /// Whether it computes in double precision.
+    /// Returns true if the adapter computes in double precision.
     pub fn computes_in_double(&self) -> bool {
         self.lock().device.info().double_precision
     }
 
-    /// Sends up the vertices of a frame, where they are not there, and has their boxes made, without waiting for that.
+    /// Uploads the vertices of a frame unless they are cached, and starts the bounding-box pass.
+    /// Does not wait.
     pub fn send(&self, frame: &Frame) -> Result<(), Trouble> {
-        let mut engine = self.lock();
-        let commands = boxes::fit(&mut engine, frame).concat();
-        engine.run(frame, commands)?;
-        engine.boxes_of = Some(frame.id);
+        let mut state = self.lock();
+        let commands = boxes::fit(&mut state, frame).concat();
+        state.run(frame, commands)?;
+        state.boxes_of = Some(frame.id);
         Ok(())
     }
 
-    /// Linking numbers of polylines by counting crossings; `frame` has their vertices. Those of the `next` frame, where it is known,
-    /// are made ready and go up while the adapter counts.
+    /// Counts the crossings of polylines and returns their linking numbers. `frame` has their
+    /// vertices. If the `next` frame is known, its vertices are prepared and uploaded while the
+    /// adapter counts.
     pub fn count(
         &self,
         frame: &Frame,
@@ -187,12 +201,12 @@ impl Gpu {
         next: Option<&CurveSet>,
     ) -> Result<(Counts, Option<Frame>), Trouble> {
         let mut sent = None;
-        let mut meanwhile = |engine: &mut Engine| {
+        let mut meanwhile = |state: &mut State| {
             if let (Some(next), None) = (next, &sent) {
                 let frame = Frame::alone(next);
-                // One that is too large is none of this frame's trouble.
-                if size_of_val(&frame.vertices[..]) as u64 <= engine.device.most_bytes() {
-                    engine.start(&frame, Vec::new())?;
+                // If the next frame is too large, it fails on its own turn, not now.
+                if size_of_val(&frame.vertices[..]) as u64 <= state.device.max_buffer_bytes() {
+                    state.start(&frame, Vec::new())?;
                     sent = Some(frame);
                 }
             }
@@ -202,14 +216,15 @@ impl Gpu {
         Ok((counts, sent))
     }
 
-    /// Direct sums over polylines in single precision, vertices included.
+    /// Computes direct sums over polylines in single precision; uploads the vertices.
     pub fn sum_directly(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
-        // Made before the adapter is held: threads that make it may take up work that wants the adapter.
+        // Built before the lock is taken: the rayon threads that build it may steal tasks that need
+        // the lock.
         let frame = Frame::<f32>::new(set);
         direct::linking_numbers(&mut self.lock(), &frame, pairs)
     }
 
-    /// Barnes-Hut by the bound, vertices and trees included.
+    /// Computes Barnes-Hut sums with the proven error bound; uploads vertices and trees.
     pub fn sum_by_trees(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
         let frame = Frame::new(set);
         let forest = barnes_hut::Forest::new(&frame);
@@ -217,37 +232,37 @@ impl Gpu {
     }
 }
 
-/// An adapter with what is on it.
+/// An adapter and the contents of its buffers.
 #[derive(Debug)]
-pub(super) struct Engine {
+pub(super) struct State {
     device: Device,
-    /// The frames whose vertices are on it.
+    /// Frames whose vertices are uploaded.
     vertices_of: [Option<u64>; 2],
-    /// Which of them came last.
+    /// Slot of the latest upload.
     latest: usize,
-    /// The frame whose trees are on it.
+    /// Frame whose trees are uploaded.
     nodes_of: Option<u64>,
-    /// The frame whose boxes are on it.
+    /// Frame whose bounding boxes are computed.
     boxes_of: Option<u64>,
-    /// How many workgroups were to make boxes, since the hierarchy went up.
+    /// Number of workgroups dispatched by the bounding-box pass since the hierarchy was uploaded.
     boxes_made: u32,
-    /// What boxes there are.
+    /// Hierarchy of the bounding boxes.
     hierarchy: Hierarchy,
-    /// Pairs of segments in one submission, at most.
-    most_work: u64,
-    /// Undecided tests that there is room for.
-    open_room: u32,
-    /// Room for the node pairs of crossings.
-    count_room: Room,
-    /// Room for those of Barnes-Hut.
-    sum_room: Room,
+    /// Maximum number of segment pairs in one submission.
+    max_work: u64,
+    /// Capacity of the list of undecided tests.
+    undecided_capacity: u32,
+    /// Capacity of the lists of the crossing kernel.
+    crossing_capacity: Capacity,
+    /// Capacity of the lists of Barnes-Hut.
+    sum_capacity: Capacity,
 }
 
-impl Engine {
-    /// Nothing is on it yet.
-    fn new(device: Device) -> Engine {
+impl State {
+    /// Creates the state of an adapter with no uploads.
+    fn new(device: Device) -> State {
         let software = device.info().software;
-        Engine {
+        State {
             device,
             vertices_of: [None; 2],
             latest: 0,
@@ -255,14 +270,15 @@ impl Engine {
             boxes_of: None,
             boxes_made: 0,
             hierarchy: Hierarchy::default(),
-            most_work: MOST_WORK[usize::from(software)],
-            open_room: crossings::OPEN_ROOM,
-            count_room: Room::START,
-            sum_room: Room::START,
+            max_work: MAX_WORK[usize::from(software)],
+            undecided_capacity: crossings::UNDECIDED_CAPACITY,
+            crossing_capacity: Capacity::START,
+            sum_capacity: Capacity::START,
         }
     }
 
-    /// Runs commands that read the vertices of a frame, which go up with the first of them.
+    /// Runs commands that read the vertices of a frame. Uploads the vertices first unless they are
+    /// cached.
     fn run<R: Real>(
         &mut self,
         frame: &Frame<R>,
@@ -272,7 +288,7 @@ impl Engine {
         self.finish(pending)
     }
 
-    /// The same without waiting for the work to be done.
+    /// Starts the commands as [`State::run`] does, but does not wait for their results.
     fn start<R: Real>(
         &mut self,
         frame: &Frame<R>,
@@ -289,40 +305,48 @@ impl Engine {
         Ok(pending)
     }
 
-    /// Waits for what was started.
+    /// Waits for the results of started commands.
     fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
         let done = self.device.finish(pending);
         done.inspect_err(|_| self.forget())
     }
 
-    /// Where the vertices of a frame are, or will be: not where those of the latest are.
+    /// Returns the slot of the vertices of a frame: the slot that has them, or else the one that
+    /// does not have the latest upload.
     fn slot<R: Real>(&self, frame: &Frame<R>) -> usize {
         let known = |id: &Option<u64>| *id == Some(frame.id);
         let found = self.vertices_of.iter().position(known);
         found.unwrap_or(1 - self.latest)
     }
 
-    /// What a program reads of the vertices of a frame.
+    /// Returns the binding of the vertices of a frame.
     fn vertices<R: Real>(&self, frame: &Frame<R>) -> Binding {
         let bytes = size_of_val(&frame.vertices[..]);
         Binding::whole(VERTICES[self.slot(frame)], bytes as u64)
     }
 
-    /// Nobody knows what is on the adapter after a failure.
+    /// Marks all buffers as invalid, because their contents are unknown after a failure.
     fn forget(&mut self) {
         (self.vertices_of, self.nodes_of, self.boxes_of) = ([None; 2], None, None);
         self.hierarchy = Hierarchy::default();
     }
 
-    /// What to say where not all was gone through that was listed. A system may break off what an adapter does, or a driver leave
-    /// a loop, and not all say so: it looks as if all had been done, and as if nothing were linked. So all programs count.
-    fn broken_off(&mut self) -> Trouble {
+    /// Returns the error for a list that was not processed to its end. A system may abort the work
+    /// of an adapter, or a driver may leave a loop early, and not all report it: without a check it
+    /// looks as if all work were done and nothing linked. So all shaders count the items that they
+    /// processed.
+    fn incomplete(&mut self) -> Trouble {
         self.forget();
-        Trouble::Failed("its work was broken off".into())
+        Trouble::Failed(
+            "the adapter did not process all of its work; \
+             the system or the driver may have aborted it"
+                .into(),
+        )
     }
 
-    /// Workgroups of a program that strides through a list whose length only the adapter knows. Not few in software: Mesa's
-    /// leaves a loop after 65535 rounds, those of inner loops included, and says nothing.
+    /// Returns the number of workgroups of a shader that strides through a list whose length only
+    /// the adapter knows. Software adapters need many: Mesa's leaves a loop after 65535 rounds,
+    /// including those of inner loops, and reports no error.
     fn strides(&self) -> u32 {
         match self.device.info().software {
             true => 1024,
@@ -330,8 +354,8 @@ impl Engine {
         }
     }
 
-    /// Lists what it takes to run a program on tiles, `per_group` of them in a workgroup; `results` are bound after the
-    /// parameters, the vertices and the tiles.
+    /// Appends the commands that run a shader on tiles, `per_group` tiles in each workgroup.
+    /// `results` are bound after the parameters, the vertices and the tiles.
     fn dispatch_tiles<R: Real>(
         &self,
         commands: &mut Vec<Command>,
@@ -342,11 +366,11 @@ impl Engine {
         results: &[(Buffer, u64)],
     ) -> Result<(), Trouble> {
         let list = Buffer("tiles", stage.name);
-        let most = self.device.most_bytes();
-        // Parts of the list with their parameters have to fit, and are counted in 32 bits.
+        let most = self.device.max_buffer_bytes();
+        // The offsets of a batch and of its parameters must fit into a buffer and into 32 bits.
         let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
         for tiles in tiles.chunks(longest.max(STEP)) {
-            let most = self.most_work / R::SLOWER;
+            let most = self.max_work / R::SLOWER;
             let parts = tiles::parts(tiles, STEP, longest, most);
             let counts: Vec<u32> = parts.iter().map(|part| part.len() as u32).collect();
             commands.push(Command::upload(list, tiles));
@@ -355,7 +379,8 @@ impl Engine {
         Ok(())
     }
 
-    /// [`Engine::dispatch_tiles`] of so many tiles that are in a buffer already, each of at most so many pairs of segments.
+    /// Appends the dispatches for `count` tiles that are in a buffer already. Each tile has at most
+    /// `work` segment pairs. See [`State::dispatch_tiles`].
     fn dispatch_buffer(
         &self,
         commands: &mut Vec<Command>,
@@ -365,7 +390,7 @@ impl Engine {
         per_group: u32,
         results: &[(Buffer, u64)],
     ) {
-        let most = self.most_work / work.max(1);
+        let most = self.max_work / work.max(1);
         let part = (most as u32).next_multiple_of(STEP as u32).max(STEP as u32);
         let counts: Vec<u32> = (0..count.div_ceil(part))
             .map(|k| part.min(count - k * part))
@@ -373,7 +398,8 @@ impl Engine {
         self.dispatch_parts(commands, stage, frame, (list, &counts), per_group, results);
     }
 
-    /// Lists a dispatch for each part of a list of tiles; all but the last have a multiple of [`STEP`].
+    /// Appends a dispatch for each batch of a list of tiles. The sizes of all batches but the last
+    /// are multiples of [`STEP`].
     fn dispatch_parts<R: Real>(
         &self,
         commands: &mut Vec<Command>,
@@ -419,7 +445,7 @@ impl Engine {
     }
 }
 
-/// Every program.
+/// Returns all shaders.
 #[cfg(test)]
 fn stages() -> Vec<Stage> {
     let mut all = vec![
@@ -433,7 +459,7 @@ fn stages() -> Vec<Stage> {
     all
 }
 
-/// The programs that there are in either precision.
+/// Returns the shaders that exist in both precisions.
 #[cfg(test)]
 fn stages_in<R: Real>() -> Vec<Stage> {
     let mut all = vec![self_test::stage::<R>()];
@@ -441,25 +467,23 @@ fn stages_in<R: Real>() -> Vec<Stage> {
     all
 }
 
-/// A program in single precision; see [`program_in`].
-fn program(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
-    program_in::<f32>(whole, real, parts)
+/// Returns the source of a single-precision shader; see [`shader_in`].
+fn shader(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
+    shader_in::<f32>(whole, real, parts)
 }
 
-/// A program, with its constants and what all share in front: a constant has one place, and that is in Rust.
-fn program_in<R: Real>(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
+/// Returns the source of a shader: its constants, the shared parts and `parts`. Constants are
+/// defined in Rust only.
+fn shader_in<R: Real>(whole: &[(&str, u32)], real: &[(&str, f64)], parts: &[&str]) -> String {
     let mut out = String::new();
-    // Writing to a string does not fail.
+    // Writing to a string never fails.
     for (name, value) in whole {
         let _ = writeln!(out, "const {name}: u32 = {value}u;");
     }
     for (name, value) in real {
         let _ = writeln!(out, "const {name}: real = {value:e};");
     }
-    for part in [R::PROGRAM, include_str!("shared.wgsl")]
-        .iter()
-        .chain(parts)
-    {
+    for part in [R::SHADER, include_str!("shared.wgsl")].iter().chain(parts) {
         out.push('\n');
         out.push_str(part);
     }

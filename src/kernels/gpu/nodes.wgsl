@@ -1,15 +1,16 @@
-// Boxes around runs of segments, and how two of them lie: src/kernels/gpu/boxes.rs says which there are.
+// Bounding boxes of runs of segments and their comparison. src/kernels/gpu/boxes.rs describes the
+// hierarchy.
 
 struct BoxNode {
     low: vec3<f32>,
-    // Of what is below: vertices at the bottom, else nodes.
+    // First child: a vertex at the bottom, else a node.
     first: u32,
     high: vec3<f32>,
-    // How many there are below, and the level times LEVEL.
+    // Number of children, plus the level times LEVEL.
     below: u32,
 }
 
-// Whether two intervals are apart, however the vertices are off.
+// Returns true if two intervals are disjoint for all positions of the vertices within the radius.
 fn beyond(high: f32, low: f32) -> bool {
     return pinned(low - high) > 2.01 * parameters.radius;
 }

@@ -1,19 +1,19 @@
-//! The two precisions that programs are written in: what differs between them.
+//! The two precisions of the shaders, and the differences between them.
 
 use bytemuck::Pod;
 
-/// How finely an adapter computes.
+/// Precision in which an adapter computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {
-    /// 32 bits: every adapter does.
+    /// 32 bits; supported by every adapter.
     Single,
-    /// 64 bits, where the adapter offers them and its arithmetic passed the test.
+    /// 64 bits; used if the adapter supports them and its arithmetic passed the test.
     Double,
 }
 
 impl Precision {
-    /// Its name.
+    /// Returns the name of the precision.
     pub fn word(self) -> &'static str {
         match self {
             Precision::Single => "single",
@@ -22,26 +22,28 @@ impl Precision {
     }
 }
 
-/// The numbers of a precision; programs call them `real`.
+/// A floating-point type that shaders compute in; they call it `real`.
 pub(crate) trait Real: Pod + Default + Send + Sync + Into<f64> {
-    /// Which one it is.
+    /// The precision of the type.
     const PRECISION: Precision;
-    /// What programs of this precision have in front.
-    const PROGRAM: &'static str;
-    /// More than the relative error of an addition, a subtraction or a multiplication, whichever way they round.
+    /// Source code that precedes every shader of this precision.
+    const SHADER: &'static str;
+    /// Upper bound of the relative error of an addition, a subtraction or a multiplication, in any
+    /// rounding mode.
     const UNIT_ERROR: f64;
-    /// A number that is smaller may count as 0.
+    /// Smaller numbers may be flushed to 0.
     const SMALLEST: f64;
-    /// How many times longer a program runs than in single precision, on adapters that have few units for this one.
+    /// Factor by which a shader is slower than in single precision, on adapters that have few units
+    /// for this precision.
     const SLOWER: u64;
 
-    /// The nearest one.
+    /// Returns the nearest number of this precision.
     fn nearest(x: f64) -> Self;
 }
 
 impl Real for f32 {
     const PRECISION: Precision = Precision::Single;
-    const PROGRAM: &'static str = include_str!("single.wgsl");
+    const SHADER: &'static str = include_str!("single.wgsl");
     const UNIT_ERROR: f64 = f32::EPSILON as f64;
     const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
     const SLOWER: u64 = 1;
@@ -53,9 +55,9 @@ impl Real for f32 {
 
 impl Real for f64 {
     const PRECISION: Precision = Precision::Double;
-    const PROGRAM: &'static str = include_str!("double.wgsl");
+    const SHADER: &'static str = include_str!("double.wgsl");
     const UNIT_ERROR: f64 = f64::EPSILON;
-    /// Twice the limit, since the processor rounds below it.
+    /// Twice the limit, because the CPU rounds below it.
     const SMALLEST: f64 = 2.0 * f64::MIN_POSITIVE;
     const SLOWER: u64 = 16;
 

@@ -1,23 +1,25 @@
-//! Whether the arithmetic of an adapter is what the bounds rest on: asked once, when it is opened.
+//! Test of the arithmetic of an adapter, run once when it is opened: it must satisfy the
+//! assumptions of the error bounds.
 //!
-//! No sample proves it. What it finds is what drivers get wrong as a whole: operations that are approximated, terms that
-//! are regrouped in spite of the pins, conversions and carries.
+//! A sample is no proof. It finds what a driver gets wrong in general: operations that are
+//! approximated too coarsely, terms that are regrouped in spite of pinning, wrong conversions and
+//! carries.
 
-use super::Engine;
+use super::State;
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::error::Trouble;
 use super::fixed;
 use super::layout::Parameters;
 use super::precision::{Precision, Real};
 
-/// The program.
+/// Returns the shader that computes the samples.
 pub(super) fn stage<R: Real>() -> Stage {
     Stage {
         name: match R::PRECISION {
             Precision::Single => "self test",
             Precision::Double => "self test, double",
         },
-        source: || super::program_in::<R>(&[], &[], &[include_str!("self_test.wgsl")]),
+        source: || super::shader_in::<R>(&[], &[], &[include_str!("self_test.wgsl")]),
     }
 }
 
@@ -25,7 +27,7 @@ const OPERANDS: Buffer = Buffer("operands", "self test");
 const RESULTS: Buffer = Buffer("results", "self test");
 const HALVES: Buffer = Buffer("halves", "self test");
 
-/// Numbers to try: all kinds of mantissas, within the range of what kernels meet.
+/// Returns the samples: all kinds of mantissas, within the range of the kernels.
 fn operands<R: Real>() -> Vec<[R; 2]> {
     let mut state = 0x2545_f491_4f6c_dd1du64;
     let mut next = |spread: i32| {
@@ -38,7 +40,7 @@ fn operands<R: Real>() -> Vec<[R; 2]> {
         R::nearest(sign * mantissa * 2f64.powi(-exponent))
     };
     let mut out: Vec<[R; 2]> = (0..4096).map(|k| [next(20), next(1 + k % 40)]).collect();
-    // Neighbours: their differences are exact on every machine, or it is none to be used.
+    // Neighbouring numbers: their differences are exact on every usable adapter.
     let x = R::nearest(1.0 / 3.0);
     for k in 0..64 {
         let places = f64::from(k) * R::UNIT_ERROR / 4.0;
@@ -47,8 +49,8 @@ fn operands<R: Real>() -> Vec<[R; 2]> {
     out
 }
 
-/// Runs the program and compares.
-pub(super) fn run<R: Real>(engine: &mut Engine) -> Result<(), Trouble> {
+/// Runs the shader and compares its results.
+pub(super) fn run<R: Real>(state: &mut State) -> Result<(), Trouble> {
     let operands = operands::<R>();
     let n = operands.len() as u64;
     let parameters = Parameters {
@@ -82,7 +84,7 @@ pub(super) fn run<R: Real>(engine: &mut Engine) -> Result<(), Trouble> {
         Command::Download(RESULTS, sizes[1]),
         Command::Download(HALVES, sizes[2]),
     ];
-    let found = engine.device.run(&commands)?;
+    let found = state.device.run(&commands)?;
     let results: &[[R; 8]] = bytemuck::cast_slice(&found[0]);
     let halves: &[[[u32; 2]; 2]] = bytemuck::cast_slice(&found[1]);
     for ((&[x, y], got), sums) in operands.iter().zip(results).zip(halves) {
@@ -91,31 +93,36 @@ pub(super) fn run<R: Real>(engine: &mut Engine) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// What is wrong with the results for one pair of operands, in words.
+/// Compares the results for one pair of operands. On `Err`, a description of the first wrong one.
 fn compare<R: Real>(x: R, y: R, got: &[R; 8], sums: &[[u32; 2]; 2]) -> Result<(), String> {
     let (x, y): (f64, f64) = (x.into(), y.into());
     let difference: f64 = got[1].into();
     let unit = R::UNIT_ERROR;
-    // The result, and how far off it may be, relative to it.
+    // The expected results and their maximum relative errors.
     let expected = [
         ("+", x + y, unit),
         ("-", x - y, unit),
         ("*", x * y, unit),
         ("/", x / y, 4.0 * unit),
-        ("inverse root", 1.0 / x.abs().sqrt(), 4.0 * unit),
-        ("rough root", x.abs().sqrt(), 8.0 * f32::UNIT_ERROR),
+        ("inverse square root", 1.0 / x.abs().sqrt(), 4.0 * unit),
+        (
+            "approximate square root",
+            x.abs().sqrt(),
+            8.0 * f32::UNIT_ERROR,
+        ),
         ("x - (x - y)", x - difference, unit),
         ("(x - y) * (x + y)", difference * (x + y), 3.0 * unit),
     ];
     for ((what, want, error), &got) in expected.into_iter().zip(got) {
         let got: f64 = got.into();
         let off = (got - want).abs();
-        // Ours is off by less than this itself: sums and products of doubles have to be the same.
+        // The relative error of the expected value is less than this. So sums and products of
+        // doubles must be equal.
         let ours = f64::EPSILON;
         let allowed = (error - ours) * want.abs() + R::SMALLEST;
         if off.is_nan() || off > allowed {
             return Err(format!(
-                "{what} of {x:e} and {y:e} is {want:e}, not {got:e}"
+                "{what} of {x:e} and {y:e}: expected {want:e}, got {got:e}"
             ));
         }
     }
@@ -124,7 +131,7 @@ fn compare<R: Real>(x: R, y: R, got: &[R; 8], sums: &[[u32; 2]; 2]) -> Result<()
     for (&got, want) in sums.iter().zip(wanted) {
         if (fixed::whole(got) - want).abs() > 1 {
             return Err(format!(
-                "{x:e} and {y:e} in fixed point: {}, not {want}",
+                "fixed-point sum of {x:e} and {y:e}: expected {want}, got {}",
                 fixed::whole(got)
             ));
         }
@@ -136,7 +143,7 @@ fn compare<R: Real>(x: R, y: R, got: &[R; 8], sums: &[[u32; 2]; 2]) -> Result<()
 mod tests {
     use super::*;
 
-    /// What an adapter without faults answers.
+    /// Returns the results of an adapter without faults.
     fn faultless<R: Real>(x: R, y: R) -> ([R; 8], [[u32; 2]; 2]) {
         let (x, y): (f64, f64) = (x.into(), y.into());
         let rounded = |x: f64| -> f64 { R::nearest(x).into() };
@@ -159,7 +166,7 @@ mod tests {
         )
     }
 
-    fn faults_are_found_and_only_those<R: Real>() {
+    fn finds_faults_and_no_others<R: Real>() {
         for [x, y] in operands::<R>() {
             let (got, sums) = faultless(x, y);
             assert_eq!(compare(x, y, &got, &sums), Ok(()));
@@ -183,12 +190,12 @@ mod tests {
     }
 
     #[test]
-    fn faults_of_single_precision_are_found() {
-        faults_are_found_and_only_those::<f32>();
+    fn finds_faults_of_single_precision() {
+        finds_faults_and_no_others::<f32>();
     }
 
     #[test]
-    fn faults_of_double_precision_are_found() {
-        faults_are_found_and_only_those::<f64>();
+    fn finds_faults_of_double_precision() {
+        finds_faults_and_no_others::<f64>();
     }
 }

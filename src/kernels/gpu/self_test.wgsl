@@ -1,4 +1,4 @@
-// What the adapter makes of single operations, in either precision: src/kernels/gpu/self_test.rs compares.
+// Results of single operations, in either precision; src/kernels/gpu/self_test.rs compares them.
 
 @group(0) @binding(1) var<storage, read> operands: array<vec2<real>>;
 @group(0) @binding(2) var<storage, read_write> results: array<real>;
@@ -24,7 +24,7 @@ fn main(
     results[8u * k + 3u] = quotient(x, y);
     results[8u * k + 4u] = inverse_root(size);
     results[8u * k + 5u] = rough_root(size);
-    // Not y, unless a compiler takes the difference apart.
+    // Differs from y, unless a compiler regroups across the difference.
     results[8u * k + 6u] = x - difference;
     results[8u * k + 7u] = difference * (x + y);
     halves[2u * k] = fixed64(x);

@@ -1,4 +1,4 @@
-// What all programs share, in both precisions. Structs: layout.rs.
+// Shared parts of all shaders, in both precisions. layout.rs has the same structs in Rust.
 
 struct Parameters {
     radius: f32,
@@ -18,7 +18,8 @@ struct Tile {
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 
-// The same number. A compiler cannot know that, so it can neither cancel nor regroup across it.
+// Returns the same number. `parameters.zero` is 0, but the compiler does not know that, so it can
+// neither cancel nor regroup across it.
 fn pinned(x: real) -> real {
     return bitcast<real>(bitcast<bits>(x) ^ bits(parameters.zero));
 }
@@ -27,7 +28,7 @@ fn pinned3(v: vec3<real>) -> vec3<real> {
     return bitcast<vec3<real>>(bitcast<vec3<bits>>(v) ^ vec3<bits>(bits(parameters.zero)));
 }
 
-// Integers of 64 bits: low half, high half. Their sums are exact, whatever the order.
+// Integers of 64 bits: low half, high half. Their sums are exact in any order.
 fn add64(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
     let low = a.x + b.x;
     return vec2<u32>(low, a.y + b.y + select(0u, 1u, low < a.x));
@@ -37,7 +38,8 @@ fn widened(x: i32) -> vec2<u32> {
     return vec2<u32>(u32(x), u32(x >> 31u));
 }
 
-// A number of at most 2^10 in units of 2^-44, towards 0: off by less than one unit. Whole parts and rests are exact.
+// Converts a number of magnitude at most 2^10 to units of 2^-44, rounded towards 0: the error is
+// less than one unit. The whole part and the rest are exact.
 fn fixed64(x: real) -> vec2<u32> {
     let scaled = x * 1048576.0;
     let whole = trunc(scaled);

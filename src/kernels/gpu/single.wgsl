@@ -1,4 +1,5 @@
-// Single precision: the type, and what is not computed alike in both. double.wgsl has the same in double precision.
+// Single precision: the type, and the functions that depend on it. double.wgsl has the same for
+// double precision.
 
 alias real = f32;
 alias bits = u32;
@@ -11,12 +12,12 @@ fn quotient(x: real, y: real) -> real {
     return x / y;
 }
 
-// A root for bounds, whose last places do not matter.
+// Square root for error bounds.
 fn rough_root(x: real) -> real {
     return sqrt(x);
 }
 
-// atan(t) / t with s = t^2 <= 1/9: the series, but for terms below (1/3)^14 / 15 < u / 8.
+// Returns atan(t) / t for s = t^2 <= 1/9, by the series up to terms below (1/3)^14 / 15 < u / 8.
 fn arctangent_series(s: real) -> real {
     var series: real = 1.0 / 13.0;
     series = series * s - 1.0 / 11.0;

@@ -1,14 +1,14 @@
-//! The sums that an adapter makes, each with what it prepares of a set of polylines.
+//! Summation kernels on an adapter, prepared for a set of polylines.
 
 use super::barnes_hut::{self, Forest};
-use super::standby::{AdapterSum, Lazy};
+use super::fallback::{AdapterSum, Lazy};
 use super::{Frame, Gpu, Trouble, direct};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
 use crate::pairs::Pair;
 
-/// The Gauss sum: in single precision, then in double precision, where the adapter has it, for pairs that the first
-/// leaves open.
+/// The Gauss sum: in single precision, then in double precision for the pairs that single precision
+/// leaves undecided, if the adapter supports it.
 pub(crate) struct DirectSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
@@ -25,19 +25,21 @@ impl<'a> DirectSum<'a> {
         }
     }
 
-    /// Sums once more what is open. Of curves that touch that is in vain, and not known before.
+    /// Sums the undecided pairs again, in double precision. For curves that touch this does not
+    /// help, but they are not known in advance.
     fn refine(&self, pairs: &[Pair], found: &mut [Estimate]) -> Result<(), Trouble> {
         let open = |&k: &usize| found[k].integer().is_none() && self.frame.has_numbers(pairs[k]);
         let open: Vec<usize> = (0..pairs.len()).filter(open).collect();
         if open.is_empty() || !self.gpu.computes_in_double() {
             return Ok(());
         }
-        // Before the adapter is locked: threads that make it may take up work that wants the adapter.
+        // Built before the lock is taken: the rayon threads that build it may steal tasks that need
+        // the lock.
         let frame = self.finer.get();
         let again: Vec<Pair> = open.iter().map(|&k| pairs[k]).collect();
         let finer = direct::linking_numbers(&mut self.gpu.lock(), frame, &again)?;
         for (k, finer) in open.into_iter().zip(finer) {
-            // Both bounds are proven.
+            // Both bounds are proven, so the smaller one holds.
             if finer.bound < found[k].bound {
                 found[k] = finer;
             }
@@ -49,9 +51,11 @@ impl<'a> DirectSum<'a> {
 impl AdapterSum for DirectSum<'_> {
     fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
         let mut found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs)?;
-        // Without it the sums are coarser, and no worse.
+        // After a failure the single-precision bounds are larger, but still proven.
         if let Err(trouble) = self.refine(pairs, &mut found) {
-            tracing::warn!("no sums in double precision: {trouble}");
+            tracing::warn!(
+                "double precision failed on the GPU; the single-precision sums are kept: {trouble}"
+            );
         }
         Ok(found)
     }
@@ -66,7 +70,8 @@ pub(crate) struct BarnesHutSum<'a> {
 }
 
 impl<'a> BarnesHutSum<'a> {
-    /// Builds the trees of a set of polylines; `beta` leaves it at one pass by distance.
+    /// Builds the trees of a set of polylines. With `beta` the kernel makes one pass and accepts
+    /// node pairs by distance.
     pub fn new(gpu: &'a Gpu, set: &CurveSet, beta: Option<f64>) -> BarnesHutSum<'a> {
         let frame = Frame::new(set);
         BarnesHutSum {
@@ -80,8 +85,9 @@ impl<'a> BarnesHutSum<'a> {
 
 impl AdapterSum for BarnesHutSum<'_> {
     fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
-        // Locked for this alone, not where the processor sums: its threads may take up work that wants the adapter.
-        let engine = &mut self.gpu.lock();
-        barnes_hut::linking_numbers(engine, &self.frame, &self.forest, pairs, self.beta)
+        // The lock ends before a fallback sums on the CPU, because rayon threads may steal tasks
+        // that need the lock.
+        let state = &mut self.gpu.lock();
+        barnes_hut::linking_numbers(state, &self.frame, &self.forest, pairs, self.beta)
     }
 }

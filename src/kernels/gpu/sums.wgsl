@@ -2,7 +2,8 @@
 
 @group(0) @binding(3) var<storage, read_write> sums: array<atomic<u32>>;
 
-// Adds a signed number of 64 bits. Each carry follows from what a word was before, so all of them arrive, in any order.
+// Adds a signed number of 64 bits. Each carry is computed from the previous value of a word, so the
+// sum is right in any order of the concurrent additions.
 fn add96(at: u32, v: vec2<u32>) {
     let low = atomicAdd(&sums[at], v.x);
     let carry = select(0u, 1u, low + v.x < low);

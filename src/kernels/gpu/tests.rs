@@ -1,9 +1,10 @@
-//! Programs and layouts, without an adapter; and kernels against the oracle, with one.
+//! Tests of shaders and layouts, without an adapter, and of the kernels against the oracle, with
+//! one.
 //!
-//! Those with one are ignored, so that they never count as passed where there is none:
+//! Tests that need an adapter are ignored, so that they never count as passed without one:
 //! `cargo test --release gpu:: -- --ignored`.
 
-use self::standby::AdapterSum;
+use self::fallback::AdapterSum;
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
@@ -29,7 +30,7 @@ fn parsed(stage: &Stage) -> naga::Module {
 }
 
 #[test]
-fn all_programs_are_valid_and_need_nothing_special_but_double_precision() {
+fn all_shaders_are_valid_and_need_no_optional_feature_but_double_precision() {
     use naga::valid::Capabilities;
     let double = Capabilities::FLOAT64 | Capabilities::SHADER_INT64;
     let single = stages().into_iter().map(|s| (s, Capabilities::empty()));
@@ -45,7 +46,7 @@ fn all_programs_are_valid_and_need_nothing_special_but_double_precision() {
     }
 }
 
-/// Compares a struct of programs with the one of ours.
+/// Compares a struct of the shaders with that of Rust.
 fn same_layout(name: &str, size: usize, offsets: &[(&str, usize)]) {
     let mut seen = 0;
     for stage in stages().into_iter().chain(stages_in::<f64>()) {
@@ -66,7 +67,7 @@ fn same_layout(name: &str, size: usize, offsets: &[(&str, usize)]) {
             assert_eq!(theirs, offsets, "{name} in {}", stage.name);
         }
     }
-    assert!(seen > 0, "no program has {name}");
+    assert!(seen > 0, "no shader has {name}");
 }
 
 macro_rules! same_layout {
@@ -80,7 +81,7 @@ macro_rules! same_layout {
 }
 
 #[test]
-fn structs_lie_in_memory_as_programs_expect() {
+fn structs_have_the_same_layout_in_rust_and_in_shaders() {
     same_layout!(Parameters: radius, zero, first, items);
     same_layout!(Tile: pair, first_row, rows, first_column, columns, padding);
     same_layout!(BoxNode: low, first, high, below);
@@ -93,9 +94,9 @@ fn structs_lie_in_memory_as_programs_expect() {
     same_layout!(Criterion: beta, share);
 }
 
-/// The direct sum in double precision alone, by the adapter that others have open.
+/// Returns direct sums computed in double precision alone, on an adapter of its own.
 pub(crate) fn direct_in_double(set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {
-    // Its own one: that which others share is taken away by a test.
+    // Not the shared adapter, because a test destroys that one.
     static OWN: LazyLock<Gpu> = LazyLock::new(adapter);
     let frame = Frame::<f64>::new(set);
     let found = direct::linking_numbers(&mut OWN.lock(), &frame, pairs);
@@ -106,13 +107,13 @@ pub(super) fn adapter() -> Gpu {
     Gpu::open(&Choice::Gpu).unwrap_or_else(|trouble| panic!("{trouble}"))
 }
 
-/// A sum.
+/// A summation kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Direct,
-    /// The same in double precision.
+    /// The direct sum in double precision.
     DirectDouble,
-    /// By the bound, or with a beta.
+    /// Barnes-Hut with the error bound as the criterion, or with a beta.
     BarnesHut(Option<f64>),
 }
 
@@ -123,24 +124,24 @@ const ALL_KINDS: [Kind; 4] = [
     Kind::BarnesHut(Some(1.5)),
 ];
 
-/// All pairs of a set, by a sum.
+/// Returns the sums of all pairs of a set.
 fn sums(gpu: &Gpu, set: &CurveSet, kind: Kind) -> Vec<(Pair, Estimate)> {
     let n = set.len() as u32;
     let pairs: Vec<Pair> = (0..n).flat_map(|i| (0..i).map(move |j| (j, i))).collect();
     let frame = Frame::new(set);
-    let engine = &mut gpu.lock();
+    let state = &mut gpu.lock();
     let found = match kind {
-        Kind::Direct => direct::linking_numbers(engine, &frame, &pairs),
-        Kind::DirectDouble => direct::linking_numbers(engine, &Frame::<f64>::new(set), &pairs),
+        Kind::Direct => direct::linking_numbers(state, &frame, &pairs),
+        Kind::DirectDouble => direct::linking_numbers(state, &Frame::<f64>::new(set), &pairs),
         Kind::BarnesHut(beta) => {
             let forest = barnes_hut::Forest::new(&frame);
-            barnes_hut::linking_numbers(engine, &frame, &forest, &pairs, beta)
+            barnes_hut::linking_numbers(state, &frame, &forest, &pairs, beta)
         }
     };
     pairs.into_iter().zip(found.unwrap()).collect()
 }
 
-/// Many polygons in one set: neighbours make the links.
+/// Returns a set of all these polygons.
 pub(super) fn set_of_all(polygons: &[Vec<[f64; 3]>], single: bool) -> CurveSet {
     let counts: Vec<i32> = polygons.iter().map(|p| -(p.len() as i32)).collect();
     let xyz: Vec<f64> = polygons.iter().flatten().flatten().copied().collect();
@@ -152,7 +153,8 @@ pub(super) fn set_of_all(polygons: &[Vec<[f64; 3]>], single: bool) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &counts, positions).unwrap()
 }
 
-/// Random polygons of one kind: how many, with how many vertices, on a grid of which size, times which scale.
+/// Kinds of random polygons: seed, number of polygons, maximum number of vertices, size of the
+/// grid, scale.
 const KINDS: [(u64, usize, u64, u64, f64); 7] = [
     (1, 60, 20, 1000, 1.0),
     (2, 60, 200, 1 << 24, 2.3e-10),
@@ -196,7 +198,8 @@ fn sums_are_within_their_bounds_of_the_oracle() {
     }
 }
 
-/// Vertices at all distances, down to a unit of the grid, from few places: segments of all lengths meet at nearly no distance.
+/// Polygons whose vertices lie at all distances, down to a unit of the grid, from a few places. So
+/// segments of all lengths meet at tiny distances.
 #[test]
 #[ignore = "needs an adapter"]
 fn sums_of_segments_of_all_sizes_are_within_their_bounds_of_the_oracle() {
@@ -240,10 +243,11 @@ fn sums_of_segments_of_all_sizes_are_within_their_bounds_of_the_oracle() {
     println!("{decided:?} of {} decided", numbers / ALL_KINDS.len());
 }
 
-/// A square, and triangles that go through it, or past it, closer and closer to an edge, a vertex or the middle of one.
+/// A square, and triangles that pass through it or beside it, closer and closer to an edge, a
+/// vertex or the middle of an edge.
 #[test]
 #[ignore = "needs an adapter"]
-fn curves_that_nearly_touch_are_right_or_undecided() {
+fn nearly_touching_curves_are_right_or_undecided() {
     let gpu = adapter();
     let corners = [[-2., -2., 0.], [2., -2., 0.], [2., 2., 0.], [-2., 2., 0.]];
     let mut decided = [0; ALL_KINDS.len()];
@@ -284,7 +288,7 @@ fn curves_that_nearly_touch_are_right_or_undecided() {
     assert!(decided.iter().all(|&n| n > 6 * 3 * 2 * 10), "{decided:?}");
 }
 
-/// All pairs of curves that have a linking number or touch.
+/// Returns all pairs of curves that have a linking number or touch.
 pub(super) fn pairs_of(set: &CurveSet) -> Vec<Pair> {
     let n = set.len() as u32;
     let whole = |i: u32| set.curve(i as usize).closed && set.has_three_distinct_points(i as usize);
@@ -292,7 +296,8 @@ pub(super) fn pairs_of(set: &CurveSet) -> Vec<Pair> {
     all.filter(|&(i, j)| whole(i) && whole(j)).collect()
 }
 
-/// Crossings on the adapter and on the processor: the same numbers and places.
+/// Compares the crossings counted by the adapter and by the CPU: the same numbers and places.
+/// Returns the numbers of tests and of undecided tests.
 pub(super) fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
     let mut trees = Trees::default();
     trees.refit(set);
@@ -322,13 +327,13 @@ pub(super) fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn crossings_are_those_of_the_processor() {
+fn adapter_and_cpu_count_the_same_crossings() {
     let gpu = adapter();
     for kind in KINDS {
         let scaled: Vec<_> = polygons(kind).iter().map(|p| floats(p, kind.4)).collect();
         for single in [true, false] {
             let (tests, undecided) = counts_agree(&gpu, &set_of_all(&scaled, single));
-            println!("{kind:?}, {single}: {undecided} of {tests} tests left to the processor");
+            println!("{kind:?}, {single}: {undecided} of {tests} tests decided by the CPU");
         }
     }
 }
@@ -347,7 +352,7 @@ const SCENES: [&str; 9] = [
 
 #[test]
 #[ignore = "needs an adapter"]
-fn scenes_have_the_numbers_of_their_constructions() {
+fn scenes_have_the_linking_numbers_of_their_construction() {
     let gpu = adapter();
     for text in SCENES {
         let built = text.parse::<Model>().unwrap().build().unwrap();
@@ -374,7 +379,7 @@ fn scenes_have_the_numbers_of_their_constructions() {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn sums_have_the_same_bits_on_every_run_and_whichever_curve_comes_first() {
+fn sums_have_the_same_bits_on_every_run_and_for_either_order_of_the_curves() {
     let gpu = adapter();
     let model: Model = "torus_link:segments=3000,toroidal=2,poloidal=3"
         .parse()
@@ -398,12 +403,13 @@ fn sums_have_the_same_bits_on_every_run_and_whichever_curve_comes_first() {
     }
 }
 
-/// So many strands so close to one another that the bound of single precision is above 1/2.
+/// A scene with so many strands so close together that the error bound of single precision is above
+/// 1/2.
 const CROWDED: &str = "woundball:segments=20001,crossings=300";
 
 #[test]
 #[ignore = "needs an adapter"]
-fn double_precision_decides_what_single_precision_leaves_open() {
+fn double_precision_decides_pairs_that_single_precision_does_not() {
     let gpu = adapter();
     assert!(gpu.computes_in_double());
     let built = CROWDED.parse::<Model>().unwrap().build().unwrap();
@@ -416,7 +422,7 @@ fn double_precision_decides_what_single_precision_leaves_open() {
     let sum = DirectSum::new(&gpu, &set);
     assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [double]);
     assert!(sum.finer.is_made());
-    // What single precision decides is not summed again.
+    // Pairs that single precision decides are not summed again.
     let model: Model = "ribbon:segments=200,lambda=1".parse().unwrap();
     let set = model.build().unwrap().curves;
     let single = sums(&gpu, &set, Kind::Direct)[0].1;
@@ -425,11 +431,12 @@ fn double_precision_decides_what_single_precision_leaves_open() {
     assert!(!sum.finer.is_made());
 }
 
-/// What is certain is off by less than 1, though its bound comes to 32,000, which fixed point has no room for: it came out as 2048,
-/// and some hundred of those in a workgroup as less than nothing.
+/// Regression test: a decided angle is off by less than 1, but its computed bound is 32,000, which
+/// fixed point does not hold. It was converted to 2048, and the sum of some hundred of those in a
+/// workgroup was negative.
 #[test]
 #[ignore = "needs an adapter"]
-fn the_bound_of_a_pair_has_room_in_fixed_point() {
+fn the_bound_of_a_pair_fits_into_fixed_point() {
     let set = set_of(
         &[
             [7.5e-8, 6.75e-14, 0.],
@@ -457,46 +464,47 @@ fn the_bound_of_a_pair_has_room_in_fixed_point() {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn a_sum_without_room_for_double_precision_is_that_of_single_precision() {
+fn single_precision_sums_are_kept_if_double_precision_exceeds_a_buffer() {
     let set = CROWDED.parse::<Model>().unwrap().build().unwrap().curves;
     let gpu = adapter();
     let want = sums(&gpu, &set, Kind::Direct)[0].1;
-    let room = size_of_val(&Frame::<f32>::new(&set).vertices[..]) as u64;
-    gpu.lock().device.restrict(room);
+    let capacity = size_of_val(&Frame::<f32>::new(&set).vertices[..]) as u64;
+    gpu.lock().device.restrict(capacity);
     let sum = DirectSum::new(&gpu, &set);
     assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [want]);
 }
 
 #[test]
 #[ignore = "needs an adapter"]
-fn a_failing_adapter_is_an_error_and_the_processor_goes_on() {
+fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
     let set = set_of(
         &[[-2., -2., 0.], [2., -2., 0.], [2., 2., 0.], [-2., 2., 0.]],
         &[[0., 0., -1.], [0., 0., 1.], [9., 7., 0.5]],
         true,
     );
-    let processor = || -> Box<dyn Summation> { Box::new(Direct::new(&set, Formula::Arctangent)) };
-    let want = processor().linking_number((0, 1)).integer();
-    // No room.
+    let cpu = || -> Box<dyn Summation> { Box::new(Direct::new(&set, Formula::Arctangent)) };
+    let want = cpu().linking_number((0, 1)).integer();
+    // Buffers that are too small.
     let gpu = adapter();
     gpu.lock().device.restrict(64);
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Trouble::Limit { .. })), "{found:?}");
-    let sum = WithStandby::new(DirectSum::new(&gpu, &set), processor);
+    let sum = WithFallback::new(DirectSum::new(&gpu, &set), cpu);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
-    // Lost.
+    // A lost adapter.
     let gpu = adapter();
     gpu.lock().device.destroy();
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Trouble::Failed(_))), "{found:?}");
-    let sum = WithStandby::new(DirectSum::new(&gpu, &set), processor);
+    let sum = WithFallback::new(DirectSum::new(&gpu, &set), cpu);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
 }
 
-/// Frames before and after the loss of the adapter: the same certificates, and no adapter from then on.
+/// Certificates before and after the loss of the adapter are the same, and no adapter is used
+/// afterwards.
 #[test]
 #[ignore = "needs an adapter"]
-fn a_watch_goes_on_without_its_adapter() {
+fn a_verifier_continues_without_its_adapter() {
     let model: Model = "chainmail:rows=5,columns=6".parse().unwrap();
     let built = model.build().unwrap();
     for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
@@ -514,7 +522,7 @@ fn a_watch_goes_on_without_its_adapter() {
             assert_eq!(verifier.device(), None, "{method}");
             assert_eq!(verifier.offload(), Offload::default());
         }
-        // Whoever asks anew gets one that works.
+        // A new request opens a working adapter.
         verifier.set_device(&Choice::Gpu).unwrap();
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         assert_eq!(verifier.offload().tests > 0, counts);
@@ -522,7 +530,7 @@ fn a_watch_goes_on_without_its_adapter() {
     }
 }
 
-/// Two frames of one layout.
+/// Returns two frames of the same layout.
 pub(super) fn two_frames() -> [Arc<CurveSet>; 2] {
     ["0.0", "0.4"].map(|crumple| {
         let text = format!("chainmail:rows=5,columns=6,crumple={crumple}");
@@ -530,7 +538,7 @@ pub(super) fn two_frames() -> [Arc<CurveSet>; 2] {
     })
 }
 
-/// A calibration of this adapter, which was not measured: see [`Calibration::made_up`].
+/// Returns an invented calibration of this adapter: see [`Calibration::made_up`].
 fn made_up(round_trip_ms: f64, speed: f64) -> Calibration {
     let DeviceInfo {
         name,
@@ -548,7 +556,7 @@ fn made_up(round_trip_ms: f64, speed: f64) -> Calibration {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn vertices_go_up_during_the_frame_before_and_once() {
+fn vertices_are_uploaded_once_and_during_the_previous_frame() {
     let gpu = adapter();
     let [now, next] = two_frames();
     let mut trees = Trees::default();
@@ -566,7 +574,7 @@ fn vertices_go_up_during_the_frame_before_and_once() {
     let sent = sent.unwrap();
     let both = gpu.lock().vertices_of;
     assert!(both.contains(&Some(frame.id)) && both.contains(&Some(sent.id)));
-    // Nothing else goes up for it.
+    // Nothing else is uploaded for it.
     gpu.send(&sent).unwrap();
     let commands = boxes::fit(&mut gpu.lock(), &sent).concat();
     assert!(commands.is_empty() && gpu.lock().vertices_of == both);
@@ -574,7 +582,7 @@ fn vertices_go_up_during_the_frame_before_and_once() {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn announced_frames_change_no_verdict() {
+fn announcing_frames_changes_no_verdict() {
     let [first, second] = two_frames();
     let order = [&first, &second, &second, &first];
     let reports = |announce: bool| {
@@ -582,7 +590,7 @@ fn announced_frames_change_no_verdict() {
         verifier.set_device(&Choice::Gpu).unwrap();
         let step = |(k, set): (usize, &&Arc<CurveSet>)| {
             if announce {
-                // The last one does not come.
+                // The last announced frame is never verified.
                 verifier.announce(order.get(k + 1).copied().unwrap_or(&second));
             }
             let report = verifier.step_shared(k as u64, 0.0, set).unwrap();
@@ -596,7 +604,7 @@ fn announced_frames_change_no_verdict() {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn an_adapter_that_is_ours_to_choose_is_taken_where_its_calibration_says_that_it_wins() {
+fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
     let (wins, loses) = (made_up(1e-3, 1e6), made_up(1e3, 1e-3));
     let other = Calibration {
         driver: "another".into(),
@@ -624,10 +632,11 @@ fn an_adapter_that_is_ours_to_choose_is_taken_where_its_calibration_says_that_it
     }
 }
 
-/// Too few pairs at first, then enough for an adapter; and a frame that is not computed in full gives it nothing.
+/// The first blocks of an early exit have too few pairs for an adapter, later ones enough. A frame
+/// that is not computed in full does not use the adapter.
 #[test]
 #[ignore = "needs an adapter"]
-fn a_chosen_adapter_counts_the_large_blocks_of_an_early_exit_and_of_no_quiet_frame() {
+fn under_auto_the_adapter_counts_large_blocks_of_an_early_exit_and_no_quiet_frames() {
     let built = "chainmail:rows=24,columns=24".parse::<Model>().unwrap();
     let built = built.build().unwrap();
     let baseline = || built.certificate.clone();
@@ -651,18 +660,19 @@ fn a_chosen_adapter_counts_the_large_blocks_of_an_early_exit_and_of_no_quiet_fra
 
 #[test]
 #[ignore = "needs an adapter"]
-fn a_list_that_is_too_short_is_made_longer() {
+fn the_list_of_undecided_tests_grows() {
     let gpu = adapter();
-    gpu.lock().open_room = 1;
+    gpu.lock().undecided_capacity = 1;
     let scaled: Vec<_> = polygons(KINDS[3]).iter().map(|p| floats(p, 1.0)).collect();
     let (_, undecided) = counts_agree(&gpu, &set_of_all(&scaled, true));
-    assert!(undecided > 1 && u64::from(gpu.lock().open_room) >= undecided);
+    assert!(undecided > 1 && u64::from(gpu.lock().undecided_capacity) >= undecided);
 }
 
-/// Little room: lists grow as far as they can, and then work is done in parts. The same bits.
+/// With small buffers the lists grow to the limit, and then the work is done in batches. The
+/// results have the same bits.
 #[test]
 #[ignore = "needs an adapter"]
-fn sums_are_the_same_in_parts() {
+fn sums_in_batches_are_the_same() {
     let gpu = adapter();
     for (text, most) in [
         ("chainmail:rows=4,columns=6", 1 << 16),
@@ -673,7 +683,7 @@ fn sums_are_the_same_in_parts() {
             let want = sums(&gpu, &set, kind);
             let small = adapter();
             small.lock().device.restrict(most);
-            small.lock().sum_room = Room {
+            small.lock().sum_capacity = Capacity {
                 node_pairs: 64,
                 tiles: 16,
             };
@@ -682,10 +692,11 @@ fn sums_are_the_same_in_parts() {
     }
 }
 
-/// Little room for node pairs, and short submissions; and too little even for one pair of curves, which the processor counts.
+/// With a small capacity for node pairs and short submissions; one scene exceeds the capacity even
+/// with one pair of curves, which the CPU counts.
 #[test]
 #[ignore = "needs an adapter"]
-fn counts_are_the_same_in_parts() {
+fn counts_in_batches_are_the_same() {
     for (text, most) in [
         ("square_link:loops=12,segments=1200", 1 << 15),
         ("woundball:segments=3000,crossings=100", 1 << 17),
@@ -694,27 +705,28 @@ fn counts_are_the_same_in_parts() {
         let set = text.parse::<Model>().unwrap().build().unwrap().curves;
         let gpu = adapter();
         {
-            let mut engine = gpu.lock();
-            engine.device.restrict(most);
-            engine.count_room = Room {
+            let mut state = gpu.lock();
+            state.device.restrict(most);
+            state.crossing_capacity = Capacity {
                 node_pairs: 16,
                 tiles: 16,
             };
-            engine.most_work = 64 << 8;
-            engine.open_room = 16;
+            state.max_work = 64 << 8;
+            state.undecided_capacity = 16;
         }
         let (tests, undecided) = counts_agree(&gpu, &set);
         println!(
             "{text}: {undecided} of {tests}, {:?}",
-            gpu.lock().count_room
+            gpu.lock().crossing_capacity
         );
     }
 }
 
-/// Two curves of `2^16` segments, so small beside a third that all pairs are in doubt: `2^32`, which in 32 bits is none.
+/// Two curves of `2^16` segments, so small beside a third curve that all segment pairs are
+/// undecided: `2^32` pairs, a count that wraps to 0 in 32 bits.
 #[test]
 #[ignore = "needs an adapter, and minutes in software"]
-fn more_doubts_than_32_bits_hold_are_not_forgotten() {
+fn an_overflow_of_the_undecided_count_leaves_the_pair_undecided() {
     let n = 1 << 16;
     let angle = |k: usize| k as f64 / n as f64 * std::f64::consts::TAU;
     let small = |p: [f64; 3]| p.map(|x| x * 2f64.powi(-70));
@@ -740,7 +752,7 @@ fn more_doubts_than_32_bits_hold_are_not_forgotten() {
 
 #[test]
 #[ignore = "needs an adapter"]
-fn an_unknown_name_lists_the_adapters() {
+fn an_unknown_name_is_an_error_that_lists_the_adapters() {
     let trouble = Gpu::open(&Choice::Named("no such adapter".into())).unwrap_err();
     let words = trouble.to_string();
     let name = adapter().info().name;

@@ -1,13 +1,14 @@
-//! Work lists: all pairs of segments of all pairs of curves, cut into tiles, large pairs split and small ones side by side.
+//! Work lists: all segment pairs of all pairs of curves, cut into tiles. Large pairs are split;
+//! several small tiles share a workgroup.
 
 use super::layout::Tile;
 
-/// The largest tile.
+/// Maximum size of a tile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
-    /// Rows: each is the work of a thread.
+    /// Maximum number of rows. Each row is the work of one thread.
     pub rows: u32,
-    /// Columns: steps of a thread.
+    /// Maximum number of columns. Each column is one step of a thread.
     pub columns: u32,
 }
 
@@ -26,8 +27,9 @@ pub(crate) fn cut(tile: Tile, shape: Shape, out: &mut Vec<Tile>) {
     }
 }
 
-/// Consecutive parts of a list, each with less than `most` pairs of segments or with `step` tiles, which is as few as a
-/// part may have; all but the last have a multiple of those.
+/// Splits a list into consecutive batches. Each batch has at most `longest` tiles and at most
+/// `most` segment pairs, unless it has only `step` tiles, the minimum. All batches but the last
+/// have a multiple of `step` tiles.
 pub(crate) fn parts(tiles: &[Tile], step: usize, longest: usize, most: u64) -> Vec<&[Tile]> {
     let mut out = Vec::new();
     let mut rest = tiles;
@@ -87,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_the_list_in_bounded_pieces() {
+    fn batches_are_bounded_and_contain_the_whole_list() {
         let tiles: Vec<Tile> = (1..100)
             .map(|k| Tile {
                 pair: k,

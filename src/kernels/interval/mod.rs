@@ -1,11 +1,13 @@
-//! Rigorous linking numbers where positions are known up to some noise.
+//! Rigorous linking numbers of curves whose positions are uncertain.
 //!
-//! [`enclose`] is Arai's method (Arai 2013, algorithms 1 and 3, remark 4): his sum in interval arithmetic, for vertices
-//! anywhere within cubes. [`noise`] decides the same question where the cubes are far larger, and faster.
+//! [`enclose`] is Arai's method (Arai 2013, algorithms 1 and 3, remark 4): his sum in interval
+//! arithmetic, for vertices anywhere within cubes. [`noise`] decides the same question for far
+//! larger cubes, and faster.
 //!
 //! Cost: quadratic, some hundred times that of [`super::direct`].
-//! Beaten by everything else, which is why it is a referee: it takes neither bounds from a proof on paper nor functions
-//! from a library, only the rounding of single operations.
+//!
+//! Every other kernel is faster. This one is a referee: it relies neither on error bounds proven by
+//! hand nor on functions of a library, only on the rounding of single operations.
 
 pub(crate) mod noise;
 mod number;
@@ -21,8 +23,9 @@ use rayon::prelude::*;
 
 type Vector = [Interval; 3];
 
-/// All linking numbers that two closed polylines have, their vertices being anywhere in cubes of half-width `noise` around
-/// where they are. Every number, where one of the curves is open or a spline.
+/// Returns an interval of all linking numbers that two closed polylines can have if each vertex is
+/// anywhere in a cube of half-width `noise` around its position. Returns [`Interval::ENTIRE`] if
+/// one of the curves is open or a spline.
 pub(crate) fn enclose(set: &CurveSet, (i, j): Pair, noise: f64) -> Interval {
     let vertices = Vertices::new(set);
     let both = [i, j].map(|i| vertices.of(i as usize));
@@ -54,7 +57,8 @@ pub(crate) fn enclose(set: &CurveSet, (i, j): Pair, noise: f64) -> Interval {
     sum / (Interval::PI + Interval::PI)
 }
 
-/// A scaled coordinate, known to a radius. Those that are subnormal may have been rounded when they were scaled.
+/// Returns the interval of a scaled coordinate with an uncertainty of `radius`. Subnormal
+/// coordinates may have been rounded by the scaling.
 fn cube(x: f64, radius: f64) -> Interval {
     let exact = x.abs() >= f64::MIN_POSITIVE;
     Interval::around(
@@ -67,7 +71,7 @@ fn cube(x: f64, radius: f64) -> Interval {
     )
 }
 
-/// Half the solid angle of a pair of segments. It is below half a turn.
+/// Returns half the solid angle of a pair of segments. It is below half a turn.
 fn angle(k: [Vector; 2], l: [Vector; 2]) -> Interval {
     let [a, b, c, d] = [
         minus(l[0], k[0]),
@@ -85,7 +89,8 @@ fn angle(k: [Vector; 2], l: [Vector; 2]) -> Interval {
     }
 }
 
-/// Half the solid angle of the triangle of three directions; none, where it may be half a turn either way.
+/// Returns half the solid angle of the triangle of three directions, or `None` if it may be half a
+/// turn in either direction.
 fn half_solid_angle(a: Vector, b: Vector, c: Vector) -> Option<Interval> {
     let [na, nb, nc] = [a, b, c].map(length);
     let volume = dot(a, cross(b, c));

@@ -1,12 +1,16 @@
-//! Linking numbers that no noise can change, sharply.
+//! Linking numbers that no noise below a given amplitude can change.
 //!
-//! Let every vertex move by at most `R` along each axis, from where it is to where it may be. On the way every point of a
-//! segment stays within `R` of where it was along each axis: within the segment, dilated in the maximum norm. If no
-//! dilated segment of one curve meets one of the other, the curves do not meet on the way, so the linking
-//! number is that of the curves as they are, which is counted exactly ([`super::super::crossings`]). They do not
-//! meet exactly where the segments are more than `2 R` apart in the maximum norm.
+//! # Proof
 //!
-//! The converse holds as well: where two dilated segments meet, some noise brings the curves in touch.
+//! Let every vertex move by at most `R` along each axis, on a straight line from its given position
+//! to its true one. On the way every point of a segment stays within `R` of its initial position
+//! along each axis, and so within the segment dilated by `R` in the maximum norm. If no dilated
+//! segment of one curve meets one of the other, the curves do not meet on the way. So the linking
+//! number is that of the given curves, which is counted exactly ([`super::super::crossings`]).
+//! Dilated segments are disjoint exactly if the segments are more than `2 R` apart in the maximum
+//! norm.
+//!
+//! The converse holds as well: if two dilated segments meet, some noise makes the curves touch.
 //!
 //! Cost: that of counting crossings, and of the segment pairs whose boxes are within `2 R`.
 
@@ -20,8 +24,9 @@ use crate::pairs::{
 };
 use crate::verdict::DefectKind;
 
-/// The linking number of two closed polylines, the same wherever their vertices are in cubes of half-width `noise`
-/// around where they are; or two segments that may meet ([`DefectKind::TooClose`]).
+/// Returns the linking number of two closed polylines if it is the same for all positions of the
+/// vertices in cubes of half-width `noise`. Returns [`DefectKind::TooClose`] with two segments that
+/// may meet otherwise.
 pub(crate) fn linking_number(
     scene: Scene<'_>,
     pair: Pair,
@@ -36,7 +41,8 @@ pub(crate) fn linking_number(
     match may_meet(scene, curves, noise) {
         Meeting::Never => exact,
         Meeting::Maybe(segments) => {
-            // The nearest are more telling than the first that were found, where they may meet as well.
+            // If the nearest segments may meet as well, they are more informative than the first
+            // ones found.
             let nearest = closest_approach(scene.set, scene.trees, curves[0], curves[1]);
             let place = match apart(scene.set, curves, nearest.segments, 2.0 * noise) {
                 false => nearest,
@@ -51,16 +57,17 @@ pub(crate) fn linking_number(
     }
 }
 
-/// Whether dilated curves meet.
+/// Result of the search for dilated segments that meet.
 enum Meeting {
     Never,
-    /// These segments do, or are too close to tell.
+    /// These segments meet, or nearly meet.
     Maybe([u32; 2]),
-    /// Not looked into: splines, noise that is not a length or larger than all, coordinates beyond single precision.
+    /// Not decided: splines, noise that is not a length or larger than the curves, coordinates
+    /// beyond single precision.
     Unknown,
 }
 
-/// Looks for segments of two curves that meet when they are dilated.
+/// Searches for segments of two curves that meet when they are dilated.
 fn may_meet(scene: Scene<'_>, curves: [usize; 2], noise: f64) -> Meeting {
     const LARGEST: f64 = 1e38;
     let (set, trees) = (scene.set, scene.trees);
@@ -73,13 +80,13 @@ fn may_meet(scene: Scene<'_>, curves: [usize; 2], noise: f64) -> Meeting {
         curves,
         trees: curves.map(|i| trees.of(set, i)),
         gap: 2.0 * noise,
-        // Boxes are dilated in single precision, which rounds by 2^-24 of both.
+        // Boxes are dilated in single precision, with a relative rounding error of 2^-24.
         reach: (1.001 * (2.0 * noise + 1e-6 * size)) as f32,
     };
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = Avx2::detect() {
         #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token says that the processor has them.
+        // SAFETY: the token proves that the CPU supports these instructions.
         return unsafe { search_avx2(avx2, &search) };
     }
     search.run(Portable)
@@ -96,16 +103,16 @@ struct Search<'a> {
     set: &'a CurveSet,
     curves: [usize; 2],
     trees: [CurveTree<'a>; 2],
-    /// The distance that segments must have.
+    /// Minimum distance of segments.
     gap: f64,
-    /// That of boxes, no less.
+    /// Minimum distance of boxes, at least `gap`.
     reach: f32,
 }
 
 impl Search<'_> {
     #[inline(always)]
     fn run<L: Lanes>(&self, simd: L) -> Meeting {
-        /// Segment pairs that are looked for before they are looked into.
+        /// Number of segment pairs that are collected before they are tested.
         const BATCH: usize = 1 << 10;
         let query = Query {
             w: 2,
@@ -128,19 +135,25 @@ impl Search<'_> {
     }
 }
 
-/// Whether two segments are further apart than `gap` in the maximum norm; certain where it says so.
+/// Returns true if two segments are proven to be further apart than `gap` in the maximum norm.
 fn apart(set: &CurveSet, [i, j]: [usize; 2], [s, t]: [u32; 2], gap: f64) -> bool {
     let ends = |i: usize, s: usize| [set.knot(i, s), set.knot(i, s + 1)];
     segments_apart(ends(i, s as usize), ends(j, t as usize), gap)
 }
 
-/// The differences of the points of two segments fill a parallelogram. It stays away from the cube of half-width `gap`
-/// around the origin exactly where one of ten directions tells them apart: those of the faces of the cube, that of
-/// the parallelogram, and those orthogonal to an edge of either (the facets of the sum of both bodies).
+/// Returns true if two segments are proven to be further apart than `gap` in the maximum norm.
 ///
-/// Any direction `n` is a proof if `n . w > gap |n|_1` for the four corners `w`. Along an axis rounding does not matter: a
-/// difference that is rounded to more than `gap` is more than `gap`. Elsewhere `n . w` is off by `4 u` of the sum of
-/// its terms' magnitudes, and the right side by `3 u` of itself; the last term is for underflow.
+/// # Proof
+///
+/// The differences of the points of two segments form a parallelogram. It is disjoint from the cube
+/// of half-width `gap` around the origin exactly if one of ten directions separates both: those of
+/// the faces of the cube, that of the parallelogram, and those orthogonal to an edge of either (the
+/// facets of the sum of both bodies).
+///
+/// Any direction `n` is a proof if `n . w > gap |n|_1` for the four corners `w`. Along an axis
+/// rounding does not matter: a difference that is rounded to more than `gap` is more than `gap`.
+/// Otherwise `n . w` is off by `4 u` times the sum of the magnitudes of its terms, and the right
+/// side has a relative error of `3 u`. The last term covers underflow.
 fn segments_apart(p: [Point; 2], q: [Point; 2], gap: f64) -> bool {
     const SLACK: f64 = 8.0 * f64::EPSILON;
     let minus = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -163,7 +176,7 @@ fn segments_apart(p: [Point; 2], q: [Point; 2], gap: f64) -> bool {
             a[0] * b[1] - a[1] * b[0],
         ]
     };
-    let told_apart = |n: Point| {
+    let separates = |n: Point| {
         let need = gap * (n[0].abs() + n[1].abs() + n[2].abs()) * (1.0 + SLACK);
         let heights = corners.map(|w| {
             let terms = [n[0] * w[0], n[1] * w[1], n[2] * w[2]];
@@ -175,18 +188,18 @@ fn segments_apart(p: [Point; 2], q: [Point; 2], gap: f64) -> bool {
             || heights.iter().all(|&(height, off)| height + off < -need)
     };
     let across = |e: Point| {
-        told_apart([0.0, e[2], -e[1]])
-            || told_apart([-e[2], 0.0, e[0]])
-            || told_apart([e[1], -e[0], 0.0])
+        separates([0.0, e[2], -e[1]])
+            || separates([-e[2], 0.0, e[0]])
+            || separates([e[1], -e[0], 0.0])
     };
-    told_apart(cross(e, f)) || across(e) || across(f)
+    separates(cross(e, f)) || across(e) || across(f)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// The least value of a convex function from 0 to 1.
+    /// Returns the minimum of a convex function on the interval from 0 to 1.
     fn least(f: impl Fn(f64) -> f64) -> f64 {
         let (mut lo, mut hi) = (0.0, 1.0);
         for _ in 0..60 {
@@ -200,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn segments_are_told_apart_up_to_their_distance_in_the_maximum_norm() {
+    fn segments_are_separated_up_to_their_distance_in_the_maximum_norm() {
         let mut seed = 5u64;
         let mut random = || {
             seed = seed
@@ -212,7 +225,7 @@ mod tests {
             let mut points = [[0.0; 3]; 4];
             points.iter_mut().flatten().for_each(|x| *x = random());
             let (p, q) = ([points[0], points[1]], [points[2], points[3]]);
-            // By ternary search in ternary search: the function is convex.
+            // Nested ternary search: the function is convex.
             let far = |s: f64, t: f64| {
                 let on = |v: [Point; 2], t: f64, x: usize| v[0][x] + t * (v[1][x] - v[0][x]);
                 let each = (0..3).map(|x| (on(p, s, x) - on(q, t, x)).abs());

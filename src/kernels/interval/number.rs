@@ -2,8 +2,9 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// All numbers from `lo` to `hi`. Operations give an interval that contains every result for numbers in the operands:
-/// each end is rounded to the nearest and then moved outward by one place.
+/// All numbers from `lo` to `hi`. An operation returns an interval that contains every result for
+/// numbers in the operands: each end is rounded to the nearest and then moved outward by one unit
+/// in the last place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Interval {
     pub lo: f64,
@@ -11,27 +12,27 @@ pub(crate) struct Interval {
 }
 
 impl Interval {
-    /// Every number.
+    /// The interval of all numbers.
     pub const ENTIRE: Interval = Interval {
         lo: f64::NEG_INFINITY,
         hi: f64::INFINITY,
     };
 
-    /// Zero.
+    /// The interval that contains 0 only.
     pub const ZERO: Interval = Interval { lo: 0.0, hi: 0.0 };
 
-    /// Half a turn: the constant is the nearest below.
+    /// Pi. The constant is the nearest number below pi.
     pub const PI: Interval = Interval {
         lo: std::f64::consts::PI,
         hi: std::f64::consts::PI.next_up(),
     };
 
-    /// One number.
+    /// Returns the interval of a single number.
     pub fn point(x: f64) -> Interval {
         Interval { lo: x, hi: x }
     }
 
-    /// All numbers that are `radius` away from `x` at most.
+    /// Returns the interval of all numbers whose distance from `x` is at most `radius`.
     pub fn around(x: f64, radius: f64) -> Interval {
         match radius {
             0.0 => Interval::point(x),
@@ -39,7 +40,7 @@ impl Interval {
         }
     }
 
-    /// The interval around ends that are rounded to the nearest.
+    /// Returns an interval from ends that are rounded to the nearest, moved outward.
     fn outward(lo: f64, hi: f64) -> Interval {
         if lo.is_nan() || hi.is_nan() {
             return Interval::ENTIRE;
@@ -50,21 +51,21 @@ impl Interval {
         }
     }
 
-    /// Whether a number is in it.
+    /// Returns true if the interval contains `x`.
     pub fn contains(self, x: f64) -> bool {
         self.lo <= x && x <= self.hi
     }
 
-    /// The only integer in it; none where there are several, or none.
+    /// Returns the only integer in the interval, or `None` if there are several or none.
     #[cfg(test)]
     pub fn integer(self) -> Option<i64> {
-        /// Beyond, neighbouring integers are not told apart.
+        /// Doubles above this do not distinguish neighbouring integers.
         const LARGEST: f64 = 4_503_599_627_370_496.0;
         let (first, last) = (self.lo.ceil(), self.hi.floor());
         (first == last && first.abs() < LARGEST).then_some(first as i64)
     }
 
-    /// Its numbers between those of another one, which it meets.
+    /// Returns the intersection with another interval, which must not be disjoint.
     pub fn within(self, other: Interval) -> Interval {
         Interval {
             lo: self.lo.max(other.lo),
@@ -72,7 +73,7 @@ impl Interval {
         }
     }
 
-    /// Its square.
+    /// Returns the interval of the squares.
     pub fn square(self) -> Interval {
         let (p, q) = (self.lo * self.lo, self.hi * self.hi);
         let most = p.max(q).next_up();
@@ -87,7 +88,7 @@ impl Interval {
         }
     }
 
-    /// The square root of what is not negative in it.
+    /// Returns the interval of the square roots of its non-negative numbers.
     pub fn root(self) -> Interval {
         Interval {
             lo: self.lo.max(0.0).sqrt().next_down().max(0.0),
@@ -95,7 +96,7 @@ impl Interval {
         }
     }
 
-    /// The arctangent, between `-pi/2` and `pi/2`.
+    /// Returns the interval of the arctangents, between `-pi/2` and `pi/2`.
     pub fn arctangent(self) -> Interval {
         Interval {
             lo: arctangent(self.lo).lo,
@@ -147,7 +148,7 @@ impl Mul for Interval {
 impl Div for Interval {
     type Output = Interval;
 
-    /// Every number, where the divisor may be 0.
+    /// Returns all numbers if the divisor may be 0.
     fn div(self, other: Interval) -> Interval {
         if other.contains(0.0) {
             return Interval::ENTIRE;
@@ -161,7 +162,8 @@ impl Div for Interval {
     }
 }
 
-/// The interval from the least to the greatest of the ends, which are rounded to the nearest.
+/// Returns the interval from the minimum to the maximum of the ends, which are rounded to the
+/// nearest.
 fn span(ends: [f64; 4]) -> Interval {
     if ends.iter().any(|x| x.is_nan()) {
         return Interval::ENTIRE;
@@ -171,10 +173,10 @@ fn span(ends: [f64; 4]) -> Interval {
     Interval::outward(lo, hi)
 }
 
-/// The arctangent of a number, which is not NaN.
+/// Returns the arctangent of a number, which is not NaN.
 ///
-/// By its symmetry and by that about 1 it is reduced to numbers from 0 to 1; from 1/3 on `atan(1/2)` is split off, which is
-/// `pi/4 - atan(1/3)`.
+/// Symmetry about 0 and about 1 reduces the argument to the range from 0 to 1. From 1/3 on,
+/// `atan(1/2) = pi/4 - atan(1/3)` is subtracted.
 fn arctangent(x: f64) -> Interval {
     if x < 0.0 {
         return -arctangent(-x);
@@ -193,7 +195,7 @@ fn arctangent(x: f64) -> Interval {
     unit_arctangent(t)
 }
 
-/// The arctangent of numbers that are close together, about from 0 to 1.
+/// Returns the arctangent of a narrow interval, approximately within 0 to 1.
 fn unit_arctangent(t: Interval) -> Interval {
     let [one, two, three] = [1.0, 2.0, 3.0].map(Interval::point);
     if 3.0 * t.hi <= 1.0 {
@@ -204,12 +206,12 @@ fn unit_arctangent(t: Interval) -> Interval {
         hi: 0.25 * Interval::PI.hi,
     };
     let half = eighth - series(one / three);
-    // Of a decreasing and an increasing function, in one: 2 - 5 / (2 + t).
+    // A single occurrence of t keeps the interval narrow: 2 - 5 / (2 + t).
     half + series(two - Interval::point(5.0) / (two + t))
 }
 
-/// The arctangent of numbers that are not much larger than 1/3, by its series. It alternates, so that it is between the
-/// sums of 16 and of 17 terms.
+/// Returns the arctangent of numbers that are at most slightly larger than 1/3, by its series. The
+/// series alternates, so the result is between the sums of 16 and of 17 terms.
 fn series(t: Interval) -> Interval {
     let s = t.square();
     let mut sum = Interval::ZERO;
@@ -233,7 +235,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn operations_contain_what_they_should() {
+    fn operations_contain_all_results() {
         let all = [-3.0, -0.5, 0.0, 0.1, 2.0];
         for (i, &a) in all.iter().enumerate() {
             for &b in &all[i..] {
@@ -265,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn arctangents_are_narrow_and_have_the_systems_within_two_places() {
+    fn arctangents_are_narrow_and_agree_with_the_standard_library() {
         let mut x = 1e-9;
         while x < 1e12 {
             for x in [x, -x] {
@@ -281,7 +283,7 @@ mod tests {
         }
         assert_eq!(arctangent(0.0).integer(), Some(0));
         assert!(arctangent(f64::INFINITY).contains(std::f64::consts::FRAC_PI_2));
-        // Machin's formula, which no single arctangent knows of.
+        // Machin's formula checks several arctangents together.
         let four = Interval::point(4.0);
         let pi = four
             * (four * arctangent(0.2)

@@ -1,4 +1,4 @@
-//! Arai's examples; enclosures against the oracle; noise.
+//! Arai's examples; intervals in comparison to the oracle; noise.
 
 use super::*;
 use crate::kernels::conformance::polygons::{Random, floats, set_of};
@@ -8,7 +8,7 @@ use crate::pairs::Trees;
 use crate::verdict::{DefectKind, Place};
 use std::time::Instant;
 
-/// Arai 2013, example 5.
+/// Example 5 of Arai 2013.
 const K: [[f64; 3]; 8] = [
     [1., 0., 0.],
     [1., 1., 0.],
@@ -99,7 +99,7 @@ fn example_8_random_links() {
 }
 
 #[test]
-fn enclosures_hold_the_number_of_the_oracle_and_that_of_noisy_positions() {
+fn enclosures_contain_the_number_of_the_oracle_and_of_noisy_positions() {
     let mut random = Random::new(31);
     for k in 0..400 {
         let size = [4, 50, 100_000][k % 3];
@@ -111,7 +111,7 @@ fn enclosures_hold_the_number_of_the_oracle_and_that_of_noisy_positions() {
             Some(n) => assert!(found.contains(n as f64), "{found:?} {n}"),
             None => assert_eq!(found.integer(), None, "{found:?}"),
         }
-        // Moved by one along each axis: within the noise.
+        // Each vertex moved by one along each axis, which is within the noise.
         let noise = 1.0;
         let mut moved = |p: &Vec<[i64; 3]>| -> Vec<[i64; 3]> {
             p.iter()
@@ -133,7 +133,7 @@ fn enclosures_hold_the_number_of_the_oracle_and_that_of_noisy_positions() {
             (None, Linking::Number(n)) => panic!("they may touch, but {n}"),
             (None, _) => assert_eq!(found.integer(), None),
         }
-        // What the enclosure decides, the sharp method does.
+        // The sharp method decides every pair that the enclosure decides.
         if let Some(n) = found.integer() {
             assert_eq!(sharp, Linking::Number(n));
         }
@@ -173,7 +173,7 @@ fn noise_is_decided_up_to_half_the_distance_of_the_loops() {
         let place = undecided(with_noise(&set, 0.5 * scale));
         assert_eq!(place.distance, scale);
     }
-    // One that touches has no number, whatever the noise.
+    // A touching pair has no linking number for any noise.
     let touching = L.map(|[x, y, z]| [x + 1.0, y, z]);
     for noise in [0.0, 0.1] {
         let found = with_noise(&set_of(&K, &touching, false), noise);

@@ -1,58 +1,58 @@
-//! Sums on an adapter, with the processor standing by.
+//! Sums on an adapter, with the CPU as the fallback.
 
 use super::Trouble;
 use crate::kernels::{Estimate, Summation};
 use crate::pairs::Pair;
 use std::sync::OnceLock;
 
-/// A sum on an adapter.
+/// A summation kernel on an adapter.
 pub(crate) trait AdapterSum: Send + Sync {
-    /// The linking numbers of several pairs, in their order.
+    /// Returns the linking numbers of several pairs, in their order.
     fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble>;
 }
 
-/// A sum on an adapter; on the processor once that failed.
-pub(crate) struct WithStandby<'a, S> {
+/// A sum on an adapter that falls back to the CPU if the adapter fails.
+pub(crate) struct WithFallback<'a, S> {
     sum: S,
-    /// What the processor needs is built when it is needed.
-    processor: Lazy<'a, Box<dyn Summation + 'a>>,
+    /// The CPU kernel, built only if it is needed.
+    cpu: Lazy<'a, Box<dyn Summation + 'a>>,
 }
 
-impl<'a, S> WithStandby<'a, S> {
-    /// Builds nothing of the processor's.
+impl<'a, S> WithFallback<'a, S> {
+    /// Combines both kernels. Does not build the CPU kernel.
     pub fn new(
         sum: S,
-        processor: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
-    ) -> WithStandby<'a, S> {
-        WithStandby {
+        cpu: impl Fn() -> Box<dyn Summation + 'a> + Send + Sync + 'a,
+    ) -> WithFallback<'a, S> {
+        WithFallback {
             sum,
-            processor: Lazy::new(processor),
+            cpu: Lazy::new(cpu),
         }
     }
 }
 
-impl<S: AdapterSum> Summation for WithStandby<'_, S> {
+impl<S: AdapterSum> Summation for WithFallback<'_, S> {
     fn linking_number(&self, pair: Pair) -> Estimate {
         self.linking_numbers(&[pair])[0]
     }
 
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
         self.sum.linking_numbers(pairs).unwrap_or_else(|trouble| {
-            tracing::warn!("the sums are made on the processor: {trouble}");
-            self.processor.get().linking_numbers(pairs)
+            tracing::warn!("the GPU failed; these sums are computed on the CPU: {trouble}");
+            self.cpu.get().linking_numbers(pairs)
         })
     }
 }
 
-/// What is made once it is asked for. Who asks meanwhile makes it as well, since nobody may wait here: a thread that makes it
-/// takes up other work on the way, which may ask for it too.
+/// A value that is computed at its first use. Concurrent callers compute it as well instead of
+/// blocking: the thread that computes it may steal tasks that request it too, and would deadlock.
 pub(super) struct Lazy<'a, T> {
     made: OnceLock<T>,
     make: Box<dyn Fn() -> T + Send + Sync + 'a>,
 }
 
 impl<'a, T> Lazy<'a, T> {
-    /// Makes nothing yet.
+    /// Stores the function without calling it.
     pub fn new(make: impl Fn() -> T + Send + Sync + 'a) -> Lazy<'a, T> {
         Lazy {
             made: OnceLock::new(),
@@ -60,13 +60,13 @@ impl<'a, T> Lazy<'a, T> {
         }
     }
 
-    /// Whether it was asked for.
+    /// Returns true if the value has been computed.
     #[cfg(test)]
     pub fn is_made(&self) -> bool {
         self.made.get().is_some()
     }
 
-    /// What was made, or is made now.
+    /// Returns the value; computes it first if needed.
     pub fn get(&self) -> &T {
         match self.made.get() {
             Some(made) => made,
@@ -83,10 +83,10 @@ mod tests {
     use super::*;
     use std::sync::atomic::{AtomicU32, Ordering};
 
-    /// Says which of the two it is.
-    struct Says(Result<f64, Trouble>);
+    /// Returns a fixed result.
+    struct FixedResult(Result<f64, Trouble>);
 
-    impl AdapterSum for Says {
+    impl AdapterSum for FixedResult {
         fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
             let value = self.0.clone()?;
             Ok(vec![Estimate { value, bound: 0.0 }; pairs.len()])
@@ -103,13 +103,13 @@ mod tests {
     }
 
     #[test]
-    fn the_processor_is_made_ready_once_and_only_where_the_adapter_failed() {
+    fn the_fallback_is_built_once_and_only_after_a_failure() {
         let made = AtomicU32::new(0);
         let make = || -> Box<dyn Summation> {
             made.fetch_add(1, Ordering::Relaxed);
             Box::new(2.0)
         };
-        let both = WithStandby::new(Says(Ok(1.0)), make);
+        let both = WithFallback::new(FixedResult(Ok(1.0)), make);
         let integers = |sum: &dyn Summation, n| -> Vec<_> {
             let found = sum.linking_numbers(&vec![(0, 1); n]);
             found.iter().map(Estimate::integer).collect()
@@ -117,7 +117,7 @@ mod tests {
         assert_eq!(integers(&both, 2), [Some(1); 2]);
         assert_eq!(both.linking_number((0, 1)).integer(), Some(1));
         assert_eq!(made.load(Ordering::Relaxed), 0);
-        let failed = WithStandby::new(Says(Err(Trouble::Failed("lost".into()))), make);
+        let failed = WithFallback::new(FixedResult(Err(Trouble::Failed("lost".into()))), make);
         assert_eq!(integers(&failed, 3), [Some(2); 3]);
         assert_eq!(integers(&failed, 3), [Some(2); 3]);
         assert_eq!(made.load(Ordering::Relaxed), 1);
