@@ -23,7 +23,6 @@ pub(crate) use notation::{Notation, significant};
 pub use set::{Curve, CurveSet};
 
 /// A point in space, in the units of the simulation.
-/// A point in space, in the units of the simulation.
 pub type Point = [f64; 3];
 
 /// Returns `2^exponent`, for exponents of normal numbers (-1022 to 1023).

@@ -53,12 +53,6 @@ pub use method::{Accuracy, Method};
 
 use crate::verdict::{DefectKind, Place};
 
-/// Returns the power of two `2^exponent`, for the exponents of normal numbers, -1022 to 1023.
-pub(crate) const fn pow2(exponent: i32) -> f64 {
-    assert!(exponent >= -1022 && exponent <= 1023);
-    f64::from_bits(((1023 + exponent) as u64) << 52)
-}
-
 /// Work of linking numbers, in counts. It depends on the curves alone, not on the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct KernelWork {

@@ -42,7 +42,7 @@
 
 use super::Order;
 use crate::curve::Point;
-use crate::kernels::pow2;
+use crate::curve::pow2;
 
 /// Geometric data of a piece of a curve that the bound depends on.
 #[derive(Clone, Copy, Debug)]

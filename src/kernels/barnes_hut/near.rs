@@ -29,7 +29,7 @@
 )]
 
 use super::trees::{LEAF, Tree};
-use crate::kernels::pow2;
+use crate::curve::pow2;
 use std::ops::Range;
 
 /// A number in each lane.

@@ -8,8 +8,8 @@
 
 use super::bound::Reach;
 use super::moments::Moments;
+use crate::curve::pow2;
 use crate::curve::{CurveSet, Point};
-use crate::kernels::pow2;
 
 /// Number of segments of a leaf, and number of lanes of the near field.
 pub(super) const LEAF: usize = 4;

@@ -1,8 +1,8 @@
 //! Scaled vertices of closed polylines, the input of sums.
 
 use super::block::Strip;
+use crate::curve::pow2;
 use crate::curve::{Axes, CurveSet};
-use crate::kernels::pow2;
 use std::ops::Range;
 
 /// Vertices of all closed polylines of a set in double precision. The first vertex of each curve is

@@ -46,7 +46,7 @@
 use super::harmonics::MOST;
 use super::tree::Ball;
 use crate::curve::Point;
-use crate::kernels::pow2;
+use crate::curve::pow2;
 use std::f64::consts::PI;
 
 /// Error bounds of the contribution of a node pair.

@@ -11,9 +11,9 @@
     reason = "one index runs over lanes or axes of several arrays"
 )]
 
+use crate::curve::pow2;
 use crate::curve::{CurveSet, Point};
 use crate::kernels::barnes_hut::Node;
-use crate::kernels::pow2;
 
 /// Number of segments of a leaf.
 pub(super) const LEAF: usize = 16;
