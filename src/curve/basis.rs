@@ -27,7 +27,7 @@ impl Basis {
     ];
 
     /// Place in [`Basis::ALL`]: the code on the wire.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
+    #[cfg(any(feature = "client", feature = "mcap"))]
     pub(crate) fn code(self) -> u32 {
         self as u32
     }

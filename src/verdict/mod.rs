@@ -1,13 +1,15 @@
 //! What is said about a frame: certificate change and policy in, verdict out.
 
+mod change;
 mod message;
 mod policy;
+mod pull_through;
 
+pub use change::{Change, ChangeKind, Link};
 pub use policy::AbortOn;
+pub use pull_through::PullThrough;
 
-use crate::certificate::{Change, Link};
 use crate::curve::Point;
-use crate::incremental::PullThrough;
 
 /// The answer to "is the topology of this frame the one that it started with?".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]

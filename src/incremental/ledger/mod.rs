@@ -51,9 +51,9 @@ use self::pair::{Part, Step, Workspace};
 use super::Cover;
 use crate::cancel::Cancel;
 use crate::certificate::{Comparison, Link};
-use crate::curve::{BoxGroup, Curve, CurveSet, Point};
+use crate::curve::{BoxGroup, Curve, CurveSet};
 use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
-use crate::verdict::Defect;
+use crate::verdict::{Defect, PullThrough};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -68,27 +68,6 @@ use crate::discretize::MovingSeparation;
 /// strands keep a distance of about a segment length, a strand must move that far to get from one
 /// side of another strand to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
-
-/// One curve was pulled through another, or through itself, between two frames.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct PullThrough {
-    /// First curve, from 0.
-    pub i: u32,
-    /// Second curve: greater than `i`, or equal where the curve passes through itself.
-    pub j: u32,
-    /// The segment of either curve.
-    pub segments: [u32; 2],
-    /// When, as a fraction of the step from one frame to the next, under linear motion.
-    pub fraction: f64,
-    /// What it adds to the linking number of two closed curves: 1 or -1. For a curve and itself, half of what it adds
-    /// to its writhe.
-    pub sign: i32,
-    /// Where, in the units of the simulation.
-    pub point: Point,
-    /// Relative motion of the two segments at this place in the step, in lengths of the longer one.
-    /// 0 for a passage through a contact in a frame, which does not depend on the motion.
-    pub lengths: f64,
-}
 
 /// What happened in a step.
 #[derive(Clone, Debug, Default, PartialEq)]
