@@ -179,7 +179,6 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
     /// A malformed file or message.
-    #[cfg(any(feature = "client", feature = "verify"))]
     pub(crate) fn format(
         format: &'static str,
         place: impl std::fmt::Display,
@@ -193,7 +192,6 @@ impl Error {
     }
 
     /// A format that is understood, but not supported.
-    #[cfg(feature = "verify")]
     pub(crate) fn unsupported(format: &'static str, what: impl std::fmt::Display) -> Self {
         Self::Unsupported {
             format,
@@ -215,7 +213,6 @@ impl Error {
     }
 
     /// An I/O error with the path that it belongs to.
-    #[cfg(feature = "verify")]
     pub(crate) fn file(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |source| Self::File { path, source }

@@ -85,6 +85,10 @@ mod certificate;
 mod curve;
 #[cfg(feature = "verify")]
 mod discretize;
+#[cfg_attr(
+    not(feature = "verify"),
+    allow(dead_code, reason = "for the exact core")
+)]
 mod error;
 #[cfg(feature = "verify")]
 mod exact;

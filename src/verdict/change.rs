@@ -2,31 +2,31 @@
 
 use super::Place;
 
-/// A non-zero entry of the linking matrix.
+/// A nonzero entry of the linking matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 pub struct Link {
     /// First curve, from 0; less than `j`.
     pub i: u32,
     /// Second curve.
     pub j: u32,
-    /// Their linking number, never 0.
+    /// Linking number of the curves, never 0.
     pub lambda: i64,
 }
 
-/// How a linking number differs from the expected one.
+/// Kind of the difference between a linking number and the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ChangeKind {
-    /// The curves were linked and are not any more.
+    /// The curves were linked in the baseline and no longer are.
     Lost,
-    /// The curves were not linked and now are.
+    /// The curves were not linked in the baseline and now are.
     Gained,
-    /// The curves are linked as they were, by another number.
+    /// The curves are linked as in the baseline, but with another linking number.
     Changed,
 }
 
 impl ChangeKind {
-    /// One word.
+    /// Returns the word for this kind.
     pub fn word(self) -> &'static str {
         match self {
             ChangeKind::Lost => "lost",
@@ -36,7 +36,7 @@ impl ChangeKind {
     }
 }
 
-/// A linking number that is not the expected one.
+/// A linking number that differs from the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Change {
     /// First curve, from 0; less than `j`.
@@ -45,14 +45,15 @@ pub struct Change {
     pub j: u32,
     /// Linking number in the baseline.
     pub expected: i64,
-    /// Linking number found.
+    /// Linking number in the current frame.
     pub found: i64,
-    /// Where the curves are closest now: right after a pull-through, its place.
+    /// Place at which the curves are closest in the current frame. Right after a pull-through, this
+    /// is its place.
     pub place: Option<Place>,
 }
 
 impl Change {
-    /// Lost, gained or changed.
+    /// Returns the kind of the change.
     pub fn kind(&self) -> ChangeKind {
         match (self.expected, self.found) {
             (_, 0) => ChangeKind::Lost,
