@@ -4,7 +4,7 @@
 //! # Start here
 //!
 //! - A simulator that is watched by the command `linkwatch watch` publishes its frames with a
-//!   [`Client`](./struct.Client.html) (feature `bus`). In other languages:
+//!   [`Client`](./struct.Client.html) (feature `client`). In other languages:
 //!   [the wire format](./wire_format/index.html).
 //! - A program that verifies its own frames calls [`Verifier::step`] with a [`CurveSet`], and gets
 //!   a [`Report`].
@@ -12,7 +12,8 @@
 //!   linking numbers.
 //! - The README has the command, the verdicts, and which curves to publish.
 //!
-//! ```
+#![cfg_attr(feature = "verify", doc = "```")]
+#![cfg_attr(not(feature = "verify"), doc = "```ignore")]
 //! use linkwatch::{AbortOn, Basis, CurveSet, Positions, Verdict, Verifier};
 //!
 //! # fn main() -> linkwatch::Result<()> {
@@ -47,17 +48,22 @@
 //!
 //! # Features
 //!
-//! All are on by default. Without any, the library still computes every linking number exactly.
+//! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap` and
+//! `rerun` turn on `verify`. Without any feature the library has only the vocabulary that all
+//! features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
 //!
 //! | feature | adds | main dependency |
 //! |---|---|---|
+//! | `client` | a simulator's end of the bus: `Client`, `services` | iceoryx2 |
+//! | `verify` | the exact core: `Verifier`, which computes every linking number | rayon |
+//! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
 //! | `cli` | the command `linkwatch`; nothing in the library | clap |
-//! | `bus` | live frames and verdicts over shared memory: `Client`, `Sidecar` | iceoryx2 |
 //! | `gpu` | kernels on a GPU: `Verifier::set_device` | wgpu |
 //! | `mcap` | recordings: `RecordingSink`, `RecordingReader` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
 //!
-//! A simulator that publishes frames takes `default-features = false, features = ["bus"]`.
+//! A simulator that publishes frames takes `default-features = false, features = ["client"]`, and
+//! compiles no kernels. A program that verifies its own frames takes `features = ["verify"]`.
 //!
 //! # The way of a frame
 //!
@@ -70,42 +76,65 @@
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
-#[cfg(feature = "bus")]
+#[cfg(feature = "client")]
 mod bus;
+#[cfg(feature = "verify")]
 mod cancel;
+#[cfg(feature = "verify")]
 mod certificate;
 mod curve;
+#[cfg(feature = "verify")]
 mod discretize;
+#[cfg_attr(
+    not(feature = "verify"),
+    allow(dead_code, reason = "for the exact core")
+)]
 mod error;
+#[cfg(feature = "verify")]
 mod exact;
+#[cfg(feature = "verify")]
 mod incremental;
 #[cfg(any(feature = "bus", feature = "mcap"))]
 mod ingest;
+#[cfg(feature = "verify")]
 pub mod kernels;
+#[cfg(feature = "verify")]
 pub mod model;
+#[cfg(feature = "verify")]
 mod pairs;
+#[cfg(feature = "verify")]
 pub mod plan;
+#[cfg(feature = "verify")]
 pub mod scenes;
+#[cfg(feature = "verify")]
 mod sinks;
 mod verdict;
+#[cfg(feature = "verify")]
 mod verifier;
-#[cfg(all(doc, feature = "bus"))]
+#[cfg(all(doc, feature = "client"))]
 #[doc = include_str!("../docs/wire.md")]
 pub mod wire_format {}
 
-#[cfg(feature = "bus")]
+#[cfg(feature = "client")]
 pub use bus::{
-    Attached, Client, ClientOptions, Counters, Departure, Event, Finding, Frame, FrameLoan,
-    MessageKind, Outcome, ServiceInfo, Sidecar, SidecarOptions, VerdictMessage, services,
+    Attached, Client, ClientOptions, Counters, Departure, Finding, FrameLoan, MessageKind, Outcome,
+    ServiceInfo, VerdictMessage, services,
 };
-pub use certificate::{Certificate, Change, ChangeKind, Comparison, Link};
-pub use curve::{
-    Basis, Curve, CurveSet, CurveSetBuilder, LongSegment, Point, Positions, Precision,
-};
+#[cfg(feature = "bus")]
+pub use bus::{Event, Frame, Sidecar, SidecarOptions};
+#[cfg(feature = "verify")]
+pub use certificate::{Certificate, Comparison};
+pub use curve::{Basis, Point, Positions, Precision};
+#[cfg(feature = "verify")]
+pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
+#[cfg(feature = "verify")]
 pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
-pub use incremental::{Events, PullThrough, Route, Work};
+#[cfg(feature = "verify")]
+pub use incremental::{Events, Route, Work};
+#[cfg(feature = "verify")]
 pub use plan::Plan;
+#[cfg(feature = "verify")]
 pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use sinks::{
@@ -114,10 +143,14 @@ pub use sinks::{
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};
-pub use verdict::{AbortOn, Defect, DefectKind, Place, Report, Stats, Verdict};
+pub use verdict::{
+    AbortOn, Change, ChangeKind, Defect, DefectKind, Link, Place, PullThrough, Report, Stats,
+    Verdict,
+};
+#[cfg(feature = "verify")]
 pub use verifier::{Ladder, Progress, Timings, Verifier};
 
 /// Compiles the examples of the README.
-#[cfg(all(doctest, feature = "bus"))]
+#[cfg(all(doctest, feature = "client"))]
 #[doc = include_str!("../README.md")]
 struct Readme;

@@ -4,10 +4,8 @@ use super::wire::{
     FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE,
     VERDICT_MAGIC, VerdictWire,
 };
-use crate::certificate::{Change, ChangeKind};
 use crate::error::{Error, Result};
-use crate::incremental::PullThrough;
-use crate::verdict::{Defect, DefectKind, Place, Report, Verdict};
+use crate::verdict::{Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict};
 use std::fmt;
 use std::time::Duration;
 

@@ -20,19 +20,35 @@
 //! it is a process of its own, and why a simulator has to have its own opinion about silence.
 
 mod client;
+#[cfg(feature = "bus")]
 mod event;
 mod loan;
+#[cfg_attr(
+    not(feature = "bus"),
+    allow(dead_code, reason = "for the watcher's end")
+)]
 mod message;
-#[cfg(test)]
+#[cfg(all(test, feature = "bus"))]
 mod page;
+#[cfg_attr(
+    not(feature = "bus"),
+    allow(dead_code, reason = "for the watcher's end")
+)]
 mod service;
 mod services;
+#[cfg(feature = "bus")]
 mod sidecar;
+#[cfg_attr(
+    not(feature = "bus"),
+    allow(dead_code, reason = "for the watcher's end")
+)]
 mod wire;
 
 pub use client::{Client, ClientOptions, Departure, Outcome};
+#[cfg(feature = "bus")]
 pub use event::{Event, Frame};
 pub use loan::FrameLoan;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
 pub use services::{Attached, ServiceInfo, services};
+#[cfg(feature = "bus")]
 pub use sidecar::{Sidecar, SidecarOptions};

@@ -8,8 +8,11 @@
 //!
 //! `docs/wire.md` describes this for other languages. A change of a layout changes that page.
 
-use crate::curve::{Basis, Positions, Precision};
+use crate::curve::Precision;
+#[cfg(feature = "bus")]
+use crate::curve::{Basis, Positions};
 use crate::error::{Error, Result};
+#[cfg(feature = "bus")]
 use crate::ingest::RawFrame;
 use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
@@ -159,6 +162,7 @@ impl FrameHeader {
 
     /// The parts of the payload that this header promises, or what is wrong with them. `self` must be a
     /// copy: the header in shared memory may change at any time.
+    #[cfg(feature = "bus")]
     pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<RawFrame<'a>> {
         let field = |place, what: std::fmt::Arguments<'_>| Err(Error::format("frame", place, what));
         if payload.len() > max_bytes {
@@ -246,7 +250,7 @@ pub(super) fn cast_mut<T: Plain>(bytes: &mut [u8]) -> Option<&mut [T]> {
     (head.is_empty() && tail.is_empty()).then_some(body)
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "bus"))]
 mod tests {
     use super::*;
 

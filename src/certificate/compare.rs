@@ -1,58 +1,8 @@
 //! Comparison of two certificates: lost, gained and changed links.
 
-use super::{Certificate, Link};
+use super::{Certificate, Change, Link};
 use crate::error::{Error, Result};
 use crate::verdict::{Defect, DefectKind, Place};
-
-/// Kind of the difference between a linking number and the expected one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum ChangeKind {
-    /// The curves were linked in the baseline and no longer are.
-    Lost,
-    /// The curves were not linked in the baseline and now are.
-    Gained,
-    /// The curves are linked as in the baseline, but with another linking number.
-    Changed,
-}
-
-impl ChangeKind {
-    /// Returns the word for this kind.
-    pub fn word(self) -> &'static str {
-        match self {
-            ChangeKind::Lost => "lost",
-            ChangeKind::Gained => "gained",
-            ChangeKind::Changed => "changed",
-        }
-    }
-}
-
-/// A linking number that differs from the expected one.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Change {
-    /// First curve, from 0; less than `j`.
-    pub i: u32,
-    /// Second curve.
-    pub j: u32,
-    /// Linking number in the baseline.
-    pub expected: i64,
-    /// Linking number in the current frame.
-    pub found: i64,
-    /// Place at which the curves are closest in the current frame. Right after a pull-through, this
-    /// is its place.
-    pub place: Option<Place>,
-}
-
-impl Change {
-    /// Returns the kind of the change.
-    pub fn kind(&self) -> ChangeKind {
-        match (self.expected, self.found) {
-            (_, 0) => ChangeKind::Lost,
-            (0, _) => ChangeKind::Gained,
-            _ => ChangeKind::Changed,
-        }
-    }
-}
 
 /// Result of comparing a frame with its baseline.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -4,20 +4,10 @@
 mod compare;
 mod file;
 
-pub use compare::{Change, ChangeKind, Comparison};
+pub use crate::verdict::{Change, Link};
+pub use compare::Comparison;
 
 use crate::verdict::Defect;
-
-/// A nonzero entry of the linking matrix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
-pub struct Link {
-    /// First curve, from 0; less than `j`.
-    pub i: u32,
-    /// Second curve.
-    pub j: u32,
-    /// Linking number of the curves, never 0.
-    pub lambda: i64,
-}
 
 /// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021,
 /// section 3).

@@ -1,25 +1,45 @@
 //! Curves: points, spline bases, and the set of all curves of one frame.
 
+#[cfg_attr(
+    not(feature = "verify"),
+    allow(dead_code, reason = "for the exact core")
+)]
 mod basis;
+#[cfg(feature = "verify")]
 mod boxes;
+#[cfg(feature = "verify")]
 mod builder;
+#[cfg_attr(
+    not(feature = "verify"),
+    allow(dead_code, reason = "for the exact core")
+)]
 mod coordinates;
+#[cfg(feature = "verify")]
 mod extent;
+#[cfg(feature = "verify")]
 mod lanes;
 mod notation;
+#[cfg(feature = "verify")]
 mod set;
 
 pub use basis::Basis;
+#[cfg(feature = "verify")]
 pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
+#[cfg(feature = "verify")]
 pub(crate) use boxes::{Box3, BoxGroup, LANES};
+#[cfg(feature = "verify")]
 pub use builder::CurveSetBuilder;
+#[cfg(feature = "verify")]
 pub(crate) use coordinates::{Axes, Knots, ReadKnots};
 pub use coordinates::{Positions, Precision};
+#[cfg(feature = "verify")]
 pub use extent::LongSegment;
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(feature = "verify", target_arch = "x86_64"))]
 pub(crate) use lanes::Avx2;
+#[cfg(feature = "verify")]
 pub(crate) use lanes::{Lanes, Portable};
 pub(crate) use notation::{Notation, significant};
+#[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};
 
 /// A point in space, in the units of the simulation.

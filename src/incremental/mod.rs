@@ -23,7 +23,7 @@ mod stream;
 #[cfg(test)]
 mod tests;
 
-pub use ledger::PullThrough;
+pub use crate::verdict::PullThrough;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome};
 pub(crate) use monitor::{Finding, Monitor};
 

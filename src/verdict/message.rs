@@ -1,9 +1,7 @@
 //! Messages about verdicts, which the command, the log and the viewer print.
 
-use super::{Defect, DefectKind, Place, Report, Verdict};
-use crate::certificate::{Change, ChangeKind};
+use super::{Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict};
 use crate::curve::{Notation, significant};
-use crate::incremental::PullThrough;
 use std::fmt;
 
 impl fmt::Display for Verdict {

@@ -1,13 +1,15 @@
 //! Verdict on a frame: findings, defects, work counters, and the abort policy.
 
+mod change;
 mod message;
 mod policy;
+mod pull_through;
 
+pub use change::{Change, ChangeKind, Link};
 pub use policy::AbortOn;
+pub use pull_through::PullThrough;
 
-use crate::certificate::{Change, Link};
 use crate::curve::Point;
-use crate::incremental::PullThrough;
 
 /// Result of comparing the topology of a frame with that of the baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]

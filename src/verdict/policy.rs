@@ -1,7 +1,6 @@
 //! Policy that decides when the simulator is asked to stop.
 
-use super::{Defect, DefectKind, Report, Verdict};
-use crate::certificate::ChangeKind;
+use super::{ChangeKind, Defect, DefectKind, Report, Verdict};
 use std::fmt;
 use std::str::FromStr;
 
@@ -94,9 +93,7 @@ impl FromStr for AbortOn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::certificate::Change;
-    use crate::incremental::PullThrough;
-    use crate::verdict::Place;
+    use crate::verdict::{Change, Place, PullThrough};
 
     fn report(verdict: Verdict) -> Report {
         Report {

@@ -66,9 +66,9 @@ use self::pair::{Part, Step, Workspace};
 use super::Cover;
 use crate::cancel::Cancel;
 use crate::certificate::{Comparison, Link};
-use crate::curve::{BoxGroup, Curve, CurveSet, Point};
+use crate::curve::{BoxGroup, Curve, CurveSet};
 use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
-use crate::verdict::Defect;
+use crate::verdict::{Defect, PullThrough};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -83,27 +83,6 @@ use crate::discretize::MovingSeparation;
 /// strands keep a distance of about a segment length, a strand must move that far to get from one
 /// side of another strand to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
-
-/// A pull-through: a passage of a curve through another one, or through itself, between two frames.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct PullThrough {
-    /// First curve, from 0.
-    pub i: u32,
-    /// Second curve: greater than `i`, or equal if the curve passes through itself.
-    pub j: u32,
-    /// Segment of each curve.
-    pub segments: [u32; 2],
-    /// Time as a fraction of the step from one frame to the next, under linear motion.
-    pub fraction: f64,
-    /// Change of the linking number of two closed curves: 1 or -1. For a curve and itself, half the
-    /// change of its writhe.
-    pub sign: i32,
-    /// Place, in the units of the simulation.
-    pub point: Point,
-    /// Relative motion of the two segments at this place in the step, in lengths of the longer one.
-    /// 0 for a passage through a contact in a frame, which does not depend on the motion.
-    pub lengths: f64,
-}
 
 /// Result of a step.
 #[derive(Clone, Debug, Default, PartialEq)]

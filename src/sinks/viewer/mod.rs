@@ -21,12 +21,11 @@ mod target;
 
 pub use target::ViewerTarget;
 
-use crate::certificate::ChangeKind;
 use crate::curve::{CurveSet, Point};
 use crate::error::{Error, Result};
 use crate::incremental::Route;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
-use crate::verdict::{Report, Verdict};
+use crate::verdict::{ChangeKind, Report, Verdict};
 use layout::Scene;
 use local::Spot;
 use passed::Passed;
