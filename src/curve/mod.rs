@@ -46,6 +46,7 @@ pub use set::{Curve, CurveSet};
 pub type Point = [f64; 3];
 
 /// Returns `2^exponent`, for exponents of normal numbers (-1022 to 1023).
+#[cfg(feature = "verify")]
 pub(crate) const fn pow2(exponent: i32) -> f64 {
     assert!(-1022 <= exponent && exponent <= 1023);
     f64::from_bits(((1023 + exponent) as u64) << 52)
