@@ -98,8 +98,8 @@ pub enum Error {
     /// No curve of the frame is closed, so there are no linking numbers, and the search for
     /// pull-throughs is off ([`Verifier::set_events`](crate::Verifier::set_events)).
     #[error(
-        "nothing to verify: none of {curves} curves is closed (a closed curve has a count below 0); \
-         --events verifies pull-throughs of open curves"
+        "nothing to verify: none of {curves} curves is closed (a closed curve has a count below \
+         0); --events verifies pull-throughs of open curves"
     )]
     NothingClosed {
         /// Number of curves of the frame, all of them open.

@@ -85,12 +85,9 @@ fn options_of_watch_stand_under_headings() {
     let help = stdout(&["watch", "-h"]);
     let mut rest = help.as_str();
     for (heading, options) in [
-        ("What to watch:", &["--service", "--wait"][..]),
-        (
-            "What to compare:",
-            &["--baseline", "--abort-on", "--events"],
-        ),
-        ("Where to write:", &["--record", "--force"]),
+        ("Simulation:", &["--service", "--wait"][..]),
+        ("Comparison:", &["--baseline", "--abort-on", "--events"]),
+        ("Output:", &["--record", "--force"]),
         ("Kernels:", &["--kernel", "--device"]),
         ("General:", &["--json", "--quiet", "--threads", "--help"]),
     ] {

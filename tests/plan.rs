@@ -98,12 +98,12 @@ fn what_is_neither_a_model_nor_a_scene_is_told_in_one_line() {
             "rope",
             &[
                 "scene rope: unknown (known: chainmail",
-                "nor is there a file",
+                "no file has this name",
             ],
         ),
         (
             "ribbon:lambda=x",
-            &["expected an integer from", "nor is there a file"],
+            &["expected an integer from", "no file has this name"],
         ),
     ] {
         for command in ["plan", "certify"] {

@@ -111,7 +111,7 @@ fn the_result_as_json() {
 #[test]
 fn bad_arguments_exit_with_2() {
     for (args, says) in [
-        (&["ribbon"][..], "ribbon has no diameter of its own"),
+        (&["ribbon"][..], "ribbon has no diameter"),
         (&["none.bcc", "--diameter", "1"], "none.bcc: No such file"),
         (
             &["Cargo.toml", "--diameter", "1"],
@@ -123,7 +123,7 @@ fn bad_arguments_exit_with_2() {
         (&[KNIT, "--diameter", "nan"], "expected a number above 0"),
         (
             &[KNIT, "--amplitudes", "0.1,inf"],
-            "expected numbers from 0 on",
+            "expected numbers of at least 0",
         ),
         (&[KNIT, "--motions", "iid,jump"], "unknown motion 'jump'"),
         (&[KNIT, "--frames", "0"], "0 is not in 1.."),
@@ -285,7 +285,10 @@ fn bad_studies_of_kernels_exit_with_2() {
             &["ribbon:segments=200,lambda=9", "--sizes", "20"],
             "take more segments",
         ),
-        (&[scene, "--betas", "0.5"], "expected a number from 1 on"),
+        (
+            &[scene, "--betas", "0.5"],
+            "expected a number of at least 1",
+        ),
         (
             &[scene, "--csv", "/dev/null/x.csv"],
             "error: /dev/null/x.csv: ",
@@ -304,7 +307,7 @@ fn bad_studies_of_kernels_exit_with_2() {
     let (code, _, stderr) = study("kernels", &[model.to_str().unwrap(), "--sizes", "10"]);
     assert_eq!(code, 2);
     assert!(
-        stderr.contains("hopf.obj is no generated scene"),
+        stderr.contains("hopf.obj is not a generated scene"),
         "{stderr}"
     );
 }

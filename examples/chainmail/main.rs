@@ -57,7 +57,7 @@ struct Args {
 fn seconds(text: &str) -> Result<Duration, String> {
     match text.parse().map(Duration::try_from_secs_f64) {
         Ok(Ok(time)) => Ok(time),
-        _ => Err("expected seconds, a finite number from 0 on".into()),
+        _ => Err("expected seconds, a finite number of at least 0".into()),
     }
 }
 

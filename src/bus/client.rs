@@ -315,15 +315,16 @@ impl Client {
         let publisher = self.publisher.as_ref().expect("`describe` created it");
         let sample = publisher.loan_slice_uninit(bytes).map_err(bus("loan"))?;
         #[expect(unsafe_code, reason = "shared memory is lent as uninitialised")]
-        // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system (zeros) or
-        // by an earlier frame of this publisher, all of whose bytes were initialised; the compiler can
-        // assume nothing else of memory that it did not allocate. Every bit pattern is a `u8`.
+        // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system (zeros)
+        // or by an earlier frame of this publisher, all of whose bytes were initialised; the
+        // compiler can assume nothing else of memory that it did not allocate. Every bit pattern is
+        // a valid `u8`.
         let mut sample = unsafe { sample.assume_init() };
         *sample.user_header_mut() = header;
         let payload = sample.payload_mut();
         payload[..table].copy_from_slice(&layout.table);
         if cfg!(debug_assertions) {
-            // All bits set is NaN in both precisions: a coordinate that is never written is rejected.
+            // All bits set is NaN in both precisions, so a missing coordinate is rejected.
             payload[table..].fill(0xff);
         }
         Ok(FrameLoan {
@@ -421,8 +422,8 @@ impl Client {
     /// Returns the time since the watcher's last message about this session; `None` if it never
     /// sent one, or left.
     ///
-    /// `linkwatch watch` sends a message about once a second, also during a long check, and one with
-    /// each verdict. The simulator decides what a longer silence means.
+    /// `linkwatch watch` sends a message about once a second, also during a long check, and one
+    /// with each verdict. The simulator decides what a longer silence means.
     pub fn silent_for(&self) -> Option<Duration> {
         match self.watcher {
             Watcher::Here {

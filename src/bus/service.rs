@@ -259,7 +259,7 @@ fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (),
             return Err(Error::Bus(match role {
                 Role::Simulator => format!(
                     "service \"{name}\" already has a simulator ({who}). Stop it, or give one of \
-                     the two another service name and watch it with `linkwatch watch --service NAME`"
+                     the two another service name, watched with `linkwatch watch --service NAME`"
                 ),
                 Role::Watcher => format!(
                     "service \"{name}\" is already watched ({who}). Stop that watcher, or watch \
@@ -311,7 +311,8 @@ fn cannot_open<E: Debug>(name: &ServiceName) -> impl FnOnce(E) -> Error {
             )
         } else if words.contains("Corrupted") {
             " It was created by another version of iceoryx2 (this is 0.9.3), or by a process that \
-             was killed meanwhile: stop all processes that use it, and remove their files in /tmp/iceoryx2"
+             was killed meanwhile: stop all processes that use it, and remove its files in \
+             /tmp/iceoryx2"
                 .into()
         } else if words.contains("Permission") {
             " Simulator and watcher must run as the same user".into()

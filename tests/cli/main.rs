@@ -231,7 +231,7 @@ fn open_curves_and_repeated_vertices_are_told() {
     let run = linkwatch(&["certify", text(&path)]);
     assert_eq!((run.code, run.stdout.as_str()), (0, "2 # lines: 0\n"));
     assert!(
-        run.stderr.contains("1 open curve left out"),
+        run.stderr.contains("1 open curve skipped"),
         "{}",
         run.stderr
     );

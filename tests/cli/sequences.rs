@@ -71,7 +71,7 @@ fn a_sequence_is_compared_with_its_first_frame_and_summed_up() {
     assert_eq!(run.stdout.matches("  curves 0 and 1").count(), 1);
     assert_eq!(
         run.stdout
-            .matches("  1 finding as in the model before")
+            .matches("  1 finding as in the previous model")
             .count(),
         3
     );
@@ -240,7 +240,7 @@ fn open_curves_are_verified_with_events_and_named_without() {
         "{}",
         run.stdout
     );
-    for says in ["left out", "not verified"] {
+    for says in ["skipped", "not verified"] {
         let text = [&run.stdout[..], &run.stderr].concat();
         assert!(!text.contains(says), "{text}");
     }
@@ -253,7 +253,7 @@ fn open_curves_are_verified_with_events_and_named_without() {
     );
     assert!(
         run.stderr
-            .contains("--events looks for pull-throughs of open curves")
+            .contains("--events verifies pull-throughs of open curves")
     );
     assert_eq!(
         run.stderr.matches("nothing to verify").count(),
