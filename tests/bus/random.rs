@@ -259,13 +259,13 @@ fn killed_watchers(seed: u64, rounds: usize) {
 }
 
 #[test]
-fn watchers_killed_at_random_are_missed_in_time() {
+fn watchers_killed_at_random_are_detected_in_time() {
     killed_watchers(1, 6);
 }
 
 #[test]
 #[ignore = "takes minutes"]
-fn hundreds_of_watchers_killed_at_random_are_missed_in_time() {
+fn hundreds_of_watchers_killed_at_random_are_detected_in_time() {
     for seed in 10..40 {
         killed_watchers(seed, 10);
     }
