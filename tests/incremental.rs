@@ -1,7 +1,8 @@
 //! Compares incremental with full verification: on every frame of random moving sets, the same
 //! verdict, and the same changes and defects with the same places.
 //!
-//! `cargo test --release --test incremental` runs thousands of sequences in seconds. Many more, for an hour or so:
+//! `cargo test --release --test incremental` runs thousands of sequences in seconds. Many more, for
+//! about an hour:
 //!
 //! ```sh
 //! cargo test --release --test incremental -- --ignored --nocapture
@@ -76,7 +77,8 @@ fn size(random: &mut Random, basis: Basis, closed: bool, large: bool) -> usize {
 /// Maximum number of curves of a set in which all may be tangled.
 const MOST: usize = 7;
 
-/// Random curves: a chain, rings anywhere, random polygons, strands side by side, or a lattice full of ties.
+/// Returns random curves: a chain, rings anywhere, random polygons, strands side by side, or a
+/// lattice with many ties.
 fn random_set(random: &mut Random, basis: Basis, precision: Precision, curves: usize) -> CurveSet {
     let many = curves > MOST;
     let shape = match many {

@@ -103,8 +103,8 @@ fn frames() -> Result<(), Failed> {
         let step = |(k, set)| verifier.step(k, 0.0, set).map_err(Failed::from);
         (0..).zip(frames).map(step).collect::<Result<Vec<_>, _>>()
     };
-    let [device, processor] = [reports(Device::Gpu)?, reports(Device::Cpu)?];
-    for (a, b) in device.iter().zip(&processor) {
+    let [device, cpu] = [reports(Device::Gpu)?, reports(Device::Cpu)?];
+    for (a, b) in device.iter().zip(&cpu) {
         if (a.verdict, &a.changes, &a.defects) != (b.verdict, &b.changes, &b.defects) {
             return Err(format!("{a:?}\n{b:?}").into());
         }
@@ -148,7 +148,7 @@ fn main() {
         scenes,
     ));
     trials.push(Trial::test(
-        "frames_get_the_reports_of_the_processor",
+        "frames_get_the_same_reports_as_on_the_cpu",
         frames,
     ));
     trials.push(Trial::test("an_unknown_name_lists_the_adapters", names));
