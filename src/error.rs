@@ -64,7 +64,7 @@ pub enum Error {
     /// A count promises more than the data holds.
     #[error("{what}: {promised} promised, {available} available")]
     Count {
-        /// What was counted.
+        /// Name of the counted things.
         what: &'static str,
         /// Number given in the header.
         promised: u64,

@@ -224,15 +224,15 @@ fn main() {
         };
     }
     add!(
-        short_help_shows_everyday_options_and_long_help_all,
-        completions_know_commands_and_options,
+        short_help_shows_common_options_and_long_help_all,
+        completions_contain_commands_and_options,
         bash_completes_a_command_and_an_option needs "bash",
         the_manual_has_every_command_and_every_option,
         the_manual_formats_without_warnings needs "groff",
-        manual_pages_replace_no_file,
-        a_folder_or_a_misspelt_scene_is_answered_with_advice,
+        manual_pages_overwrite_no_file,
+        errors_of_a_folder_and_a_misspelt_scene_give_advice,
     );
     #[cfg(all(feature = "bus", feature = "mcap"))]
-    add!(options_of_watch_stand_under_headings);
+    add!(options_of_watch_have_headings);
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }

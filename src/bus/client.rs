@@ -80,7 +80,7 @@ impl fmt::Display for Departure {
     }
 }
 
-/// State of the watcher, as far as the client knows.
+/// State of the watcher, as known to the client.
 #[derive(Clone, Copy, Debug)]
 enum Watcher {
     /// No watcher has sent a message.
@@ -380,7 +380,7 @@ impl Client {
     pub fn wait_for_watcher(&mut self, timeout: Duration) -> Result<bool> {
         const REPEAT: Duration = Duration::from_millis(100);
         let start = Instant::now();
-        let mut said: Option<Instant> = None;
+        let mut announced: Option<Instant> = None;
         loop {
             self.poll_all()?;
             if let Watcher::Here { met: true, .. } = self.watcher {
@@ -390,9 +390,9 @@ impl Client {
                 return Ok(true);
             }
             // Repeated, because the first announcement may be lost over a bridge.
-            if self.next_seq == 0 && said.is_none_or(|t| t.elapsed() >= REPEAT) {
+            if self.next_seq == 0 && announced.is_none_or(|t| t.elapsed() >= REPEAT) {
                 self.signal(FLAG_ANNOUNCE)?;
-                said = Some(Instant::now());
+                announced = Some(Instant::now());
             }
             if !self.sleep(start, timeout) {
                 self.hint(start.elapsed());
@@ -434,7 +434,12 @@ impl Client {
     }
 
     /// Records the sender of a message. Returns false if the message is not about this session.
-    fn hear(&mut self, message: &VerdictMessage, from: UniquePublisherId, node: NodeId) -> bool {
+    fn record_sender(
+        &mut self,
+        message: &VerdictMessage,
+        from: UniquePublisherId,
+        node: NodeId,
+    ) -> bool {
         let mine = message.session == self.session;
         // Session 0: a watcher without a session announces itself or leaves.
         if !mine && message.session != 0 {
@@ -508,7 +513,7 @@ impl Client {
             let (port, node) = (sample.header().publisher_id(), sample.header().node_id());
             drop(sample);
             let mut message = wire.read()?;
-            if !self.hear(&message, port, node) {
+            if !self.record_sender(&message, port, node) {
                 continue;
             }
             // Another program can publish frames into this session; the verdicts on them do not

@@ -81,7 +81,7 @@ impl Debug for Endpoint {
 
 impl Endpoint {
     pub fn open(name: &str, role: Role) -> Result<Endpoint> {
-        quiet();
+        limit_log_level();
         let node_name = match role {
             Role::Simulator => "linkwatch simulator",
             Role::Watcher => "linkwatch watcher",
@@ -102,7 +102,7 @@ impl Endpoint {
         let frames_name = service_name(name, "frames")?;
         let verdicts_name = service_name(name, "verdicts")?;
         let alignment = Alignment::new(ALIGNMENT).expect("64 is a power of two");
-        let frames = patiently(|| {
+        let frames = retry_transient(|| {
             node.service_builder(&frames_name)
                 .publish_subscribe::<[u8]>()
                 .user_header::<FrameHeader>()
@@ -116,7 +116,7 @@ impl Endpoint {
                 .open_or_create()
         })
         .map_err(cannot_open(&frames_name))?;
-        let verdicts = patiently(|| {
+        let verdicts = retry_transient(|| {
             node.service_builder(&verdicts_name)
                 .publish_subscribe::<VerdictWire>()
                 .max_publishers(2)
@@ -129,19 +129,22 @@ impl Endpoint {
         })
         .map_err(cannot_open(&verdicts_name))?;
         let open_event = |name: &ServiceName| -> Result<event::PortFactory<Ipc>> {
-            patiently(|| node.service_builder(name).event().open_or_create())
+            retry_transient(|| node.service_builder(name).event().open_or_create())
                 .map_err(cannot_open(name))
         };
         let (frame_events, verdict_events) =
             (open_event(&frames_name)?, open_event(&verdicts_name)?);
-        let (hear, tell) = match role {
+        let (receive, send) = match role {
             Role::Simulator => (verdict_events, frame_events),
             Role::Watcher => (frame_events, verdict_events),
         };
         Ok(Endpoint {
             role,
-            listener: hear.listener_builder().create().map_err(bus("listener"))?,
-            notifier: tell.notifier_builder().create().map_err(bus("notifier"))?,
+            listener: receive
+                .listener_builder()
+                .create()
+                .map_err(bus("listener"))?,
+            notifier: send.notifier_builder().create().map_err(bus("notifier"))?,
             frames,
             verdicts,
             _lock: lock,
@@ -196,7 +199,7 @@ fn cleanup() {
 
 /// Limits the log of iceoryx2 to errors, unless IOX2_LOG_LEVEL is set. Its warnings concern
 /// conditions that are handled here (a stopped peer, a missing configuration file).
-pub(super) fn quiet() {
+pub(super) fn limit_log_level() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Error));
 }
@@ -220,7 +223,7 @@ fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (),
         Role::Simulator => service_name(name, "simulator")?,
         Role::Watcher => service_name(name, "watcher")?,
     };
-    let service = patiently(|| {
+    let service = retry_transient(|| {
         node.service_builder(&lock_name)
             .request_response::<u64, u64>()
             .max_servers(1)
@@ -272,7 +275,7 @@ fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (),
 }
 
 /// Opens or creates something that another process may be creating or removing at the same time.
-fn patiently<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E> {
+fn retry_transient<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E> {
     // Matched by their Debug form, because each messaging pattern has its own enum for the same
     // errors.
     const TRANSIENT: [&str; 6] = [

@@ -1,7 +1,7 @@
 //! List of the services of this machine, read from their files alone. Nothing is opened, created or
 //! removed, so running sessions are not disturbed.
 
-use super::service::{Ipc, quiet};
+use super::service::{Ipc, limit_log_level};
 use super::wire::{FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use iceoryx2::identifiers::UniqueNodeId;
@@ -134,7 +134,7 @@ struct Found {
 }
 
 impl Found {
-    /// Returns `None` if this is no service of linkwatch, or if nobody uses it.
+    /// Returns `None` if this is not a service of linkwatch, or if no process uses it.
     fn info(self, service: String) -> Option<ServiceInfo> {
         let (mut attached, known) = self.frames?;
         if attached.is_empty() {
@@ -157,7 +157,7 @@ impl Found {
 
 /// Calls `look` for every service of iceoryx2 on this machine.
 fn list(mut look: impl FnMut(ServiceDetails<Ipc>)) -> Result<()> {
-    quiet();
+    limit_log_level();
     Ipc::list(Config::global_config(), |details| {
         look(details);
         CallbackProgression::Continue

@@ -403,7 +403,7 @@ impl Sidecar {
 
     /// Ends the session and says goodbye.
     fn retire(&mut self) {
-        let _ = self.say(MessageKind::Goodbye);
+        let _ = self.send_message(MessageKind::Goodbye);
         if let Some(session) = self.session.take() {
             self.retired.push_back(session.id);
             if self.retired.len() > RETIRED {
@@ -448,10 +448,10 @@ impl Sidecar {
     /// Announces the watcher, and repeats the last abort of the session. [`wait`](Sidecar::wait)
     /// does so about once a second; call this during long checks.
     pub fn heartbeat(&mut self) -> Result<()> {
-        self.say(MessageKind::Hello)
+        self.send_message(MessageKind::Hello)
     }
 
-    fn say(&mut self, kind: MessageKind) -> Result<()> {
+    fn send_message(&mut self, kind: MessageKind) -> Result<()> {
         let wire = match &self.session {
             None => VerdictWire::new(kind, 0, Counters::default()),
             Some(session) => {
@@ -481,6 +481,6 @@ impl Sidecar {
 impl Drop for Sidecar {
     fn drop(&mut self) {
         // Best effort: without this message, a simulator sees silence.
-        let _ = self.say(MessageKind::Goodbye);
+        let _ = self.send_message(MessageKind::Goodbye);
     }
 }

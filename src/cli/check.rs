@@ -6,7 +6,7 @@ use super::files::{Content, Files, write_text};
 use super::kernel::KernelArgs;
 use super::order;
 use super::output::with_progress;
-use super::session::{Baseline, Ingested, Judge, Run, Session, Sinks, Tally};
+use super::session::{Baseline, FrameCounts, Ingested, Judge, Run, Session, Sinks};
 use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, CurveSet, Error, Events, Overflow, Result, Verdict, Verifier, model};
 use std::collections::{BTreeMap, BTreeSet};
@@ -102,7 +102,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         json,
     })?
     .of_files();
-    let mut tally = Tally::default();
+    let mut tally = FrameCounts::default();
     let mut pairs = BTreeSet::new();
     let mut failed = None;
     for (seq, path) in models.iter().enumerate() {

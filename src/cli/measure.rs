@@ -17,9 +17,9 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
     /// Cost of a new verifier, medians.
-    pub first: Cost,
+    pub first: StageTimes,
     /// Cost of a verifier that has certified the model before, medians.
-    pub later: Cost,
+    pub later: StageTimes,
     links: usize,
     undefined: usize,
     stats: Stats,
@@ -27,7 +27,7 @@ pub struct Measured {
 
 /// Cost of one run.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Cost {
+pub struct StageTimes {
     stages: Timings,
     /// CPU time of all threads, in milliseconds.
     cpu_ms: f64,
@@ -45,15 +45,15 @@ pub fn measure(set: &CurveSet, n: u32, device: &Device) -> Result<Measured> {
             let (certificate, counts) = verifier.certify(set);
             (links, undefined) = (certificate.links.len(), certificate.undefined.len());
             stats = counts;
-            costs.push(Cost {
+            costs.push(StageTimes {
                 stages: verifier.timings(),
                 cpu_ms: cpu_ms() - start,
             });
         }
     }
     Ok(Measured {
-        first: Cost::median(&first),
-        later: Cost::median(&later),
+        first: StageTimes::median(&first),
+        later: StageTimes::median(&later),
         links,
         undefined,
         stats,
@@ -109,10 +109,10 @@ pub fn run(name: &Path, n: u32, device: &Device, as_json: bool) -> Result<Outcom
     })
 }
 
-impl Cost {
+impl StageTimes {
     /// Returns the median of each number separately.
-    fn median(costs: &[Cost]) -> Cost {
-        let median = |f: &dyn Fn(&Cost) -> f64| {
+    fn median(costs: &[StageTimes]) -> StageTimes {
+        let median = |f: &dyn Fn(&StageTimes) -> f64| {
             let mut values: Vec<f64> = costs.iter().map(f).collect();
             values.sort_by(f64::total_cmp);
             values[values.len() / 2]
@@ -120,7 +120,7 @@ impl Cost {
         let time = |f: &dyn Fn(&Timings) -> Duration| {
             Duration::from_secs_f64(median(&|c| f(&c.stages).as_secs_f64()))
         };
-        Cost {
+        StageTimes {
             stages: Timings {
                 boxes: time(&|t| t.boxes),
                 pairs: time(&|t| t.pairs),
@@ -143,7 +143,7 @@ impl Cost {
     }
 }
 
-impl fmt::Display for Cost {
+impl fmt::Display for StageTimes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Timings {
             boxes,

@@ -4,7 +4,7 @@ use super::Outcome;
 use super::files::Files;
 use super::kernel::KernelArgs;
 use super::output::{self, count, plural};
-use super::session::{Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks, Tally};
+use super::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks};
 use linkwatch::{
     AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
     Report, Result, Verdict,
@@ -112,7 +112,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             ..Comparison::default()
         },
         policy: args.judge.abort_on,
-        tally: Tally::default(),
+        tally: FrameCounts::default(),
         waiting: VecDeque::new(),
         last: None,
         answered: 0,
@@ -253,7 +253,7 @@ struct Replay {
     comparison: Comparison,
     /// Policy of this replay, if it overrides that of the recording.
     policy: Option<AbortOn>,
-    tally: Tally,
+    tally: FrameCounts,
     /// Report on the previous frame.
     last: Option<Arc<Report>>,
     /// Number of frames that had a verdict when the last recorded one was written.

@@ -182,7 +182,7 @@ impl Stream {
             };
         }
         if full {
-            let why = "nobody reads it".to_owned();
+            let why = "no program reads it".to_owned();
             return state.lose(text.lines, why);
         }
         state.push(text);
@@ -248,7 +248,7 @@ impl Stream {
             let waiting: u64 = state.waiting.iter().map(|text| text.lines).sum();
             let lines = state.writing.unwrap_or(0) + waiting;
             state.waiting.clear();
-            state.lose(lines, "nobody reads it".to_owned());
+            state.lose(lines, "no program reads it".to_owned());
         }
         (state.lost > 0).then(|| Lost {
             lines: state.lost,

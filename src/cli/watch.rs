@@ -4,7 +4,7 @@ use super::files::Files;
 use super::kernel::KernelArgs;
 use super::number::{seconds, share};
 use super::output::{self, count, percent, plural};
-use super::session::{Ingested, Judge, Judged, Run, Session, Sinks, Tally};
+use super::session::{FrameCounts, Ingested, Judge, Judged, Run, Session, Sinks};
 use super::signals::{TICK, stop_on_signals};
 use super::{Outcome, services};
 use linkwatch::{
@@ -25,7 +25,7 @@ const HINT: Duration = Duration::from_secs(5);
 /// After that, frames or lines are dropped and counted.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// Watch a live simulation: verify its frames and tell it to stop when its topology breaks
+/// Watch a live simulation: verify its frames and ask it to stop if its topology breaks
 ///
 /// Ends when the simulator does, on Ctrl-C or on SIGTERM.
 #[derive(Debug, clap::Args)]
@@ -288,8 +288,8 @@ fn watch<'s>(
     }
 }
 
-fn tally(c: Counters) -> Tally {
-    Tally {
+fn tally(c: Counters) -> FrameCounts {
+    FrameCounts {
         verified: c.verified,
         skipped: c.skipped,
         rejected: c.rejected,

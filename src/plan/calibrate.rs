@@ -71,8 +71,8 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
     let gpu = Gpu::shared(device).map_err(failed)?;
     let info = gpu.info();
     let software = usize::from(info.software);
-    let subject = |text: &str| Subject::new(text);
-    let direct = |s: &Subject| s.adapter_ms(|| gpu.sum_directly(&s.set, &s.links));
+    let subject = |text: &str| MeasuredScene::new(text);
+    let direct = |s: &MeasuredScene| s.adapter_ms(|| gpu.sum_directly(&s.set, &s.links));
     let smallest = subject(SMALLEST)?;
     let (large, here) = (subject(DIRECT[software])?, subject(DIRECT_HERE)?);
     let direct = sum_cost(
@@ -81,7 +81,7 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
         here.sum_ms(Method::Direct)?,
         segment_pairs(&here.set, &here.links),
     );
-    let by_trees = |s: &Subject| s.adapter_ms(|| gpu.sum_by_trees(&s.set, &s.links));
+    let by_trees = |s: &MeasuredScene| s.adapter_ms(|| gpu.sum_by_trees(&s.set, &s.links));
     let large = subject(BARNES_HUT[software])?;
     let work = segments(&large.set, &large.links);
     let barnes_hut = sum_cost(
@@ -144,15 +144,15 @@ fn sum_cost(
 }
 
 /// A generated scene of polylines, prepared for measurements.
-struct Subject {
+struct MeasuredScene {
     set: CurveSet,
     trees: Trees,
     links: Vec<Pair>,
     workspaces: Workspaces,
 }
 
-impl Subject {
-    fn new(text: &str) -> Result<Subject> {
+impl MeasuredScene {
+    fn new(text: &str) -> Result<MeasuredScene> {
         let mut set = text.parse::<Model>()?.build()?.curves;
         if !set.basis().is_polyline() {
             set = homotopic_polylines(&set)?.curves;
@@ -161,7 +161,7 @@ impl Subject {
         trees.refit(&set);
         let degenerate: Vec<_> = degenerate_curves(&set).collect();
         let links = potential_links(&trees, &mut LinkSearch::default(), &degenerate).clone();
-        Ok(Subject {
+        Ok(MeasuredScene {
             set,
             trees,
             links,
@@ -226,7 +226,7 @@ impl Subject {
     /// Returns the predicted time of counting on the CPU.
     fn predicted_ms(&self) -> f64 {
         let sample = Sample::of(self.scene(), &self.links);
-        choice::on_processor(self.scene(), &self.links, &[], &sample)
+        choice::on_cpu(self.scene(), &self.links, &[], &sample)
     }
 }
 

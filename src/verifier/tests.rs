@@ -191,9 +191,9 @@ fn open_curves_are_verified_for_pull_throughs_only() {
         verifier.set_events(Events::Between);
         for (frame, y) in [-1.0, -0.99, -0.98, 0.5, 0.5, -0.5].into_iter().enumerate() {
             let report = verifier.step(frame as u64, 0.0, &strands(y)).unwrap();
-            let told = [3, 5].contains(&frame);
-            assert_eq!(report.events.len(), usize::from(told), "frame {frame}");
-            assert_eq!(report.abort, told);
+            let found = [3, 5].contains(&frame);
+            assert_eq!(report.events.len(), usize::from(found), "frame {frame}");
+            assert_eq!(report.abort, found);
             verifier.settle();
         }
     }
@@ -241,14 +241,14 @@ fn the_monitor_ignores_frames_that_it_did_not_see() {
         verifier.settle();
         report.events.len()
     };
-    let told: Vec<usize> = (0..12)
+    let found: Vec<usize> = (0..12)
         .map(|frame| {
             // Out in frames that are computed in full, and back in the first one that is not.
             let full = frame % 4 == 3;
             events(frame, if full { 1.2 } else { 0.0 }, !full)
         })
         .collect();
-    assert_eq!(told, [0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1]);
+    assert_eq!(found, [0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1]);
 }
 
 /// A finger of a closed curve that is pushed past a long strand, so that it passes the strand twice

@@ -5,7 +5,7 @@ mod sinks;
 mod summary;
 
 pub use sinks::Sinks;
-pub use summary::Tally;
+pub use summary::FrameCounts;
 
 use self::news::{New, News};
 use self::summary::{Durations, Unresolved};
@@ -155,7 +155,7 @@ pub struct Session {
     outcome: Outcome,
     news: News,
     unresolved: Unresolved,
-    tally: Tally,
+    tally: FrameCounts,
     checks: Durations,
     /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
@@ -226,7 +226,7 @@ impl Session {
                 limit,
                 ..Unresolved::default()
             },
-            tally: Tally::default(),
+            tally: FrameCounts::default(),
             checks: Durations::default(),
             #[cfg(feature = "bus")]
             last_check: None,
@@ -357,7 +357,7 @@ impl Session {
     }
 
     /// Passes a frame to the sinks, and prints its new findings.
-    pub fn publish(&mut self, judged: Judged, tally: Tally) {
+    pub fn publish(&mut self, judged: Judged, tally: FrameCounts) {
         self.tally = tally;
         self.outcome = self.outcome.max(Outcome::of(judged.report.verdict));
         if let Some(certificate) = self.verifier.baseline().filter(|_| !self.begun) {
@@ -468,7 +468,7 @@ impl Session {
     }
 
     /// Closes the sinks and prints the summary. `tally` has the final counts of all frames.
-    pub fn finish(mut self, tally: Tally) -> Outcome {
+    pub fn finish(mut self, tally: FrameCounts) -> Outcome {
         self.tally = tally;
         let mut kept = Vec::new();
         let mut summaries = Vec::new();

@@ -7,13 +7,13 @@ use std::time::Duration;
 
 /// Numbers of frames verified, skipped and rejected so far.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Tally {
+pub struct FrameCounts {
     pub verified: u64,
     pub skipped: u64,
     pub rejected: u64,
 }
 
-impl Tally {
+impl FrameCounts {
     /// Returns the share of all frames that were skipped.
     pub fn skipped_share(self) -> f64 {
         let all = self.verified + self.skipped + self.rejected;

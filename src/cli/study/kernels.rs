@@ -6,7 +6,7 @@
 
 use super::csv::{Csv, create_folder};
 use super::figures;
-use super::row::{Effort, FIELDS, HEADER, Row, Subject};
+use super::row::{Effort, FIELDS, HEADER, Row, StudyModel};
 use super::setting::Setting;
 use super::sizes;
 use super::slopes::Slope;
@@ -87,7 +87,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut on_device = Verifier::new(AbortOn::Never);
     on_device.set_device(&args.device)?;
     let device = on_device.device();
-    let subject = Subject::new(input::read(Path::new(&args.input))?)?;
+    let subject = StudyModel::new(input::read(Path::new(&args.input))?)?;
     // An input that could be read and parses as a scene is a scene, unless it is a file.
     let scene = args.input.parse::<Scene>().ok();
     let own = subject.set.segments() as u64;
@@ -133,7 +133,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         (settings.len() + others.len() * at_sizes.len()) as u64,
         "rows",
     );
-    let mut measure = |subject: &Subject, settings: &[Setting], rows: &mut Vec<Row>| {
+    let mut measure = |subject: &StudyModel, settings: &[Setting], rows: &mut Vec<Row>| {
         for &setting in settings {
             bar.set_message(setting.to_string());
             let row = Row::measure(setting, subject, &effort)?;
@@ -152,7 +152,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     }
     let mut resized = Vec::new();
     for scene in others {
-        let subject = Subject::new(scene.build()?.curves)?;
+        let subject = StudyModel::new(scene.build()?.curves)?;
         let segments = subject.set.segments() as u64;
         bar.suspend(|| say(&format_args!("{} segments:", count(segments))));
         measure(&subject, &at_sizes, &mut resized)?;

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use std::time::Instant;
 
 /// A model to measure, with the exact certificate as the reference.
-pub struct Subject {
+pub struct StudyModel {
     pub set: CurveSet,
     pub exact: Certificate,
     pub potential_links: u64,
@@ -18,9 +18,9 @@ pub struct Subject {
     pub segment_pairs: u64,
 }
 
-impl Subject {
+impl StudyModel {
     /// Certifies curves as a reference.
-    pub fn new(set: CurveSet) -> Result<Subject> {
+    pub fn new(set: CurveSet) -> Result<StudyModel> {
         let mut verifier = Verifier::new(AbortOn::Never);
         let (certificate, stats) = verifier.certify(&set);
         let exact = certificate.clone();
@@ -28,7 +28,7 @@ impl Subject {
             true => verifier.segment_pairs(&set),
             false => verifier.segment_pairs(&homotopic_polylines(&set)?.curves),
         };
-        Ok(Subject {
+        Ok(StudyModel {
             set,
             exact,
             potential_links: stats.potential_links,
@@ -114,7 +114,7 @@ pub const FIELDS: &[&str] = &[
 
 impl Row {
     /// Runs a kernel, unless that would take too long.
-    pub fn measure(setting: Setting, subject: &Subject, effort: &Effort) -> Result<Row> {
+    pub fn measure(setting: Setting, subject: &StudyModel, effort: &Effort) -> Result<Row> {
         let measured = match subject.expected_s(setting, effort) {
             s if s > effort.limit => Err(s),
             _ => Ok(Measured::run(setting, subject, effort)?),
@@ -201,7 +201,7 @@ impl Row {
 }
 
 impl Measured {
-    fn run(setting: Setting, subject: &Subject, effort: &Effort) -> Result<Measured> {
+    fn run(setting: Setting, subject: &StudyModel, effort: &Effort) -> Result<Measured> {
         let Setting { method, accuracy } = setting;
         let began = Instant::now();
         let mut runs: Vec<Measured> = Vec::new();

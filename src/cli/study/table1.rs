@@ -3,7 +3,7 @@
 
 use super::csv::Csv;
 use super::published::{MACHINE, Published, Source, TABLE_1};
-use super::row::{Effort, Measured, Row, Subject, brief};
+use super::row::{Effort, Measured, Row, StudyModel, brief};
 use super::setting::Setting;
 use crate::cli::Outcome;
 use crate::cli::files::{Content, Files, Overwrite};
@@ -122,7 +122,7 @@ const FIELDS: &[&str] = &[
 struct Measurement<'a> {
     published: &'a Published,
     input: String,
-    subject: Subject,
+    subject: StudyModel,
     /// True if the certificate is the one of the construction, or there is none.
     as_constructed: bool,
     /// Rows in the order of the columns.
@@ -258,10 +258,10 @@ impl<'a> Measurement<'a> {
     /// Reads a file or builds a scene, and certifies it.
     fn new(published: &'a Published, input: String, file: Option<&Path>) -> Result<Self> {
         let (subject, as_constructed) = match file {
-            Some(path) => (Subject::new(model::read(path)?)?, true),
+            Some(path) => (StudyModel::new(model::read(path)?)?, true),
             None => {
                 let scene = input.parse::<Scene>()?.build()?;
-                let subject = Subject::new(scene.curves)?;
+                let subject = StudyModel::new(scene.curves)?;
                 let same = subject.exact == scene.certificate;
                 (subject, same)
             }

@@ -286,7 +286,7 @@ fn a_sink_is_opened_on_its_own_thread_at_the_first_event() {
 #[test]
 fn an_error_of_opening_goes_to_the_waiting_caller_or_into_the_summary() {
     let fails = || {
-        let what = "nobody there".into();
+        let what = "no viewer".into();
         Err(Error::Sink {
             sink: "probe",
             what,
@@ -294,12 +294,12 @@ fn an_error_of_opening_goes_to_the_waiting_caller_or_into_the_summary() {
     };
     let queue = SinkQueue::spawn("probe", 4, Overflow::DropOldest, fails).unwrap();
     let e = queue.open(LONG).unwrap_err().to_string();
-    assert_eq!(e, "probe: nobody there");
+    assert_eq!(e, "probe: no viewer");
     let queue = SinkQueue::spawn("probe", 4, Overflow::DropOldest, fails).unwrap();
     queue.frame(frame(1, Verdict::Intact));
     let summary = queue.finish(LONG);
     assert_eq!((summary.written, summary.dropped), (0, 1));
-    assert_eq!(summary.failed.as_deref(), Some("probe: nobody there"));
+    assert_eq!(summary.failed.as_deref(), Some("probe: no viewer"));
     // A slow viewer continues to open in the background.
     let (sink, handle) = probe(None);
     drop(handle.permits);
