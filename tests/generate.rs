@@ -54,7 +54,7 @@ fn a_generated_model_has_its_certificate() {
             text(&certificate),
         ]);
         assert_eq!((code, stdout.as_str()), (0, ""), "{stderr}");
-        assert!(stderr.contains("a.bcc: written"), "{stderr}");
+        assert!(stderr.contains("a.bcc: wrote"), "{stderr}");
         assert_eq!(files(&folder), ["a.bcc", "a.txt"]);
         let (code, found, stderr) = linkwatch(&["certify", text(&model)]);
         assert_eq!(code, 0, "{stderr}");
