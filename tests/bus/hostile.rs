@@ -124,13 +124,13 @@ fn an_invalid_frame_affects_only_itself() {
     ];
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = HostilePublisher::open(&name);
+    let mut publisher = HostilePublisher::open(&name);
     let mut set = None;
-    liar.honest();
+    publisher.honest();
     new_session(&mut sidecar);
     next_frame(&mut sidecar).ingest(&mut set).unwrap();
     for (lie, expected) in lies {
-        let seq = liar.send(lie);
+        let seq = publisher.send(lie);
         let frame = next_frame(&mut sidecar);
         assert_eq!(frame.seq(), seq);
         let e = frame.ingest(&mut set).unwrap_err().to_string();
@@ -138,7 +138,7 @@ fn an_invalid_frame_affects_only_itself() {
         answer(&mut sidecar, &frame, &mut set);
         drop(frame);
 
-        let seq = liar.honest();
+        let seq = publisher.honest();
         let frame = next_frame(&mut sidecar);
         assert_eq!(frame.seq(), seq);
         frame.ingest(&mut set).unwrap();
@@ -152,16 +152,16 @@ fn an_invalid_frame_affects_only_itself() {
 fn the_first_frame_may_be_invalid() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = HostilePublisher::open(&name);
+    let mut publisher = HostilePublisher::open(&name);
     let mut set = None;
     // Counts whose sum differs from the number of points, and a NaN.
-    liar.send(|_, p| p[0] = p[0].wrapping_sub(1));
+    publisher.send(|_, p| p[0] = p[0].wrapping_sub(1));
     new_session(&mut sidecar);
     assert!(next_frame(&mut sidecar).ingest(&mut set).is_err());
-    liar.send(|_, p| p[64..68].copy_from_slice(&f32::NAN.to_le_bytes()));
+    publisher.send(|_, p| p[64..68].copy_from_slice(&f32::NAN.to_le_bytes()));
     assert!(next_frame(&mut sidecar).ingest(&mut set).is_err());
     assert!(set.is_none());
-    let seq = liar.honest();
+    let seq = publisher.honest();
     next_frame(&mut sidecar).ingest(&mut set).unwrap();
     assert!(holds(&set.unwrap(), seq));
 }
@@ -170,28 +170,33 @@ fn the_first_frame_may_be_invalid() {
 fn an_unreadable_message_has_no_number() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = HostilePublisher::open(&name);
+    let mut publisher = HostilePublisher::open(&name);
     let unreadable = |sidecar: &mut Sidecar| match next(sidecar) {
         Event::Unreadable(e) => e,
         other => panic!("{other:?}"),
     };
-    liar.send(|h, _| h.magic = 0);
+    publisher.send(|h, _| h.magic = 0);
     let e = unreadable(&mut sidecar).to_string();
     assert!(e.contains("magic number"), "{e}");
-    liar.send(|h, _| h.version += 1);
+    publisher.send(|h, _| h.version += 1);
     let e = unreadable(&mut sidecar);
     assert!(matches!(e, Error::Version { found: 5, .. }), "{e}");
-    let seq = liar.honest();
+    let seq = publisher.honest();
     new_session(&mut sidecar);
     assert_eq!(next_frame(&mut sidecar).seq(), seq);
 }
 
 /// Sends a frame with the number `seq`, between valid ones, and expects its rejection with these
 /// words.
-fn expect_rejection(liar: &mut HostilePublisher, sidecar: &mut Sidecar, seq: u64, words: &str) {
-    liar.send(|h, _| h.seq = seq);
+fn expect_rejection(
+    publisher: &mut HostilePublisher,
+    sidecar: &mut Sidecar,
+    seq: u64,
+    words: &str,
+) {
+    publisher.send(|h, _| h.seq = seq);
     // The frame does not count as a valid one.
-    liar.seq -= 1;
+    publisher.seq -= 1;
     let frame = next_frame(sidecar);
     assert_eq!(frame.seq(), seq);
     let e = frame.ingest(&mut None).unwrap_err().to_string();
@@ -199,8 +204,8 @@ fn expect_rejection(liar: &mut HostilePublisher, sidecar: &mut Sidecar, seq: u64
     answer(sidecar, &frame, &mut None);
 }
 
-fn publish_valid_frame(liar: &mut HostilePublisher, sidecar: &mut Sidecar) {
-    let seq = liar.honest();
+fn publish_valid_frame(publisher: &mut HostilePublisher, sidecar: &mut Sidecar) {
+    let seq = publisher.honest();
     assert_eq!(answer_next(sidecar), seq);
 }
 
@@ -208,8 +213,8 @@ fn publish_valid_frame(liar: &mut HostilePublisher, sidecar: &mut Sidecar) {
 fn a_hostile_sequence_number_is_rejected_and_valid_frames_continue() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = HostilePublisher::open(&name);
-    liar.honest();
+    let mut publisher = HostilePublisher::open(&name);
+    publisher.honest();
     new_session(&mut sidecar);
     answer_next(&mut sidecar);
     for (rejected, (seq, words)) in [
@@ -226,8 +231,8 @@ fn a_hostile_sequence_number_is_rejected_and_valid_frames_continue() {
     .into_iter()
     .enumerate()
     {
-        lie(&mut liar, &mut sidecar, seq, words);
-        publish_valid_frame(&mut liar, &mut sidecar);
+        expect_rejection(&mut publisher, &mut sidecar, seq, words);
+        publish_valid_frame(&mut publisher, &mut sidecar);
         let counters = sidecar.counters();
         assert_eq!(counters.rejected, rejected as u64 + 1);
         assert_eq!(counters.verified, rejected as u64 + 2);
@@ -239,13 +244,13 @@ fn a_hostile_sequence_number_is_rejected_and_valid_frames_continue() {
 fn a_first_frame_with_a_hostile_number_is_rejected_too() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = HostilePublisher::open(&name);
-    liar.send(|h, _| h.seq = u64::MAX);
+    let mut publisher = HostilePublisher::open(&name);
+    publisher.send(|h, _| h.seq = u64::MAX);
     new_session(&mut sidecar);
     let e = next_frame(&mut sidecar).ingest(&mut None).unwrap_err();
     let words = "18446744073709551615, expected less than 9007199254740992";
     assert!(e.to_string().contains(words), "{e}");
-    publish_valid_frame(&mut liar, &mut sidecar);
+    publish_valid_frame(&mut publisher, &mut sidecar);
     assert_eq!(sidecar.counters().skipped, 1);
 }
 
@@ -254,20 +259,20 @@ fn a_first_frame_with_a_hostile_number_is_rejected_too() {
 fn a_jump_ahead_that_returns_costs_one_frame() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = HostilePublisher::open(&name);
-    liar.honest();
+    let mut publisher = HostilePublisher::open(&name);
+    publisher.honest();
     new_session(&mut sidecar);
     answer_next(&mut sidecar);
-    liar.send(|h, _| h.seq = 50_000);
-    liar.seq -= 1;
+    publisher.send(|h, _| h.seq = 50_000);
+    publisher.seq -= 1;
     answer_next(&mut sidecar);
     assert_eq!(sidecar.counters().skipped, 49_999);
-    lie(&mut liar, &mut sidecar, 1, "1 after 50000");
-    liar.seq = 2;
+    expect_rejection(&mut publisher, &mut sidecar, 1, "1 after 50000");
+    publisher.seq = 2;
     for _ in 0..5 {
-        publish_valid_frame(&mut liar, &mut sidecar);
+        publish_valid_frame(&mut publisher, &mut sidecar);
     }
-    liar.send(|h, _| h.flags = 2);
+    publisher.send(|h, _| h.flags = 2);
     let Event::End {
         published,
         counters,
@@ -296,14 +301,14 @@ fn a_wrong_end_is_reported_and_not_counted() {
     ] {
         let name = service();
         let mut sidecar = sidecar(&name);
-        let mut liar = HostilePublisher::open(&name);
-        liar.honest();
+        let mut publisher = HostilePublisher::open(&name);
+        publisher.honest();
         new_session(&mut sidecar);
         answer_next(&mut sidecar);
         for _ in 0..2 {
-            publish_valid_frame(&mut liar, &mut sidecar);
+            publish_valid_frame(&mut publisher, &mut sidecar);
         }
-        liar.send(|h, _| (h.flags, h.seq) = (2, claimed));
+        publisher.send(|h, _| (h.flags, h.seq) = (2, claimed));
         if ![3, 9].contains(&claimed) {
             let Event::Unreadable(e) = next(&mut sidecar) else {
                 panic!("{claimed}: not reported");
@@ -328,12 +333,12 @@ fn answers_to_frames_of_other_programs_do_not_reach_the_simulator() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut client = client(&name);
-    let mut liar = HostilePublisher::open(&name);
+    let mut publisher = HostilePublisher::open(&name);
     publish(&mut client, 0);
     let session = new_session(&mut sidecar);
     answer_next(&mut sidecar);
     for seq in [40_000, u64::MAX] {
-        liar.send(|h, _| (h.session, h.seq) = (session, seq));
+        publisher.send(|h, _| (h.session, h.seq) = (session, seq));
         let report = report(&next_frame(&mut sidecar), Verdict::Changed);
         sidecar.send_verdict(&report, Duration::ZERO).unwrap();
         sidecar.heartbeat().unwrap();
@@ -348,7 +353,7 @@ fn answers_to_frames_of_other_programs_do_not_reach_the_simulator() {
     let abort = report(&next_frame(&mut sidecar), Verdict::Changed);
     sidecar.send_verdict(&abort, Duration::ZERO).unwrap();
     for seq in [0, 1, 1 << 40, u64::MAX] {
-        liar.send(|h, _| (h.session, h.seq) = (session, seq));
+        publisher.send(|h, _| (h.session, h.seq) = (session, seq));
         let report = report(&next_frame(&mut sidecar), Verdict::Changed);
         sidecar.send_verdict(&report, Duration::ZERO).unwrap();
     }

@@ -283,7 +283,7 @@ fn the_client_does_not_wait_for_a_watcher_of_another_simulator() {
         Outcome::Verdict(_)
     ));
     // Acts as a second simulator on another host, so the lock on this host is not checked.
-    let mut second = hostile::Liar::open(&name);
+    let mut second = hostile::HostilePublisher::open(&name);
     second.honest();
     assert!(matches!(next(&mut sidecar), Event::SimulatorLost { .. }));
     new_session(&mut sidecar);

@@ -2,7 +2,7 @@
 //! in any order.
 
 use super::death::Process;
-use super::hostile::Liar;
+use super::hostile::HostilePublisher;
 use super::*;
 use linkwatch::{Departure, Outcome};
 
@@ -110,7 +110,7 @@ fn session(seed: u64, steps: usize) {
     let name = service();
     let mut client = client(&name);
     let mut watcher: Option<Watcher> = None;
-    let (mut liar, mut id) = (None::<Liar>, None);
+    let (mut hostile, mut id) = (None::<HostilePublisher>, None);
     let (mut seq, mut cuts, mut hostile, mut met) = (0, 0, 0, false);
     let mut newest = Published::default();
     for _ in 0..steps {
@@ -127,8 +127,8 @@ fn session(seed: u64, steps: usize) {
             }
             3 | 4 if id.is_some() => {
                 let number = random.number(seq);
-                let liar = liar.get_or_insert_with(|| Liar::open(&name));
-                liar.send(|h, _| (h.session, h.seq, h.time) = (id.unwrap(), number, HOSTILE));
+                let hostile = hostile.get_or_insert_with(|| HostilePublisher::open(&name));
+                hostile.send(|h, _| (h.session, h.seq, h.time) = (id.unwrap(), number, HOSTILE));
                 hostile += 1;
                 if let Some(watcher) = &mut watcher {
                     let before = watcher.sidecar.counters().rejected;
