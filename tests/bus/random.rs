@@ -110,7 +110,7 @@ fn session(seed: u64, steps: usize) {
     let name = service();
     let mut client = client(&name);
     let mut watcher: Option<Watcher> = None;
-    let (mut hostile, mut id) = (None::<HostilePublisher>, None);
+    let (mut publisher, mut id) = (None::<HostilePublisher>, None);
     let (mut seq, mut cuts, mut hostile, mut met) = (0, 0, 0, false);
     let mut newest = Published::default();
     for _ in 0..steps {
@@ -127,8 +127,8 @@ fn session(seed: u64, steps: usize) {
             }
             3 | 4 if id.is_some() => {
                 let number = random.number(seq);
-                let hostile = hostile.get_or_insert_with(|| HostilePublisher::open(&name));
-                hostile.send(|h, _| (h.session, h.seq, h.time) = (id.unwrap(), number, HOSTILE));
+                let publisher = publisher.get_or_insert_with(|| HostilePublisher::open(&name));
+                publisher.send(|h, _| (h.session, h.seq, h.time) = (id.unwrap(), number, HOSTILE));
                 hostile += 1;
                 if let Some(watcher) = &mut watcher {
                     let before = watcher.sidecar.counters().rejected;
