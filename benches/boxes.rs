@@ -1,4 +1,5 @@
-//! The first stage: boxes of all segments, and the trees over them. How to read it: `benches/README.md`.
+//! The first stage: boxes of all segments, and the trees over them. Columns: see
+//! `benches/README.md`.
 
 mod common;
 

@@ -1,7 +1,9 @@
-//! What a frame costs on the bus, beside a copy of the same bytes.
+//! Cost of a frame on the bus, compared with a copy of the same bytes.
 //!
-//! `cargo bench --bench bus` measures; with `--smoke` (or under `cargo test`) it only runs once through.
-//! Percentiles are over all rounds of one run; every ratio is against the copy of the same frame.
+//! `cargo bench --bench bus` measures; with `--smoke` (or under `cargo test`) it runs each step
+//! once.
+//! Percentiles are over all rounds of one run. Every ratio is relative to the copy of the same
+//! frame.
 
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, Event, Outcome, Positions, Precision, Report, Sidecar,
@@ -101,7 +103,7 @@ fn measure(case: &Case, rounds: u64) {
     let alone = times(rounds, |_| {
         client.publish(0.0, positions).expect("publish");
     });
-    show("write and publish, nobody watching", &alone);
+    show("write and publish, without a watcher", &alone);
 
     let watcher = std::thread::spawn({
         let sidecar = Sidecar::open(&name, &SidecarOptions::default()).expect("sidecar");
@@ -127,7 +129,7 @@ fn measure(case: &Case, rounds: u64) {
     show("ingest from shared memory", &ingest);
 }
 
-/// Answers every frame; returns how long each ingest took.
+/// Answers every frame. Returns the time of each ingest.
 fn watch(mut sidecar: Sidecar) -> Vec<Duration> {
     let (mut set, mut times) = (None, Vec::new());
     loop {
@@ -167,7 +169,7 @@ fn watch(mut sidecar: Sidecar) -> Vec<Duration> {
     }
 }
 
-/// Times of all rounds, sorted.
+/// Returns the times of all rounds, sorted.
 fn times(rounds: u64, mut work: impl FnMut(u64)) -> Vec<Duration> {
     let mut out: Vec<Duration> = (0..rounds)
         .map(|k| {

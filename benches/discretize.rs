@@ -1,5 +1,6 @@
-//! Splines to polylines, both ways: each pair by itself while it is counted, and Algorithm 3 for all curves at once, whose
-//! polylines are counted then. How to read it: `benches/README.md`.
+//! Conversion of splines to polylines by both methods: each pair separately while it is counted,
+//! and Algorithm 3 for all curves at once, whose polylines are then counted. Columns: see
+//! `benches/README.md`.
 
 mod common;
 
@@ -26,7 +27,7 @@ fn main() {
             "{}: {counts:?}",
             case.name
         );
-        // Wall and processor time of the discretization, and of certifying what it made.
+        // Wall-clock and CPU time of the discretization, and of certifying its polylines.
         let runs = pools.alternate(options.repeat, || {
             let (made, wall, cpu) = time(|| homotopic_polylines(&case.curves).expect("as before"));
             let mut verifier = Verifier::new(AbortOn::Never);

@@ -1,4 +1,4 @@
-//! The last stage: linking numbers of all potential links, discretization included. How to read it:
+//! The last stage: linking numbers of all potential links, discretization included. Columns: see
 //! `benches/README.md`.
 
 mod common;

@@ -1,4 +1,4 @@
-//! The second stage: the search for potential links. How to read it: `benches/README.md`.
+//! The second stage: the search for potential links. Columns: see `benches/README.md`.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! The whole way from control points in memory to a certificate. How to read it: `benches/README.md`.
+//! All stages, from control points in memory to a certificate. Columns: see `benches/README.md`.
 
 mod common;
 

@@ -1,4 +1,4 @@
-"""Measures how far apart frames may be, on melts of bead-spring chains that cannot cross.
+"""Measures the maximum distance of frames, on melts of bead-spring chains that cannot cross.
 
     pip install openmm numpy
     cargo build --release
@@ -92,7 +92,7 @@ def simulate(kind, folder):
             for chain in chains:
                 file.write(struct.pack("<i", count) + chain.tobytes())
         integrator.step(STEPS_A_FRAME)
-    # Two bonds cannot cross unless they stretch far beyond this.
+    # Bonds cannot cross unless they stretch far beyond this.
     assert longest < 1.3, f"a bond of length {longest}"
 
 

@@ -217,7 +217,7 @@ class Client:
         return False
 
     def resume(self):
-        """After a roll back: aborts so far no longer count, and the next frame is a jump."""
+        """Clears the abort after a roll back, and marks the next frame as a jump."""
         self.aborts_from = self.seq
         self.cuts += 1
 

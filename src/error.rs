@@ -1,11 +1,12 @@
-//! Errors, with the numbers that disagree.
+//! Error type of the library. Messages carry the numbers that disagree.
 
 use std::path::PathBuf;
 
-/// What can go wrong between bytes and a verdict.
+/// Failure on the way from bytes to a verdict.
 ///
-/// A frame that breaks its contract is an error of this type (and becomes [`crate::Verdict::Rejected`]
-/// in a stream). A frame whose topology cannot be decided is not an error: see [`crate::Defect`].
+/// A frame that breaks its contract gives an error of this type, and becomes
+/// [`crate::Verdict::Rejected`] in a stream. A frame whose topology cannot be decided is not an
+/// error: see [`crate::Defect`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -14,23 +15,23 @@ pub enum Error {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// A stream that is no named file could not be read or written.
+    /// A stream without a file name could not be read or written.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// The bytes are not what their format promises.
+    /// The bytes do not follow their format.
     #[error("not a valid {format} ({place}): {what}")]
     Format {
         /// The format, "BCC" for example.
         format: &'static str,
-        /// Where: a line, a byte offset or a field.
+        /// Position of the error: a line, a byte offset or a field.
         place: String,
-        /// What was found and what was expected.
+        /// Value found and value expected.
         what: String,
     },
-    /// The file needs a reader that linkwatch does not have.
+    /// linkwatch has no reader for this kind of file.
     #[error("{path}: unknown kind of file (known: .bcc, .obj, .vect)")]
     UnknownModel {
         /// The file.
@@ -41,7 +42,7 @@ pub enum Error {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// How to name its models, or that it holds none.
+        /// Advice: how to name the models of the folder, or that it has none.
         advice: String,
     },
     /// A valid file of a kind that linkwatch does not read or cannot write.
@@ -49,7 +50,7 @@ pub enum Error {
     Unsupported {
         /// The format, "BCC" for example.
         format: &'static str,
-        /// What was found or asked for, and what is possible.
+        /// Content found or requested, and the supported alternatives.
         what: String,
     },
     /// The content of a file cannot be used.
@@ -57,17 +58,17 @@ pub enum Error {
     InFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong in it.
+        /// Error in the file.
         source: Box<Error>,
     },
     /// A count promises more than the data holds.
     #[error("{what}: {promised} promised, {available} available")]
     Count {
-        /// What was counted.
+        /// Name of the counted things.
         what: &'static str,
-        /// The number that the header gave.
+        /// Number given in the header.
         promised: u64,
-        /// The number that the data can hold.
+        /// Number that fits into the data.
         available: u64,
     },
     /// A coordinate is NaN or infinite.
@@ -94,14 +95,14 @@ pub enum Error {
         /// Largest magnitude allowed.
         limit: f64,
     },
-    /// A frame has no closed curve, and so no linking number, and no pull-throughs are looked for
-    /// ([`Verifier::set_events`](crate::Verifier::set_events)).
+    /// No curve of the frame is closed, so there are no linking numbers, and the search for
+    /// pull-throughs is off ([`Verifier::set_events`](crate::Verifier::set_events)).
     #[error(
-        "nothing to verify: none of {curves} curves is closed (a closed curve has a count below 0); \
-         --events looks for pull-throughs of open curves"
+        "nothing to verify: none of {curves} curves is closed (a closed curve has a count below \
+         0); --events verifies pull-throughs of open curves"
     )]
     NothingClosed {
-        /// Curves of the frame, all of them open.
+        /// Number of curves of the frame, all of them open.
         curves: usize,
     },
     /// A curve has too few control points for its basis.
@@ -113,20 +114,20 @@ pub enum Error {
         points: usize,
         /// Basis and closure, in words.
         kind: &'static str,
-        /// What it needs, in words.
+        /// Requirement of the basis, in words.
         needed: &'static str,
     },
-    /// A frame has other curves than the frames before it.
+    /// The curves of a frame differ from those of earlier frames.
     #[error("the curves changed between frames: {what} was {before}, is {now}")]
     LayoutChanged {
-        /// What changed.
+        /// Property that changed.
         what: &'static str,
-        /// In the first frame.
+        /// Value in the first frame.
         before: u64,
-        /// In this frame.
+        /// Value in this frame.
         now: u64,
     },
-    /// Written by another version.
+    /// Data of another version of the format.
     #[error("{what} has version {found}; this build reads version {known}")]
     Version {
         /// The format.
@@ -136,26 +137,26 @@ pub enum Error {
         /// The version that this build knows.
         known: u64,
     },
-    /// A certificate cannot be used with this model.
+    /// The certificate belongs to a model with another number of curves.
     #[error("the certificate is for {certificate} curves, the model has {model}")]
     CertificateMismatch {
-        /// Curves of the certificate.
+        /// Number of curves of the certificate.
         certificate: usize,
-        /// Curves of the model.
+        /// Number of curves of the model.
         model: usize,
     },
-    /// The description of a scene cannot be used.
+    /// The description of a scene is invalid.
     #[error("scene {scene}: {what}")]
     Scene {
         /// The description.
         scene: String,
-        /// What is wrong with it.
+        /// Reason.
         what: String,
     },
-    /// Arguments that do not go together.
+    /// Arguments that cannot be combined, or cannot be used.
     #[error("{0}")]
     Usage(String),
-    /// There is no such device, or none that can be used.
+    /// The device does not exist, or cannot be used.
     #[error("device: {0}")]
     Device(String),
     /// The work was cancelled ([`crate::Progress::cancel`]). The frame was not verified.
@@ -164,12 +165,12 @@ pub enum Error {
     /// The bus failed.
     #[error("bus: {0}")]
     Bus(String),
-    /// A sink failed; it stays failed, the others go on.
+    /// A sink failed. It stays closed; the other sinks continue.
     #[error("{sink}: {what}")]
     Sink {
-        /// Which sink.
+        /// Name of the sink.
         sink: &'static str,
-        /// What happened.
+        /// Reason.
         what: String,
     },
 }
@@ -178,7 +179,7 @@ pub enum Error {
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
-    /// A malformed file or message.
+    /// Creates the error of a malformed file or message.
     pub(crate) fn format(
         format: &'static str,
         place: impl std::fmt::Display,
@@ -191,7 +192,7 @@ impl Error {
         }
     }
 
-    /// A format that is understood, but not supported.
+    /// Creates the error of a valid format that is not supported.
     pub(crate) fn unsupported(format: &'static str, what: impl std::fmt::Display) -> Self {
         Self::Unsupported {
             format,
@@ -199,7 +200,7 @@ impl Error {
         }
     }
 
-    /// Names the file in which this error was found, where it names none.
+    /// Adds the name of the file in which the error occurred, unless the error names one already.
     pub fn in_file(self, path: impl Into<PathBuf>) -> Self {
         let path = path.into();
         match self {
@@ -215,7 +216,7 @@ impl Error {
         }
     }
 
-    /// An I/O error with the path that it belongs to.
+    /// Returns a function that adds a path to an I/O error.
     pub(crate) fn file(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |source| Self::File { path, source }

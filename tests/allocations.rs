@@ -1,7 +1,7 @@
-//! A frame like the one before it allocates nothing: every buffer of a [`Verifier`] serves the next frame.
+//! A frame like the previous one allocates nothing, because a [`Verifier`] reuses every buffer.
 //!
-//! What counts are the allocations of the threads that verify. With `LINKWATCH_TRACE_ALLOCATIONS=1` each one is shown
-//! with its backtrace.
+//! Only allocations of the verifying threads are counted. With `LINKWATCH_TRACE_ALLOCATIONS=1` each
+//! one is printed with its backtrace.
 #![expect(unsafe_code, reason = "an allocator that counts")]
 
 use linkwatch::scenes::Scene;
@@ -15,26 +15,26 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The system's allocator, which counts while it is asked to.
+/// System allocator that counts allocations while enabled.
 struct Counting;
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
 static TRACE: AtomicBool = AtomicBool::new(false);
 
 thread_local! {
-    /// Whether this thread's allocations count. The harness's do not.
+    /// True if the allocations of this thread are counted; those of the test harness are not.
     static COUNTED: Cell<bool> = const { Cell::new(false) };
 }
 
 impl Counting {
     fn count(layout: Layout) {
-        // The last thing that a thread does may be to free something: its locals are gone then.
+        // A thread may free memory after its thread-local variables were destroyed.
         if !COUNTED.try_with(Cell::get).unwrap_or(false) {
             return;
         }
         ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
         if TRACE.load(Ordering::Relaxed) {
-            // The backtrace allocates, too.
+            // The backtrace itself allocates.
             COUNTED.set(false);
             eprintln!("{} bytes\n{}", layout.size(), Backtrace::force_capture());
             COUNTED.set(true);
@@ -42,11 +42,11 @@ impl Counting {
     }
 }
 
-// SAFETY: every call goes on to the system's allocator as it is.
+// SAFETY: every call is forwarded unchanged to the system allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         Counting::count(layout);
-        // SAFETY: the caller's promise is the one that is asked for here.
+        // SAFETY: the caller guarantees the conditions of the system allocator.
         unsafe { System.alloc(layout) }
     }
 
@@ -68,17 +68,17 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// One test at a time: there is one counter.
+/// Locks out other tests, because there is only one counter.
 fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
-    // A test that failed has left nothing half done.
+    // A failed test leaves the counter valid.
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Runs after which the buffers have grown.
+/// Number of runs after which the buffers have grown.
 const WARM_UP: usize = 4;
 
-/// Runs that are counted.
+/// Number of runs that are counted.
 const COUNTED_RUNS: usize = 40;
 
 fn scene(text: &str) -> (String, CurveSet) {
@@ -86,7 +86,7 @@ fn scene(text: &str) -> (String, CurveSet) {
     (text.to_owned(), scene.build().unwrap().curves)
 }
 
-/// Splines through one another, so near that their hulls meet.
+/// Splines through one another, so close that their hulls overlap.
 fn tangle(basis: Basis) -> (String, CurveSet) {
     let mut state = 7u64;
     let mut next = || {
@@ -102,7 +102,7 @@ fn tangle(basis: Basis) -> (String, CurveSet) {
     (format!("tangle of {basis:?}"), set)
 }
 
-/// Allocations of each of the calls after those that warm up.
+/// Returns the allocations of each call after those that warm up.
 fn allocations(mut frame: impl FnMut()) -> [u64; COUNTED_RUNS] {
     let trace = std::env::var_os("LINKWATCH_TRACE_ALLOCATIONS").is_some();
     let mut count = || {
@@ -110,7 +110,7 @@ fn allocations(mut frame: impl FnMut()) -> [u64; COUNTED_RUNS] {
         frame();
         ALLOCATIONS.load(Ordering::Relaxed) - before
     };
-    assert!(count() > 0, "the first frame makes the buffers");
+    assert!(count() > 0, "the first frame allocates the buffers");
     for _ in 1..WARM_UP {
         count();
     }
@@ -120,7 +120,7 @@ fn allocations(mut frame: impl FnMut()) -> [u64; COUNTED_RUNS] {
     counts
 }
 
-/// Rings that touch their neighbours, and one that is a point: places and defects are part of every frame.
+/// Rings that touch their neighbours, and one degenerate ring: every frame has places and defects.
 fn touching() -> (String, CurveSet) {
     const SQUARE: [[f32; 2]; 4] = [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]];
     let rings = (0..200).flat_map(|k| {
@@ -138,16 +138,16 @@ fn touching() -> (String, CurveSet) {
     ("touching rings".to_owned(), set)
 }
 
-/// What a scene's frames allocate, with so many threads: of `certify` and of `step`.
+/// Returns the allocations of `certify` and of `step` for a scene, with this number of threads.
 fn measure(threads: usize, set: &CurveSet) -> [[u64; COUNTED_RUNS]; 2] {
-    // What the threads allocate before they work and when they end is not a frame's.
+    // Allocations of threads when they start and end do not belong to a frame.
     let thread = |thread: rayon::ThreadBuilder| {
         COUNTED.set(true);
         thread.run();
         COUNTED.set(false);
     };
-    // All frames in one call into the pool. A call from outside goes through rayon's queue, which allocates for every
-    // few dozen of them; within the pool rayon allocates nothing.
+    // All frames run in one call into the pool. A call from outside uses rayon's queue, which
+    // allocates for every few dozen calls; within the pool rayon allocates nothing.
     let frames = || {
         let mut verifier = Verifier::new(AbortOn::Any);
         let certify = allocations(|| {
@@ -186,18 +186,19 @@ fn a_further_frame_allocates_nothing() {
         let counts = measure(1, &set);
         assert_eq!(counts, [[0; COUNTED_RUNS]; 2], "{name}");
     }
-    // A report owns its list of defects: 199 of them.
+    // A report owns its list of 199 defects.
     let (name, set) = touching();
     let [certify, step] = measure(1, &set);
     assert_eq!(certify, [0; COUNTED_RUNS], "{name}");
     assert!(step.iter().all(|&n| n < 20), "{name}: {step:?}");
 }
 
-/// Which thread computes which pair changes from frame to frame, and buffers belong to threads for as long as they
-/// compute a pair. So one that has met small pairs only grows when it meets a large one, and a frame in which more
-/// tasks wait for others than ever before makes buffers for one more. Both end after a while.
+/// The assignment of pairs to threads changes from frame to frame, and a thread holds its buffers
+/// while it computes a pair. So a buffer grows when its thread, after small pairs only, gets a
+/// large one, and a frame in which more tasks wait for others than ever before allocates buffers
+/// for one more. Both end after some frames.
 #[test]
-fn a_further_frame_of_two_threads_allocates_nothing_but_for_a_few() {
+fn nearly_all_further_frames_of_two_threads_allocate_nothing() {
     let _alone = alone();
     for (name, set) in scenes() {
         for counts in measure(2, &set) {

@@ -119,7 +119,7 @@ fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap()
 }
 
-/// Returns reports on the frames with the moving strand at these heights, from an incremental
+/// Returns the reports on the frames with the moving strand at these heights, from an incremental
 /// verifier that is compared with a full one.
 fn reports(curves: Curves, meeting: Meeting, heights: &[f64]) -> Vec<Report> {
     let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::Any));
@@ -138,7 +138,7 @@ fn reports(curves: Curves, meeting: Meeting, heights: &[f64]) -> Vec<Report> {
             !incremental.work().disagreed,
             "{curves:?} {meeting:?} frame {k}"
         );
-        let told = |r: &Report| {
+        let reported = |r: &Report| {
             (
                 r.verdict,
                 r.abort,
@@ -148,8 +148,8 @@ fn reports(curves: Curves, meeting: Meeting, heights: &[f64]) -> Vec<Report> {
             )
         };
         assert_eq!(
-            told(&found),
-            told(&expected),
+            reported(&found),
+            reported(&expected),
             "{curves:?} {meeting:?} frame {k}"
         );
         found
@@ -213,7 +213,7 @@ fn a_pull_through_with_contact_in_a_frame_is_found_in_the_next_frame() {
 }
 
 #[test]
-fn a_strand_that_touches_and_goes_back_is_not_pulled_through() {
+fn a_strand_that_touches_and_returns_is_not_pulled_through() {
     for curves in CURVES {
         for meeting in MEETINGS {
             for heights in [&[1.0, 0.0, 1.0][..], &[-1.0, 0.0, 0.0, -1.0]] {
@@ -236,7 +236,7 @@ fn curves_that_touch_in_the_first_frame_take_their_number_from_the_next() {
             let aborts: Vec<_> = reports.iter().map(|r| r.abort).collect();
             let what = format!("{curves:?} {meeting:?}: {reports:?}");
             let closed = curves == Curves::Closed;
-            // Open curves with a common vertex in the first frame are joined there.
+            // Open curves with a common vertex in the first frame are joined at it.
             let joined = meeting == Meeting::Vertices && !closed;
             let first = if joined {
                 Verdict::Intact

@@ -1,10 +1,10 @@
-//! `linkwatch generate` at the boundary of its process.
+//! Tests of `linkwatch generate` as a process.
 
 use std::path::Path;
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// Runs the command: exit code, stdout, stderr.
+/// Runs the command. Returns exit code, stdout and stderr.
 fn linkwatch(args: &[&str]) -> (i32, String, String) {
     let Output {
         status,
@@ -22,7 +22,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Names of the files in a folder.
+/// Returns the names of the files in a folder.
 fn files(folder: &TempDir) -> Vec<String> {
     let entries = std::fs::read_dir(folder.path()).unwrap();
     let names = entries.map(|e| e.unwrap().file_name().into_string().unwrap());
@@ -32,7 +32,7 @@ fn files(folder: &TempDir) -> Vec<String> {
 }
 
 #[test]
-fn what_is_generated_certifies_as_it_says() {
+fn a_generated_model_has_its_certificate() {
     for scene in [
         "chainmail:rows=4,columns=5,crumple=1",
         "knit:rows=3,stitches=16,segments=576",
@@ -54,7 +54,7 @@ fn what_is_generated_certifies_as_it_says() {
             text(&certificate),
         ]);
         assert_eq!((code, stdout.as_str()), (0, ""), "{stderr}");
-        assert!(stderr.contains("a.bcc: written"), "{stderr}");
+        assert!(stderr.contains("a.bcc: wrote"), "{stderr}");
         assert_eq!(files(&folder), ["a.bcc", "a.txt"]);
         let (code, found, stderr) = linkwatch(&["certify", text(&model)]);
         assert_eq!(code, 0, "{stderr}");
@@ -67,10 +67,10 @@ fn what_is_generated_certifies_as_it_says() {
 }
 
 #[test]
-fn what_exact_arithmetic_decided_is_told_where_there_is_any() {
+fn reports_tests_decided_by_exact_arithmetic() {
     let folder = TempDir::new().unwrap();
     let model = folder.path().join("a.bcc");
-    // In planes of the axes, rings have vertices above one another; tilted, they have not.
+    // In axis planes, rings have vertices above one another; tilted rings do not.
     for (scene, some) in [
         ("chainmail:rows=4,columns=5,tilt=0", true),
         ("chainmail:rows=4,columns=5", false),
@@ -85,13 +85,13 @@ fn what_exact_arithmetic_decided_is_told_where_there_is_any() {
         assert_eq!(some, share > 0.0);
         assert!(share <= 1.0);
         let (_, stdout, _) = linkwatch(&["certify", "--repeat", "1", text(&model)]);
-        let told = format!("{} exact ({:.2} %)", count("exact"), 100.0 * share);
-        assert!(stdout.contains(&told), "{stdout}");
+        let reported = format!("{} exact ({:.2} %)", count("exact"), 100.0 * share);
+        assert!(stdout.contains(&reported), "{stdout}");
     }
 }
 
 #[test]
-fn the_result_as_json() {
+fn prints_the_result_as_json() {
     let folder = TempDir::new().unwrap();
     let model = folder.path().join("a.bcc");
     let scene = "ribbon:segments=2000";
@@ -111,7 +111,7 @@ fn the_result_as_json() {
 }
 
 #[test]
-fn scenes_are_listed() {
+fn lists_scenes() {
     let (code, stdout, _) = linkwatch(&["generate", "--list"]);
     assert_eq!(
         (code, stdout.as_str()),
@@ -133,7 +133,7 @@ fn scenes_are_listed() {
 }
 
 #[test]
-fn bad_arguments_exit_with_2_and_leave_nothing_behind() {
+fn bad_arguments_exit_with_2_and_leave_no_file() {
     let folder = TempDir::new().unwrap();
     let [model, other, nowhere] = ["a.bcc", "a.obj", "none/a.bcc"].map(|n| folder.path().join(n));
     for (args, says) in [
@@ -167,7 +167,7 @@ fn bad_arguments_exit_with_2_and_leave_nothing_behind() {
 }
 
 #[test]
-fn an_existing_file_is_replaced_as_a_whole_or_not_at_all() {
+fn an_existing_file_is_replaced_completely_or_not_at_all() {
     let folder = TempDir::new().unwrap();
     let model = folder.path().join("a.bcc");
     let generate = |scene: &str| linkwatch(&["generate", scene, "--force", "-o", text(&model)]);
@@ -177,7 +177,7 @@ fn an_existing_file_is_replaced_as_a_whole_or_not_at_all() {
     assert_eq!(std::fs::read(&model).unwrap(), before);
     assert_eq!(generate("ribbon:segments=2000").0, 0);
     assert!(std::fs::read(&model).unwrap().len() < before.len());
-    // In the place of a folder nothing can be written.
+    // A file cannot replace a folder.
     std::fs::remove_file(&model).unwrap();
     std::fs::create_dir(&model).unwrap();
     let (code, _, stderr) = generate("ribbon:segments=2000");

@@ -1,4 +1,4 @@
-//! The help, the completions and the manual, as a shell and a reader see them.
+//! Tests of the help, the completions and the manual, as a shell and a reader see them.
 //!
 //! Without bash or groff, the tests that need them are shown as ignored, never as passed.
 
@@ -31,7 +31,7 @@ fn stdout(args: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("UTF-8")
 }
 
-/// Gives a text to a program; returns all that it prints.
+/// Passes a text to a program. Returns its output.
 fn give(program: &str, args: &[&str], text: &str) -> Option<String> {
     let mut child = Command::new(program)
         .args(args)
@@ -55,7 +55,7 @@ fn exists(program: &str) -> bool {
     version.is_ok_and(|output| output.status.success())
 }
 
-fn short_help_shows_everyday_options_and_long_help_all() {
+fn short_help_shows_common_options_and_long_help_all() {
     for command in COMMANDS {
         let [short, long] = ["-h", "--help"].map(|help| stdout(&[command, help]));
         for help in [&short, &long] {
@@ -81,16 +81,13 @@ fn short_help_shows_everyday_options_and_long_help_all() {
 }
 
 #[cfg(all(feature = "bus", feature = "mcap"))]
-fn options_of_watch_stand_under_headings() {
+fn options_of_watch_have_headings() {
     let help = stdout(&["watch", "-h"]);
     let mut rest = help.as_str();
     for (heading, options) in [
-        ("What to watch:", &["--service", "--wait"][..]),
-        (
-            "What to compare:",
-            &["--baseline", "--abort-on", "--events"],
-        ),
-        ("Where to write:", &["--record", "--force"]),
+        ("Simulation:", &["--service", "--wait"][..]),
+        ("Comparison:", &["--baseline", "--abort-on", "--events"]),
+        ("Output:", &["--record", "--force"]),
         ("Kernels:", &["--kernel", "--device"]),
         ("General:", &["--json", "--quiet", "--threads", "--help"]),
     ] {
@@ -106,7 +103,7 @@ fn options_of_watch_stand_under_headings() {
     assert!(!help.contains("\nOptions:"), "{help}");
 }
 
-fn completions_know_commands_and_options() {
+fn completions_contain_commands_and_options() {
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
         let script = stdout(&["completions", shell]);
         for word in COMMANDS.iter().chain(&["kernel", "diff-pairs"]) {
@@ -149,7 +146,7 @@ fn the_manual_has_every_command_and_every_option() {
             assert!(named, "{command}: {option}\n{section}");
         }
     }
-    // An option that the short help omits has its text, too.
+    // An option that the short help omits is in the manual, too.
     assert!(manual.contains("expand to dipoles only"));
 }
 
@@ -168,7 +165,7 @@ fn the_manual_formats_without_warnings() {
     }
 }
 
-fn manual_pages_replace_no_file() {
+fn manual_pages_overwrite_no_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("man1");
     let args = ["man", "--out", out.to_str().expect("UTF-8")];
@@ -190,7 +187,7 @@ fn manual_pages_replace_no_file() {
     );
 }
 
-fn a_folder_or_a_misspelt_scene_is_answered_with_advice() {
+fn errors_of_a_folder_and_a_misspelt_scene_give_advice() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("a.vect"), "VECT").unwrap();
     let path = folder.path().to_str().expect("UTF-8");
@@ -227,15 +224,15 @@ fn main() {
         };
     }
     add!(
-        short_help_shows_everyday_options_and_long_help_all,
-        completions_know_commands_and_options,
+        short_help_shows_common_options_and_long_help_all,
+        completions_contain_commands_and_options,
         bash_completes_a_command_and_an_option needs "bash",
         the_manual_has_every_command_and_every_option,
         the_manual_formats_without_warnings needs "groff",
-        manual_pages_replace_no_file,
-        a_folder_or_a_misspelt_scene_is_answered_with_advice,
+        manual_pages_overwrite_no_file,
+        errors_of_a_folder_and_a_misspelt_scene_give_advice,
     );
     #[cfg(all(feature = "bus", feature = "mcap"))]
-    add!(options_of_watch_stand_under_headings);
+    add!(options_of_watch_have_headings);
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }

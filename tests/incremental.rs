@@ -1,13 +1,14 @@
-//! Incremental verification against full verification: on every frame of random moving sets, the same verdict, the
-//! same changes and defects with the same places.
+//! Compares incremental with full verification: on every frame of random moving sets, the same
+//! verdict, and the same changes and defects with the same places.
 //!
-//! `cargo test --release --test incremental` runs thousands of sequences in seconds. Many more, for an hour or so:
+//! `cargo test --release --test incremental` runs thousands of sequences in seconds. Many more, for
+//! about an hour:
 //!
 //! ```sh
 //! cargo test --release --test incremental -- --ignored --nocapture
 //! ```
 //!
-//! Everything follows from the seed of a sequence, which a failure names.
+//! Each sequence depends only on its seed, which a failure prints.
 
 use linkwatch::scenes::{Frames, Motion, MotionKind, Scene, pull_throughs};
 use linkwatch::{
@@ -24,7 +25,7 @@ struct Random(u64);
 impl Random {
     fn new(seed: u64) -> Random {
         let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        // Neighbouring seeds begin alike.
+        // Neighbouring seeds give similar first numbers.
         (0..8).for_each(|_| _ = random.next());
         random
     }
@@ -57,7 +58,8 @@ impl Random {
     }
 }
 
-/// Control points of one curve: a number that suits the basis. Some are `large` enough for several levels of boxes.
+/// Returns a number of control points that is valid for the basis. Some `large` curves have several
+/// levels of boxes.
 fn size(random: &mut Random, basis: Basis, closed: bool, large: bool) -> usize {
     let n = match random.below(12) {
         0 if large => 60 + random.below(200),
@@ -72,19 +74,20 @@ fn size(random: &mut Random, basis: Basis, closed: bool, large: bool) -> usize {
     }
 }
 
-/// Curves of a set all of which may be tangled.
+/// Maximum number of curves of a set in which all may be tangled.
 const MOST: usize = 7;
 
-/// Random curves: a chain, rings anywhere, random polygons, strands side by side, or a lattice full of ties.
+/// Returns random curves: a chain, rings anywhere, random polygons, strands side by side, or a
+/// lattice with many ties.
 fn random_set(random: &mut Random, basis: Basis, precision: Precision, curves: usize) -> CurveSet {
     let many = curves > MOST;
     let shape = match many {
         true => random.pick(&[0, 1, 3]),
         false => random.below(5),
     };
-    // As dense as a few.
+    // As dense as a few curves.
     let room = (curves as f64 / MOST as f64).cbrt().max(1.0);
-    // Points anywhere: long, they take long.
+    // Random points; long curves take long to verify.
     let tangled = matches!(shape, 2 | 4);
     let mut counts = Vec::new();
     let mut xyz = Vec::new();
@@ -99,7 +102,7 @@ fn random_set(random: &mut Random, basis: Basis, precision: Precision, curves: u
                 let across = if i % 2 == 0 { side } else { up };
                 ([1.3 * i as f64, 0.0, 0.0], [1.0, 0.0, 0.0], across)
             }
-            // Nested, a little apart.
+            // Nested, at a small distance.
             3 => {
                 let r = 1.0 + 0.05 * i as f64;
                 (
@@ -132,24 +135,24 @@ fn random_set(random: &mut Random, basis: Basis, precision: Precision, curves: u
     .unwrap()
 }
 
-/// Something that happens to a frame after its motion, for a few frames.
+/// Event that changes a frame after its motion, for a few frames.
 #[derive(Clone, Copy, Debug)]
 enum Event {
-    /// Points of the second curve are also points of the first.
+    /// Points of the second curve coincide with points of the first one.
     Contact([usize; 2], [usize; 2]),
-    /// The curve shrinks to its first points, so many.
+    /// The curve shrinks to this number of first points.
     Collapse(usize, usize),
-    /// The curve is so many times smaller, about its first point.
+    /// The curve is scaled down by this factor about its first point.
     Shrink(usize, i32),
-    /// Two neighbouring points of a curve are one.
+    /// Two neighbouring points of a curve coincide.
     Repeat(usize, usize),
-    /// One coordinate of the whole frame is the same everywhere.
+    /// One coordinate is the same in the whole frame.
     Flatten(usize),
-    /// One point goes far away.
+    /// One point moves far away.
     Spike(usize, usize),
 }
 
-/// The frames of one sequence.
+/// Frames of one sequence.
 struct Movie {
     random: Random,
     set: CurveSet,
@@ -157,16 +160,16 @@ struct Movie {
     pulls: Vec<linkwatch::scenes::PullThrough>,
     motion: Motion,
     amplitude: f64,
-    /// Whether little happens but to few curves.
+    /// True if few curves have events.
     calm: bool,
-    /// Whether the waves stay and grow, instead of being others in every frame.
+    /// True if the waves persist and grow, instead of changing in every frame.
     steady: bool,
-    /// Frames since the motion began.
+    /// Number of frames since the motion began.
     age: u64,
     /// Width of the lattice to which all points are rounded, so that curves touch exactly in many
     /// frames.
     lattice: Option<f64>,
-    /// How far each curve has gone by itself, and how far it goes in a frame.
+    /// Displacement of each curve, and its displacement per frame.
     ways: Vec<[Point; 2]>,
     events: Vec<(Event, u64)>,
 }
@@ -202,7 +205,7 @@ impl Movie {
         self.age = 0;
     }
 
-    /// First slot of a curve's points among all of them.
+    /// Returns the index of the first point of a curve among all points.
     fn first(&self, curve: usize) -> usize {
         self.set.curves()[..curve]
             .iter()
@@ -210,7 +213,7 @@ impl Movie {
             .sum()
     }
 
-    /// A random curve and one of its points.
+    /// Returns a random curve and one of its points.
     fn somewhere(&mut self) -> (usize, usize) {
         let i = self.random.below(self.set.len());
         let n = self.set.curve(i).points as usize;
@@ -223,12 +226,13 @@ impl Movie {
             6 => Event::Shrink(i, 1 << self.random.below(31)),
             0 => Event::Collapse(i, 1 + self.random.below(3)),
             1 => Event::Repeat(i, a),
-            // Splines in a plane cross everywhere, and each crossing is refined until it is given up.
+            // Splines in a plane cross everywhere, and each crossing is refined up to the limit.
             2 if !self.calm && (self.set.basis().is_polyline() || self.set.points() < 40) => {
                 Event::Flatten(self.random.below(3))
             }
             3 => Event::Spike(i, a),
-            // B-splines with a common knot have a common tangent and curvature there: 0.1 s until that is given up.
+            // B-splines with a common knot have a common tangent and curvature there, which takes
+            // 0.1 s until the limit.
             _ if i == j || (self.set.basis() == Basis::BSpline && !self.random.one_in(12)) => {
                 Event::Repeat(j, b)
             }
@@ -236,7 +240,7 @@ impl Movie {
         }
     }
 
-    /// Moves the set to another frame.
+    /// Moves the set to the next frame.
     fn advance(&mut self, frame: u64) {
         self.age += 1;
         if self.random.one_in(if self.calm { 25 } else { 9 }) {
@@ -253,7 +257,7 @@ impl Movie {
         match self.random.below(30) {
             // A teleport.
             0 => self.ways[curve][0] = self.random.point(2.0),
-            // On its own way from now on.
+            // An individual motion from now on.
             1 => {
                 let step = 0.3 * 10f64.powf(self.random.between(-3.0, 0.0));
                 self.ways[curve][1] = self.random.point(step);
@@ -297,7 +301,7 @@ impl Movie {
                 .for_each(|x| *x = (*x / width).round() * width);
         }
         if self.random.one_in(40) {
-            // Refused, and half of it is written.
+            // Rejected after half of it was written.
             let at = self.random.below(xyz.len());
             let mut broken = xyz.clone();
             broken[at] = f64::NAN;
@@ -319,9 +323,9 @@ impl Movie {
                 }
             }
             Event::Contact([i, a], [j, b]) => match self.set.basis() {
-                // A knot follows from three control points.
+                // A knot depends on three control points.
                 Basis::BSpline => (0..3).for_each(|k| copy(slot(i, a + k), slot(j, b + k))),
-                // Where segments meet.
+                // At the joint of two segments.
                 Basis::Bezier => copy(slot(i, a - a % 3), slot(j, b - b % 3)),
                 Basis::Polyline | Basis::CatmullRom => copy(slot(i, a), slot(j, b)),
             },
@@ -353,7 +357,7 @@ fn update(set: &mut CurveSet, xyz: &[f64]) -> linkwatch::Result<()> {
     }
 }
 
-/// The verifier under test, and the one that it must equal.
+/// The verifier under test, and the reference verifier.
 struct Both {
     incremental: Verifier,
     full: Verifier,
@@ -443,7 +447,7 @@ impl Balance {
     }
 }
 
-/// Frames seen.
+/// Numbers of frames and findings.
 #[derive(Debug, Default)]
 struct Tally {
     intact: u64,
@@ -453,10 +457,10 @@ struct Tally {
     full: u64,
     quiet: u64,
     partial: u64,
-    /// Pull-throughs, and steps of which it was not told what happened.
+    /// Number of pull-throughs, and of undecided steps.
     events: u64,
     untold: u64,
-    /// Frames that were not searched for them, though they moved.
+    /// Number of frames that were not searched for pull-throughs, although they moved.
     unsearched: u64,
 }
 
@@ -489,11 +493,11 @@ impl Both {
         }
     }
 
-    /// Verifies a frame both ways and compares all that is said about it. Returns it.
+    /// Verifies a frame by both verifiers, compares the reports, and returns one.
     fn step(&mut self, frame: u64, set: &CurveSet, what: &dyn std::fmt::Display) -> Report {
         let found = self.incremental.step(frame, 0.5, set).unwrap();
         let mut expected = self.full.step(frame, 0.5, set).unwrap();
-        // Beside the sizes of the scene, counts of work depend on the frames before.
+        // Except for the sizes of the scene, counts of work depend on earlier frames.
         let sizes = |r: &Report| (r.stats.curves, r.stats.segments, r.stats.open_curves);
         assert_eq!(sizes(&found), sizes(&expected), "{what}, frame {frame}");
         expected.stats = found.stats;
@@ -505,7 +509,7 @@ impl Both {
             _ => &mut self.tally.undecided,
         } += 1;
         let defects = || found.defects.iter().map(|d| d.kind);
-        // Beside the events, the sum of their signs is compared with the linking numbers in every frame.
+        // In every frame, the sum of the signs of the events is compared with the linking numbers.
         assert!(
             defects().all(|kind| kind != DefectKind::Unaccounted),
             "{what}, frame {frame}: {found:?}"
@@ -522,7 +526,7 @@ impl Both {
         if let Some(balance) = &mut self.balance {
             balance.add(&found, set, &format!("{what}, frame {frame}"));
         }
-        // Most references are ready for the next frame, some come later.
+        // Most reference frames are ready for the next frame, some come later.
         if frame % 4 != 3 {
             self.incremental.settle();
         }
@@ -549,7 +553,7 @@ fn snapped_sequences(seeds: Range<u64>) {
             movie.advance(frame);
             both.step(frame, &movie.set, &what);
         }
-        let balance = both.balance.expect("pull-throughs are looked for");
+        let balance = both.balance.expect("pull-throughs are searched for");
         for (all, own) in through_contact.iter_mut().zip(balance.through_contact) {
             *all += own;
         }
@@ -572,7 +576,7 @@ fn very_many_sequences_on_a_lattice() {
     snapped_sequences(200_000..203_000);
 }
 
-/// Runs sequences of few curves of which all are moved about, and checks that they were worth it.
+/// Runs sequences of few curves that all move, and checks that findings are frequent enough.
 fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) {
     let all = run(basis, precision, seeds, 2..=MOST);
     let total = all.intact + all.changed + all.contact + all.undecided;
@@ -582,12 +586,12 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) {
     for route in [all.full, all.quiet, all.partial] {
         assert!(route > total / 10, "{all:?}");
     }
-    // Points of splines are computed: where they touch, they are too close to tell.
+    // Points of splines are computed, so splines that touch are too close to decide.
     assert_eq!(all.contact > total / 20, basis == Basis::Polyline);
 }
 
-/// Runs sequences of many curves of which few are moved about, so many of each basis in both precisions, and checks
-/// that they were worth it.
+/// Runs sequences of many curves of which few move, this many for each basis in both precisions,
+/// and checks that findings are frequent enough.
 fn calm_sequences(first: u64, count: u64) {
     let mut all = Tally::default();
     for precision in [Precision::F32, Precision::F64] {
@@ -667,7 +671,7 @@ fn many_curves_of_which_few_move() {
     calm_sequences(80_000, 36);
 }
 
-/// For changes of the incremental verification: 100 times as many, other seeds.
+/// For changes of the incremental verification: 100 times as many sequences, with other seeds.
 #[test]
 #[ignore = "takes an hour"]
 fn very_many_sequences() {
@@ -685,7 +689,8 @@ fn very_many_calm_sequences() {
     calm_sequences(2_000_000, 6000);
 }
 
-/// Incremental verification called a ring degenerate that was so in its reference frame alone, when little else moved.
+/// Regression test: incremental verification called a ring degenerate that was degenerate only in
+/// the reference frame, if little else moved.
 #[test]
 fn a_loop_that_was_degenerate_in_the_reference_frame_recovers() {
     let scene: Scene = "chainmail:rows=6,columns=6".parse().unwrap();
@@ -707,9 +712,9 @@ fn a_loop_that_was_degenerate_in_the_reference_frame_recovers() {
     }
 }
 
-/// The curves of a stream may be others from one frame to the next, as long as their number is the same.
+/// The curves of a stream may change between frames, if their number stays the same.
 #[test]
-fn sets_that_are_others_than_before() {
+fn sets_with_changed_curves() {
     for seed in 0..100 {
         let mut random = Random::new(900_000 + seed);
         let mut movies: Vec<Movie> = (0..3)
@@ -720,7 +725,7 @@ fn sets_that_are_others_than_before() {
                 Movie::new(Random::new(random.next()), set)
             })
             .collect();
-        // Between other curves there is no motion.
+        // There is no motion between different curves.
         let mut both = Both::new(Events::Off);
         let mut now = 0;
         for frame in 0..30 {
@@ -733,9 +738,10 @@ fn sets_that_are_others_than_before() {
     }
 }
 
-/// Every planted pull-through is found in its frame, and gone when it is taken back, whatever else moves.
+/// Every synthetic pull-through is found in its frame, and disappears when it is reverted, for any
+/// other motion.
 #[test]
-fn planted_pull_throughs_are_found() {
+fn finds_synthetic_pull_throughs() {
     for (text, diameter) in [
         ("chainmail:rows=5,columns=5", 0.2),
         ("chainmail:rows=5,columns=5,crumple=1", 0.2),
@@ -759,7 +765,7 @@ fn planted_pull_throughs_are_found() {
             let what = format!("{text} {name}");
             for frame in 0..30 {
                 let pull = &pulls[frame as usize % pulls.len()];
-                // Some stay for a while.
+                // Some persist for several frames.
                 let pulled = frame % 3 == 2 || (10..14).contains(&frame);
                 if pulled {
                     frames.pull(pull);
@@ -772,7 +778,7 @@ fn planted_pull_throughs_are_found() {
                 assert_eq!(pairs, planted, "{what}, frame {frame}");
                 frames.release();
             }
-            // The scene as it was, for the next motion.
+            // Restores the scene for the next motion.
             set.update(frames.at(&motion, 0.0, 0)).unwrap();
         }
     }

@@ -1,4 +1,5 @@
-//! Live: `linkwatch watch` as a process, simulators in this one or in processes that are killed.
+//! Tests of `linkwatch watch` as a process, with simulators in this process or in processes that
+//! are killed.
 
 use iceoryx2::prelude::ZeroCopySend;
 use linkwatch::{
@@ -14,12 +15,12 @@ use tempfile::TempDir;
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// A service that no other test uses.
+/// Returns the name of a service that no other test uses.
 fn service(test: &str) -> String {
     format!("live-{test}-{}", std::process::id())
 }
 
-/// A running `linkwatch watch`, ended when the test is over.
+/// A running `linkwatch watch`, which is ended when the test ends.
 struct Watch {
     process: Child,
     stdout: PathBuf,
@@ -64,7 +65,7 @@ impl Watch {
         let status = wait(&mut self.process);
         Ended {
             code: status.code(),
-            // A stream that is not a file leaves no lines.
+            // A stream that is not a file records no lines.
             lines: json_lines(&std::fs::read_to_string(&self.stdout).unwrap_or_default()),
             stderr: std::fs::read_to_string(&self.stderr).unwrap_or_default(),
         }
@@ -141,7 +142,7 @@ fn wait(process: &mut Child) -> ExitStatus {
     }
 }
 
-/// Two linked squares, the second one moved aside by `shift`: apart from 2 on.
+/// Two linked squares, the second one displaced by `shift`: apart from 2 on.
 fn squares(shift: f32) -> Vec<f32> {
     let corners = [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]];
     let first = corners.iter().flat_map(|[x, y]| [*x, *y, 0.0]);
@@ -169,7 +170,7 @@ fn step(client: &mut Client, frame: u64, shift: f32) -> Verdict {
 }
 
 #[test]
-fn a_pull_through_is_found_aborted_recorded_and_replayed_alike() {
+fn a_pull_through_is_found_aborted_recorded_and_replayed_identically() {
     let folder = TempDir::new().unwrap();
     let service = service("replay");
     let recording = folder.path().join("run.mcap");
@@ -219,11 +220,15 @@ fn a_pull_through_is_found_aborted_recorded_and_replayed_alike() {
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
     assert_eq!(replayed.reports(), live.reports());
-    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    assert!(
+        !replayed.stderr.contains("different from"),
+        "{}",
+        replayed.stderr
+    );
     keep("squares", &recording, &live);
 }
 
-/// Makes a recording part of the project, where that is asked for.
+/// Copies a recording into the project, if that is requested.
 fn keep(name: &str, recording: &Path, live: &Ended) {
     if std::env::var_os("LINKWATCH_WRITE_RECORDINGS").is_some() {
         let to = recordings().join(name);
@@ -233,9 +238,9 @@ fn keep(name: &str, recording: &Path, live: &Ended) {
     }
 }
 
-/// One square flies through the other from one frame to the next: no linking number sees that.
+/// One square passes through the other between two frames, which no linking number detects.
 #[test]
-fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
+fn reports_pull_throughs_that_cancel_if_requested() {
     let folder = TempDir::new().unwrap();
     let recording = folder.path().join("run.mcap");
     let shifts = [3.0, 3.0, 3.001, -5.0, -5.0];
@@ -276,7 +281,7 @@ fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
     let finding = first["finding"].as_str().unwrap();
     assert!(finding.starts_with("curves 0 and 1 passed"), "{first}");
     assert_eq!(first["frame"], 3);
-    // What each frame took is said, and nothing went wrong with it.
+    // The work of each frame is reported, and no frame disagreed.
     for line in live.lines.iter().filter_map(|l| l.get("work")) {
         assert_eq!(line["disagreed"], false);
         assert!(["full", "quiet", "partial"].contains(&line["route"].as_str().unwrap()));
@@ -284,7 +289,11 @@ fn pull_throughs_that_cancel_are_told_where_they_are_asked_for() {
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
     assert_eq!(replayed.reports(), live.reports());
-    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    assert!(
+        !replayed.stderr.contains("different from"),
+        "{}",
+        replayed.stderr
+    );
     keep("flight", &recording, &live);
 }
 
@@ -294,7 +303,7 @@ fn a_rollback_of_a_pull_through_is_aborted_once() {
     let folder = TempDir::new().unwrap();
     // The simulator reports the rollback with `resume`, or does not: then the way back is a
     // pull-through.
-    for (name, resumes) in [("resumed", true), ("unsaid", false)] {
+    for (name, resumes) in [("resumed", true), ("not resumed", false)] {
         let service = service(name);
         let recording = folder.path().join(format!("{name}.mcap"));
         let record = [
@@ -326,14 +335,18 @@ fn a_rollback_of_a_pull_through_is_aborted_once() {
         let live = watch.end();
         let replayed = replay(&recording);
         assert_eq!(replayed.reports(), live.reports());
-        assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+        assert!(
+            !replayed.stderr.contains("different from"),
+            "{}",
+            replayed.stderr
+        );
     }
 }
 
 /// The frame after the rollback is skipped, or it is rejected: the next verified frame does not
 /// continue the one before the rollback.
 #[test]
-fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
+fn a_rollback_in_a_frame_that_was_not_verified_is_detected() {
     let folder = TempDir::new().unwrap();
     for (name, cut) in [("skipped", true), ("uncut", false)] {
         let service = service(name);
@@ -379,7 +392,11 @@ fn a_rollback_that_the_watcher_did_not_see_is_none_the_less_one() {
         assert!(live.summary()["skipped"].as_u64().unwrap() >= 2);
         let replayed = replay(&recording);
         assert_eq!(replayed.reports(), live.reports());
-        assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+        assert!(
+            !replayed.stderr.contains("different from"),
+            "{}",
+            replayed.stderr
+        );
     }
 }
 
@@ -414,24 +431,28 @@ fn a_simulation_that_became_nan_is_asked_to_stop() {
         let replayed = replay(&recording);
         assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
         assert_eq!(replayed.reports(), live.reports());
-        assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
-        // Another policy gives another abort flag, also for a frame of which only the verdict
-        // remains.
+        assert!(
+            !replayed.stderr.contains("different from"),
+            "{}",
+            replayed.stderr
+        );
+        // Another policy gives another abort flag, also for a frame of which only the verdict is
+        // recorded.
         let other = ["--abort-on", if stops { "never" } else { "any" }];
         let other = replay_with(&recording, &other);
         assert_eq!(other.reports()[1]["abort"], !stops);
     }
 }
 
-/// Recordings that are part of the project, with the reports that a replay must give.
+/// Folder of the recordings in the project, with the reports that a replay must give.
 fn recordings() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings")
 }
 
-/// Recordings of earlier versions stay readable, and their verdicts stay what they were. Written anew by the test
-/// above where `LINKWATCH_WRITE_RECORDINGS` is set.
+/// Recordings of earlier versions stay readable, and their verdicts do not change. The test above
+/// writes them again if `LINKWATCH_WRITE_RECORDINGS` is set.
 #[test]
-fn kept_recordings_give_their_verdicts() {
+fn recordings_of_earlier_versions_give_the_same_verdicts() {
     let kept = std::fs::read_dir(recordings())
         .unwrap()
         .map(|e| e.unwrap().path());
@@ -447,7 +468,7 @@ fn kept_recordings_give_their_verdicts() {
         let said = |report: &serde_json::Value| {
             let mut report = report.clone();
             report["stats"].take();
-            // Recordings of earlier versions have none.
+            // Recordings of earlier versions lack these fields.
             for list in ["events", "unresolved", "adopted"] {
                 if report[list].is_null() {
                     report[list] = serde_json::json!([]);
@@ -463,11 +484,15 @@ fn kept_recordings_give_their_verdicts() {
             expected.iter().map(said).collect::<Vec<_>>(),
             "{recording:?}"
         );
-        assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+        assert!(
+            !replayed.stderr.contains("different from"),
+            "{}",
+            replayed.stderr
+        );
     }
 }
 
-/// Writes the recording of the flight anew, with other reports. A frame whose report is not kept
+/// Writes the recording of the flight again, with other reports. A frame whose report is dropped
 /// leaves a gap.
 fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
     let mut reader = RecordingReader::open(&recordings().join("flight.mcap")).unwrap();
@@ -507,7 +532,7 @@ fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
 /// A recorder with a slow disk drops frames. The motion to the frame after such a gap differs from
 /// that of the live run.
 #[test]
-fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
+fn counts_frames_that_were_not_recorded_without_an_error() {
     let folder = TempDir::new().unwrap();
     let gappy = folder.path().join("gappy.mcap");
     rewrite_flight(&gappy, |report| report.seq != 2);
@@ -524,7 +549,11 @@ fn frames_that_were_not_recorded_are_counted_and_not_taken_for_errors() {
         (&compared["equal"], &compared["after_missing"]),
         (&3.into(), &1.into())
     );
-    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    assert!(
+        !replayed.stderr.contains("different from"),
+        "{}",
+        replayed.stderr
+    );
 }
 
 #[test]
@@ -537,7 +566,8 @@ fn a_baseline_file_may_hold_undefined_pairs() {
     let watch = Watch::start(folder.path(), "undefined", &service, &args);
     let mut sim = client(&service);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
-    // The squares touch, as in the baseline, come apart and have a number from there on.
+    // The squares touch, as in the baseline, then come apart and have a linking number from then
+    // on.
     for (frame, (shift, verdict)) in [
         (1.0, Verdict::Contact),
         (3.0, Verdict::Undecided),
@@ -558,7 +588,7 @@ fn a_baseline_file_may_hold_undefined_pairs() {
 /// Regression test: a contact in the first frame hid every later one, and asked the simulator to
 /// stop in each frame.
 #[test]
-fn contact_in_the_first_frame_hides_nothing_that_comes_later() {
+fn contact_in_the_first_frame_hides_no_later_finding() {
     let folder = TempDir::new().unwrap();
     let service = service("touching");
     let output = folder.path().join("watch.txt");
@@ -601,19 +631,19 @@ fn contact_in_the_first_frame_hides_nothing_that_comes_later() {
     assert_eq!(wait(&mut process).code(), Some(3));
     let said = std::fs::read_to_string(&output).unwrap();
     let lines = |words: &str| said.lines().filter(|l| l.contains(words)).count();
-    // Each is printed once when it begins: in frames 0 and 6, in frame 2, and the number in frame
-    // 4.
+    // Each is printed once when it begins: in frames 0 and 6, in frame 2, and the linking number in
+    // frame 4.
     assert_eq!(lines("  curves 0 and 1 touch"), 2, "{said}");
     assert_eq!(lines("  curves 2 and 3 touch"), 1, "{said}");
     assert_eq!(lines("is expected from here on"), 1, "{said}");
 }
 
 #[test]
-fn a_watcher_that_comes_late_or_again_takes_over() {
+fn a_watcher_that_starts_late_or_again_takes_over() {
     let folder = TempDir::new().unwrap();
     let service = service("late");
     let mut sim = client(&service);
-    // Nobody watches, and nothing waits.
+    // Nobody watches, and the simulator does not wait.
     for frame in 0..5 {
         sim.publish(frame as f64, Positions::F32(&squares(0.0)))
             .unwrap();
@@ -633,8 +663,8 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
     drop(first);
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
-    assert!(replayed.stderr.contains("cut off"), "{}", replayed.stderr);
-    // A killed watcher costs nothing.
+    assert!(replayed.stderr.contains("truncated"), "{}", replayed.stderr);
+    // A killed watcher costs the simulator nothing.
     let start = Instant::now();
     for frame in 6..9 {
         sim.publish(frame as f64, Positions::F32(&squares(0.2)))
@@ -656,7 +686,7 @@ fn a_watcher_that_comes_late_or_again_takes_over() {
 }
 
 #[test]
-fn a_second_watcher_is_refused_in_words() {
+fn a_second_watcher_is_rejected_with_advice() {
     let folder = TempDir::new().unwrap();
     let service = service("two");
     let watch = Watch::start(folder.path(), "first", &service, &[]);
@@ -671,7 +701,7 @@ fn a_second_watcher_is_refused_in_words() {
     assert_eq!(watch.end().code, Some(0));
 }
 
-/// Not a test of its own: the simulator that the next test kills. It runs only where it is told a service.
+/// Not a test: the simulator that the next test kills. It runs only if a service is given.
 #[test]
 fn simulator_to_be_killed() {
     let Ok(service) = std::env::var("LINKWATCH_TEST_SERVICE") else {
@@ -687,7 +717,7 @@ fn simulator_to_be_killed() {
 }
 
 #[test]
-fn a_simulator_killed_in_mid_run_ends_the_watch_with_a_message_and_stops_no_next_run() {
+fn a_killed_simulator_ends_the_watch_with_a_message_and_does_not_affect_the_next_run() {
     let folder = TempDir::new().unwrap();
     let service = service("killed");
     let recording = folder.path().join("run.mcap");
@@ -756,11 +786,14 @@ fn a_signal_ends_the_watch_properly() {
     assert_eq!(ended.summary()["verified"], 5);
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
-    assert!(!replayed.stderr.contains("cut off"), "{}", replayed.stderr);
+    assert!(
+        !replayed.stderr.contains("truncated"),
+        "{}",
+        replayed.stderr
+    );
 }
 
-/// The watcher says goodbye on the signal, so that a simulator in lockstep does not wait for a
-/// watcher that ended.
+/// The watcher says goodbye on the signal, so that a simulator in lockstep does not wait for it.
 #[test]
 fn a_signal_to_the_watcher_frees_a_simulator_in_lockstep() {
     let folder = TempDir::new().unwrap();
@@ -771,7 +804,7 @@ fn a_signal_to_the_watcher_frees_a_simulator_in_lockstep() {
         let watch = Watch::start(folder.path(), signal, &service, &[]);
         assert!(sim.wait_for_watcher(PATIENCE).unwrap());
         for _ in 0..3 {
-            // The previous watcher did not see this frame, so its verdict does not matter.
+            // The previous watcher did not see this frame, so its verdict is irrelevant.
             step(&mut sim, frame, 0.0);
             frame += 1;
         }
@@ -796,7 +829,7 @@ fn a_signal_to_the_watcher_frees_a_simulator_in_lockstep() {
 }
 
 #[test]
-fn times_that_are_none_are_refused() {
+fn rejects_invalid_times() {
     for time in ["nan", "inf", "-1", "1e300", "soon"] {
         let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
             .args(["watch", "--service", &service("times")])
@@ -806,7 +839,7 @@ fn times_that_are_none_are_refused() {
         assert_eq!(run.status.code(), Some(2), "{time}");
         let words = String::from_utf8(run.stderr).unwrap();
         assert!(words.contains(time), "{words}");
-        assert!(words.contains("a finite number from 0 on"), "{words}");
+        assert!(words.contains("a finite number of at least 0"), "{words}");
     }
 }
 
@@ -873,7 +906,7 @@ fn a_signal_ends_a_watch_in_the_middle_of_a_long_check() {
 }
 
 #[test]
-fn a_watch_without_a_simulator_gives_up_when_told_to() {
+fn a_watch_without_a_simulator_ends_after_the_time_limit() {
     let folder = TempDir::new().unwrap();
     let watch = Watch::start(
         folder.path(),
@@ -884,7 +917,7 @@ fn a_watch_without_a_simulator_gives_up_when_told_to() {
     let ended = watch.end();
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
     assert!(
-        ended.stderr.contains("no simulator came"),
+        ended.stderr.contains("no simulator connected"),
         "{}",
         ended.stderr
     );
@@ -892,7 +925,7 @@ fn a_watch_without_a_simulator_gives_up_when_told_to() {
 }
 
 #[test]
-fn hostile_recordings_are_refused_in_one_line() {
+fn rejects_hostile_recordings_in_one_line() {
     let folder = TempDir::new().unwrap();
     for (name, bytes) in [
         ("empty.mcap", &b""[..]),
@@ -908,7 +941,8 @@ fn hostile_recordings_are_refused_in_one_line() {
     }
 }
 
-/// Another policy than the default one is part of the recording: a replay without options compares alike.
+/// A policy that is not the default is part of the recording, so that a replay without options
+/// gives the same verdicts.
 #[test]
 fn a_replay_keeps_the_policy_of_the_recording() {
     let folder = TempDir::new().unwrap();
@@ -934,14 +968,18 @@ fn a_replay_keeps_the_policy_of_the_recording() {
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
     assert_eq!(replayed.reports(), live.reports());
-    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    assert!(
+        !replayed.stderr.contains("different from"),
+        "{}",
+        replayed.stderr
+    );
     assert_eq!(replayed.summary()["rejected"], 2);
 }
 
 /// Regression test: each of these lost part of the recording, or left the wrong content under its
 /// name.
 #[test]
-fn a_replay_replaces_no_file_that_it_reads_or_that_is_there() {
+fn a_replay_overwrites_neither_its_input_nor_an_existing_file() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name);
     let recording = recordings().join("squares.mcap");
@@ -995,10 +1033,10 @@ fn a_replay_replaces_no_file_that_it_reads_or_that_is_there() {
     assert!(!at("new.rrd").exists() && !at("new.mcap").exists());
 }
 
-/// Opening a pipe waits for its other end.
+/// Opening a pipe blocks until its other end is opened.
 #[test]
 #[cfg(unix)]
-fn a_pipe_is_neither_recorded_to_nor_replayed() {
+fn rejects_a_pipe_as_a_recording() {
     let folder = TempDir::new().unwrap();
     let pipe = folder.path().join("pipe.mcap");
     assert!(
@@ -1036,7 +1074,7 @@ fn a_pipe_is_neither_recorded_to_nor_replayed() {
 }
 
 #[test]
-fn a_recording_is_created_at_the_first_frame_and_replaces_none() {
+fn a_recording_is_created_at_the_first_frame_and_overwrites_none() {
     let folder = TempDir::new().unwrap();
     let service = service("first-frame");
     let recording = folder.path().join("run.mcap");
@@ -1068,7 +1106,7 @@ fn a_recording_is_created_at_the_first_frame_and_replaces_none() {
     assert_eq!(watch.end().code, Some(0));
     assert_eq!(replay(&recording).code, Some(0));
 
-    // A file that is created meanwhile is not overwritten either.
+    // A file that another process creates meanwhile is not overwritten either.
     std::fs::remove_file(&recording).unwrap();
     let watch = Watch::start(folder.path(), "late", &service, &record);
     let mut sim = client(&service);
@@ -1117,7 +1155,7 @@ impl Broken {
 }
 
 /// Regression test: the watcher aborted (a log on a full disk), ended (standard output), or waited
-/// without end (a pipe).
+/// without limit (a pipe).
 #[test]
 #[cfg(target_os = "linux")]
 fn no_broken_stream_stops_the_verdicts_or_the_recording() {
@@ -1163,8 +1201,8 @@ fn no_broken_stream_stops_the_verdicts_or_the_recording() {
             assert_eq!(ended.reports().len(), 30, "{case}");
         }
         if code == 3 && err.is_none() {
-            let told = ended.stderr.matches("error: standard output: ").count();
-            assert_eq!(told, 1, "{case}: {}", ended.stderr);
+            let reported = ended.stderr.matches("error: standard output: ").count();
+            assert_eq!(reported, 1, "{case}: {}", ended.stderr);
             assert!(ended.stderr.contains("31 lines lost"), "{}", ended.stderr);
         }
         let replayed = replay(&recording);
@@ -1177,7 +1215,7 @@ fn no_broken_stream_stops_the_verdicts_or_the_recording() {
 /// for the shared memory of the watcher, and for a few hundred frames.
 #[test]
 #[cfg(unix)]
-fn a_full_disk_ends_the_recording_and_nothing_else() {
+fn a_full_disk_ends_only_the_recording() {
     let folder = TempDir::new().unwrap();
     let service = service("full-disk");
     let recording = folder.path().join("run.mcap");
@@ -1196,17 +1234,17 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
     assert_eq!(last.counters.verified, 2000);
     let ended = watch.end();
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
-    let told = ended.stderr.contains("recording is incomplete: ");
+    let reported = ended.stderr.contains("recording is incomplete: ");
     assert!(
-        told && ended.stderr.contains("run.mcap: "),
+        reported && ended.stderr.contains("run.mcap: "),
         "{}",
         ended.stderr
     );
-    // The written frames are there, and the message does not claim that a process was killed.
+    // The written frames are present, and the message does not claim that a process was killed.
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(3), "{}", replayed.stderr);
     assert!(
-        replayed.stderr.contains("cut off at byte"),
+        replayed.stderr.contains("truncated at byte"),
         "{}",
         replayed.stderr
     );
@@ -1216,12 +1254,16 @@ fn a_full_disk_ends_the_recording_and_nothing_else() {
         "{}",
         replayed.reports().len()
     );
-    assert!(!replayed.stderr.contains("unlike"), "{}", replayed.stderr);
+    assert!(
+        !replayed.stderr.contains("different from"),
+        "{}",
+        replayed.stderr
+    );
 }
 
-/// Regression test: "intact" and exit code 0, whatever the share.
+/// Regression test: the verdict was "intact" with exit code 0, for any share.
 #[test]
-fn the_share_of_skipped_frames_is_told_and_may_be_limited() {
+fn the_share_of_skipped_frames_is_reported_and_can_be_limited() {
     let folder = TempDir::new().unwrap();
     for (limit, code) in [("0.5", 3), ("79%", 3), ("0.8", 0), ("100%", 0)] {
         let service = service(&format!("skipped-{code}-{}", limit.len()));
@@ -1237,11 +1279,16 @@ fn the_share_of_skipped_frames_is_told_and_may_be_limited() {
         sim.finish().unwrap();
         let ended = watch.end();
         let share = ended.summary()["skipped_share"].as_f64().unwrap();
-        // The newest earlier frame may have been verified, too.
+        // The newest earlier frame may have been verified as well.
         if share == 0.8 {
             assert_eq!(ended.code, Some(code), "{limit}: {}", ended.stderr);
-            let told = "80.00 % of the frames were skipped, more than";
-            assert_eq!(ended.stderr.contains(told), code == 3, "{}", ended.stderr);
+            let reported = "80.00 % of the frames were skipped, more than";
+            assert_eq!(
+                ended.stderr.contains(reported),
+                code == 3,
+                "{}",
+                ended.stderr
+            );
         } else {
             assert_eq!(share, 0.6);
         }
@@ -1297,7 +1344,7 @@ fn round_trips_of_small_and_larger_frames() {
     }
 }
 
-/// The command without `--json`: its exit code and all that it prints.
+/// Runs the command without `--json`. Returns its exit code and its output.
 fn printed(args: &[&str]) -> (Option<i32>, String) {
     let run = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
         .args(args)
@@ -1307,7 +1354,7 @@ fn printed(args: &[&str]) -> (Option<i32>, String) {
     (run.status.code(), String::from_utf8(all).unwrap())
 }
 
-/// The stderr of a watch, once it has all of these words.
+/// Returns the stderr of a watch, once it contains all of these words.
 fn stderr_with(watch: &Watch, words: &[&str]) -> String {
     let start = Instant::now();
     loop {
@@ -1327,9 +1374,9 @@ fn a_wrong_service_name_lists_the_live_services() {
     let sim = client(&right);
     let watch = Watch::start(folder.path(), "watch", &wrong, &[]);
     let simulator = format!("{right}: simulator (process {}, live-", std::process::id());
-    let told = format!("no simulator came to service '{wrong}' in 5 s");
-    stderr_with(&watch, &[&told, &simulator]);
-    // Told once.
+    let reported = format!("no simulator connected to service '{wrong}' within 5 s");
+    stderr_with(&watch, &[&reported, &simulator]);
+    // Logged once.
     std::thread::sleep(Duration::from_millis(5500));
     watch.signal("TERM");
     let ended = watch.end();
@@ -1348,7 +1395,7 @@ fn a_wrong_service_name_lists_the_live_services() {
 }
 
 #[test]
-fn the_live_services_are_listed_and_a_killed_watcher_is_not() {
+fn lists_live_services_without_a_killed_watcher() {
     let folder = TempDir::new().unwrap();
     let [both, killed] = ["both", "killed"].map(service);
     let mut sim = client(&both);
@@ -1376,34 +1423,34 @@ fn the_live_services_are_listed_and_a_killed_watcher_is_not() {
     assert_eq!(found["watcher"]["process"], watch.process.id());
     assert_eq!(found["watcher"]["program"], "linkwatch");
     assert_eq!(found["compatible"], true);
-    // The session goes on.
+    // The session continues.
     assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
     sim.finish().unwrap();
     assert_eq!(watch.end().code, Some(0));
 }
 
 #[test]
-fn a_silent_simulator_is_told_from_a_wrong_name() {
+fn a_silent_simulator_and_a_wrong_name_have_different_hints() {
     let folder = TempDir::new().unwrap();
     let service = service("silent");
     let sim = client(&service);
     let watch = Watch::start(folder.path(), "watch", &service, &["--wait", "0.3"]);
     let ended = watch.end();
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
-    let told = format!(
+    let reported = format!(
         "the simulator on service '{service}' (process {}",
         std::process::id()
     );
-    assert!(ended.stderr.contains(&told), "{}", ended.stderr);
+    assert!(ended.stderr.contains(&reported), "{}", ended.stderr);
     assert!(
-        ended.stderr.contains("has sent nothing yet"),
+        ended.stderr.contains("has not sent anything yet"),
         "{}",
         ended.stderr
     );
     drop(sim);
 }
 
-/// A header as another version of linkwatch would publish it.
+/// A header as published by another version of linkwatch.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
 #[type_name("linkwatch.FrameHeader")]
@@ -1414,7 +1461,7 @@ struct Header {
 }
 
 #[test]
-fn a_simulator_of_another_version_is_told_once_with_advice() {
+fn a_simulator_of_another_version_is_reported_once_with_advice() {
     use iceoryx2::prelude::{Alignment, NodeBuilder, ServiceName, ipc};
     let folder = TempDir::new().unwrap();
     let service = service("version");
@@ -1440,8 +1487,8 @@ fn a_simulator_of_another_version_is_told_once_with_advice() {
         sample.send().unwrap();
     };
     send();
-    let told = "the frame has version 99";
-    stderr_with(&watch, &[told, "use one version on both sides"]);
+    let reported = "the frame has version 99";
+    stderr_with(&watch, &[reported, "use one version on both sides"]);
     for _ in 0..10 {
         send();
         std::thread::sleep(Duration::from_millis(20));
@@ -1449,10 +1496,15 @@ fn a_simulator_of_another_version_is_told_once_with_advice() {
     watch.signal("TERM");
     let ended = watch.end();
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
-    assert_eq!(ended.stderr.matches(told).count(), 1, "{}", ended.stderr);
+    assert_eq!(
+        ended.stderr.matches(reported).count(),
+        1,
+        "{}",
+        ended.stderr
+    );
 }
 
-/// Log messages of the library, as a simulator with a subscriber of its own sees them.
+/// Returns the log messages of the library, as received by the subscriber of a simulator.
 fn logged(work: impl FnOnce()) -> String {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("log");
@@ -1463,7 +1515,7 @@ fn logged(work: impl FnOnce()) -> String {
 }
 
 #[test]
-fn a_client_that_nobody_watches_learns_who_waits_elsewhere() {
+fn a_client_without_a_watcher_logs_the_service_of_a_waiting_one() {
     let folder = TempDir::new().unwrap();
     let [right, wrong] = ["elsewhere", "nobody"].map(service);
     let watch = Watch::start(folder.path(), "watch", &right, &[]);
@@ -1474,14 +1526,14 @@ fn a_client_that_nobody_watches_learns_who_waits_elsewhere() {
         assert!(!sim.wait_for_watcher(wait).unwrap());
         assert!(!sim.wait_for_watcher(wait).unwrap());
     });
-    let told = format!("no watcher came to service '{wrong}'");
-    assert_eq!(log.matches(&told).count(), 1, "{log}");
+    let reported = format!("no watcher came to service '{wrong}'");
+    assert_eq!(log.matches(&reported).count(), 1, "{log}");
     // Other tests have watchers, too; one of those that wait is named.
     assert!(log.contains("no simulator, watcher (process "), "{log}");
 }
 
 #[test]
-fn a_replay_says_whether_its_verdicts_equal_the_recorded_ones() {
+fn a_replay_reports_if_its_verdicts_equal_the_recorded_ones() {
     let recording = recordings().join("squares.mcap");
     let path = recording.to_str().unwrap();
     let last = |args: &[&str]| {
@@ -1515,7 +1567,7 @@ fn a_replay_says_whether_its_verdicts_equal_the_recorded_ones() {
 }
 
 #[test]
-fn a_verdict_unlike_the_recorded_one_is_counted() {
+fn counts_verdicts_that_differ_from_the_recorded_ones() {
     let folder = TempDir::new().unwrap();
     let changed = folder.path().join("changed.mcap");
     rewrite_flight(&changed, |report| {
@@ -1527,7 +1579,7 @@ fn a_verdict_unlike_the_recorded_one_is_counted() {
     let (code, all) = printed(&["replay", changed.to_str().unwrap()]);
     assert_eq!(code, Some(1), "{all}");
     assert!(
-        all.contains("verdicts: 4 equal to the recorded ones, 1 unlike them"),
+        all.contains("verdicts: 4 equal to the recorded ones, 1 different"),
         "{all}"
     );
 }

@@ -1,10 +1,10 @@
-//! Certificates of real models against the expected ones. The models are large and not part of the project:
-//! where they are not found beside it, these tests say so and pass.
+//! Compares the certificates of real models with the expected ones. The models are large and not
+//! part of the project. Without their files, these tests report that and pass.
 
 use linkwatch::{AbortOn, Basis, Certificate, Verifier, homotopic_polylines, model};
 use std::path::PathBuf;
 
-/// The file `name` of the models beside the project, if it is there.
+/// Returns the path of a model beside the project, if it exists.
 fn model_file(name: &str) -> Option<PathBuf> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("../shared/models")
@@ -55,8 +55,8 @@ fn rolfsen_links_have_their_linking_numbers() {
     }
 }
 
-/// Algorithm 3 as published: its counts are those of verifycurves, and its polylines have the same
-/// certificate as the lazy discretization of each pair.
+/// Algorithm 3 as published: its counts equal those of verifycurves, and its polylines have the
+/// same certificate as the lazy discretization of each pair.
 #[test]
 fn algorithm_3_gives_the_published_counts_and_the_same_certificates() {
     for (file, overlaps, segments) in [

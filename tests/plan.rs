@@ -1,9 +1,9 @@
-//! `linkwatch plan` at the boundary of its process, and scenes where models are expected.
+//! Tests of `linkwatch plan` as a process, and of scenes in place of models.
 
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// Runs the command: exit code, stdout, stderr.
+/// Runs the command. Returns exit code, stdout and stderr.
 fn linkwatch(args: &[&str]) -> (i32, String, String) {
     let Output {
         status,
@@ -18,7 +18,7 @@ fn linkwatch(args: &[&str]) -> (i32, String, String) {
 }
 
 #[test]
-fn a_line_a_stage() {
+fn prints_a_line_per_stage() {
     let (code, stdout, stderr) = linkwatch(&["plan", "ribbon:segments=2000", "--threads", "1"]);
     assert_eq!((code, stderr.as_str()), (0, ""));
     let lines: Vec<&str> = stdout.lines().collect();
@@ -41,7 +41,7 @@ fn a_line_a_stage() {
 }
 
 #[test]
-fn a_model_and_the_scene_that_it_was_written_from_have_one_plan() {
+fn a_scene_and_its_model_file_have_the_same_plan() {
     let folder = TempDir::new().unwrap();
     let scene = "knit:rows=3,stitches=16,segments=576";
     let model = folder.path().join("a.bcc");
@@ -87,7 +87,7 @@ fn scenes_are_certified_like_models() {
 }
 
 #[test]
-fn what_is_neither_a_model_nor_a_scene_is_told_in_one_line() {
+fn rejects_an_unknown_argument_in_one_line() {
     let folder = TempDir::new().unwrap();
     let exists = folder.path().join("ribbon");
     std::fs::write(&exists, "").unwrap();
@@ -98,12 +98,12 @@ fn what_is_neither_a_model_nor_a_scene_is_told_in_one_line() {
             "rope",
             &[
                 "scene rope: unknown (known: chainmail",
-                "nor is there a file",
+                "no file has this name",
             ],
         ),
         (
             "ribbon:lambda=x",
-            &["expected an integer from", "nor is there a file"],
+            &["expected an integer from", "no file has this name"],
         ),
     ] {
         for command in ["plan", "certify"] {
@@ -116,10 +116,10 @@ fn what_is_neither_a_model_nor_a_scene_is_told_in_one_line() {
     assert_eq!(linkwatch(&["plan"]).0, 2);
 }
 
-/// What was measured of an adapter that is not there any more is no ground for a plan, nor is what an older version kept.
+/// The calibration of a missing adapter, or of an older version, does not affect the plan.
 #[cfg(feature = "gpu")]
 #[test]
-fn a_measured_adapter_that_is_gone_is_not_planned_with() {
+fn ignores_the_calibration_of_a_missing_adapter() {
     let cache = TempDir::new().unwrap();
     let folder = cache.path().join("linkwatch");
     std::fs::create_dir(&folder).unwrap();

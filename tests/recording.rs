@@ -1,4 +1,5 @@
-//! Recordings: what goes in comes out, bit for bit; damage is found, named and never a panic.
+//! Recordings: the content is read bit for bit as it was written; damage is detected and named,
+//! without a panic.
 
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Ending, Error,
@@ -18,7 +19,7 @@ fn place() -> Place {
     }
 }
 
-/// A report that uses every field; the verdict goes round.
+/// A report that uses every field; the verdict varies.
 fn report(seq: u64) -> Report {
     let verdict = Verdict::ALL[seq as usize % Verdict::ALL.len()];
     let kinds = DefectKind::ALL.iter().enumerate();
@@ -93,7 +94,8 @@ fn report(seq: u64) -> Report {
     }
 }
 
-/// Counts that suit every basis, negative zeros and denormal numbers among the coordinates.
+/// Counts that are valid for every basis, with negative zeros and subnormal numbers among the
+/// coordinates.
 fn curves(basis: Basis, precision: Precision, seq: u64) -> CurveSet {
     let counts = [-6, 7, -9, -3];
     let at = |k: i32| match k {
@@ -173,7 +175,7 @@ fn metadata() -> BTreeMap<String, String> {
         .into()
 }
 
-/// Writes a recording and gives back its bytes.
+/// Writes a recording and returns its bytes.
 fn write(frames: &[FrameRecord], flush: bool, finish: bool) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
@@ -201,7 +203,7 @@ fn small(frames: u64) -> Vec<FrameRecord> {
         .collect()
 }
 
-/// Everything that can be read, and the error that stopped it.
+/// Returns all readable items, and the error that ended the reading.
 fn read(bytes: &[u8]) -> (Vec<RecordedItem>, Option<Ending>, Option<Error>) {
     let mut reader = match RecordingReader::new(Cursor::new(bytes)) {
         Ok(reader) => reader,
@@ -227,7 +229,7 @@ fn positions(set: &CurveSet) -> Vec<u8> {
 }
 
 #[test]
-fn every_basis_and_precision_comes_back_bit_for_bit() {
+fn every_basis_and_precision_is_read_bit_for_bit() {
     for basis in Basis::ALL {
         for precision in [Precision::F32, Precision::F64] {
             let frames: Vec<_> = (1..=4)
@@ -262,7 +264,7 @@ fn every_basis_and_precision_comes_back_bit_for_bit() {
 }
 
 #[test]
-fn a_frame_of_other_curves_is_told_apart() {
+fn rejects_a_frame_of_other_curves() {
     let mut other = curves(Basis::Polyline, Precision::F64, 1);
     for (set, what) in [
         (curves(Basis::Polyline, Precision::F32, 1), "coordinate"),
@@ -280,7 +282,7 @@ fn a_frame_of_other_curves_is_told_apart() {
 }
 
 #[test]
-fn other_readers_find_everything_and_the_index() {
+fn other_readers_read_all_messages_and_the_index() {
     let bytes = write(&small(5), true, true);
     let topics: Vec<_> = mcap::MessageStream::new(&bytes)
         .unwrap()
@@ -314,7 +316,7 @@ fn a_rejected_frame_has_a_verdict_and_no_curves() {
 }
 
 #[test]
-fn a_recording_without_frames_is_whole() {
+fn a_recording_without_frames_is_complete() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("empty.mcap");
     let sink = RecordingSink::create(&path, &metadata()).unwrap();
@@ -328,7 +330,7 @@ fn a_recording_without_frames_is_whole() {
 }
 
 #[test]
-fn a_frame_larger_than_a_chunk_passes() {
+fn reads_a_frame_larger_than_a_chunk() {
     let ring = |seq: u64| {
         let xyz: Vec<f32> = (0..3 * 210_000)
             .map(|k| (k as f32).sin() + seq as f32)
@@ -341,17 +343,17 @@ fn a_frame_larger_than_a_chunk_passes() {
     let (items, ending, error) = read(&bytes);
     assert!(error.is_none(), "{error:?}");
     assert_eq!((items.len(), ending), (7, Some(Ending::Finished)));
-    // Killed: every frame that was flushed is there.
+    // After a kill, every flushed frame is present.
     let (items, ending, error) = read(&write(&frames, true, false));
     assert!(error.is_none(), "{error:?}");
     assert_eq!(items.len(), 7);
     assert!(matches!(ending, Some(Ending::Cut { .. })));
 }
 
-/// 240 MB in one frame: slow in a debug build, so by hand.
+/// 240 MB in one frame: slow in a debug build, so run by hand.
 #[test]
 #[ignore = "takes 2 GB of memory"]
-fn a_huge_frame_passes() {
+fn reads_a_huge_frame() {
     let xyz: Vec<f64> = (0..30_000_000).map(f64::from).collect();
     let set = CurveSet::from_counts(Basis::Polyline, &[-10_000_000], Positions::F64(&xyz)).unwrap();
     let before = positions(&set);
@@ -367,7 +369,7 @@ fn a_huge_frame_passes() {
 }
 
 #[test]
-fn a_cut_recording_gives_what_is_complete_and_says_so() {
+fn reads_the_complete_part_of_a_truncated_recording() {
     let frames = small(6);
     for flush in [true, false] {
         let whole = write(&frames, flush, true);
@@ -381,7 +383,7 @@ fn a_cut_recording_gives_what_is_complete_and_says_so() {
             most = items.len();
             match ending {
                 Some(Ending::Cut { at, .. }) => assert!(at <= end as u64),
-                // Cut behind the data: only the index is missing.
+                // Truncated after the data: only the index is missing.
                 Some(Ending::Finished) => assert_eq!(most, all.len(), "cut at {end}"),
                 None => panic!("no ending at {end}"),
             }
@@ -390,7 +392,7 @@ fn a_cut_recording_gives_what_is_complete_and_says_so() {
 }
 
 #[test]
-fn damage_is_found_wherever_it_is() {
+fn detects_damage_at_any_byte() {
     let whole = write(&small(4), true, true);
     let (all, ..) = read(&whole);
     for at in 0..whole.len() {
@@ -398,22 +400,22 @@ fn damage_is_found_wherever_it_is() {
             let mut bytes = whole.clone();
             bytes[at] ^= flip;
             let (items, ending, error) = read(&bytes);
-            // What is given out is as it was written. A gap is possible where a chunk has become a record that
-            // readers skip; then the checksum of the whole file is wrong, which is an error.
+            // The returned items are as written. A gap is possible if a chunk has become a record
+            // that readers skip; then the checksum of the whole file is wrong, which is an error.
             let prefix = items[..] == all[..items.len()];
             assert!(items.iter().all(|i| all.contains(i)), "byte {at}");
             assert!(prefix || error.is_some(), "byte {at}");
-            // Nothing is lost in silence: all is there, or the end says that it is not.
-            let told = error.is_some() || matches!(ending, Some(Ending::Cut { .. }));
-            assert!(told || items.len() == all.len(), "byte {at}");
+            // No frame is lost without notice: either all are present, or the end reports the loss.
+            let reported = error.is_some() || matches!(ending, Some(Ending::Cut { .. }));
+            assert!(reported || items.len() == all.len(), "byte {at}");
         }
     }
 }
 
 #[test]
-fn lengths_that_lie_are_refused_without_room_for_them() {
+fn rejects_wrong_lengths_without_allocating_them() {
     let whole = write(&small(2), true, true);
-    // Every place at which eight bytes could be a length.
+    // Every position at which eight bytes could be a length.
     for at in 0..whole.len() - 8 {
         for length in [u64::MAX, u64::MAX - 8, 1 << 62, 1 << 40] {
             let mut bytes = whole.clone();
@@ -429,7 +431,7 @@ fn lengths_that_lie_are_refused_without_room_for_them() {
 }
 
 #[test]
-fn other_files_are_named_as_such() {
+fn rejects_other_files_by_name() {
     for bytes in [&b"no recording at all"[..], &[0; 100], b"\x89MCAP1\r\n"] {
         let (.., error) = read(bytes);
         let e = error.unwrap().to_string();
@@ -440,7 +442,8 @@ fn other_files_are_named_as_such() {
     assert!(e.to_string().contains("regular file"), "{e}");
 }
 
-/// A recording by another program: topics of its own, ours with another schema, compressed chunks.
+/// A recording of another program: its own topics, linkwatch topics with another schema, compressed
+/// chunks.
 fn foreign(topic: &str, schema: &str, lz4: bool) -> Vec<u8> {
     let compression = lz4.then_some(mcap::Compression::Lz4);
     let options = mcap::WriteOptions::new().compression(compression);
@@ -465,7 +468,7 @@ fn foreign(topic: &str, schema: &str, lz4: bool) -> Vec<u8> {
 }
 
 #[test]
-fn topics_and_schemas_of_others_are_skipped_and_counted() {
+fn skips_and_counts_other_topics_and_schemas() {
     for (topic, schema) in [
         ("/camera", "linkwatch.v1.CurveFrame"),
         ("/linkwatch/frames", "other.v1.CurveFrame"),
@@ -497,7 +500,7 @@ fn another_version_is_an_error() {
 }
 
 #[test]
-fn chunks_that_another_tool_compressed_are_read_and_their_damage_is_no_panic() {
+fn reads_compressed_chunks_and_survives_their_damage() {
     let whole = foreign("/linkwatch/frames", "linkwatch.v1.CurveFrame", true);
     let (items, ending, error) = read(&whole);
     assert!(error.is_none(), "{error:?}");
@@ -514,7 +517,8 @@ fn chunks_that_another_tool_compressed_are_read_and_their_damage_is_no_panic() {
     }
 }
 
-/// What a frame of 14,000 rings costs the thread of the sink. Run by hand, with `--release --ignored`.
+/// Measures the cost of a frame of 14,000 rings for the thread of the sink. Run by hand, with
+/// `--release --ignored`.
 #[test]
 #[ignore = "a measurement"]
 fn cost_of_a_large_frame() {

@@ -1,14 +1,14 @@
-//! `linkwatch study` at the boundary of its process.
+//! Tests of `linkwatch study` as a process.
 
 use serde_json::{Value, json};
 use std::process::{Command, Output};
 
-/// Runs `linkwatch study frames`: exit code, stdout, stderr.
+/// Runs `linkwatch study frames`. Returns exit code, stdout and stderr.
 fn frames(args: &[&str]) -> (i32, String, String) {
     study("frames", args)
 }
 
-/// Runs `linkwatch study`: exit code, stdout, stderr.
+/// Runs `linkwatch study`. Returns exit code, stdout and stderr.
 fn study(what: &str, args: &[&str]) -> (i32, String, String) {
     let Output {
         status,
@@ -27,7 +27,7 @@ fn study(what: &str, args: &[&str]) -> (i32, String, String) {
 const KNIT: &str = "knit:rows=3,stitches=16,segments=576";
 
 #[test]
-fn a_table_of_motions_and_amplitudes() {
+fn prints_a_table_of_motions_and_amplitudes() {
     let (code, stdout, stderr) = frames(&[
         KNIT,
         "--frames",
@@ -67,7 +67,7 @@ fn a_table_of_motions_and_amplitudes() {
 }
 
 #[test]
-fn the_result_as_json() {
+fn prints_the_result_as_json() {
     let scene = "chainmail:rows=3,columns=3";
     let (code, stdout, _) = frames(&[
         scene,
@@ -103,7 +103,7 @@ fn the_result_as_json() {
         // Every second frame.
         assert_eq!((&row["compared"], &row["equal"]), (&30.into(), &30.into()));
     }
-    // Noise of 8 diameters tears a mail; that is no error of the study.
+    // Noise of 8 diameters breaks a mail; that is not an error of the study.
     assert_eq!(rows[0]["not_intact"], 0);
     assert!(rows[6]["not_intact"].as_u64().unwrap() > 20, "{stdout}");
 }
@@ -111,7 +111,7 @@ fn the_result_as_json() {
 #[test]
 fn bad_arguments_exit_with_2() {
     for (args, says) in [
-        (&["ribbon"][..], "ribbon has no diameter of its own"),
+        (&["ribbon"][..], "ribbon has no diameter"),
         (&["none.bcc", "--diameter", "1"], "none.bcc: No such file"),
         (
             &["Cargo.toml", "--diameter", "1"],
@@ -123,7 +123,7 @@ fn bad_arguments_exit_with_2() {
         (&[KNIT, "--diameter", "nan"], "expected a number above 0"),
         (
             &[KNIT, "--amplitudes", "0.1,inf"],
-            "expected numbers from 0 on",
+            "expected numbers of at least 0",
         ),
         (&[KNIT, "--motions", "iid,jump"], "unknown motion 'jump'"),
         (&[KNIT, "--frames", "0"], "0 is not in 1.."),
@@ -135,9 +135,9 @@ fn bad_arguments_exit_with_2() {
     }
 }
 
-/// With the search for pull-throughs both verifiers tell the same, and there are some where all moves far.
+/// Both verifiers report the same pull-throughs, and there are some if all points move far.
 #[test]
-fn pull_throughs_are_compared_too() {
+fn compares_pull_throughs_as_well() {
     let (code, stdout, stderr) = frames(&[
         KNIT,
         "--frames",
@@ -159,7 +159,7 @@ fn pull_throughs_are_compared_too() {
     assert!(out["rows"][1]["events"].as_u64().unwrap() > 0, "{stdout}");
 }
 
-/// The only JSON document that a study prints.
+/// Returns the only JSON document that a study prints.
 fn json_of(what: &str, args: &[&str]) -> Value {
     let (code, stdout, stderr) = study(what, &[args, &["--json"]].concat());
     assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
@@ -168,8 +168,8 @@ fn json_of(what: &str, args: &[&str]) -> Value {
 
 #[test]
 fn errors_fall_with_beta() {
-    // Straight sides: the terms of odd degree cancel, and the errors of both orders fall as the inverse square and its
-    // square. Where nodes are leaves they fall faster.
+    // Straight sides: the terms of odd degree cancel, and the errors of both orders fall as beta^-2
+    // and beta^-4. If nodes are leaves, they fall faster.
     let scene = "square_link:loops=16,segments=3200";
     let out = json_of("kernels", &[scene, "--repeat", "1", "--limit", "1"]);
     let slope = |order: &str| out["slopes"][order].as_f64().unwrap();
@@ -196,7 +196,7 @@ fn errors_fall_with_beta() {
 }
 
 #[test]
-fn times_at_several_sizes() {
+fn measures_times_at_several_sizes() {
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("kernels.csv");
     let plots = folder.path().join("new/plots");
@@ -220,8 +220,8 @@ fn times_at_several_sizes() {
     );
     assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
     assert!(stdout.contains("\n400 segments:\ncrossings "), "{stdout}");
-    // Two betas are none to fit a power to.
-    assert!(!stdout.contains("goes as"), "{stdout}");
+    // Two betas are too few to fit a power.
+    assert!(!stdout.contains("proportional to"), "{stdout}");
     let text = std::fs::read_to_string(csv).unwrap();
     let mut lines = text.lines();
     let fields: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -231,7 +231,7 @@ fn times_at_several_sizes() {
         let rows = rows.iter().filter(|row| row[0] == size);
         rows.map(|row| row[kernel]).collect::<Vec<_>>()
     };
-    // The size of its own is in the table already.
+    // Its own size is already in the table.
     assert_eq!(of("4000").len(), 16);
     let sums = [
         "crossings",
@@ -285,7 +285,10 @@ fn bad_studies_of_kernels_exit_with_2() {
             &["ribbon:segments=200,lambda=9", "--sizes", "20"],
             "take more segments",
         ),
-        (&[scene, "--betas", "0.5"], "expected a number from 1 on"),
+        (
+            &[scene, "--betas", "0.5"],
+            "expected a number of at least 1",
+        ),
         (
             &[scene, "--csv", "/dev/null/x.csv"],
             "error: /dev/null/x.csv: ",
@@ -304,13 +307,13 @@ fn bad_studies_of_kernels_exit_with_2() {
     let (code, _, stderr) = study("kernels", &[model.to_str().unwrap(), "--sizes", "10"]);
     assert_eq!(code, 2);
     assert!(
-        stderr.contains("hopf.obj is no generated scene"),
+        stderr.contains("hopf.obj is not a generated scene"),
         "{stderr}"
     );
 }
 
 #[test]
-fn a_published_table_beside_our_own() {
+fn prints_the_published_values_beside_the_measured_ones() {
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("table.csv");
     let short = ["--repeat", "1", "--limit", "1", "--segments", "3e5"];
@@ -374,7 +377,7 @@ fn bad_studies_of_the_table_exit_with_2() {
     for (args, says) in [
         (
             &["--only", "rope"][..],
-            "no model is called 'rope' (known: Alien",
+            "no model has 'rope' in its name (known: Alien",
         ),
         (&["--only", ""], "no model is called ''"),
         (&["--kernels", "fast"], "expected auto, crossings"),

@@ -1,5 +1,5 @@
-//! The viewer sink on a small piece of chainmail of which two rings come apart, and on crossings that no linking number
-//! sees.
+//! The viewer sink on a small chainmail of which two rings come apart, and on pull-throughs that no
+//! linking number detects.
 //!
 //! To look at them: `LINKWATCH_RRD=. cargo test --features rerun --test viewer`, then `rerun
 //! mail.rrd`; `chain.rrd` has 30 rings and a break, `pairs.rrd` 40 rings and 20 breaks. For a
@@ -19,11 +19,12 @@ use std::time::{Duration, SystemTime};
 const SIDE: usize = 12;
 const POINTS: usize = 24;
 const FRAMES: u64 = 30;
-/// The ring that is pulled out, and the two neighbours that it leaves.
+/// Index of the ring that is pulled out, and of the two neighbours that it leaves.
 const PULLED: u32 = 78;
 const LEFT: [u32; 2] = [66, 90];
 
-/// Rings of the European 4-in-1 weave, waving; from frame 15 on one of them is drawn upwards.
+/// Rings of the European 4-in-1 weave, moving in waves; from frame 15 on one of them is pulled
+/// upwards.
 fn mail(frame: u64, side: usize, points: usize) -> CurveSet {
     let t = frame as f32 / 30.0;
     let mut xyz = Vec::new();
@@ -68,7 +69,8 @@ fn pair(j: u32) -> (u32, u32) {
     (j.min(PULLED), j.max(PULLED))
 }
 
-/// What a verifier would say: contact in frame 17, a link lost in 18, another in 24, each by a pull-through.
+/// Report of a verifier: contact in frame 17, a link lost in 18, another in 24, each by a
+/// pull-through.
 fn report(seq: u64, set: &CurveSet) -> Report {
     let lost = [18, 24].iter().filter(|&&f| seq >= f).count();
     let change = |&j: &u32| {
@@ -153,7 +155,7 @@ fn verified(set: Arc<CurveSet>, report: Report, work: Work) -> FrameRecord {
     }
 }
 
-/// Quiet at first, then in places, then in full.
+/// Quiet at first, then partial, then full.
 fn work(seq: u64) -> Work {
     let (route, marked, recomputed) = match seq {
         0..5 => (Route::Quiet, 0, 0),
@@ -187,14 +189,14 @@ fn baseline() -> Arc<BaselineRecord> {
     })
 }
 
-/// Where a file goes: to the folder of somebody who wants to look at it, or to one that will be removed.
+/// Path of a file: in the folder of the user, if one is given, or else in a temporary one.
 fn file(name: &str, removed: &Path) -> PathBuf {
     let kept = std::env::var_os("LINKWATCH_RRD").map(PathBuf::from);
     kept.unwrap_or_else(|| removed.into()).join(name)
 }
 
 #[test]
-fn a_broken_run_becomes_a_file() {
+fn writes_a_file_of_a_broken_run() {
     let folder = tempfile::tempdir().unwrap();
     let path = file("mail.rrd", folder.path());
     let target = ViewerTarget::File(path.clone());
@@ -210,13 +212,14 @@ fn a_broken_run_becomes_a_file() {
     let summary = queue.finish(Duration::from_secs(30));
     assert_eq!((summary.written, summary.dropped), (FRAMES, 0));
     assert_eq!(summary.failed, None);
-    // Every frame has the positions of all rings; the file is compressed a little.
+    // Every frame has the positions of all rings; the file is compressed slightly.
     let least = FRAMES * (SIDE * SIDE * POINTS * 12) as u64 / 2;
     assert!(std::fs::metadata(&path).unwrap().len() > least);
 }
 
-/// Two rings, one above the other, and an eight beside them. In frame 4 the upper ring has sunk through the lower one:
-/// two pull-throughs that cancel. In frame 8 one strand of the eight has gone through the other.
+/// Two rings, one above the other, and a figure eight beside them. In frame 4 the upper ring has
+/// passed through the lower one: two pull-throughs that cancel. In frame 8 one strand of the eight
+/// has passed through the other.
 fn crossings(frame: u64) -> CurveSet {
     let t = frame as f32;
     let ring = |_: f32, v: f32, u: f32| [2.0 * u, v, 0.05 * u];
@@ -238,7 +241,7 @@ fn crossings(frame: u64) -> CurveSet {
 }
 
 #[test]
-fn what_linking_numbers_do_not_see_is_shown() {
+fn shows_pull_throughs_that_linking_numbers_do_not_detect() {
     let folder = tempfile::tempdir().unwrap();
     let path = file("crossings.rrd", folder.path());
     let target = ViewerTarget::File(path.clone());
@@ -248,13 +251,13 @@ fn what_linking_numbers_do_not_see_is_shown() {
     for seq in 1..=8 {
         let set = Arc::new(crossings(seq));
         let report = verifier.step_shared(seq, seq as f64, &set).unwrap();
-        let told: Vec<_> = report.events.iter().map(|e| (e.i, e.j)).collect();
+        let reported: Vec<_> = report.events.iter().map(|e| (e.i, e.j)).collect();
         let expected: &[(u32, u32)] = match seq {
             4 => &[(0, 1), (0, 1)],
             8 => &[(2, 2)],
             _ => &[],
         };
-        assert_eq!((told.as_slice(), &report.changes), (expected, &vec![]));
+        assert_eq!((reported.as_slice(), &report.changes), (expected, &vec![]));
         let record = verified(set, report, verifier.work());
         sink.frame(&record).unwrap();
     }
@@ -305,7 +308,7 @@ fn pairs(frame: u64) -> Vec<f32> {
     (0..40).flat_map(shape).collect()
 }
 
-/// Verifies the frames of a motion and shows them; returns the frame of each link that was lost.
+/// Verifies the frames of a motion and shows them. Returns the frame of each lost link.
 fn show(name: &str, unit: f32, frames: u64, motion: fn(u64) -> Vec<f32>) -> Vec<u64> {
     let folder = tempfile::tempdir().unwrap();
     let path = file(&format!("{name}.rrd"), folder.path());
@@ -351,7 +354,7 @@ fn tiny_and_large_scenes_are_shown() {
 }
 
 #[test]
-fn frames_without_curves_are_told() {
+fn logs_frames_without_curves() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rejected.rrd");
     let target = ViewerTarget::File(path.clone());
@@ -369,8 +372,9 @@ fn frames_without_curves_are_told() {
 }
 
 #[test]
-fn a_viewer_that_never_answers_holds_nobody_up() {
-    // The system accepts connections for a listener that does not; nothing is ever read from them.
+fn a_viewer_that_never_answers_delays_no_caller() {
+    // The system accepts connections for a listener that does not accept them; nothing is ever
+    // read.
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let target = ViewerTarget::Connect(address);
@@ -386,7 +390,8 @@ fn a_viewer_that_never_answers_holds_nobody_up() {
     assert!(summary.failed.is_some(), "{summary:?}");
 }
 
-/// What a frame of 14,400 rings costs the thread of the sink. Run by hand, with `--release --ignored`.
+/// Measures the cost of a frame of 14,400 rings for the thread of the sink. Run by hand, with
+/// `--release --ignored`.
 #[test]
 #[ignore = "a measurement"]
 fn cost_of_a_large_frame() {

@@ -1,7 +1,7 @@
-//! What the benches of the stages share: scenes with their exact certificates, runs that alternate between one thread
-//! and all, medians, and a table.
+//! Parts shared by the benches of the stages: scenes with their exact certificates, runs that
+//! alternate between one thread and all, medians, and a table.
 
-// Every bench is a program of its own and takes what it needs.
+// Every bench is a separate program and uses a part of this module.
 #![allow(dead_code)]
 
 use linkwatch::scenes::Scene;
@@ -12,10 +12,11 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// A generated scene: its text, and how many potential links it has where that follows from its construction.
+/// A generated scene: its description, and its number of potential links if that follows from its
+/// construction.
 type Text = (&'static str, Option<u64>);
 
-/// What a generated scene is in an ordinary run, in a smoke run and in a large one.
+/// Generated scenes of an ordinary run, of a smoke run and of a large one.
 struct Entry {
     usual: Text,
     smoke: Text,
@@ -44,7 +45,8 @@ const SCENES: [Entry; 10] = [
         ("ribbon:lambda=1000", Some(1)),
         ("ribbon:segments=20000,lambda=-100", Some(1)),
     ),
-    // All pairs across both bundles, and those that nest in one plane: 25 squares in each of 25 planes, twice.
+    // All pairs across both bundles, and those that nest in one plane: 25 squares in each of 25
+    // planes, twice.
     entry(
         ("square_link", Some(625 * 625 + 50 * 25 * 24 / 2)),
         ("square_link:loops=8,segments=100", Some(4 * 4 + 4)),
@@ -69,11 +71,11 @@ const SCENES: [Entry; 10] = [
     ),
 ];
 
-/// A real model, which is not part of the project, and what is known of it.
+/// A real model, which is not part of the project, and its known counts.
 struct Model {
     name: &'static str,
     potential_links: u64,
-    /// Overlaps and segments of Algorithm 3, as published.
+    /// Numbers of overlaps and segments of Algorithm 3, as published.
     algorithm_3: Option<(usize, usize)>,
 }
 
@@ -103,7 +105,7 @@ const USAGE: &str = "usage: cargo bench --bench BENCH -- [NAME..] [--repeat N] [
   --json           a line of JSON a scene
   --models FOLDER  where real models are [default: ../shared/models beside the project]";
 
-/// What a bench is asked for.
+/// Options of a bench.
 pub struct Options {
     pub repeat: usize,
     smoke: bool,
@@ -114,11 +116,11 @@ pub struct Options {
 }
 
 impl Options {
-    /// From the command line. Ends the program where that makes no sense.
+    /// Parses the command line. Ends the program if it is invalid.
     pub fn parse() -> Options {
         let mut options = Options {
             repeat: 21,
-            // Under `cargo test` there is no such word.
+            // `cargo test` does not pass this argument.
             smoke: !std::env::args().any(|a| a == "--bench"),
             large: false,
             json: false,
@@ -154,7 +156,7 @@ impl Options {
         options
     }
 
-    /// All cases, each made when it is its turn.
+    /// Iterates over all cases; each is built in its turn.
     pub fn cases(&self) -> impl Iterator<Item = Case> + '_ {
         let asked =
             |name: &str| self.names.is_empty() || self.names.iter().any(|n| name.contains(&**n));
@@ -173,13 +175,13 @@ impl Options {
     }
 }
 
-/// Curves whose linking numbers are known.
+/// Curves with known linking numbers.
 pub struct Case {
     pub name: String,
     pub curves: CurveSet,
     certificate: Certificate,
     potential_links: Option<u64>,
-    /// Overlaps and segments of Algorithm 3, where they are known.
+    /// Numbers of overlaps and segments of Algorithm 3, if they are known.
     pub algorithm_3: Option<(usize, usize)>,
 }
 
@@ -196,12 +198,12 @@ impl Case {
         }
     }
 
-    /// The model, where it is there.
+    /// Reads the model, if it exists.
     fn model(model: &Model, options: &Options) -> Option<Case> {
         let name = model.name;
         let path = options.models.join(format!("{name}.bcc"));
         if !path.exists() {
-            eprintln!("skipped: {} is not here", path.display());
+            eprintln!("skipped: {} does not exist", path.display());
             return None;
         }
         let certificate = path.with_file_name(format!("{name}.certificate.txt"));
@@ -214,12 +216,12 @@ impl Case {
         })
     }
 
-    /// Whether its curves are to be discretized.
+    /// Returns true if its curves need discretization.
     pub fn is_spline(&self) -> bool {
         !self.curves.basis().is_polyline()
     }
 
-    /// Panics unless a certificate of these curves is the expected one.
+    /// Panics unless a certificate of these curves equals the expected one.
     pub fn check(&self, certificate: &Certificate) {
         assert!(
             *certificate == self.certificate,
@@ -231,7 +233,7 @@ impl Case {
         );
     }
 
-    /// Panics unless the counts are those that follow from the curves and their certificate.
+    /// Panics unless the counts follow from the curves and their certificate.
     fn check_stats(&self, stats: &Stats) {
         let links = &self.certificate.links;
         let twists: u64 = links.iter().map(|l| l.lambda.unsigned_abs()).sum();
@@ -261,22 +263,22 @@ impl Case {
     }
 }
 
-/// One thread, and all of them.
+/// A pool of one thread, and one of all threads.
 pub struct Pools([ThreadPool; 2]);
 
 impl Pools {
     pub fn new() -> Pools {
-        // As many as there are processors where none is asked for.
+        // By default, one thread per CPU core.
         let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build();
         Pools([1, 0].map(|threads| pool(threads).expect("threads")))
     }
 
-    /// Threads of the larger one.
+    /// Number of threads of the larger pool.
     pub fn threads(&self) -> usize {
         self.0[1].current_num_threads()
     }
 
-    /// Runs `work` in one and the other, `repeat` times.
+    /// Runs `work` in one pool and the other, `repeat` times.
     pub fn alternate<T: Send>(
         &self,
         repeat: usize,
@@ -292,19 +294,19 @@ impl Pools {
     }
 }
 
-/// Milliseconds of one run, or medians of many.
+/// Milliseconds of one run, or medians of several.
 #[derive(Clone, Copy, Debug)]
 pub struct Cost {
     pub boxes: f64,
     pub pairs: f64,
     pub links: f64,
     pub total: f64,
-    /// Time of all processors together, of the whole run.
+    /// CPU time of all threads, of the whole run.
     pub cpu: f64,
 }
 
 impl Cost {
-    /// The median of each number by itself.
+    /// Returns the median of each number separately.
     fn median(costs: &[Cost]) -> Cost {
         let of = |f: fn(&Cost) -> f64| median(costs.iter().map(f));
         Cost {
@@ -316,22 +318,23 @@ impl Cost {
         }
     }
 
-    /// The share of the time in which the one thread had a processor.
+    /// Returns the share of the time in which the single thread ran on a CPU.
     pub fn on_cpu(&self) -> f64 {
         self.cpu / self.total
     }
 }
 
-/// What certifying a case costs, with one thread and with all.
+/// Cost of certifying a case, with one thread and with all.
 pub struct Measured {
     pub stats: Stats,
-    /// By a verifier that has not seen the case before and makes its buffers.
+    /// Cost of a new verifier, which allocates its buffers.
     pub first: [Cost; 2],
-    /// By the same one again.
+    /// Cost of the same verifier again.
     pub later: [Cost; 2],
 }
 
-/// Certifies a case. Panics where anything but the cost differs from run to run, or from what is expected.
+/// Certifies a case. Panics if anything except the cost differs between runs, or from the expected
+/// result.
 pub fn measure(case: &Case, pools: &Pools, repeat: usize) -> Measured {
     let runs = pools.alternate(repeat, || {
         let mut verifier = Verifier::new(AbortOn::Never);
@@ -371,14 +374,14 @@ pub fn measure(case: &Case, pools: &Pools, repeat: usize) -> Measured {
     }
 }
 
-/// Wall and processor time of some work, in milliseconds.
+/// Returns the wall-clock and CPU time of some work, in milliseconds.
 pub fn time<T>(work: impl FnOnce() -> T) -> (T, f64, f64) {
     let (start, cpu) = (Instant::now(), cpu_ms());
     let out = work();
     (out, start.elapsed().as_secs_f64() * 1e3, cpu_ms() - cpu)
 }
 
-/// Time that the processors spent on this process.
+/// Returns the CPU time of this process.
 fn cpu_ms() -> f64 {
     let t = clock_gettime(ClockId::ProcessCPUTime);
     t.tv_sec as f64 * 1e3 + t.tv_nsec as f64 * 1e-6
@@ -390,21 +393,21 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Nanoseconds each, of this many milliseconds; NaN where there are none.
+/// Returns nanoseconds per item, of this many milliseconds; NaN if there are no items.
 pub fn ns_each(ms: f64, n: u64) -> f64 {
     ratio(ms * 1e6, n)
 }
 
-/// How many for each; NaN where there are none.
+/// Returns the ratio; NaN if the divisor is 0.
 pub fn ratio(x: f64, n: u64) -> f64 {
     if n == 0 { f64::NAN } else { x / n as f64 }
 }
 
-/// What stands in a column.
+/// Content of a column.
 pub enum Cell {
     Text(String),
     Count(u64),
-    /// A number and how many digits of it are shown after the point.
+    /// A number, and its number of decimals.
     Real(f64, usize),
     Percent(f64),
 }
@@ -424,13 +427,13 @@ impl Cell {
         match self {
             Cell::Text(text) => json!(text),
             Cell::Count(n) => json!(n),
-            // NaN is null.
+            // JSON has null for NaN.
             Cell::Real(x, _) | Cell::Percent(x) => json!(x),
         }
     }
 }
 
-/// A count with separators, `211,680`.
+/// Formats a count with separators, `211,680`.
 fn separated(n: u64) -> String {
     match n {
         0..1000 => n.to_string(),
@@ -438,10 +441,11 @@ fn separated(n: u64) -> String {
     }
 }
 
-/// A column of a row: its title (two lines, N for the number of threads), its name in JSON, its content.
+/// Column of a row: its title (two lines, N for the number of threads), its name in JSON, its
+/// content.
 pub type Column = (&'static str, &'static str, Cell);
 
-/// A table whose columns are as wide as they must be, or lines of JSON.
+/// A table with columns as wide as their content, or lines of JSON.
 pub struct Table {
     bench: &'static str,
     json: bool,
@@ -488,19 +492,19 @@ impl Table {
         let first = case.name.clone();
         self.rows.push([first].into_iter().chain(cells).collect());
         if self.repeat > 1 {
-            // The table comes last, and this may take minutes.
+            // The table is printed last, and this may take minutes.
             eprintln!("{} {}", self.bench, case.name);
         }
     }
 
-    /// Prints the table, unless it was printed as it came.
+    /// Prints the table, unless its lines were printed before.
     pub fn finish(self) {
         if self.json {
             return;
         }
         println!("{}, median of {}", self.bench, self.repeat);
         let Some(first) = self.rows.first() else {
-            return println!("no case is asked for");
+            return println!("no case is selected");
         };
         let width = |k: usize| self.rows.iter().map(|row| row[k].len()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..first.len()).map(width).collect();

@@ -1,11 +1,12 @@
-//! A simulator that publishes its frames: a sheet of chainmail is dropped into a box and crumples there.
+//! A simulator that publishes its frames: a sheet of chainmail is dropped into a box and crumples.
 //!
-//! It simulates rigid rings with `rapier3d` and knows nothing of topology. A sidecar, `linkwatch watch`, runs
-//! as a process of its own (started from here unless `--no-sidecar`), verifies every frame, and asks this
-//! simulator to stop when a ring was pulled through another. The default time step is too large on purpose;
-//! `--substeps 16` keeps the sheet whole.
+//! It simulates rigid rings with `rapier3d` and does not check their topology. A sidecar,
+//! `linkwatch watch`, runs as a separate process (started from here unless `--no-sidecar`),
+//! verifies every frame, and asks this simulator to stop if a ring was pulled through another. The
+//! default time step is too large on purpose; `--substeps 16` keeps the sheet intact.
 //!
-//! What a simulator needs of linkwatch is in `run` and `simulate`: open, describe, loan, publish, poll, finish.
+//! `run` and `simulate` contain all calls of linkwatch: open, describe, loan, publish, poll,
+//! finish.
 
 mod scene;
 mod sidecar;
@@ -18,19 +19,19 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// Time for the verdict on a frame in lockstep.
+/// Time limit of the verdict on a frame in lockstep.
 const DEADLINE: Duration = Duration::from_secs(10);
 
 /// Drops a sheet of chainmail into a box, with time steps that are too large.
 #[derive(Debug, Parser)]
 struct Args {
-    /// Time steps a frame: 1 breaks the sheet, 16 keeps it whole
+    /// Time steps per frame: 1 breaks the sheet, 16 keeps it intact
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     substeps: u16,
     /// Frames to simulate
     #[arg(long, default_value_t = FRAMES)]
     frames: usize,
-    /// Do not start `linkwatch watch`; one that runs already, or comes later, is used
+    /// Do not start `linkwatch watch`; use one that already runs or starts later
     #[arg(long)]
     no_sidecar: bool,
     /// Seconds to wait for a watcher before the first frame
@@ -42,13 +43,13 @@ struct Args {
     /// Name of the service
     #[arg(long, default_value = "linkwatch")]
     service: String,
-    /// Folder for the recording and the viewer's file
+    /// Folder for the recording and the file of the viewer
     #[arg(long, default_value = ".", value_name = "FOLDER")]
     out: PathBuf,
     /// Open the viewer (needs `rerun`, see the README)
     #[arg(long)]
     view: bool,
-    /// Flat rings a side of the sheet (19 makes 1,045 rings in all)
+    /// Number of flat rings per side of the sheet (19 makes 1,045 rings in all)
     #[arg(long, default_value_t = 19, value_parser = clap::value_parser!(u16).range(2..200))]
     side: u16,
 }
@@ -57,11 +58,11 @@ struct Args {
 fn seconds(text: &str) -> Result<Duration, String> {
     match text.parse().map(Duration::try_from_secs_f64) {
         Ok(Ok(time)) => Ok(time),
-        _ => Err("expected seconds, a finite number from 0 on".into()),
+        _ => Err("expected seconds, a finite number of at least 0".into()),
     }
 }
 
-/// How the simulation ended.
+/// End of the simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     /// All frames were simulated.
@@ -96,25 +97,25 @@ fn run(args: &Args) -> Result<ExitCode> {
         ..Options::default()
     });
     let mut client = Client::open(&args.service, &options)?;
-    // Every ring is a closed polygon, hence the minus.
+    // The count is negative, because every ring is a closed polygon.
     let counts = vec![-(Sheet::vertices_per_ring() as i32); sheet.rings()];
     client.describe(Basis::Polyline, Precision::F32, &counts)?;
     if !wait_for_watcher(args, &mut client, sidecar.as_mut())? {
-        println!("simulator: nobody came; running unwatched");
+        println!("simulator: no watcher connected; running without verification");
     }
     let end = simulate(args, &mut client, &mut sheet)?;
-    // The watcher says what became of every frame, and takes its leave.
+    // The goodbye of the watcher has the counts of all frames.
     let last = client.finish_within(DEADLINE)?;
     match &last {
         Some(m) => println!(
-            "simulator: of the frames published, {} were verified, {} skipped, {} rejected",
+            "simulator: of the published frames, {} were verified, {} skipped, {} rejected",
             m.counters.verified, m.counters.skipped, m.counters.rejected
         ),
         None => {
-            println!("simulator: no watcher is left; how many frames were verified is not known")
+            println!("simulator: the watcher ended; the number of verified frames is unknown")
         }
     }
-    // An abort for one of the last frames comes with the watcher's leave.
+    // The goodbye repeats an abort for one of the last frames.
     let aborted = end == End::Aborted || last.as_ref().is_some_and(|m| m.abort);
     let watched = last.is_some_and(|m| m.counters.verified > 0);
     let verdict = sidecar.map(Sidecar::join).transpose()?.flatten();
@@ -122,17 +123,18 @@ fn run(args: &Args) -> Result<ExitCode> {
         _ if aborted => ExitCode::from(1),
         Some(code) if code != 0 => ExitCode::from(code),
         _ if !watched => {
-            println!("simulator: nobody verified this run to its end");
+            println!("simulator: this run was not verified to its end");
             ExitCode::from(3)
         }
         _ => {
-            println!("simulator: every frame that was verified is intact");
+            println!("simulator: every verified frame is intact");
             ExitCode::SUCCESS
         }
     })
 }
 
-/// Waits for a watcher, so that the first frame is not missed. False where none came in time.
+/// Waits for a watcher, so that it does not miss the first frame. Returns false if none connected
+/// in time.
 fn wait_for_watcher(
     args: &Args,
     client: &mut Client,
@@ -140,14 +142,14 @@ fn wait_for_watcher(
 ) -> Result<bool> {
     const LOOK: Duration = Duration::from_millis(300);
     let start = Instant::now();
-    let mut told = false;
+    let mut announced = false;
     while !client.wait_for_watcher(LOOK)? {
         if let Some(sidecar) = &mut sidecar {
             sidecar.check_running()?;
-        } else if !told {
+        } else if !announced {
             let command = format!("linkwatch watch --service {}", args.service);
             println!("simulator: waiting for a watcher; start one with: {command}");
-            told = true;
+            announced = true;
         }
         if start.elapsed() > args.wait {
             return Ok(false);
@@ -156,10 +158,10 @@ fn wait_for_watcher(
     Ok(true)
 }
 
-/// The simulation, and all that it has to do with linkwatch.
+/// Runs the simulation, with all its calls of linkwatch.
 fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> {
     println!(
-        "simulator: {} rings, {} frames, {} time steps a frame",
+        "simulator: {} rings, {} frames, {} time steps per frame",
         sheet.rings(),
         args.frames,
         args.substeps
@@ -182,7 +184,7 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
                 // Printed once: the simulation continues, and another watcher may start.
                 Outcome::NoWatcher(how) => {
                     if std::mem::replace(&mut watched, false) {
-                        println!("simulator: {how}; nobody watches from frame {seq} on");
+                        println!("simulator: {how}; not verified from frame {seq} on");
                     }
                 }
             }
@@ -198,6 +200,6 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
         args.frames,
         start.elapsed().as_secs_f64()
     );
-    // Verdicts on the last frames may still be on their way: the watcher answers before it takes its leave.
+    // Verdicts on the last frames may still be pending: the watcher sends them before its goodbye.
     Ok(End::Done)
 }

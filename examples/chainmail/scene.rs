@@ -1,8 +1,7 @@
 //! A sheet of chainmail that is dropped into an open box and crumples there.
 //!
 //! This module is a plain rigid-body simulator built on `rapier3d`. It builds the scene, advances
-//! it and hands out the centre lines of the rings; whether two rings still hang together is none
-//! of its business.
+//! it and returns the centre lines of the rings. It does not check their topology.
 //!
 //! # The scene
 //!
@@ -59,13 +58,13 @@ const FLOOR_RATIO: f32 = 0.31;
 /// Half the width of the box at its rim, as a part of half the width of the sheet.
 const RIM_RATIO: f32 = 1.08;
 
-/// How far the walls lean outwards, as an angle from the vertical.
+/// Angle from the vertical by which the walls lean outwards.
 const WALL_LEAN: f32 = 34.0 * TAU / 360.0;
 
-/// Half the thickness of the floor and the walls: far more than anything moves in a step.
+/// Half the thickness of the floor and the walls: far more than any motion in a step.
 const HALF_THICKNESS: f32 = 10.0;
 
-/// How far the sheet is turned about the vertical.
+/// Angle by which the sheet is turned about the vertical.
 const YAW: f32 = 0.08;
 
 /// Coulomb friction, of the rings as of the box.
@@ -74,12 +73,12 @@ const FRICTION: f32 = 0.2;
 /// Damping of the rings' spin, in 1/s.
 const ANGULAR_DAMPING: f32 = 0.5;
 
-/// What can be chosen about a [`Sheet`].
+/// Parameters of a [`Sheet`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Rows of flat rings.
+    /// Number of rows of flat rings.
     pub rows: usize,
-    /// Columns of flat rings.
+    /// Number of columns of flat rings.
     pub columns: usize,
     /// Downward acceleration, in units of length per second squared. The outer radius of a flat
     /// ring is about 1.
@@ -100,7 +99,7 @@ impl Default for Options {
     }
 }
 
-/// One ring: its body, and the polygon of its centre line in the body's own frame.
+/// One ring: its body, and the polygon of its centre line in the frame of the body.
 struct Ring {
     body: RigidBodyHandle,
     polygon: [Vector; VERTICES_PER_RING],
@@ -132,12 +131,12 @@ impl Sheet {
         sheet
     }
 
-    /// The number of rings.
+    /// Returns the number of rings.
     pub fn rings(&self) -> usize {
         self.rings.len()
     }
 
-    /// The number of corners of each ring's centre line, a closed polygon.
+    /// Returns the number of corners of each ring's centre line, a closed polygon.
     pub fn vertices_per_ring() -> usize {
         VERTICES_PER_RING
     }
@@ -165,7 +164,7 @@ impl Sheet {
         {
             let pose = self.world.bodies[ring.body].position();
             for (corner, out) in ring.polygon.iter().zip(out.chunks_exact_mut(3)) {
-                // The world of the simulation has its y axis up.
+                // The world of the simulation has its y axis upwards.
                 let [x, y, z] = pose.transform_point(*corner).to_array();
                 out.copy_from_slice(&[x, -z, y]);
             }
@@ -176,7 +175,8 @@ impl Sheet {
     fn insert_rings(&mut self, options: &Options, y: f32) {
         let (rows, columns) = (options.rows, options.columns);
         let sheet = Pose::from_parts(Vector::new(0.0, y, 0.0), Rotation::from_rotation_y(YAW));
-        // The middle of the sheet is the origin of its frame; half places are those of connectors.
+        // The middle of the sheet is the origin of its frame; connectors are at half-integer
+        // places.
         let place = |row: f32, column: f32| {
             Vector::new(
                 (column - 0.5 * (columns as f32 - 1.0)) * PITCH,
@@ -220,7 +220,7 @@ impl Sheet {
     }
 }
 
-/// What all rings of one size have in common.
+/// Properties of all rings of one size.
 struct RingShape {
     polygon: [Vector; VERTICES_PER_RING],
     collider: SharedShape,

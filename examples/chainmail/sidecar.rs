@@ -1,4 +1,4 @@
-//! Starts `linkwatch watch` as a process of its own.
+//! Starts `linkwatch watch` as a separate process.
 
 use linkwatch::{Error, Result};
 use std::io::ErrorKind;
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
-/// Time that the watcher has to write its files after the simulation.
+/// Time limit of the watcher to write its files after the simulation.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A running `linkwatch watch`. It is ended when this is dropped.
+/// A running `linkwatch watch`, which is ended when this is dropped.
 pub struct Sidecar {
     process: Child,
     recording: PathBuf,
@@ -17,7 +17,7 @@ pub struct Sidecar {
 }
 
 impl Sidecar {
-    /// Starts the watcher. Under `cargo run` it is built first, if it is not there.
+    /// Starts the watcher. Under `cargo run` it is built first, if it does not exist.
     pub fn start(service: &str, out: &Path, view: bool) -> Result<Sidecar> {
         let recording = out.join("chainmail.mcap");
         let rrd = (!view).then(|| out.join("chainmail.rrd"));
@@ -42,7 +42,7 @@ impl Sidecar {
         })
     }
 
-    /// Fails where the watcher has ended already; it has said why.
+    /// Fails if the watcher has ended already. The watcher has printed the reason.
     pub fn check_running(&mut self) -> Result<()> {
         match self.process.try_wait()? {
             None => Ok(()),
@@ -52,7 +52,7 @@ impl Sidecar {
         }
     }
 
-    /// Waits for the watcher to end; returns its exit code and says how to look at what it left.
+    /// Waits for the watcher to end. Returns its exit code and prints how to open its files.
     pub fn join(mut self) -> Result<Option<u8>> {
         let start = Instant::now();
         let status = loop {
@@ -72,7 +72,7 @@ impl Sidecar {
         );
         if let Some(rrd) = &self.rrd {
             println!(
-                "for the viewer:  {0}   look at it with: rerun {0}",
+                "for the viewer:  {0}   open it with: rerun {0}",
                 rrd.display()
             );
         }
@@ -82,7 +82,7 @@ impl Sidecar {
 
 impl Drop for Sidecar {
     fn drop(&mut self) {
-        // It has ended already unless something went wrong here.
+        // It has ended already, unless an error occurred.
         if matches!(self.process.try_wait(), Ok(None)) {
             let _ = self.process.kill();
             let _ = self.process.wait();
@@ -90,7 +90,7 @@ impl Drop for Sidecar {
     }
 }
 
-/// The command `linkwatch`: the one built with this example, else an installed one.
+/// Returns the command `linkwatch`: the one built with this example, or an installed one.
 fn program() -> Result<PathBuf> {
     let example = std::env::current_exe()?;
     let name = format!("linkwatch{}", std::env::consts::EXE_SUFFIX);
@@ -108,7 +108,7 @@ fn program() -> Result<PathBuf> {
     Ok(if built.exists() { built } else { name.into() })
 }
 
-/// Builds the command beside this example: `cargo run --example` builds the example alone.
+/// Builds the command, because `cargo run --example` builds the example alone.
 fn build(cargo: &std::ffi::OsStr, built: &Path) -> Result<()> {
     let profile = built
         .parent()
@@ -118,10 +118,10 @@ fn build(cargo: &std::ffi::OsStr, built: &Path) -> Result<()> {
         Some("debug") | None => "dev",
         Some(other) => other,
     };
-    // Together with the example and with its features: then all that they share is built already.
+    // With the features of the example, so that all common dependencies are already built.
     let mut command = Command::new(cargo);
-    // What `cargo run` says about this package would look like a change to build scripts that ask for it, and
-    // half of all dependencies would be built again.
+    // The variables that `cargo run` sets for this package would look like a change to build
+    // scripts that depend on them, and half of all dependencies would be built again.
     for (name, _) in std::env::vars_os() {
         let text = name.to_string_lossy();
         if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") || text == "CARGO"
@@ -146,6 +146,6 @@ fn build(cargo: &std::ffi::OsStr, built: &Path) -> Result<()> {
     }
     Err(Error::Io(std::io::Error::new(
         ErrorKind::NotFound,
-        "the command linkwatch could not be built; start it yourself and use --no-sidecar",
+        "the command linkwatch could not be built: start it separately and use --no-sidecar",
     )))
 }

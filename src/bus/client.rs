@@ -1,4 +1,4 @@
-//! What a simulator links: frames out, verdicts in.
+//! Client that a simulator links: sends frames, receives verdicts.
 
 use super::loan::FrameLoan;
 use super::message::{MessageKind, VerdictMessage};
@@ -19,39 +19,40 @@ use std::fmt;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::{Duration, Instant};
 
-/// Room for frames that is set aside from the start: enough for two subscribers that hold all they may, of
-/// the four that may come. With more it grows, which is slow. Only what was written to takes real memory.
+/// Number of frames that are allocated from the start. This suffices for two subscribers that hold
+/// as many frames as they may, out of at most four. More subscribers grow the buffer, which is
+/// slow. Only memory that was written to is resident.
 const FRAMES_SET_ASIDE: usize = 16;
 
-/// How long a waiting client sleeps at most before it looks for itself.
+/// Maximum time that a waiting client sleeps before it polls.
 const TICK: Duration = Duration::from_millis(10);
 
-/// Silence after which a waiting client checks that the process of the watcher exists, and the time
-/// between two such checks. Each check takes a few dozen system calls.
+/// Silence after which a waiting client checks that the process of the watcher exists, and the
+/// interval of these checks. Each check takes a few dozen system calls.
 const LIVENESS: Duration = Duration::from_millis(250);
 
-/// Wait for a watcher from which on it is worth the look for other services.
+/// Duration of a wait for a watcher after which other services are listed as a hint.
 const HINT: Duration = Duration::from_secs(1);
 
-/// How a simulator uses the bus.
+/// Options of a [`Client`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ClientOptions {
-    /// The simulator calls [`Client::wait`] after every frame; the watcher is told so.
+    /// True if the simulator calls [`Client::wait`] after every frame. The watcher is informed.
     pub lockstep: bool,
 }
 
 impl ClientOptions {
-    /// Options of a simulator that waits for the verdict on every frame.
+    /// Returns options for a simulator that waits for the verdict on every frame.
     pub fn lockstep() -> Self {
         ClientOptions { lockstep: true }
     }
 }
 
-/// What came of waiting for a verdict.
+/// Result of waiting for a verdict.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    /// The frame was checked; this was found.
+    /// The frame was verified.
     Verdict(Box<VerdictMessage>),
     /// No verdict in time, or the watcher skipped the frame. The frame is not known to be intact.
     Stale,
@@ -79,7 +80,7 @@ impl fmt::Display for Departure {
     }
 }
 
-/// State of the watcher, as far as the client knows.
+/// State of the watcher, as known to the client.
 #[derive(Clone, Copy, Debug)]
 enum Watcher {
     /// No watcher has sent a message.
@@ -97,16 +98,17 @@ enum Watcher {
     },
 }
 
-/// The simulator's end of the bus.
+/// Simulator's end of the bus.
 ///
-/// No call waits for the watcher but those that take a time: [`wait`](Client::wait),
-/// [`wait_for_watcher`](Client::wait_for_watcher) and [`finish_within`](Client::finish_within). A watcher
-/// that is slow, stopped, killed or absent costs the simulator nothing.
+/// Only the calls that take a time limit wait for the watcher: [`wait`](Client::wait),
+/// [`wait_for_watcher`](Client::wait_for_watcher) and [`finish_within`](Client::finish_within). A
+/// watcher that is slow, stopped, killed or absent costs the simulator nothing.
 ///
-/// A client is one session: one layout of curves and frames numbered from 0. Dropping it without
-/// [`finish`](Client::finish), by an error or a panic, tells the watcher that the session ended early.
+/// A client is one session: one layout of curves, and frames numbered from 0. If it is dropped
+/// without [`finish`](Client::finish), by an error or a panic, the watcher is informed that the
+/// session ended early.
 ///
-/// Programs in other languages do the same from [the wire format](crate::wire_format).
+/// Programs in other languages use [the wire format](crate::wire_format).
 ///
 /// ```no_run
 /// use linkwatch::{Basis, Client, ClientOptions, Precision};
@@ -145,11 +147,11 @@ pub struct Client {
     checked: Instant,
     last: Option<VerdictMessage>,
     aborted: Option<VerdictMessage>,
-    /// Aborts for frames before this one are known already.
+    /// Aborts for frames before this one are already handled.
     aborts_from: u64,
     goodbye: Option<VerdictMessage>,
     finished: bool,
-    /// True if the user was told which services have a watcher.
+    /// True if the hint about services with a watcher was logged.
     hinted: bool,
     service: String,
     endpoint: Endpoint,
@@ -160,7 +162,7 @@ struct Layout {
     precision: Precision,
     points: usize,
     curves: usize,
-    /// The counts as they stand in the payload, padding included.
+    /// The counts in their form in the payload, padding included.
     table: Vec<u8>,
 }
 
@@ -174,9 +176,9 @@ impl fmt::Debug for Client {
 }
 
 impl Client {
-    /// Opens the service; creates it where the watcher has not yet.
+    /// Opens the service, or creates it if the watcher has not done so yet.
     ///
-    /// Fails where another living simulator publishes on the same name.
+    /// Errors: [`Error::Bus`] if another living simulator publishes on the same name.
     pub fn open(service: &str, options: &ClientOptions) -> Result<Client> {
         let endpoint = Endpoint::open(service, Role::Simulator)?;
         let subscriber = endpoint.verdicts.subscriber_builder().create();
@@ -201,8 +203,8 @@ impl Client {
         })
     }
 
-    /// Says which curves every frame holds: control points a curve, negative where it is closed, as in a BCC
-    /// file. To be called before the first frame.
+    /// Declares the curves of every frame: the number of control points of each curve, negative if
+    /// the curve is closed, as in a BCC file. Call this before the first frame.
     pub fn describe(&mut self, basis: Basis, precision: Precision, counts: &[i32]) -> Result<()> {
         if self.next_seq > 0 {
             return Err(Error::Bus(
@@ -244,7 +246,8 @@ impl Client {
         Ok(())
     }
 
-    /// The publisher; its memory starts with frames of `bytes` bytes and grows.
+    /// Returns the publisher, creating it if necessary. Its memory initially fits frames of `bytes`
+    /// bytes, and grows.
     fn publisher(&mut self, bytes: usize) -> Result<&Publisher<Ipc, [u8], FrameHeader>> {
         if self.publisher.is_none() {
             let builder = self.endpoint.frames.publisher_builder();
@@ -277,7 +280,7 @@ impl Client {
         }
     }
 
-    /// Sends a header without a frame.
+    /// Sends a header without curves.
     fn signal(&mut self, flags: u32) -> Result<()> {
         self.connect()?;
         let header = self.header(flags);
@@ -289,12 +292,13 @@ impl Client {
         Ok(())
     }
 
-    /// Memory for the next frame, at `time` seconds of simulation: write the positions into it, then
-    /// [`publish`](FrameLoan::publish). The watcher reads them where they were written.
+    /// Returns memory for the next frame, at `time` seconds of simulation. Write the positions into
+    /// it, then call [`publish`](FrameLoan::publish). The watcher reads the same memory; nothing is
+    /// copied.
     pub fn loan(&mut self, time: f64) -> Result<FrameLoan<'_>> {
         let Some(layout) = &self.layout else {
             return Err(Error::Bus(
-                "Client::describe has to say which curves there are before the first frame".into(),
+                "no curves are declared: call Client::describe before the first frame".into(),
             ));
         };
         let (basis, precision) = (layout.basis, layout.precision);
@@ -311,15 +315,16 @@ impl Client {
         let publisher = self.publisher.as_ref().expect("`describe` created it");
         let sample = publisher.loan_slice_uninit(bytes).map_err(bus("loan"))?;
         #[expect(unsafe_code, reason = "shared memory is lent as uninitialised")]
-        // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system (zeros) or
-        // by an earlier frame of this publisher, all of whose bytes were initialised; the compiler can
-        // assume nothing else of memory that it did not allocate. Every bit pattern is a `u8`.
+        // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system (zeros)
+        // or by an earlier frame of this publisher, all of whose bytes were initialised; the
+        // compiler can assume nothing else of memory that it did not allocate. Every bit pattern is
+        // a valid `u8`.
         let mut sample = unsafe { sample.assume_init() };
         *sample.user_header_mut() = header;
         let payload = sample.payload_mut();
         payload[..table].copy_from_slice(&layout.table);
         if cfg!(debug_assertions) {
-            // All bits set is NaN in both precisions: a coordinate that is never written is rejected.
+            // All bits set is NaN in both precisions, so a missing coordinate is rejected.
             payload[table..].fill(0xff);
         }
         Ok(FrameLoan {
@@ -330,7 +335,8 @@ impl Client {
         })
     }
 
-    /// Publishes a frame that lies elsewhere: one copy into shared memory. Returns its sequence number.
+    /// Publishes a frame from other memory, with one copy into shared memory. Returns its sequence
+    /// number.
     pub fn publish(&mut self, time: f64, positions: Positions<'_>) -> Result<u64> {
         let mut frame = self.loan(time)?;
         let expected = frame.coordinates();
@@ -355,7 +361,7 @@ impl Client {
         connected.map_err(bus("connect to a watcher"))
     }
 
-    /// Does the bookkeeping of a frame that was sent. Returns its sequence number.
+    /// Updates the state after a frame was sent. Returns its sequence number.
     pub(super) fn sent(&mut self) -> u64 {
         let seq = self.next_seq;
         self.next_seq += 1;
@@ -363,17 +369,18 @@ impl Client {
         seq
     }
 
-    /// Waits until a watcher has seen this session, at most for `timeout`. True if one has.
+    /// Waits until a watcher has seen this session, at most for `timeout`. Returns true if one has.
     ///
-    /// Only needed where the first frames must not be missed: a simulator that runs alone is fine, and a
-    /// watcher that comes later gets the newest frame.
+    /// Needed only if the watcher must not miss the first frames. A simulator can also run alone,
+    /// and a watcher that starts later receives the newest frame.
     ///
-    /// If nobody came for a second or more, a watcher that waits on another service is logged as a
-    /// warning ([`tracing`]), since the name may be wrong; [`services`](crate::services) lists all.
+    /// If no watcher came within a second or more, logs a warning ([`tracing`]) that names a
+    /// watcher which waits on another service, because the service name may be wrong.
+    /// [`services`](crate::services) lists all.
     pub fn wait_for_watcher(&mut self, timeout: Duration) -> Result<bool> {
         const REPEAT: Duration = Duration::from_millis(100);
         let start = Instant::now();
-        let mut said: Option<Instant> = None;
+        let mut announced: Option<Instant> = None;
         loop {
             self.poll_all()?;
             if let Watcher::Here { met: true, .. } = self.watcher {
@@ -382,10 +389,10 @@ impl Client {
                 }
                 return Ok(true);
             }
-            // Said again and again: over a bridge, the first word may be lost.
-            if self.next_seq == 0 && said.is_none_or(|t| t.elapsed() >= REPEAT) {
+            // Repeated, because the first announcement may be lost over a bridge.
+            if self.next_seq == 0 && announced.is_none_or(|t| t.elapsed() >= REPEAT) {
                 self.signal(FLAG_ANNOUNCE)?;
-                said = Some(Instant::now());
+                announced = Some(Instant::now());
             }
             if !self.sleep(start, timeout) {
                 self.hint(start.elapsed());
@@ -394,7 +401,7 @@ impl Client {
         }
     }
 
-    /// Logs which services have a watcher that waits for a simulator, once, after a wait in vain.
+    /// Logs, once, a service whose watcher waits for a simulator, if the wait was long.
     fn hint(&mut self, waited: Duration) {
         if waited < HINT || std::mem::replace(&mut self.hinted, true) {
             return;
@@ -415,8 +422,8 @@ impl Client {
     /// Returns the time since the watcher's last message about this session; `None` if it never
     /// sent one, or left.
     ///
-    /// `linkwatch watch` sends a message about once a second, also during a long check, and one with
-    /// each verdict. The simulator decides what a longer silence means.
+    /// `linkwatch watch` sends a message about once a second, also during a long check, and one
+    /// with each verdict. The simulator decides what a longer silence means.
     pub fn silent_for(&self) -> Option<Duration> {
         match self.watcher {
             Watcher::Here {
@@ -427,7 +434,12 @@ impl Client {
     }
 
     /// Records the sender of a message. Returns false if the message is not about this session.
-    fn hear(&mut self, message: &VerdictMessage, from: UniquePublisherId, node: NodeId) -> bool {
+    fn record_sender(
+        &mut self,
+        message: &VerdictMessage,
+        from: UniquePublisherId,
+        node: NodeId,
+    ) -> bool {
         let mine = message.session == self.session;
         // Session 0: a watcher without a session announces itself or leaves.
         if !mine && message.session != 0 {
@@ -490,17 +502,18 @@ impl Client {
         crashed
     }
 
-    /// The next verdict, in the order of the frames; `None` when there is no more. Never waits.
+    /// Returns the next verdict, in the order of the frames, or `None` if there is none. Never
+    /// waits.
     ///
-    /// To be called once a step or so: 64 verdicts are kept, then the oldest are dropped. An abort is not
-    /// lost that way, as the watcher repeats it.
+    /// Call this about once a step: 64 verdicts are kept, then the oldest are dropped. An abort is
+    /// not lost, because the watcher repeats it.
     pub fn poll(&mut self) -> Result<Option<VerdictMessage>> {
         while let Some(sample) = self.subscriber.receive().map_err(bus("receive"))? {
             let wire = *sample.payload();
             let (port, node) = (sample.header().publisher_id(), sample.header().node_id());
             drop(sample);
             let mut message = wire.read()?;
-            if !self.hear(&message, port, node) {
+            if !self.record_sender(&message, port, node) {
                 continue;
             }
             // Another program can publish frames into this session; the verdicts on them do not
@@ -522,13 +535,13 @@ impl Client {
         Ok(None)
     }
 
-    /// Reads every verdict there is.
+    /// Reads all pending verdicts.
     fn poll_all(&mut self) -> Result<()> {
         while self.poll()?.is_some() {}
         Ok(())
     }
 
-    /// The first message that asked to stop, as far as [`poll`](Client::poll) has read.
+    /// Returns the first message read by [`poll`](Client::poll) that asks the simulator to stop.
     pub fn aborted(&self) -> Option<&VerdictMessage> {
         self.aborted.as_ref()
     }
@@ -550,8 +563,8 @@ impl Client {
         self.cuts = self.cuts.wrapping_add(1);
     }
 
-    /// Waits for the verdict on frame `seq`, at most for `deadline`. Verdicts on earlier frames are read on
-    /// the way; their aborts are remembered.
+    /// Waits for the verdict on frame `seq`, at most for `deadline`. Verdicts on earlier frames are
+    /// read meanwhile, and their aborts are kept.
     ///
     /// Returns at once if the watcher said goodbye, and within a second if its process died on this
     /// host; over a bridge, after `deadline`. If no watcher has connected yet, one may connect
@@ -566,7 +579,7 @@ impl Client {
             }
             match &self.last {
                 Some(m) if m.seq == seq => return Ok(Outcome::Verdict(Box::new(m.clone()))),
-                // Frames are checked in order: this one will not be any more.
+                // Frames are verified in order, so this one never will be.
                 Some(m) if m.seq > seq => return Ok(Outcome::Stale),
                 _ => {}
             }
@@ -582,10 +595,11 @@ impl Client {
         }
     }
 
-    /// Sleeps until a verdict may be there. False once `timeout` is over.
+    /// Sleeps until a verdict may have arrived. Returns false once `timeout` is over.
     fn sleep(&self, start: Instant, timeout: Duration) -> bool {
-        // A watcher that came after the newest frame gets it now, and not with the next frame, which a
-        // simulator in lockstep would never publish. A connection that fails is tried again.
+        // Connects to new watchers, so that one that started after the newest frame receives it
+        // now. In lockstep it would otherwise wait for the next frame, which the simulator never
+        // publishes. A failed connection is retried at the next tick.
         if let Some(publisher) = &self.publisher {
             let _ = publisher.update_connections();
         }
@@ -594,24 +608,27 @@ impl Client {
             return false;
         }
         if !self.endpoint.sleep(left.min(TICK)) {
-            // A signal: the owner of the process handles it.
+            // A signal arrived; the owner of the process handles it.
             std::thread::sleep(Duration::from_millis(1).min(left));
         }
         true
     }
 
-    /// Ends the session: the watcher learns how many frames there were. Does not wait. Returns that number.
+    /// Ends the session and informs the watcher of the number of frames. Does not wait. Returns
+    /// that number.
     ///
-    /// A watcher that has not once looked since this client opened will not hear of it at all. It looks when
-    /// the first frame is published, or a few milliseconds later; a program that may be shorter than that
-    /// wants [`wait_for_watcher`](Client::wait_for_watcher) or [`finish_within`](Client::finish_within).
+    /// A watcher that has not connected since this client opened does not receive the end. It
+    /// connects when the first frame is published, or a few milliseconds later. A program that may
+    /// be shorter than that should use [`wait_for_watcher`](Client::wait_for_watcher) or
+    /// [`finish_within`](Client::finish_within).
     pub fn finish(mut self) -> Result<u64> {
         self.end()?;
         Ok(self.next_seq)
     }
 
-    /// Ends the session and waits, at most for `timeout`, until the watcher has checked what it had and
-    /// said goodbye. Its last message counts all frames, and tells of the last abort.
+    /// Ends the session and waits, at most for `timeout`, until the watcher has verified its
+    /// remaining frames and said goodbye. Its last message counts all frames and repeats the last
+    /// abort.
     ///
     /// Returns `None` if the watcher sent nothing in time, left before the end, or died.
     pub fn finish_within(mut self, timeout: Duration) -> Result<Option<VerdictMessage>> {
@@ -642,13 +659,13 @@ impl Client {
 impl Drop for Client {
     fn drop(&mut self) {
         if !self.finished && self.publisher.is_some() {
-            // Best effort: without it the watcher notices by itself, half a second later.
+            // Best effort: without this message the watcher notices the end half a second later.
             let _ = self.signal(FLAG_END | FLAG_UNFINISHED);
         }
     }
 }
 
-/// A number for a session, never 0, from the random seed that hash maps get.
+/// Returns a random session number, never 0, from the random seed of hash maps.
 fn random() -> u64 {
     let mut hasher = RandomState::new().build_hasher();
     hasher.write_u32(std::process::id());

@@ -1,4 +1,4 @@
-//! What the watcher learns from the bus: frames, and the coming and going of simulators.
+//! Events that the watcher receives from the bus: frames, and simulators that start and end.
 
 use super::message::Counters;
 use super::service::Ipc;
@@ -9,49 +9,50 @@ use crate::ingest::ingest;
 use iceoryx2::sample::Sample;
 use std::fmt;
 
-/// What happened on the bus.
+/// Event on the bus.
 #[derive(Debug)]
 pub enum Event {
-    /// A simulator came. Its first frame follows, perhaps with other curves than before.
+    /// A simulator connected. Its first frame follows, possibly with other curves than before.
     NewSession {
-        /// Its session.
+        /// Session of the simulator.
         session: u64,
     },
-    /// The newest frame. Older ones that were not taken in time are counted as skipped.
+    /// The newest frame. Older frames that were not read in time are counted as skipped.
     Frame(Frame),
-    /// Something that is no frame, or of another version. It has no sequence number to answer to.
+    /// A message that is not a frame, or is of another version. It has no sequence number, so it
+    /// cannot be answered.
     Unreadable(Error),
-    /// The session is over, and all its frames are accounted for.
+    /// The session has ended, and all its frames are counted.
     End {
-        /// Its session.
+        /// Session of the simulator.
         session: u64,
-        /// Frames that the simulator published; equals the sum of the counters. Frames that were
-        /// rejected because of their sequence numbers are counted in addition.
+        /// Number of frames that the simulator published; equals the sum of the counters. Frames
+        /// that were rejected because of their sequence numbers are counted in addition.
         published: u64,
-        /// What became of them.
+        /// Counters of the session.
         counters: Counters,
-        /// False where the simulator left without finishing: an error or a panic.
+        /// False if the simulator left without finishing, by an error or a panic.
         clean: bool,
     },
-    /// The simulator died without a word, or another one took its place. Frames that it published last may
-    /// be lost and are not in the counters.
+    /// The simulator died without ending the session, or another one took its place. The last
+    /// frames that it published may be lost; the counters do not include those.
     SimulatorLost {
-        /// Its session.
+        /// Session of the simulator.
         session: u64,
-        /// What became of the frames that are known.
+        /// Counters of the known frames.
         counters: Counters,
     },
-    /// Nothing happened for the time given, or a signal came.
+    /// Nothing happened within the time limit, or a signal arrived.
     Idle,
 }
 
-/// A frame in shared memory. It blocks one of four places until it is dropped.
+/// Frame in shared memory. It occupies one of four slots until it is dropped.
 pub struct Frame {
     pub(super) sample: Sample<Ipc, [u8], FrameHeader>,
-    /// Copied once: in shared memory it could change under its reader.
+    /// Copy of the header, because the one in shared memory could change while it is read.
     pub(super) header: FrameHeader,
     pub(super) max_bytes: usize,
-    /// Error of the sequence number, if it is impossible.
+    /// Error text if the sequence number is impossible.
     pub(super) fault: Option<String>,
 }
 
@@ -70,12 +71,12 @@ impl Frame {
         self.header.seq
     }
 
-    /// Simulation time in seconds, as the header has it.
+    /// Returns the simulation time in seconds, from the header.
     pub fn time(&self) -> f64 {
         self.header.time
     }
 
-    /// Session of the simulator.
+    /// Returns the session of the simulator.
     pub fn session(&self) -> u64 {
         self.header.session
     }
@@ -89,16 +90,17 @@ impl Frame {
         self.header.cuts
     }
 
-    /// Whether the simulator waits for the verdict.
+    /// Returns true if the simulator waits for the verdict.
     pub fn lockstep(&self) -> bool {
         self.header.flags & FLAG_LOCKSTEP != 0
     }
 
-    /// Checks the frame and moves its positions from shared memory into `set`: built from the first frame,
-    /// updated by every later one. Every value is read once.
+    /// Checks the frame and copies its positions from shared memory into `set`, which the first
+    /// frame creates and every later one updates. Every value is read once.
     ///
-    /// A frame that breaks its contract is an error, to be answered with [`Verdict::Rejected`](crate::Verdict::Rejected); the next
-    /// good frame makes an existing set whole again.
+    /// Errors: the frame breaks its contract. Answer it with
+    /// [`Verdict::Rejected`](crate::Verdict::Rejected). The next valid frame makes an existing set
+    /// valid again.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
         if let Some(fault) = &self.fault {
             return Err(Error::format("frame", "sequence number", fault));

@@ -1,4 +1,4 @@
-//! A frame that is being written, in the memory where the watcher will read it.
+//! Frame in shared memory that the simulator is writing.
 
 use super::client::Client;
 use super::service::{Ipc, bus};
@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 use iceoryx2::sample_mut::SampleMut;
 use std::fmt;
 
-/// Memory of a frame that is being written. Dropped without [`publish`](FrameLoan::publish), it is as if it
-/// had never been.
+/// Shared memory of a frame that is being written. Nothing is sent if it is dropped without
+/// [`publish`](FrameLoan::publish).
 pub struct FrameLoan<'a> {
     pub(super) sample: SampleMut<Ipc, [u8], FrameHeader>,
     /// Bytes of the counts before the positions.
@@ -27,7 +27,7 @@ impl fmt::Debug for FrameLoan<'_> {
 }
 
 impl FrameLoan<'_> {
-    /// Number of coordinates: three a point.
+    /// Returns the number of coordinates: three per point.
     pub(super) fn coordinates(&self) -> usize {
         (self.sample.payload().len() - self.table) / self.precision.bytes()
     }
@@ -43,20 +43,22 @@ impl FrameLoan<'_> {
         Ok(&mut self.sample.payload_mut()[self.table..])
     }
 
-    /// Where the positions go, `x y z x y z ..` curve after curve; 64-byte aligned. Fails where the curves
-    /// were described in double precision.
+    /// Returns the memory of the positions, `x y z x y z ..` curve after curve, 64-byte aligned.
     ///
-    /// Write all of it: it holds zeros or some earlier frame (NaN in debug builds).
+    /// Write all of it: it initially holds zeros or an earlier frame (NaN in debug builds).
+    ///
+    /// Errors: [`Error::LayoutChanged`] if the curves were described in double precision.
     pub fn positions_f32(&mut self) -> Result<&mut [f32]> {
         Ok(cast_mut(self.bytes_of(Precision::F32)?).expect("the service aligns to 64 bytes"))
     }
 
-    /// As [`positions_f32`](FrameLoan::positions_f32), in double precision.
+    /// Returns the memory of the positions in double precision; see
+    /// [`positions_f32`](FrameLoan::positions_f32).
     pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
         Ok(cast_mut(self.bytes_of(Precision::F64)?).expect("the service aligns to 64 bytes"))
     }
 
-    /// Hands the frame to the watcher. Returns its sequence number.
+    /// Publishes the frame. Returns its sequence number.
     pub fn publish(self) -> Result<u64> {
         self.client.connect()?;
         self.sample.send().map_err(bus("send"))?;

@@ -1,4 +1,4 @@
-//! What the watcher says to the simulator, in Rust and in words.
+//! Messages from the watcher to the simulator, as Rust types and in words.
 
 use super::wire::{
     FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE,
@@ -9,15 +9,16 @@ use crate::verdict::{Change, ChangeKind, Defect, DefectKind, Place, PullThrough,
 use std::fmt;
 use std::time::Duration;
 
-/// Why the watcher speaks.
+/// Reason for a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum MessageKind {
-    /// It is there. Sent when it meets a simulator and about once a second while it has nothing to do.
+    /// The watcher is present. Sent when it meets a simulator, and about once a second while it is
+    /// idle.
     Hello = 0,
-    /// It checked a frame.
+    /// The watcher verified a frame.
     Verdict = 1,
-    /// It is done with this session: the session ended, or the watcher leaves.
+    /// The watcher has finished this session: the session ended, or the watcher is leaving.
     Goodbye = 2,
 }
 
@@ -25,18 +26,18 @@ pub enum MessageKind {
 /// frames with impossible sequence numbers are counted in addition.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Frames that were checked, whatever came out.
+    /// Frames that were checked, with any verdict.
     pub verified: u64,
-    /// Frames that were never checked: a newer one was there, or the watcher was not.
+    /// Frames that were not checked, because a newer one replaced them or no watcher was present.
     pub skipped: u64,
     /// Frames that broke their contract.
     pub rejected: u64,
 }
 
-/// The first thing found in a frame: a change, else a pull-through, else a defect.
+/// First finding of a frame: a change if there is one, else a pull-through, else a defect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
-    /// A linking number that is not the expected one.
+    /// A linking number that differs from the expected one.
     Change(Change),
     /// One curve was pulled through another, or through itself.
     Event(PullThrough),
@@ -54,43 +55,44 @@ impl Finding {
     }
 }
 
-/// A message from the watcher. Its `Display` says it in words.
+/// Message from the watcher. Its `Display` form is a sentence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VerdictMessage {
-    /// Why it was sent.
+    /// Reason for the message.
     pub kind: MessageKind,
-    /// The session that is meant; 0 while the watcher has none.
+    /// Session of the message; 0 if the watcher has no session.
     pub session: u64,
-    /// The frame. For a hello or goodbye with `abort`: the frame that asked to stop last.
+    /// Frame of the message. For a hello or goodbye with `abort`: the last frame that asked to
+    /// stop.
     pub seq: u64,
-    /// Its simulation time in seconds.
+    /// Simulation time of the frame, in seconds.
     pub time: f64,
-    /// The answer on that frame.
+    /// Verdict on the frame.
     pub verdict: Verdict,
-    /// Whether the simulator is asked to stop, or to roll back.
+    /// True if the simulator is asked to stop or to roll back.
     pub abort: bool,
-    /// Links lost.
+    /// Number of links lost.
     pub lost: u32,
-    /// Links gained.
+    /// Number of links gained.
     pub gained: u32,
-    /// Links with another number.
+    /// Number of links whose linking number changed otherwise.
     pub changed: u32,
-    /// Pull-throughs since the last frame that was verified.
+    /// Number of pull-throughs since the last verified frame.
     pub events: u32,
-    /// Pairs or curves without a number, or with an undecided step.
+    /// Number of pairs or curves without a linking number, or with an undecided step.
     pub defects: u32,
-    /// Pull-throughs that cannot be resolved, because the frames are too far apart
+    /// Number of pull-throughs that cannot be resolved, because the frames are too far apart
     /// ([`Report::unresolved`]).
     pub unresolved: u32,
     /// The first finding.
     pub first: Option<Finding>,
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,
-    /// Why the frame was rejected.
+    /// Reason if the frame was rejected.
     pub reason: Option<String>,
-    /// The session so far.
+    /// Counters of the session up to this message.
     pub counters: Counters,
-    /// How long the check took.
+    /// Duration of the check.
     pub check: Duration,
 }
 
@@ -155,7 +157,7 @@ impl fmt::Display for VerdictMessage {
 }
 
 impl VerdictWire {
-    /// A message without a frame.
+    /// Creates a message that concerns no frame.
     pub fn new(kind: MessageKind, session: u64, counters: Counters) -> Self {
         VerdictWire {
             magic: VERDICT_MAGIC,
@@ -193,7 +195,7 @@ impl VerdictWire {
         }
     }
 
-    /// What a report says, as far as it fits.
+    /// Creates the message of a report, with its first finding and as much of the reason as fits.
     pub fn from_report(
         report: &Report,
         session: u64,
@@ -254,7 +256,7 @@ impl VerdictWire {
         }
     }
 
-    /// Whether this is a message of the layout that this build knows, and what it says.
+    /// Decodes the message. Fails if it does not have the layout of this build.
     pub fn read(&self) -> Result<VerdictMessage> {
         let bad = |place, code: u64| Error::format("verdict message", place, code);
         if self.magic != VERDICT_MAGIC {
@@ -371,7 +373,7 @@ mod tests {
     };
 
     #[test]
-    fn a_change_arrives_with_its_place() {
+    fn a_change_is_transmitted_with_its_place() {
         let change = Change {
             i: 3,
             j: 4,
@@ -395,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pull_through_arrives() {
+    fn a_pull_through_is_transmitted() {
         let event = PullThrough {
             i: 3,
             j: 3,
@@ -411,13 +413,13 @@ mod tests {
         assert_eq!((m.first, m.events), (Some(Finding::Event(event)), 1));
         assert_eq!(
             m.to_string(),
-            "frame 12: changed, 1 pull-through: curve 3 passed through itself at 0.250 of the step (-1), at \
-             (1.00000, 2.00000, 3.00000), segments 7 and 9"
+            "frame 12: changed, 1 pull-through: curve 3 passed through itself at 0.250 of the step \
+             (-1), at (1.00000, 2.00000, 3.00000), segments 7 and 9"
         );
     }
 
     #[test]
-    fn a_defect_and_a_reason_arrive() {
+    fn a_defect_and_a_reason_are_transmitted() {
         let defect = Defect {
             i: 2,
             j: None,
@@ -436,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hello_counts() {
+    fn a_hello_reports_the_counters() {
         let counters = Counters {
             verified: 7,
             skipped: 2,
@@ -450,7 +452,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_from_elsewhere_are_refused() {
+    fn rejects_unknown_codes() {
         let good = VerdictWire::new(MessageKind::Hello, 0, Counters::default());
         let bad: [fn(&mut VerdictWire); 7] = [
             |w| w.magic = 0,

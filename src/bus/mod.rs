@@ -8,16 +8,18 @@
 //! `docs/wire.md` describes services, layouts and codes for programs in other languages; `page`
 //! compares its tables with the code.
 //!
-//! Both directions are publish-subscribe with safe overflow: nobody ever waits for a slow, stopped or dead
-//! peer. An event beside each is a hint to look sooner; both sides look on a timer as well, since an event
-//! may be lost (always over a bridge between hosts, now and then elsewhere).
+//! Both directions are publish-subscribe with safe overflow: no process ever waits for a slow,
+//! stopped or dead peer. An event service beside each of them wakes the other side early. Both
+//! sides also check on a timer, because an event may be lost (always over a bridge between hosts,
+//! occasionally elsewhere).
 //!
-//! Either side may start first, die and come back. What a killed process leaves behind is removed by the
-//! next one that opens the service.
+//! Either side may start first, die and come back. The next process that opens the service removes
+//! the files that a killed process left behind.
 //!
-//! Trust ends at the user id. A frame that lies is refused; a process of the same user that tampers with the
-//! shared memory itself (shrinks a segment under its reader, say) can still crash the sidecar, which is why
-//! it is a process of its own, and why a simulator has to have its own opinion about silence.
+//! Processes of the same user are trusted with the shared memory, but not with its content. An
+//! invalid frame is rejected. A process of the same user that tampers with the shared memory itself
+//! (for example, shrinks a segment while it is read) can still crash the sidecar. Therefore the
+//! sidecar is a process of its own, and a simulator must decide by itself what silence means.
 
 mod client;
 #[cfg(feature = "bus")]

@@ -16,7 +16,8 @@ use std::mem::{align_of, offset_of, size_of, size_of_val};
 
 const PAGE: &str = include_str!("../../docs/wire.md");
 
-/// Rows of the first table behind `heading` whose first column has this title, without backticks.
+/// Returns the rows of the first table after `heading` whose first column has this title, without
+/// backticks.
 fn rows(heading: &str, title: &str) -> Vec<Vec<String>> {
     let (_, section) = PAGE.split_once(heading).expect("the page has the heading");
     let start = format!("| {title} |");
@@ -32,12 +33,12 @@ fn rows(heading: &str, title: &str) -> Vec<Vec<String>> {
     table.map(cells).collect()
 }
 
-/// The first `n` columns of these rows.
+/// Returns the first `n` columns of these rows.
 fn columns(n: usize, rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
     rows.into_iter().map(|row| row[..n].to_vec()).collect()
 }
 
-/// Offset, size, type and name of every field. Does not compile if a field is missing.
+/// Lists the offset, size, type and name of every field. Does not compile if a field is missing.
 macro_rules! fields {
     ($value:expr, $struct:ident { $($field:ident),* $(,)? }) => {{
         let $struct { $($field),* } = $value;
@@ -184,7 +185,7 @@ fn the_wire_page_has_every_code() {
 }
 
 #[test]
-fn the_wire_page_says_which_numbers_of_points_a_basis_takes() {
+fn the_wire_page_lists_the_numbers_of_points_of_each_basis() {
     let found = rows("## A frame", "basis code");
     assert_eq!(found.len(), Basis::ALL.len());
     for (basis, row) in Basis::ALL.into_iter().zip(found) {
@@ -203,7 +204,7 @@ fn the_wire_page_says_which_numbers_of_points_a_basis_takes() {
     assert!(PAGE.contains(&format!("2400 bytes of positions: {example} bytes.")));
 }
 
-/// Opens both services, and compares what iceoryx2 says of them.
+/// Opens both services, and compares the settings that iceoryx2 reports.
 #[test]
 fn the_wire_page_has_the_settings_of_both_services() {
     let name = format!("linkwatch-page-{}", std::process::id());
@@ -262,9 +263,9 @@ fn the_wire_page_has_the_settings_of_both_services() {
     assert_eq!((&named[0][5], &named[2][4]), (&header, &verdict));
 }
 
-/// Writes a file as the page says, for each basis, and reads it.
+/// For each basis, writes a file as the page describes it, and reads it.
 #[test]
-fn the_wire_page_describes_files_that_are_read() {
+fn reads_files_written_by_the_wire_page() {
     let offsets = columns(1, rows("## Frames in files", "BCC offset"));
     assert_eq!(offsets.concat(), ["0", "4", "6", "8", "16", "24", "64"]);
     let folder = tempfile::tempdir().unwrap();

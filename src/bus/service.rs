@@ -1,14 +1,15 @@
-//! The services, their names and their quality of service, in one place for both sides.
+//! Names and quality of service of the services, in one place for both sides.
 //!
 //! | service | pattern | from | to |
 //! |---|---|---|---|
 //! | `<name>/frames` | publish-subscribe, event | simulator | watcher |
 //! | `<name>/verdicts` | publish-subscribe, event | watcher | simulator |
-//! | `<name>/simulator`, `<name>/watcher` | request-response, never used | a lock each | |
+//! | `<name>/simulator`, `<name>/watcher` | request-response, never used | one lock each | |
 //!
-//! Two publishers are allowed on each topic, since a bridge between hosts joins with one of its own. That
-//! there is one simulator and one watcher is the locks' business: a service with room for one server, which
-//! bridges do not relay, and whose place is freed with everything else of a process that died.
+//! Two publishers are allowed on each topic, because a bridge between hosts joins with its own. The
+//! locks ensure that there is one simulator and one watcher. A lock is a service that admits one
+//! server. Bridges do not relay it, and iceoryx2 frees it together with everything else of a dead
+//! process.
 
 use super::services::user_of;
 use super::wire::{ALIGNMENT, FrameHeader, VerdictWire};
@@ -33,37 +34,40 @@ pub(super) type FrameService = publish_subscribe::PortFactory<Ipc, [u8], FrameHe
 pub(super) type VerdictService = publish_subscribe::PortFactory<Ipc, VerdictWire, ()>;
 pub(super) type NodeId = iceoryx2::identifiers::UniqueNodeId;
 
-/// Frames that wait for a subscriber: the newest, and the end of the session behind it.
+/// Maximum number of frames that wait for a subscriber: the newest, and the end of the session
+/// after it.
 const FRAME_BUFFER: usize = 2;
 
-/// Frames that a subscriber may hold: the one in work, the newest, one just taken, and one of a new session.
+/// Maximum number of frames that a subscriber may hold: the current one, the newest, one just
+/// received, and one of a new session.
 const FRAME_BORROWS: usize = 4;
 
-/// Verdicts that wait for a simulator that polls seldom. The abort signal is repeated in every heartbeat,
-/// so even more of them lose nothing that matters.
+/// Maximum number of verdicts that wait for a simulator that polls rarely. Losing older ones is
+/// harmless, because each heartbeat repeats the abort signal.
 const VERDICT_BUFFER: usize = 64;
 
-/// How long something that another process is just creating, removing or leaving is waited for.
+/// Time limit for something that another process is creating, removing or leaving.
 const PATIENCE: Duration = Duration::from_millis(1000);
 
-/// How long a living holder of a lock is given, since a process killed a moment ago still counts as alive.
+/// Time limit for a living holder of a lock, because a process that was just killed still counts as
+/// alive.
 const LOCK_PATIENCE: Duration = Duration::from_millis(300);
 
-/// Which end of the services this is.
+/// End of the services.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     Simulator,
     Watcher,
 }
 
-/// Both services, opened, and the proof that this process alone has its role.
+/// Both services, opened, and the lock that makes this process the only one in its role.
 pub(super) struct Endpoint {
     role: Role,
     pub frames: FrameService,
     pub verdicts: VerdictService,
-    /// Hears of frames (watcher) or verdicts (simulator).
+    /// Receives the events of frames (watcher) or verdicts (simulator).
     pub listener: Listener<Ipc>,
-    /// Tells of verdicts (watcher) or frames (simulator).
+    /// Sends the events of verdicts (watcher) or frames (simulator).
     notifier: Notifier<Ipc>,
     _lock: Server<Ipc, u64, (), u64, ()>,
     _node: Node<Ipc>,
@@ -77,28 +81,28 @@ impl Debug for Endpoint {
 
 impl Endpoint {
     pub fn open(name: &str, role: Role) -> Result<Endpoint> {
-        quiet();
+        limit_log_level();
         let node_name = match role {
             Role::Simulator => "linkwatch simulator",
             Role::Watcher => "linkwatch watcher",
         };
-        // Signals stay with the program that owns this process. Creating a node also removes what killed
-        // processes left behind.
+        // Signals stay with the program that owns this process. Creating a node also removes the
+        // files that killed processes left behind.
         let node = NodeBuilder::new()
             .name(&NodeName::new(node_name).map_err(bus("node name"))?)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Ipc>()
             .map_err(|e| {
                 Error::Bus(format!(
-                    "no shared memory ({e:?}): simulator and watcher must run as the same user, who \
-                     must be able to write to /dev/shm and /tmp/iceoryx2"
+                    "cannot open shared memory ({e:?}): simulator and watcher must run as the same \
+                     user, who must be able to write to /dev/shm and /tmp/iceoryx2"
                 ))
             })?;
         let lock = lock(&node, name, role)?;
         let frames_name = service_name(name, "frames")?;
         let verdicts_name = service_name(name, "verdicts")?;
         let alignment = Alignment::new(ALIGNMENT).expect("64 is a power of two");
-        let frames = patiently(|| {
+        let frames = retry_transient(|| {
             node.service_builder(&frames_name)
                 .publish_subscribe::<[u8]>()
                 .user_header::<FrameHeader>()
@@ -112,7 +116,7 @@ impl Endpoint {
                 .open_or_create()
         })
         .map_err(cannot_open(&frames_name))?;
-        let verdicts = patiently(|| {
+        let verdicts = retry_transient(|| {
             node.service_builder(&verdicts_name)
                 .publish_subscribe::<VerdictWire>()
                 .max_publishers(2)
@@ -125,19 +129,22 @@ impl Endpoint {
         })
         .map_err(cannot_open(&verdicts_name))?;
         let open_event = |name: &ServiceName| -> Result<event::PortFactory<Ipc>> {
-            patiently(|| node.service_builder(name).event().open_or_create())
+            retry_transient(|| node.service_builder(name).event().open_or_create())
                 .map_err(cannot_open(name))
         };
         let (frame_events, verdict_events) =
             (open_event(&frames_name)?, open_event(&verdicts_name)?);
-        let (hear, tell) = match role {
+        let (receive, send) = match role {
             Role::Simulator => (verdict_events, frame_events),
             Role::Watcher => (frame_events, verdict_events),
         };
         Ok(Endpoint {
             role,
-            listener: hear.listener_builder().create().map_err(bus("listener"))?,
-            notifier: tell.notifier_builder().create().map_err(bus("notifier"))?,
+            listener: receive
+                .listener_builder()
+                .create()
+                .map_err(bus("listener"))?,
+            notifier: send.notifier_builder().create().map_err(bus("notifier"))?,
             frames,
             verdicts,
             _lock: lock,
@@ -145,14 +152,16 @@ impl Endpoint {
         })
     }
 
-    /// Wakes the other side if it sleeps. Never waits; a failure costs a timer tick, so it is no error.
+    /// Wakes the other side if it sleeps. Never waits. Ignores failures, because they only delay
+    /// the other side until its next timer tick.
     pub fn notify(&self) {
         let _ = self.notifier.notify();
     }
 
-    /// Sleeps until the other side tells of something or the time is over. False where a signal came.
+    /// Sleeps until the other side sends an event or the time is over. Returns false if a signal
+    /// arrived.
     pub fn sleep(&self, time: Duration) -> bool {
-        // Less than a microsecond would become zero on the socket below, which means "for ever" there.
+        // The socket below rounds less than a microsecond to zero, which means no time limit.
         let time = time.max(Duration::from_millis(1));
         self.listener.timed_wait_all(|_| {}, time).is_ok()
     }
@@ -183,14 +192,14 @@ impl Endpoint {
     }
 }
 
-/// Removes what dead processes left in shared memory.
+/// Removes the files of dead processes from shared memory.
 fn cleanup() {
     Node::<Ipc>::try_cleanup_dead_nodes(Config::global_config());
 }
 
-/// iceoryx2 writes warnings of its own to stderr, about things that are handled here (a peer that is
-/// stopped, a configuration file that nobody needs). Only errors pass, unless IOX2_LOG_LEVEL says otherwise.
-pub(super) fn quiet() {
+/// Limits the log of iceoryx2 to errors, unless IOX2_LOG_LEVEL is set. Its warnings concern
+/// conditions that are handled here (a stopped peer, a missing configuration file).
+pub(super) fn limit_log_level() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Error));
 }
@@ -208,13 +217,13 @@ fn service_name(name: &str, part: &str) -> Result<ServiceName> {
     })
 }
 
-/// Takes the only place for this role on the service.
+/// Acquires the lock of this role on the service.
 fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (), u64, ()>> {
     let lock_name = match role {
         Role::Simulator => service_name(name, "simulator")?,
         Role::Watcher => service_name(name, "watcher")?,
     };
-    let service = patiently(|| {
+    let service = retry_transient(|| {
         node.service_builder(&lock_name)
             .request_response::<u64, u64>()
             .max_servers(1)
@@ -252,8 +261,8 @@ fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (),
             };
             return Err(Error::Bus(match role {
                 Role::Simulator => format!(
-                    "service \"{name}\" already has a simulator ({who}). Stop it, or give one of the \
-                     two a service name of its own and watch it with `linkwatch watch --service NAME`"
+                    "service \"{name}\" already has a simulator ({who}). Stop it, or give one of \
+                     the two another service name, watched with `linkwatch watch --service NAME`"
                 ),
                 Role::Watcher => format!(
                     "service \"{name}\" is already watched ({who}). Stop that watcher, or watch \
@@ -265,9 +274,10 @@ fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (),
     }
 }
 
-/// Opens or creates something that another process may be creating or removing at this moment.
-fn patiently<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E> {
-    // Named by their Debug form, which is the variant: each pattern has an enum of its own for the same cases.
+/// Opens or creates something that another process may be creating or removing at the same time.
+fn retry_transient<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E> {
+    // Matched by their Debug form, because each messaging pattern has its own enum for the same
+    // errors.
     const TRANSIENT: [&str; 6] = [
         "SystemInFlux",
         "IsMarkedForDestruction",
@@ -303,8 +313,9 @@ fn cannot_open<E: Debug>(name: &ServiceName) -> impl FnOnce(E) -> Error {
                  of linkwatch{who}. Choose another service name, or use one version on both sides"
             )
         } else if words.contains("Corrupted") {
-            " It was created by another version of iceoryx2 (this is 0.9.3), or by a process that was \
-             killed halfway: stop all processes that use it, and remove their files in /tmp/iceoryx2"
+            " It was created by another version of iceoryx2 (this is 0.9.3), or by a process that \
+             was killed meanwhile: stop all processes that use it, and remove its files in \
+             /tmp/iceoryx2"
                 .into()
         } else if words.contains("Permission") {
             " Simulator and watcher must run as the same user".into()
@@ -317,7 +328,7 @@ fn cannot_open<E: Debug>(name: &ServiceName) -> impl FnOnce(E) -> Error {
     }
 }
 
-/// A failure of iceoryx2, with what was being done.
+/// Returns a function that describes a failure of iceoryx2 by the operation that failed.
 pub(super) fn bus<E: Debug>(what: &'static str) -> impl FnOnce(E) -> Error {
     move |e| Error::Bus(format!("{what}: {e:?}"))
 }

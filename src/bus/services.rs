@@ -1,7 +1,7 @@
-//! The services of this machine, from their files alone: nothing is opened, created or removed, so
-//! a running session is not disturbed.
+//! List of the services of this machine, read from their files alone. Nothing is opened, created or
+//! removed, so running sessions are not disturbed.
 
-use super::service::{Ipc, quiet};
+use super::service::{Ipc, limit_log_level};
 use super::wire::{FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use iceoryx2::identifiers::UniqueNodeId;
@@ -111,7 +111,7 @@ pub fn services() -> Result<Vec<ServiceInfo>> {
     Ok(services.collect())
 }
 
-/// Returns a living process that uses a service of iceoryx2, whatever its types.
+/// Returns a living process that uses a service of iceoryx2 of any type.
 pub(super) fn user_of(service: &ServiceName) -> Option<Attached> {
     let mut user = None;
     let look = |details: ServiceDetails<Ipc>| {
@@ -122,7 +122,7 @@ pub(super) fn user_of(service: &ServiceName) -> Option<Attached> {
     list(look).ok().and(user)
 }
 
-/// The parts of a service, as far as they were found.
+/// Parts of a service that were found.
 #[derive(Default)]
 struct Found {
     /// Users of the frames, and true if these have the layout of this version.
@@ -134,13 +134,13 @@ struct Found {
 }
 
 impl Found {
-    /// Returns `None` if this is no service of linkwatch, or if nobody uses it.
+    /// Returns `None` if this is not a service of linkwatch, or if no process uses it.
     fn info(self, service: String) -> Option<ServiceInfo> {
         let (mut attached, known) = self.frames?;
         if attached.is_empty() {
             return None;
         }
-        // A process that is refused holds no frames: another one has its role already.
+        // A process whose role is taken is rejected before it opens the frames.
         let mut with_role = |role: BTreeMap<UniqueNodeId, Attached>| {
             let nodes: Vec<Attached> = role.keys().filter_map(|id| attached.remove(id)).collect();
             nodes.into_iter().next()
@@ -155,9 +155,9 @@ impl Found {
     }
 }
 
-/// Calls `look` with every service of iceoryx2 on this machine.
+/// Calls `look` for every service of iceoryx2 on this machine.
 fn list(mut look: impl FnMut(ServiceDetails<Ipc>)) -> Result<()> {
-    quiet();
+    limit_log_level();
     Ipc::list(Config::global_config(), |details| {
         look(details);
         CallbackProgression::Continue
@@ -165,8 +165,8 @@ fn list(mut look: impl FnMut(ServiceDetails<Ipc>)) -> Result<()> {
     .map_err(|e| Error::Bus(format!("cannot list the services of this machine ({e:?})")))
 }
 
-/// Returns the living processes that use a service. A process lives as long as it holds a lock on a
-/// file, so that one that was killed does not count.
+/// Returns the living processes that use a service. A process counts as alive while it holds a lock
+/// on a file, so a killed process does not count.
 fn living(details: &ServiceDetails<Ipc>) -> BTreeMap<UniqueNodeId, Attached> {
     let nodes = details.dynamic_details.iter().flat_map(|d| &d.nodes);
     let alive = nodes.filter_map(|state| match state {

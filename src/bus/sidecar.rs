@@ -1,4 +1,4 @@
-//! What `linkwatch watch` uses: frames in, verdicts out.
+//! Watcher's end of the bus: receives frames, sends verdicts.
 
 use super::event::{Event, Frame};
 use super::message::{Counters, MessageKind};
@@ -14,20 +14,21 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// How long the watcher sleeps at most before it looks for itself.
+/// Maximum time that the watcher sleeps before it polls.
 const TICK: Duration = Duration::from_millis(10);
 
-/// Silence after which the simulator is looked for, and the time between two looks.
+/// Silence after which the watcher checks that the process of the simulator exists, and the
+/// interval of these checks.
 const SILENCE: Duration = Duration::from_millis(500);
 
-/// Time between two heartbeats.
+/// Interval of the heartbeats.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
-/// Frames taken in one go, so that a simulator that publishes without end cannot keep the watcher from
-/// checking.
+/// Maximum number of frames received at once, so that a simulator that publishes without pause
+/// cannot keep the watcher from verifying.
 const BATCH: usize = 64;
 
-/// Sessions whose stragglers are recognised.
+/// Number of ended sessions whose late frames are recognised.
 const RETIRED: usize = 16;
 
 /// Upper bound of the sequence numbers: a frame every 100 ns for 28 years, and exact in JSON.
@@ -41,7 +42,7 @@ const FASTEST: u64 = 8;
 /// after the frame is received, and a bridge delivers in bursts.
 const AHEAD: u64 = 1 << 16;
 
-/// How the watcher uses the bus.
+/// Options of a [`Sidecar`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SidecarOptions {
@@ -50,7 +51,7 @@ pub struct SidecarOptions {
 }
 
 impl Default for SidecarOptions {
-    /// Frames of up to 4 GiB (where an address is large enough).
+    /// Limits frames to 4 GiB, if an address is large enough.
     fn default() -> Self {
         SidecarOptions {
             max_frame_bytes: u32::MAX as usize,
@@ -60,7 +61,8 @@ impl Default for SidecarOptions {
 
 struct Session {
     id: u64,
-    /// The simulator's process as iceoryx2 knows it; `None` where it was gone before it could be seen.
+    /// Process of the simulator as iceoryx2 identifies it; `None` if it ended before it could be
+    /// identified.
     node: Option<NodeId>,
     /// The last frame with a plausible sequence number, checked or not.
     last_seen: Option<Seen>,
@@ -69,7 +71,7 @@ struct Session {
     /// Number of frames with a plausible sequence number that were delivered.
     delivered: u64,
     counters: Counters,
-    /// The last message that asked to stop; repeated in heartbeats, since it must not be lost.
+    /// Last message that asked to stop. Heartbeats repeat it, because it must not be lost.
     abort: Option<VerdictWire>,
     heard: Instant,
 }
@@ -148,16 +150,16 @@ enum Pending {
     Lost,
 }
 
-/// The watcher's end of the bus.
+/// Watcher's end of the bus.
 pub struct Sidecar {
     subscriber: Subscriber<Ipc, [u8], FrameHeader>,
     publisher: Publisher<Ipc, VerdictWire, ()>,
     max_frame_bytes: usize,
     session: Option<Session>,
-    /// Sessions that are over, newest last. A frame of theirs that turns up late is no new session.
+    /// Ended sessions, newest last. A late frame of one of them does not start a new session.
     retired: VecDeque<u64>,
     newest: Option<Frame>,
-    /// Taken from the bus, but not yet its turn: the one before has to end first.
+    /// Frame that was received, but must wait until the session before it has ended.
     held: Option<Frame>,
     pending: VecDeque<Pending>,
     last_word: Instant,
@@ -174,9 +176,10 @@ impl fmt::Debug for Sidecar {
 }
 
 impl Sidecar {
-    /// Opens the service; creates it where no simulator has yet.
+    /// Opens the service, or creates it if no simulator has done so yet.
     ///
-    /// Fails where another living watcher is on the same name: a simulator has one to answer it.
+    /// Errors: [`Error::Bus`] if another living watcher uses the same name, because a simulator has
+    /// only one.
     pub fn open(service: &str, options: &SidecarOptions) -> Result<Sidecar> {
         let endpoint = Endpoint::open(service, Role::Watcher)?;
         let publisher = endpoint.verdicts.publisher_builder();
@@ -202,21 +205,22 @@ impl Sidecar {
         Ok(sidecar)
     }
 
-    /// What became of the frames of this session so far.
+    /// Returns the counters of this session so far.
     pub fn counters(&self) -> Counters {
         self.session
             .as_ref()
             .map_or(Counters::default(), |s| s.counters)
     }
 
-    /// The next event, waiting for it at most for `timeout`. Sends heartbeats meanwhile.
+    /// Returns the next event, waiting at most for `timeout`. Sends heartbeats meanwhile.
     pub fn wait(&mut self, timeout: Duration) -> Result<Event> {
         let start = Instant::now();
         loop {
             if self.last_word.elapsed() >= HEARTBEAT {
                 self.heartbeat()?;
             }
-            // Gives the last word to a simulator that has just come. Tried again with the next tick.
+            // Delivers the last message to a simulator that has just connected. Retried at the next
+            // tick.
             let _ = self.publisher.update_connections();
             if self.pending.is_empty() {
                 self.drain()?;
@@ -228,7 +232,8 @@ impl Sidecar {
                 return Ok(self.deliver(Pending::Frame(frame)));
             }
             if self.simulator_is_gone() {
-                // It may have published between the look at the bus and the look at its process.
+                // The simulator may have published between the last poll and the check of its
+                // process.
                 self.drain()?;
                 self.flush();
                 self.pending.push_back(Pending::Lost);
@@ -241,7 +246,7 @@ impl Sidecar {
         }
     }
 
-    /// Takes what lies on the bus, until something has to be told or there is no more.
+    /// Receives messages until there is an event to return, or no message is left.
     fn drain(&mut self) -> Result<()> {
         for _ in 0..BATCH {
             if !self.pending.is_empty() {
@@ -272,8 +277,8 @@ impl Sidecar {
         }
         match &self.session {
             Some(session) if session.id == header.session => {}
-            // Left over from a simulator that is gone, or a second one on another host: the last one that
-            // came is the one that is watched.
+            // A leftover of a simulator that ended, or a second simulator on another host. The
+            // simulator that came last is the one that is watched.
             _ if self.retired.contains(&header.session) => return,
             Some(_) => {
                 self.flush();
@@ -306,8 +311,8 @@ impl Sidecar {
                 clean: header.flags & FLAG_UNFINISHED == 0,
             });
         } else if header.flags & FLAG_ANNOUNCE != 0 {
-            // Repeated until it is answered: the first answer may have been lost. A failure shows in the
-            // next heartbeat.
+            // Repeated until the simulator answers, because the first message may be lost. A
+            // failure shows in the next heartbeat.
             let _ = self.heartbeat();
         } else if let Err(why) = session.number(header.seq) {
             frame.fault = Some(why);
@@ -318,7 +323,7 @@ impl Sidecar {
         }
     }
 
-    /// Queues the newest frame, since something follows that must not overtake it.
+    /// Queues the newest frame, because the event that follows must not overtake it.
     fn flush(&mut self) {
         self.pending.extend(self.newest.take().map(Pending::Frame));
     }
@@ -350,7 +355,7 @@ impl Sidecar {
         session.node.is_none_or(|id| self.endpoint.node_is_gone(id))
     }
 
-    /// Does the bookkeeping of an event as it is handed out.
+    /// Updates the state for an event that is returned.
     fn deliver(&mut self, pending: Pending) -> Event {
         let Some(session) = &mut self.session else {
             return match pending {
@@ -362,7 +367,7 @@ impl Sidecar {
         match pending {
             Pending::Unreadable(e) => Event::Unreadable(e),
             Pending::NewSession => {
-                // Best effort, as the goodbye: what happened has to be told here in any case.
+                // Best effort, like the goodbye: the event must be returned in any case.
                 let _ = self.heartbeat();
                 Event::NewSession { session: id }
             }
@@ -396,9 +401,9 @@ impl Sidecar {
         }
     }
 
-    /// Says goodbye to the session.
+    /// Ends the session and says goodbye.
     fn retire(&mut self) {
-        let _ = self.say(MessageKind::Goodbye);
+        let _ = self.send_message(MessageKind::Goodbye);
         if let Some(session) = self.session.take() {
             self.retired.push_back(session.id);
             if self.retired.len() > RETIRED {
@@ -407,12 +412,13 @@ impl Sidecar {
         }
     }
 
-    /// Answers a frame of this session. Every frame that [`wait`](Sidecar::wait) gave is to be answered, a
-    /// broken one with [`Verdict::Rejected`]; `check` is the time that it took.
+    /// Sends the verdict on a frame of this session. Call this for every frame that
+    /// [`wait`](Sidecar::wait) returned, for an invalid one with [`Verdict::Rejected`]. `check` is
+    /// the duration of the check.
     pub fn send_verdict(&mut self, report: &Report, check: Duration) -> Result<()> {
         let Some(session) = &mut self.session else {
             return Err(Error::Bus(format!(
-                "the session of frame {} is over",
+                "the session of frame {} has ended",
                 report.seq
             )));
         };
@@ -439,13 +445,13 @@ impl Sidecar {
         }
     }
 
-    /// Says that the watcher is there, and repeats the last abort of the session. [`wait`](Sidecar::wait)
-    /// does so about once a second; to be called from checks that take long.
+    /// Announces the watcher, and repeats the last abort of the session. [`wait`](Sidecar::wait)
+    /// does so about once a second; call this during long checks.
     pub fn heartbeat(&mut self) -> Result<()> {
-        self.say(MessageKind::Hello)
+        self.send_message(MessageKind::Hello)
     }
 
-    fn say(&mut self, kind: MessageKind) -> Result<()> {
+    fn send_message(&mut self, kind: MessageKind) -> Result<()> {
         let wire = match &self.session {
             None => VerdictWire::new(kind, 0, Counters::default()),
             Some(session) => {
@@ -474,7 +480,7 @@ impl Sidecar {
 
 impl Drop for Sidecar {
     fn drop(&mut self) {
-        // Best effort: a simulator that misses it sees silence.
-        let _ = self.say(MessageKind::Goodbye);
+        // Best effort: without this message, a simulator sees silence.
+        let _ = self.send_message(MessageKind::Goodbye);
     }
 }

@@ -1,12 +1,13 @@
-//! What lies in shared memory: two plain structs and the arrangement of a frame's bytes.
+//! Layout of shared memory: two plain structs, and the bytes of a frame.
 //!
-//! iceoryx2 compares name, size and alignment of a type but not its fields, so both structs start with a
-//! magic number and a layout version, and have no hidden padding.
+//! iceoryx2 compares the name, size and alignment of a type, but not its fields. Therefore both
+//! structs start with a magic number and a layout version, and have no implicit padding.
 //!
-//! Payload of a frame: `n_curves` counts (`i32`, negative: closed, as in BCC files), zeros up to a multiple
-//! of 64 bytes, then `3 * n_points` coordinates. Everything is in the byte order of the machine.
+//! Payload of a frame: `n_curves` counts (`i32`, negative if the curve is closed, as in BCC files),
+//! zeros up to a multiple of 64 bytes, then `3 * n_points` coordinates. All numbers have the byte
+//! order of the machine.
 //!
-//! `docs/wire.md` describes this for other languages. A change of a layout changes that page.
+//! `docs/wire.md` describes this layout for other languages; change both together.
 
 use crate::curve::Precision;
 #[cfg(feature = "bus")]
@@ -17,28 +18,30 @@ use crate::ingest::RawFrame;
 use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
-/// Counts up with every change of either struct or of the payload.
+/// Version of the layout. Increment it with every change of either struct or of the payload.
 pub(super) const LAYOUT_VERSION: u32 = 4;
 
-/// Start of the payload and of the positions in it: a cache line, and the widest vector load.
+/// Alignment of the payload and of the positions in it: a cache line, and the widest vector load.
 pub(super) const ALIGNMENT: usize = 64;
 
-/// "LWFRAME" where a frame header starts. Reversed on a machine of the other byte order, and so refused.
+/// "LWFRAME" at the start of a frame header. A machine of the other byte order reads it reversed,
+/// and rejects it.
 pub(super) const FRAME_MAGIC: u64 = u64::from_le_bytes(*b"LWFRAME\0");
 
-/// "LWVERDI" where a verdict starts.
+/// "LWVERDI" at the start of a verdict.
 pub(super) const VERDICT_MAGIC: u64 = u64::from_le_bytes(*b"LWVERDI\0");
 
 /// The simulator waits for the verdict on this frame.
 pub(super) const FLAG_LOCKSTEP: u32 = 1;
-/// Not a frame: the session is over, `seq` is the number of frames published.
+/// Not a frame: the session has ended, and `seq` is the number of published frames.
 pub(super) const FLAG_END: u32 = 2;
-/// Not a frame: the simulator asks who is there.
+/// Not a frame: the simulator asks which watcher is present.
 pub(super) const FLAG_ANNOUNCE: u32 = 4;
-/// With `FLAG_END`: the simulator left without finishing (an error, a panic).
+/// With `FLAG_END`: the simulator ended without finishing (an error or a panic).
 pub(super) const FLAG_UNFINISHED: u32 = 8;
 
-/// Stands before every frame. Each frame describes itself, so a late watcher needs no other.
+/// Header of every frame. Each frame describes itself, so a watcher that joins late needs no
+/// earlier one.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[type_name("linkwatch.FrameHeader")]
@@ -46,15 +49,15 @@ pub(super) struct FrameHeader {
     pub magic: u64,
     pub version: u32,
     pub flags: u32,
-    /// Drawn at random when a client opens, never 0.
+    /// Random number drawn when a client opens, never 0.
     pub session: u64,
-    /// From 0, one more with every frame of the session.
+    /// Number of the frame in its session, from 0.
     pub seq: u64,
     /// Simulation time in seconds.
     pub time: f64,
     pub n_points: u64,
     pub n_curves: u32,
-    /// Place in [`Basis::ALL`].
+    /// Index in [`Basis::ALL`].
     pub basis: u32,
     /// 4 or 8.
     pub coordinate_bytes: u32,
@@ -64,7 +67,7 @@ pub(super) struct FrameHeader {
     pub cuts: u32,
 }
 
-/// What finding a [`VerdictWire`] carries.
+/// [`VerdictWire::finding`]: the message has no finding.
 pub(super) const FINDING_NONE: u32 = 0;
 /// A change of a linking number.
 pub(super) const FINDING_CHANGE: u32 = 1;
@@ -86,7 +89,7 @@ pub(super) struct VerdictWire {
     pub version: u32,
     /// Code of a [`super::MessageKind`].
     pub kind: u32,
-    /// The session that is meant; 0 while there is none.
+    /// Session of the message; 0 if there is none.
     pub session: u64,
     pub seq: u64,
     pub time: f64,
@@ -122,26 +125,26 @@ pub(super) struct VerdictWire {
     pub reason: [u8; 192],
 }
 
-// No hidden padding: the sizes are the sums of the fields, and both are whole words.
+// The sizes are the sums of the fields, so there is no implicit padding.
 const _: () = assert!(size_of::<FrameHeader>() == 64);
 const _: () = assert!(size_of::<VerdictWire>() == 392);
 
-/// Bytes of the counts of `curves` curves, with the padding behind them.
+/// Returns the number of bytes of the counts of `curves` curves, padding included.
 pub(super) fn table_bytes(curves: usize) -> Option<usize> {
     curves
         .checked_mul(size_of::<i32>())?
         .checked_next_multiple_of(ALIGNMENT)
 }
 
-/// Bytes of a whole payload.
+/// Returns the number of bytes of a whole payload.
 pub(super) fn payload_bytes(curves: usize, points: usize, precision: Precision) -> Option<usize> {
     let positions = points.checked_mul(3 * precision.bytes())?;
     table_bytes(curves)?.checked_add(positions)
 }
 
 impl FrameHeader {
-    /// Whether this is a header at all, and of the layout that this build knows. Nothing else in it means
-    /// anything before that.
+    /// Fails unless the magic number and the layout version are those of this build. Until this
+    /// check, no other field has a meaning.
     pub fn check_layout(&self) -> Result<()> {
         if self.magic != FRAME_MAGIC {
             return Err(Error::format(
@@ -160,8 +163,8 @@ impl FrameHeader {
         Ok(())
     }
 
-    /// The parts of the payload that this header promises, or what is wrong with them. `self` must be a
-    /// copy: the header in shared memory may change at any time.
+    /// Returns the parts of the payload that this header describes, or an error if they do not fit.
+    /// `self` must be a copy, because the header in shared memory may change at any time.
     #[cfg(feature = "bus")]
     pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<RawFrame<'a>> {
         let field = |place, what: std::fmt::Arguments<'_>| Err(Error::format("frame", place, what));
@@ -228,13 +231,13 @@ impl FrameHeader {
     }
 }
 
-/// Numbers of which every bit pattern is one.
+/// Number types for which every bit pattern is valid.
 pub(super) trait Plain: Copy {}
 impl Plain for i32 {}
 impl Plain for f32 {}
 impl Plain for f64 {}
 
-/// Bytes as numbers; `None` where they are not aligned or not a whole number of them.
+/// Returns bytes as numbers, or `None` if they are unaligned or not a whole number of them.
 pub(super) fn cast<T: Plain>(bytes: &[u8]) -> Option<&[T]> {
     #[expect(unsafe_code, reason = "numbers in shared memory")]
     // SAFETY: every bit pattern is a `T`; `align_to` keeps to the aligned middle.
@@ -242,7 +245,7 @@ pub(super) fn cast<T: Plain>(bytes: &[u8]) -> Option<&[T]> {
     (head.is_empty() && tail.is_empty()).then_some(body)
 }
 
-/// Bytes as numbers to write.
+/// Returns bytes as numbers to write.
 pub(super) fn cast_mut<T: Plain>(bytes: &mut [u8]) -> Option<&mut [T]> {
     #[expect(unsafe_code, reason = "numbers in shared memory")]
     // SAFETY: every bit pattern is a `T`, and every `T` is initialised bytes without padding.
@@ -274,14 +277,14 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_fits_is_split() {
+    fn splits_a_frame_that_fits() {
         let bytes = Aligned([0; 256]);
         let frame = header(1, 4).view(&bytes.0[..112], 256).unwrap();
         assert_eq!((frame.counts.len(), frame.positions.len()), (1, 12));
     }
 
     #[test]
-    fn lengths_that_lie_never_reach_the_payload() {
+    fn rejects_wrong_lengths_before_reading_the_payload() {
         let bytes = Aligned([0; 256]);
         let fails = |h: FrameHeader| h.view(&bytes.0[..112], 256).unwrap_err().to_string();
         assert_eq!(
@@ -306,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_out_of_range_are_named() {
+    fn rejects_codes_out_of_range_by_name() {
         let bytes = Aligned([0; 256]);
         let fails = |h: FrameHeader| h.view(&bytes.0[..112], 256).unwrap_err().to_string();
         let with = |change: fn(&mut FrameHeader)| {

@@ -1,4 +1,4 @@
-//! `linkwatch certify`: models in, certificates out.
+//! `linkwatch certify`: computes the certificates of models.
 
 use super::files::{Content, Files, Overwrite, write_text};
 use super::kernel::KernelArgs;
@@ -23,7 +23,7 @@ pub struct Args {
     output: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// How splines become polylines
+    /// Method that converts splines to polylines
     #[arg(long, value_enum, default_value_t, conflicts_with = "method", help_heading = super::KERNELS, hide_short_help = true)]
     discretize: Discretize,
     #[command(flatten)]
@@ -37,10 +37,10 @@ pub struct Args {
     repeat: Option<u32>,
 }
 
-/// How splines become polylines.
+/// Method that converts splines to polylines.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 enum Discretize {
-    /// Each pair by itself, only where its curves come close
+    /// Each pair separately, only where its curves come close
     #[default]
     Pair,
     /// All curves at once, as in Algorithm 3 of Qu & James 2021
@@ -52,9 +52,9 @@ struct Certified {
     set: CurveSet,
     certificate: Certificate,
     stats: Stats,
-    /// Who decided, where that was not up to noise.
+    /// Decisions of sums and of counting; `None` with noise.
     ladder: Option<Ladder>,
-    /// What a graphics processor was given.
+    /// Work done on the GPU.
     offload: Offload,
     took: Duration,
 }
@@ -123,7 +123,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if args.output.is_some() && args.models.len() > 1 {
         return Err(linkwatch::Error::Usage(format!(
-            "-o takes the certificate of one model; {} were given",
+            "-o writes the certificate of one model; {} models were given",
             args.models.len()
         )));
     }
@@ -146,8 +146,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         tracing::info!("{}: {}", path.display(), summary(&c));
         if c.stats.exact > 0 {
             tracing::info!(
-                "{}: {} were too close for floating point and decided exactly ({}): slower, but \
-                 the numbers are as certain",
+                "{}: {} exceeded floating-point precision and were decided exactly ({}): slower, \
+                 but equally certain",
                 path.display(),
                 plural(c.stats.exact, "orientation test"),
                 percent(c.stats.exact_share()),
@@ -155,7 +155,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
         if let Some(l) = c.ladder.as_ref().filter(|l| l.summed > 0 || asked_to_sum) {
             tracing::info!(
-                "{}: {} decided {} ({} off at most, proven within {}), counting {}; the sums took {}",
+                "{}: {} decided {} (error at most {}, proven bound {}), counting {}; \
+                 the sums took {}",
                 path.display(),
                 args.kernel.method,
                 plural(l.summed, "pair"),
@@ -167,7 +168,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
         if c.offload.tests > 0 {
             tracing::info!(
-                "{}: {} on the device, {} left to the processor ({})",
+                "{}: {} on the GPU, {} of them repeated on the CPU ({})",
                 path.display(),
                 plural(c.offload.tests, "test"),
                 count(c.offload.undecided),
@@ -200,7 +201,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// Two digits.
+/// Formats a number with two digits.
 fn brief(x: f64) -> String {
     format!("{x:.1e}")
 }

@@ -1,19 +1,19 @@
-//! `linkwatch check`: models against a certificate, or against the first of them.
+//! `linkwatch check`: compares models with a certificate, or with the first of them.
 
 use super::Outcome;
+use super::event_args::EventArgs;
 use super::files::{Content, Files, write_text};
 use super::kernel::KernelArgs;
-use super::look_for::LookFor;
 use super::order;
 use super::output::with_progress;
-use super::session::{Baseline, Ingested, Judge, Run, Session, Sinks, Tally};
+use super::session::{Baseline, FrameCounts, Ingested, Judge, Run, Session, Sinks};
 use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, CurveSet, Error, Events, Overflow, Result, Verdict, Verifier, model};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Maximum wait for a sink that takes nothing. After that, frames are dropped and counted.
+/// Maximum wait for a blocked sink. After that, frames are dropped and counted.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Compare the topology of models with a certificate, or with the first model
@@ -31,9 +31,9 @@ pub struct Args {
     #[arg(long, value_name = "first-frame|CERT", help_heading = super::COMPARE)]
     against: Option<Baseline>,
     #[command(flatten)]
-    look_for: LookFor,
+    event_args: EventArgs,
     /// Stop at the first change of a model, the most suspect pairs first
-    #[arg(long, conflicts_with_all = ["events", "own", "method"], help_heading = super::COMPARE)]
+    #[arg(long, conflicts_with_all = ["events", "with_self", "method"], help_heading = super::COMPARE)]
     early_exit: bool,
     /// Write the pairs that differ, a line `i,j,expected,found` each
     #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
@@ -52,15 +52,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut models = args.models.clone();
     if !args.keep_order && order::sort(&mut models) {
         tracing::warn!(
-            "models are sorted by the numbers in their names: {} .. {} (--keep-order keeps the order \
-             that was given)",
+            "models are sorted by the numbers in their names: {} .. {} (--keep-order keeps the \
+             given order)",
             models[0].display(),
             models[models.len() - 1].display(),
         );
     }
     let from_first_frame = !matches!(args.against, Some(Baseline::File(_)));
     if from_first_frame && models.len() == 1 {
-        let why = "one model, and nothing to compare it with: give the later models of its motion as \
+        let why = "one model and nothing to compare it with: also give later models of its motion \
                    well, or --against CERT (`linkwatch certify MODEL -o CERT` writes one)";
         return Err(Error::Usage(why.into()));
     }
@@ -84,7 +84,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let judge = Judge {
         baseline: args.against.clone(),
         abort_on: Some(AbortOn::Never),
-        look_for: args.look_for,
+        event_args: args.event_args,
         kernel: args.kernel.clone(),
         paranoid: false,
     };
@@ -95,14 +95,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         full: models.len() == 1 || args.early_exit,
         early_exit: args.early_exit,
         baseline: None,
-        look_for: (Events::Off, Verifier::MOTION_LIMIT),
+        default_events: (Events::Off, Verifier::MOTION_LIMIT),
         title: &format!("check of {}", models[0].display()),
         metadata: BTreeMap::from([("models".to_owned(), models.len().to_string())]),
         overflow: Overflow::WaitForProgress(PATIENCE),
         json,
     })?
     .of_files();
-    let mut tally = Tally::default();
+    let mut tally = FrameCounts::default();
     let mut pairs = BTreeSet::new();
     let mut failed = None;
     for (seq, path) in models.iter().enumerate() {
@@ -121,7 +121,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                     None => failed = Some(e),
                     Some(_) => tracing::error!("{e}"),
                 }
-                // Without a first frame there is nothing to compare the others with.
+                // Without a first frame there is no baseline for the others.
                 if nothing_closed && from_first_frame {
                     break;
                 }

@@ -1,4 +1,4 @@
-//! `linkwatch completions`: the options, for a shell that completes them.
+//! `linkwatch completions`: prints a completion script for a shell.
 
 use super::{Cli, Outcome, output};
 use clap::CommandFactory;

@@ -1,4 +1,5 @@
-//! `linkwatch devices`: the graphics processors that there are, what each can do, and what kernels take there.
+//! `linkwatch devices`: lists the GPU adapters, their capabilities, and the time of kernels on
+//! them.
 
 use super::number::positive;
 use super::{Outcome, output};
@@ -6,21 +7,21 @@ use linkwatch::Result;
 use linkwatch::kernels::{Device, DeviceInfo, devices};
 use std::path::PathBuf;
 
-/// List the graphics processors that kernels can run on; measure them
+/// List the GPU adapters that kernels can run on; measure them
 ///
 /// Without options, the adapters are listed. `linkwatch devices --calibrate` measures one of them
-/// and keeps the costs, which `--device auto` needs to choose it. `--measure` shows from which size
-/// of a scene on each kernel is faster on the adapter than on the CPU.
+/// and stores the costs, which `--device auto` needs to choose it. `--measure` reports from which
+/// size of a scene on each kernel is faster on the adapter than on the CPU.
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("measured").multiple(true)))]
 pub struct Args {
     /// Measure every kernel on these models or scenes, on the adapter (with and without the upload
-    /// of the frame) and on the CPU. Without a name: on scenes of growing size, and print the size
-    /// from which on the adapter is faster
+    /// of the frame) and on the CPU. Without a name: measure scenes of growing size, and print the
+    /// size from which on the adapter is faster
     #[arg(long, value_name = "MODEL|SCENE", num_args = 0.., group = "measured")]
     measure: Option<Vec<PathBuf>>,
     /// Measure the costs of counting crossings, direct sums and Barnes-Hut on the adapter and on
-    /// the CPU, and keep them for `--device auto`
+    /// the CPU, and store them for `--device auto`
     #[arg(long, group = "measured")]
     calibrate: bool,
     /// Adapter to measure: gpu, or the index or name of an adapter
@@ -59,7 +60,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         return Ok(Outcome::Fine);
     }
     if all.is_empty() {
-        output::line("no adapters: everything runs on the processor");
+        output::line("no adapters: everything runs on the CPU");
     }
     for device in &all {
         output::line(format_args!("{}: {}", device.index, device.name));
@@ -73,20 +74,20 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 fn lines(d: &DeviceInfo) -> Vec<String> {
     let mib = |bytes: u64| bytes >> 20;
     let kind = match d.software {
-        true => "software: right, and not fast",
+        true => "software renderer: correct, but slow",
         false => &d.kind,
     };
     vec![
         format!("{}, {kind}; driver {}", d.backend, d.driver.trim()),
         format!(
-            "buffers up to {} MiB, {} MiB of them at once; double precision: {}",
+            "buffers up to {} MiB, bindings up to {} MiB; double precision: {}",
             mib(d.max_buffer_bytes),
             mib(d.max_binding_bytes),
             if d.double_precision { "yes" } else { "no" },
         ),
         match &d.trouble {
-            None => "can be used: its arithmetic passed the test".into(),
-            Some(trouble) => format!("cannot be used: {trouble}"),
+            None => "usable: its arithmetic passed the test".into(),
+            Some(trouble) => format!("not usable: {trouble}"),
         },
     ]
 }
@@ -94,7 +95,7 @@ fn lines(d: &DeviceInfo) -> Vec<String> {
 #[cfg(feature = "gpu")]
 use measured::{calibrate, measure};
 
-/// What needs an adapter.
+/// Measurements that need an adapter.
 #[cfg(feature = "gpu")]
 mod measured {
     use super::{Args, Outcome, output};
@@ -107,9 +108,9 @@ mod measured {
     /// A scene in growing sizes, for a kernel.
     struct Sizes {
         kernel: Method,
-        /// What grows.
+        /// Name of the scene.
         scene: &'static str,
-        /// On an adapter, and smaller ones on the processor in disguise.
+        /// Parameters for a hardware adapter, and smaller ones for a software renderer.
         sizes: [[&'static str; 3]; 2],
     }
 
@@ -188,7 +189,7 @@ mod measured {
         },
     ];
 
-    /// Measures and keeps what choices go by.
+    /// Measures an adapter and stores the costs that the automatic choice uses.
     pub fn calibrate(device: &Device, json: bool) -> Result<()> {
         let c = linkwatch::plan::calibrate(device)?;
         let file = c.keep()?;
@@ -197,7 +198,7 @@ mod measured {
             return Ok(());
         }
         output::line(format_args!(
-            "{}, beside the processor on {}; kept in {}",
+            "{}, compared with the CPU on {}; stored in {}",
             c.adapter,
             output::plural(c.threads as u64, "thread"),
             file.display(),
@@ -208,7 +209,7 @@ mod measured {
                 None => "never faster".into(),
             };
             output::line(format_args!(
-                "  {name}: {:.3} ms and {:.4} ns a {unit}; the processor {:.4} ns; {from}",
+                "  {name}: {:.3} ms and {:.4} ns per {unit}; CPU {:.4} ns; {from}",
                 cost.round_trip_ms, cost.adapter_ns, cost.processor_ns,
             ));
         };
@@ -216,32 +217,34 @@ mod measured {
         sum("Barnes-Hut", "segment of a pair of curves", c.barnes_hut);
         let k = c.crossings;
         output::line(format_args!(
-            "  counting crossings: {:.3} ms and {:.2} ns a segment, {:.1} ns a potential link, {:.2} ns a test, \
-             give or take a factor of {:.1}; the processor {:.2} times its plan",
+            "  counting crossings: {:.3} ms and {:.2} ns per segment, {:.1} ns per potential link, \
+             {:.2} ns per test, within a factor of {:.1}; CPU {:.2} times its prediction",
             k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.misfit, k.processor_factor,
         ));
         Ok(())
     }
 
-    /// Measures what is named, or else each kernel on scenes of growing size.
+    /// Measures the given scenes, or else each kernel on scenes of growing size.
     pub fn measure(args: &Args, inputs: &[PathBuf], json: bool) -> Result<Outcome> {
-        // Opened once for all.
+        // Opened once for all measurements.
         let mut keeper = Verifier::new(AbortOn::Never);
         keeper.set_device(&args.device)?;
         let Some(device) = keeper.device() else {
-            return Err(linkwatch::Error::Device("no adapter was asked for".into()));
+            return Err(linkwatch::Error::Device(
+                "--device must name an adapter".into(),
+            ));
         };
         if !json {
             let threads = output::plural(rayon::current_num_threads() as u64, "thread");
             for line in [
                 format!(
-                    "{}: median milliseconds, boxes and potential links apart",
+                    "{}: median milliseconds, without boxes and potential links",
                     device.name
                 ),
-                "  whole frame: vertices and lists made and sent, the kernel, results read back"
+                "  whole frame: upload of vertices and lists, the kernel, download of the results"
                     .into(),
-                "  resident:    the same with the vertices there already".into(),
-                format!("  processor:   the same kernel on {threads} of the processor"),
+                "  resident:    the same with the vertices already uploaded".into(),
+                format!("  CPU:         the same kernel on {threads}"),
             ] {
                 output::line(line);
             }
@@ -251,7 +254,7 @@ mod measured {
                 "precision",
                 "whole frame",
                 "resident",
-                "processor",
+                "CPU",
                 "largest error",
                 "undecided"
             ));
@@ -277,7 +280,7 @@ mod measured {
                 let input = PathBuf::from(format!("{scene}:{parameters}"));
                 let measured = measure_one(args, &input, &[*kernel], json)?;
                 outcome = outcome.max(measured.outcome);
-                // A larger one that is slower again ends it.
+                // If a larger scene is slower again, the size found so far is discarded.
                 let first = |t: &&DeviceTimes| t.precision == Precision::Single;
                 let faster = measured
                     .times
@@ -299,18 +302,18 @@ mod measured {
             }
             output::line(match from {
                 Some(n) => format!(
-                    "{kernel}: the device is faster from {scene} of {} on",
+                    "{kernel}: the adapter is faster from {scene} of {} on",
                     output::plural(n, "segment")
                 ),
                 None => {
-                    format!("{kernel}: the device is never faster among these sizes of {scene}")
+                    format!("{kernel}: the adapter is never faster among these sizes of {scene}")
                 }
             });
         }
         Ok(outcome)
     }
 
-    /// What was measured on a scene.
+    /// Measurements of a scene.
     struct Measured {
         segments: u64,
         times: Vec<DeviceTimes>,
@@ -338,7 +341,10 @@ mod measured {
         for t in &times {
             if !t.equal {
                 let precision = t.precision.word();
-                tracing::error!("{}, {precision}: not the exact numbers", t.kernel);
+                tracing::error!(
+                    "{}, {precision}: the linking numbers differ from the exact ones",
+                    t.kernel
+                );
                 outcome = Outcome::Changed;
             }
             if !json {
@@ -375,5 +381,5 @@ fn measure(_: &Args, _: &[PathBuf], _: bool) -> Result<Outcome> {
 
 #[cfg(not(feature = "gpu"))]
 fn no_kernels() -> linkwatch::Error {
-    linkwatch::Error::Device("this build has no kernels for graphics processors".into())
+    linkwatch::Error::Device("this build has no GPU kernels".into())
 }

@@ -14,7 +14,7 @@ pub struct Overwrite {
     pub force: bool,
 }
 
-/// Content of an output file. The extension must not suggest another content.
+/// Content of an output file. The extension must not suggest other content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
     /// Lines of text. The output may also be a pipe or a device.
@@ -54,7 +54,7 @@ impl Content {
     }
 }
 
-/// All files of a command, checked one by one before its work begins.
+/// All files of a command, checked one by one before its work starts.
 pub struct Files {
     force: bool,
     /// Inputs and outputs, with their names for messages.
@@ -141,7 +141,8 @@ pub fn write_whole(
     let written = write(&part).and_then(|()| {
         if file.exists() && !overwrite.force {
             let kept = part.display();
-            let why = format!("came to exist meanwhile; the output was kept as {kept}");
+            let why =
+                format!("another process created the file meanwhile; the output is in {kept}");
             return Err(Error::Usage(format!("{}: {why}", path.display())));
         }
         std::fs::rename(&part, &file).map_err(failed(path))
@@ -239,8 +240,8 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Returns true if a path names a stream of this process. Its target was opened by the user, so
-/// linkwatch neither rejects nor replaces it.
+/// Returns true if a path names a stream of this process. The user opened its target, so linkwatch
+/// neither rejects nor replaces it.
 fn is_stream(path: &Path) -> bool {
     let folder = path.parent().and_then(Path::to_str);
     matches!(path.to_str(), Some("/dev/stdout" | "/dev/stderr"))
@@ -264,7 +265,7 @@ mod tests {
     /// Recognises a file under all its names, for inputs and outputs that exist or not.
     #[test]
     #[cfg(unix)]
-    fn one_file_is_known_under_all_its_names() {
+    fn recognises_a_file_under_all_its_names() {
         use std::os::unix::fs::symlink;
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -319,13 +320,16 @@ mod tests {
                 .to_string();
             assert!(e.contains("the same file as -o"), "{e}");
         }
-        assert!(!at("missing.txt").exists(), "a check leaves nothing behind");
+        assert!(!at("missing.txt").exists(), "a check leaves no file");
         assert_eq!(std::fs::read(at("there.txt")).unwrap(), b"x");
         // A dangling link is kept, and its target is written.
         write_text(&at("dangling.txt"), Overwrite::default(), "y").unwrap();
         assert_eq!(std::fs::read(at("missing.txt")).unwrap(), b"y");
         let e = write_text(&at("soft.txt"), Overwrite::default(), "y").unwrap_err();
-        assert!(e.to_string().contains("came to exist"), "{e}");
+        assert!(
+            e.to_string().contains("another process created the file"),
+            "{e}"
+        );
         assert_eq!(std::fs::read(at("there.txt")).unwrap(), b"x");
     }
 }

@@ -1,4 +1,4 @@
-//! `linkwatch generate`: scenes whose linking numbers are known, as model files.
+//! `linkwatch generate`: writes scenes with known linking numbers as model files.
 
 use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_text, write_whole};
@@ -11,8 +11,8 @@ use std::time::Instant;
 
 /// Generate a scene of any size, with its exact certificate
 ///
-/// A scene is a name and the parameters that differ from their defaults, `ribbon:segments=2e7,lambda=1000`. The same
-/// scene gives the same file.
+/// A scene is a name, followed by the parameters that differ from their defaults, for example
+/// `ribbon:segments=2e7,lambda=1000`. The same scene always gives the same file.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The scene; without one, all scenes are listed
@@ -52,7 +52,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     }
     let (curves, links) = (&generated.curves, &generated.certificate.links);
     tracing::info!(
-        "{}: written: {} of {}, {} ({})",
+        "{}: wrote {} of {}, {} ({})",
         path.display(),
         plural(curves.len() as u64, "curve"),
         plural(curves.segments() as u64, "segment"),
@@ -117,7 +117,7 @@ fn list(as_json: bool) {
     }
 }
 
-/// An integer with separators, `-1,000,000`.
+/// Formats an integer with separators, `-1,000,000`.
 fn signed(x: f64) -> String {
     let sign = if x < 0.0 { "-" } else { "" };
     format!("{sign}{}", count(x.abs() as u64))

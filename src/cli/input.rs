@@ -1,11 +1,11 @@
-//! Curves from what an argument names: a model file or a generated scene.
+//! Reads the curves of an argument: a model file or a generated scene.
 
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveSet, Error, Result, model};
 use std::path::Path;
 
-/// Reads a model file, or builds the scene that the argument describes where it is no file: what has the extension of
-/// a model, or exists, is a file.
+/// Reads a model file if the argument has the extension of one or names an existing file. Otherwise
+/// builds the scene that the argument describes.
 pub fn read(argument: &Path) -> Result<CurveSet> {
     match model::read(argument) {
         Err(Error::UnknownModel { .. }) if !argument.exists() => {}
@@ -15,7 +15,7 @@ pub fn read(argument: &Path) -> Result<CurveSet> {
     let scene: Scene = text.parse().map_err(|e| match e {
         Error::Scene { scene, what } => Error::Scene {
             scene,
-            what: format!("{what}; nor is there a file of this name (known: .bcc, .obj, .vect)"),
+            what: format!("{what}; and no file has this name (known: .bcc, .obj, .vect)"),
         },
         other => other,
     })?;

@@ -1,10 +1,11 @@
-//! `--kernel` and how finely it sums, of every command that computes linking numbers.
+//! The options `--kernel` and `--device`, and the accuracy of sums, of every command that computes
+//! linking numbers.
 
 use super::number::positive;
 use linkwatch::kernels::{Accuracy, Device, Method};
 use linkwatch::{Error, Verifier};
 
-/// Which kernel computes linking numbers.
+/// Kernel that computes linking numbers, and its settings.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::KERNELS)]
 pub struct KernelArgs {
@@ -33,14 +34,17 @@ pub struct KernelArgs {
 }
 
 impl KernelArgs {
-    /// Lets a verifier use it.
+    /// Configures a verifier with these settings.
     pub fn set(&self, verifier: &mut Verifier) -> linkwatch::Result<()> {
         let of_barnes_hut = [("--beta", self.beta.is_some()), ("--dipole", self.dipole)];
         let options = of_barnes_hut.map(|(name, given)| (name, given, Method::BarnesHut));
         let order = ("--order", self.order.is_some(), Method::Fmm);
         for (name, _, method) in options.into_iter().chain([order]).filter(|o| o.1) {
             if self.method != method {
-                let why = format!("{name} is for --kernel {method}, not for {}", self.method);
+                let why = format!(
+                    "{name} needs --kernel {method}, not --kernel {}",
+                    self.method
+                );
                 return Err(Error::Usage(why));
             }
         }
@@ -55,10 +59,10 @@ impl KernelArgs {
     }
 }
 
-/// A beta of Barnes-Hut.
+/// Parses the beta of Barnes-Hut.
 pub fn beta(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(x) if f64::is_finite(x) && x >= 1.0 => Ok(x),
-        _ => Err("expected a number from 1 on".into()),
+        _ => Err("expected a number of at least 1".into()),
     }
 }

@@ -1,11 +1,11 @@
-//! What a terminal shows while frames come in.
+//! Status line on a terminal while frames arrive.
 
 use super::output;
 use std::cell::Cell;
 use std::fmt::Display;
 use std::time::{Duration, Instant};
 
-/// Time between two changes of the status line.
+/// Minimum time between two updates of the status line.
 const EVERY: Duration = Duration::from_millis(100);
 
 /// A status line on a terminal, with results above it. Without a terminal, results only.
@@ -15,7 +15,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Starts without a status line.
+    /// Creates it without a status line.
     pub fn new() -> Live {
         Live {
             changed: Cell::new(None),

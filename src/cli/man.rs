@@ -46,14 +46,14 @@ pub fn run(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Fine)
 }
 
-/// Returns a command whose pages hold all options: those that `-h` hides, too.
+/// Returns a command whose pages contain all options, including those that `-h` hides.
 fn complete(command: Command) -> Command {
     command
         .mut_args(|arg| arg.hide_short_help(false))
         .mut_subcommands(complete)
 }
 
-/// Returns the commands of a command, each followed by its own.
+/// Returns the subcommands of a command, each followed by its own.
 fn descendants(command: &Command) -> Vec<&Command> {
     let own = command.get_subcommands();
     own.flat_map(|c| std::iter::once(c).chain(descendants(c)))
@@ -64,17 +64,17 @@ fn descendants(command: &Command) -> Vec<&Command> {
 fn page(command: &Command) -> Result<String> {
     let mut page = Vec::new();
     Man::new(command.clone()).render(&mut page)?;
-    // The exit codes are the only text behind the options.
+    // The exit codes are the only text after the options.
     Ok(text(page)?.replace(".SH EXTRA", ".SH \"EXIT STATUS\""))
 }
 
-/// Returns a command as a section of a page: its headings become those of subsections.
+/// Returns a command as a section of a page. Its headings become those of subsections.
 fn section(command: &Command) -> Result<String> {
     let man = Man::new(command.clone());
     let mut parts = Vec::new();
     man.render_synopsis_section(&mut parts)?;
     man.render_description_section(&mut parts)?;
-    // Options that all commands share are on the page already.
+    // Options that all commands share are already on the page.
     let own = command.clone().mut_args(|arg| {
         let shared = arg.is_global_set();
         arg.hide(shared)
@@ -89,5 +89,5 @@ fn section(command: &Command) -> Result<String> {
 }
 
 fn text(page: Vec<u8>) -> Result<String> {
-    String::from_utf8(page).map_err(|e| Error::Usage(format!("the page is no text: {e}")))
+    String::from_utf8(page).map_err(|e| Error::Usage(format!("the page is not valid UTF-8: {e}")))
 }

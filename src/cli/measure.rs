@@ -1,7 +1,7 @@
-//! `--repeat` of `linkwatch certify` and `plan`: what a certificate costs, stage by stage.
+//! `--repeat` of `linkwatch certify` and `plan`: time of a certificate, stage by stage.
 //!
-//! From control points in memory to the sorted numbers. "First" is a verifier that meets the model for the first
-//! time and makes its buffers; "later" is the same one again.
+//! Measures the work from control points in memory to the sorted linking numbers. "First" is a new
+//! verifier, which allocates its buffers. "Later" is the same verifier again.
 
 use super::output::{self, count, percent};
 use super::{Outcome, input};
@@ -13,23 +13,23 @@ use std::fmt;
 use std::path::Path;
 use std::time::Duration;
 
-/// What certifying a model costs.
+/// Cost of certifying a model.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
-    /// Of a verifier that meets the model for the first time, medians.
-    pub first: Cost,
-    /// Of one that has met it before, medians.
-    pub later: Cost,
+    /// Cost of a new verifier, medians.
+    pub first: StageTimes,
+    /// Cost of a verifier that has certified the model before, medians.
+    pub later: StageTimes,
     links: usize,
     undefined: usize,
     stats: Stats,
 }
 
-/// What one run costs.
+/// Cost of one run.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Cost {
+pub struct StageTimes {
     stages: Timings,
-    /// Time of all processors together, in milliseconds.
+    /// CPU time of all threads, in milliseconds.
     cpu_ms: f64,
 }
 
@@ -45,15 +45,15 @@ pub fn measure(set: &CurveSet, n: u32, device: &Device) -> Result<Measured> {
             let (certificate, counts) = verifier.certify(set);
             (links, undefined) = (certificate.links.len(), certificate.undefined.len());
             stats = counts;
-            costs.push(Cost {
+            costs.push(StageTimes {
                 stages: verifier.timings(),
                 cpu_ms: cpu_ms() - start,
             });
         }
     }
     Ok(Measured {
-        first: Cost::median(&first),
-        later: Cost::median(&later),
+        first: StageTimes::median(&first),
+        later: StageTimes::median(&later),
         links,
         undefined,
         stats,
@@ -93,7 +93,8 @@ pub fn run(name: &Path, n: u32, device: &Device, as_json: bool) -> Result<Outcom
         output::line(format_args!("  later  {later}"));
         let ratio = stats.tests as f64 / stats.crossings.max(1) as f64;
         output::line(format_args!(
-            "  {} potential links ({} separated), {} tests, {} crossings ({ratio:.2} tests each), {} exact ({})",
+            "  {} potential links ({} separated), {} tests, {} crossings ({ratio:.2} tests each), \
+             {} exact ({})",
             count(stats.potential_links),
             count(stats.separated),
             count(stats.tests),
@@ -108,10 +109,10 @@ pub fn run(name: &Path, n: u32, device: &Device, as_json: bool) -> Result<Outcom
     })
 }
 
-impl Cost {
-    /// The median of every number by itself.
-    fn median(costs: &[Cost]) -> Cost {
-        let median = |f: &dyn Fn(&Cost) -> f64| {
+impl StageTimes {
+    /// Returns the median of each number separately.
+    fn median(costs: &[StageTimes]) -> StageTimes {
+        let median = |f: &dyn Fn(&StageTimes) -> f64| {
             let mut values: Vec<f64> = costs.iter().map(f).collect();
             values.sort_by(f64::total_cmp);
             values[values.len() / 2]
@@ -119,7 +120,7 @@ impl Cost {
         let time = |f: &dyn Fn(&Timings) -> Duration| {
             Duration::from_secs_f64(median(&|c| f(&c.stages).as_secs_f64()))
         };
-        Cost {
+        StageTimes {
             stages: Timings {
                 boxes: time(&|t| t.boxes),
                 pairs: time(&|t| t.pairs),
@@ -130,7 +131,7 @@ impl Cost {
         }
     }
 
-    /// Milliseconds of every stage.
+    /// Returns the milliseconds of every stage.
     pub fn to_json(self) -> Value {
         json!({
             "boxes_ms": ms(self.stages.boxes),
@@ -142,7 +143,7 @@ impl Cost {
     }
 }
 
-impl fmt::Display for Cost {
+impl fmt::Display for StageTimes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Timings {
             boxes,
@@ -166,13 +167,13 @@ fn ms(d: Duration) -> f64 {
     d.as_secs_f64() * 1e3
 }
 
-/// Time that the processors spent on this process.
+/// Returns the CPU time of this process so far, in milliseconds.
 pub fn cpu_ms() -> f64 {
     let t = clock_gettime(ClockId::ProcessCPUTime);
     t.tv_sec as f64 * 1e3 + t.tv_nsec as f64 * 1e-6
 }
 
-/// Peak memory of this process so far, where the system tells.
+/// Returns the peak memory of this process in MB, if the system reports it.
 fn peak_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;

@@ -1,15 +1,15 @@
-//! The command line, one file a subcommand. Uses the library as anybody could.
+//! The command line, one file per subcommand. It uses only the public API of the library.
 
 mod certify;
 mod check;
 mod completions;
 mod devices;
+mod event_args;
 mod files;
 mod generate;
 mod input;
 mod kernel;
 mod live;
-mod look_for;
 mod man;
 mod measure;
 mod number;
@@ -38,7 +38,7 @@ use std::process::ExitCode;
 #[cfg(unix)]
 use std::sync::Arc;
 
-/// Watches a simulation of yarn, chainmail or any loopy structure: verifies the linking numbers of every frame.
+/// Verifies the topology of moving curves (yarn, chainmail or any loopy structure), frame by frame
 #[derive(Debug, Parser)]
 #[command(version, about, after_help = EXIT_CODES, disable_help_flag = true, disable_version_flag = true)]
 struct Cli {
@@ -53,7 +53,7 @@ struct Cli {
     /// Number of CPU threads to compute with [default: one per core]
     #[arg(long, global = true, help_heading = GENERAL, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     threads: Option<u16>,
-    /// Print help (`-h`: everyday options, `--help`: all)
+    /// Print help (`-h`: common options, `--help`: all options)
     #[arg(short, long, global = true, help_heading = GENERAL, action = ArgAction::Help)]
     help: Option<bool>,
     /// Print the version
@@ -61,11 +61,11 @@ struct Cli {
     version: Option<bool>,
 }
 
-/// Headings of `--help`. Options under no heading are those of a command's own.
+/// Headings of `--help`. Options without a heading belong to one command only.
 #[cfg(feature = "bus")]
-const WATCH: &str = "What to watch";
-const COMPARE: &str = "What to compare";
-const WRITE: &str = "Where to write";
+const WATCH: &str = "Simulation";
+const COMPARE: &str = "Comparison";
+const WRITE: &str = "Output";
 const KERNELS: &str = "Kernels";
 const GENERAL: &str = "General";
 
@@ -77,7 +77,7 @@ const EXIT_CODES: &str = "\
 Exit codes: 0 intact or done, 1 topology changed, 2 bad arguments or bad input, \
 3 undecided (curves touch or are too close) or data lost";
 
-// The everyday commands first: `--help` lists them in this order.
+// Common commands first: `--help` lists them in this order.
 #[derive(Debug, Subcommand)]
 enum Command {
     #[cfg(feature = "bus")]
@@ -96,7 +96,7 @@ enum Command {
     Man(man::Args),
 }
 
-/// How a command ended, worst last.
+/// Result of a command, worst last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Outcome {
     /// Intact, or done.
@@ -108,7 +108,7 @@ enum Outcome {
 }
 
 impl Outcome {
-    /// What a verdict makes of the run.
+    /// Returns the outcome that a verdict gives the run.
     fn of(verdict: Verdict) -> Outcome {
         match verdict {
             Verdict::Intact => Outcome::Fine,
@@ -171,8 +171,8 @@ fn run(cli: &Cli) -> Result<Outcome> {
     }
 }
 
-/// Catches the signal that would end a process which writes beyond `ulimit -f`, so that the write
-/// returns an error instead.
+/// Installs a handler for the signal that would end a process that writes beyond `ulimit -f`, so
+/// that the write returns an error instead.
 fn survive_file_size_limit() -> Result<()> {
     #[cfg(unix)]
     signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;

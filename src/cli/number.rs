@@ -17,7 +17,7 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
     let time = text.parse().map(Duration::try_from_secs_f64);
     match time {
         Ok(Ok(time)) => Ok(time),
-        _ => Err("expected seconds, a finite number from 0 on".into()),
+        _ => Err("expected seconds, a finite number of at least 0".into()),
     }
 }
 

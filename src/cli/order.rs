@@ -1,13 +1,13 @@
-//! Order of model files: a shell sorts `F1 F10 F2`, a motion goes `F1 F2 F10`.
+//! Order of model files: a shell sorts `F1 F10 F2`, but the frames of a motion are `F1 F2 F10`.
 
 use std::cmp::Ordering;
 use std::path::PathBuf;
 
-/// A part of a name: text, or a decimal number.
+/// Part of a name: text, or a decimal number.
 #[derive(Debug, PartialEq, Eq)]
 enum Part<'a> {
     Text(&'a str),
-    /// Integer digits without leading zeros, and the digits behind a decimal point.
+    /// Integer digits without leading zeros, and the digits after a decimal point.
     Number(&'a str, &'a str),
 }
 
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn numbered_files_are_sorted_by_number() {
+    fn sorts_numbered_files_by_number() {
         let cases: [&[&str]; 6] = [
             &["F1.bcc", "F2.bcc", "F10.bcc"],
             &["run 3/F1.bcc", "run 20/F0.bcc", "run 20/F1.bcc"],
@@ -122,14 +122,14 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_a_shell_is_replaced_even_if_names_differ_in_more_than_numbers() {
+    fn replaces_the_order_of_a_shell_even_if_names_differ_in_more_than_numbers() {
         let (names, changed) = sorted(&["F1.bcc", "F10.bcc", "F2.bcc", "F2b.bcc", "end.bcc"]);
         assert_eq!(names, ["F1.bcc", "F2.bcc", "F2b.bcc", "F10.bcc", "end.bcc"]);
         assert!(changed);
     }
 
     #[test]
-    fn other_files_keep_the_order_that_was_given() {
+    fn keeps_the_given_order_of_other_files() {
         for names in [
             &["start.bcc", "end.bcc"][..],
             &["b2.bcc", "a1.bcc"],

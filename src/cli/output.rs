@@ -1,4 +1,4 @@
-//! What a person or a program sees: results on stdout, everything else on stderr.
+//! Output of the command: results on stdout, everything else on stderr.
 
 use super::stream::{self, Lost, Target};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
@@ -10,7 +10,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 use tracing_subscriber::EnvFilter;
 
-/// Time limit at the end for results that nobody reads.
+/// Time limit at the end of the run for results that nobody reads.
 const FINISH: Duration = Duration::from_secs(5);
 
 /// Sends log messages to stderr. `RUST_LOG` overrides the level.
@@ -27,7 +27,7 @@ pub fn init(quiet: bool) {
         .init();
 }
 
-/// Writes log messages, each in one piece. Never fails, because the subscriber would report an
+/// Writer of log messages, each in one piece. Never fails, because the subscriber would report an
 /// error to stderr, and panic if stderr cannot be written either.
 struct Log;
 
@@ -41,7 +41,7 @@ impl Write for Log {
     }
 }
 
-/// Writes a line to stdout. If it is lost, [`finish`] reports that. The work continues, since a
+/// Writes a line to stdout. If it is lost, [`finish`] reports that. The work continues, because a
 /// watched simulation still needs its verdicts, and the exit code still gives the outcome.
 pub fn line(text: impl std::fmt::Display) {
     stream::put(Target::Out, format!("{text}\n").into_bytes());
@@ -62,7 +62,7 @@ pub fn error(e: impl std::fmt::Display) {
     stream::put(Target::Err, format!("error: {e}\n").into_bytes());
 }
 
-/// Limits how long a line may block on stdout or stderr from here on.
+/// Limits how long a line may block on stdout or stderr from now on.
 #[cfg(any(feature = "bus", feature = "mcap"))]
 pub fn detach(overflow: linkwatch::Overflow) -> linkwatch::Result<()> {
     Ok(stream::detach(overflow)?)
@@ -85,7 +85,7 @@ pub fn finish() -> bool {
     lost.is_none()
 }
 
-/// Runs `work` with a progress bar on the terminal once it lasts longer than a moment.
+/// Runs `work`, with a progress bar on the terminal if it takes longer than 0.7 s.
 pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce() -> T) -> T {
     if !console_on_stderr() {
         return work();
@@ -108,17 +108,17 @@ pub fn with_progress<T>(what: &str, progress: Arc<Progress>, work: impl FnOnce()
             bar.finish_and_clear();
         });
         let result = work();
-        // The other end may be gone already; then there is no bar to end.
+        // The receiver may have ended already; then there is no bar to end.
         drop(done);
         result
     })
 }
 
-/// Shows the progress of a frame. As long as its pairs are not counted there is no bar, since a bar
+/// Shows the progress of a frame. There is no bar until its pairs are counted, because a bar
 /// without a length looks full.
 fn show_pairs(bar: &ProgressBar, (done, total): (u64, u64)) {
     if total == 0 {
-        bar.set_style(style("{msg}: looking for pairs that come close, {elapsed}"));
+        bar.set_style(style("{msg}: finding pairs that come close, {elapsed}"));
     } else if bar.length().is_none() {
         bar.set_style(bar_of("pairs"));
         bar.set_length(total);
@@ -126,8 +126,8 @@ fn show_pairs(bar: &ProgressBar, (done, total): (u64, u64)) {
     bar.set_position(done);
 }
 
-/// A progress bar of so many frames, rows or the like; nothing where stderr is no terminal. It is drawn by the caller's
-/// thread, between them.
+/// Returns a progress bar for a number of frames, rows or the like, hidden if stderr is not a
+/// terminal. The caller draws it between two of them.
 pub fn bar(length: u64, of: &str) -> ProgressBar {
     ProgressBar::new(length).with_style(bar_of(of))
 }
@@ -146,12 +146,12 @@ fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the template is valid")
 }
 
-/// Whether stderr is a terminal.
+/// Returns true if stderr is a terminal.
 pub fn console_on_stderr() -> bool {
     stream::is_terminal()
 }
 
-/// A count with separators, `211,680`.
+/// Formats a count with separators, `211,680`.
 pub fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
@@ -164,7 +164,7 @@ pub fn count(n: u64) -> String {
     out
 }
 
-/// A share from 0 to 1, `12.50 %`. One that is not 0 is not shown as 0.
+/// Formats a share from 0 to 1, `12.50 %`. Only 0 is shown as 0.
 pub fn percent(share: f64) -> String {
     match share * 100.0 {
         x if x > 0.0 && x < 0.01 => "under 0.01 %".to_owned(),
@@ -172,12 +172,12 @@ pub fn percent(share: f64) -> String {
     }
 }
 
-/// A count with its noun, `1 link`, `2 links`.
+/// Formats a count with its noun, `1 link`, `2 links`.
 pub fn plural(n: u64, noun: &str) -> String {
     plural_of(n, noun, &format!("{noun}s"))
 }
 
-/// A count with its noun, `1 vertex`, `2 vertices`.
+/// Formats a count with its noun, `1 vertex`, `2 vertices`.
 pub fn plural_of(n: u64, one: &str, many: &str) -> String {
     match n {
         1 => format!("1 {one}"),
@@ -185,8 +185,8 @@ pub fn plural_of(n: u64, one: &str, many: &str) -> String {
     }
 }
 
-/// Warns of open curves. `events` tells which of their pull-throughs are looked for, if the command
-/// sees several frames.
+/// Warns of open curves. `events` is the setting for pull-throughs, if the command sees several
+/// frames.
 pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
     if stats.open_curves == 0 {
         return;
@@ -194,16 +194,16 @@ pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
     let curves = plural(stats.open_curves, "open curve");
     match events {
         Some(Events::Off) => tracing::warn!(
-            "{name}: {curves} left out: linking numbers are defined for closed curves only; --events \
-             looks for pull-throughs of open curves"
+            "{name}: {curves} skipped: linking numbers are defined for closed curves only; \
+             --events verifies pull-throughs of open curves"
         ),
         Some(_) => tracing::info!(
             "{name}: {curves}, verified for pull-throughs; linking numbers are defined for closed \
              curves only"
         ),
         None => tracing::warn!(
-            "{name}: {curves} left out: linking numbers are defined for closed curves only; `check` \
-             and `watch` look for pull-throughs of open curves with --events"
+            "{name}: {curves} skipped: linking numbers are defined for closed curves only; `check` \
+             and `watch` verify pull-throughs of open curves with --events"
         ),
     }
 }
@@ -219,11 +219,11 @@ pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
     };
     tracing::warn!(
         "{name}: {long}{others}; if the box is periodic, unwrap the coordinates: links across its \
-         boundary are not seen"
+         boundary are not detected"
     );
 }
 
-/// Milliseconds with as many digits as they deserve.
+/// Formats a duration in milliseconds: two decimals below 10 ms, else none.
 pub fn millis(d: Duration) -> String {
     let ms = d.as_secs_f64() * 1e3;
     if ms < 10.0 {
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_read_well() {
+    fn counts_have_separators() {
         assert_eq!(count(0), "0");
         assert_eq!(count(999), "999");
         assert_eq!(count(1000), "1,000");

@@ -1,4 +1,4 @@
-//! `linkwatch plan`: what a scene needs, why, and what it will cost.
+//! `linkwatch plan`: the methods and the predicted cost of every stage, with reasons.
 
 use super::measure::{self, Measured};
 use super::{Outcome, input, output};
@@ -7,13 +7,13 @@ use linkwatch::{Plan, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Say what a scene needs, stage by stage, why, and what it will cost
+/// Print which method each stage would use for a scene, why, and the predicted cost
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Models (.bcc, .obj or .vect), or scenes as `linkwatch generate` takes them
     #[arg(required = true, value_name = "MODEL|SCENE")]
     inputs: Vec<PathBuf>,
-    /// Run it N times, too, and print the measured medians beside the plan
+    /// Also run it N times, and print the measured medians beside the plan
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     repeat: Option<u32>,
     /// Device that would run the kernels: auto, cpu, gpu, or the index or name of an adapter

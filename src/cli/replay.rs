@@ -1,10 +1,10 @@
-//! `linkwatch replay`: a recording in, the same verdicts out.
+//! `linkwatch replay`: verifies a recording again.
 
 use super::Outcome;
 use super::files::Files;
 use super::kernel::KernelArgs;
 use super::output::{self, count, plural};
-use super::session::{Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks, Tally};
+use super::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks};
 use linkwatch::{
     AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
     Report, Result, Verdict,
@@ -15,17 +15,17 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Maximum wait for a sink or for standard output that takes nothing. After that, frames or lines
-/// are dropped and counted.
+/// Maximum wait for a blocked sink or standard output. After that, frames or lines are dropped and
+/// counted.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Verify a recording again, frame by frame, and compare with the verdicts that were given live
+/// Verify a recording again, frame by frame, and compare with the recorded verdicts
 ///
 /// Without options, the settings and the baseline are those of the recording, and the verdicts must
-/// be the same. The last line tells how many are.
+/// be the same. The last line reports how many are.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A recording, as `linkwatch watch --record` writes it
+    /// A recording, as written by `linkwatch watch --record`
     #[arg(value_name = "FILE.mcap")]
     recording: PathBuf,
     #[command(flatten)]
@@ -42,7 +42,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut reader = RecordingReader::open(&args.recording).map_err(in_recording)?;
     let title = format!("replay of {}", args.recording.display());
     let metadata = BTreeMap::from([("replay_of".to_owned(), args.recording.display().to_string())]);
-    // The baseline comes before the first frame that was compared with it; rejected frames may come earlier.
+    // The baseline comes before the first frame that was compared with it; rejected frames may come
+    // earlier.
     let mut baseline = None;
     let mut before = Vec::new();
     while let Some(item) = reader.next_item().map_err(in_recording)? {
@@ -56,11 +57,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             break;
         }
     }
-    // Known once the first item was read.
+    // Available after the first item was read.
     let policy = reader.metadata().get("abort_on");
     let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
-    let looked_for = reader.metadata().get("events");
-    let looked_for: Events = looked_for.and_then(|e| e.parse().ok()).unwrap_or_default();
+    let recorded_events = reader.metadata().get("events");
+    let recorded_events: Events = recorded_events
+        .and_then(|e| e.parse().ok())
+        .unwrap_or_default();
     // Earlier versions had no limit.
     let limit = reader.metadata().get(MOTION_LIMIT);
     let limit: f64 = limit.and_then(|l| l.parse().ok()).unwrap_or(f64::INFINITY);
@@ -73,7 +76,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     files.reads(&args.recording);
     let overflow = Overflow::WaitForProgress(PATIENCE);
     output::detach(overflow)?;
-    // Other settings give other verdicts, and are meant to.
+    // Other settings give other verdicts, intentionally.
     let settings = [
         (
             "--abort-on",
@@ -82,11 +85,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         ("--baseline", judge.baseline.is_some()),
         (
             "--events or --self",
-            judge.look_for.events(AbortOn::Never) > looked_for,
+            judge.event_args.events(AbortOn::Never) > recorded_events,
         ),
         (
             "--motion-limit",
-            judge.look_for.motion_limit.is_some_and(|l| l != limit),
+            judge.event_args.motion_limit.is_some_and(|l| l != limit),
         ),
     ];
     let differing = settings.iter().filter(|(_, differs)| *differs);
@@ -98,7 +101,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             full: false,
             early_exit: false,
             baseline,
-            look_for: (looked_for, limit),
+            default_events: (recorded_events, limit),
             title: &title,
             metadata,
             overflow,
@@ -109,12 +112,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             ..Comparison::default()
         },
         policy: args.judge.abort_on,
-        tally: Tally::default(),
+        tally: FrameCounts::default(),
         waiting: VecDeque::new(),
         last: None,
         answered: 0,
         missing: 0,
-        motion: looked_for != Events::Off,
+        motion: recorded_events != Events::Off,
     };
     replay
         .session
@@ -153,8 +156,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     } = replay;
     if let Some(Ending::Cut { at, what }) = reader.ending() {
         tracing::warn!(
-            "{}: the recording is cut off at byte {}, in {what}: the recorder was stopped, or its disk was full; \
-             the frames that are complete were replayed",
+            "{}: the recording is truncated at byte {}, in {what}: the recorder was stopped, or \
+             its disk was full; the complete frames were replayed",
             args.recording.display(),
             count(*at),
         );
@@ -162,7 +165,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     if missing > 0 {
         tracing::warn!(
-            "{}: {} missing: verified, but not recorded, since the disk of the recorder was too slow",
+            "{}: {} missing: verified, but not recorded, because the disk of the recorder was \
+             too slow",
             args.recording.display(),
             plural(missing, "frame"),
         );
@@ -170,14 +174,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     if comparison.unlike > 0 {
         let verdicts = plural(comparison.unlike, "verdict");
-        tracing::error!("{verdicts} unlike those given live");
+        tracing::error!("{verdicts} different from the recorded ones");
         session.data_lost();
     }
     session.compared(comparison.words(), serde_json::json!(comparison));
     Ok(session.finish(tally))
 }
 
-/// Verdicts of a replay beside the recorded ones.
+/// Comparison of the verdicts of a replay with the recorded ones.
 #[derive(Default, Serialize)]
 struct Comparison {
     /// Options that differ from those of the recording; if there are any, nothing is compared.
@@ -203,7 +207,7 @@ impl Comparison {
         }
         let unlike = match self.unlike {
             0 => String::new(),
-            n => format!(", {} unlike them", count(n)),
+            n => format!(", {} different", count(n)),
         };
         let uncompared = [
             (
@@ -225,7 +229,7 @@ impl Comparison {
     }
 }
 
-/// A frame, or what was said of it live.
+/// A frame to judge, or a recorded verdict.
 enum Waiting {
     Frame {
         seq: u64,
@@ -236,21 +240,23 @@ enum Waiting {
     Verdict(Box<RecordedVerdict>),
 }
 
-/// What waits for the next frame, at most: verdicts on frames that were rejected come without one.
+/// Maximum number of items that wait for the next frame. Verdicts on rejected frames come without a
+/// frame.
 const MOST_WAITING: usize = 64;
 
-/// A replay in progress.
+/// Replay in progress.
 struct Replay {
     session: Session,
-    /// A frame waits for the next one, which is announced before it is judged; and so do the verdicts between.
+    /// Items that wait for the next frame. A frame waits because the next one is announced before
+    /// it is judged, and so do the verdicts between them.
     waiting: VecDeque<Waiting>,
     comparison: Comparison,
     /// Policy of this replay, if it overrides that of the recording.
     policy: Option<AbortOn>,
-    tally: Tally,
-    /// The report on the frame before.
+    tally: FrameCounts,
+    /// Report on the previous frame.
     last: Option<Arc<Report>>,
-    /// Frames that had a verdict when the last recorded one was written.
+    /// Number of frames that had a verdict when the last recorded one was written.
     answered: u64,
     /// Frames that the recorder dropped.
     missing: u64,
@@ -283,7 +289,7 @@ impl Replay {
         Ok(())
     }
 
-    /// Judges what waits, and compares.
+    /// Judges the waiting frames, and compares the waiting verdicts.
     fn finish_waiting(&mut self) -> Result<()> {
         while let Some(next) = self.waiting.pop_front() {
             match next {
@@ -311,7 +317,7 @@ impl Replay {
         }
     }
 
-    /// Compares a verdict of the recording with the one found now.
+    /// Compares a recorded verdict with the one of this replay.
     fn compare(&mut self, recorded: RecordedVerdict) -> Result<()> {
         let RecordedVerdict {
             mut report,
@@ -322,8 +328,7 @@ impl Replay {
         let gap = answered.saturating_sub(self.answered + 1);
         self.answered = answered;
         self.missing += gap;
-        // Since the recorder dropped frames, the motion to this frame differs from the recorded
-        // one.
+        // The recorder dropped frames, so the motion to this frame differs from the recorded one.
         let moved = gap > 0 && self.motion;
         match self.last.take().filter(|r| r.seq == report.seq) {
             Some(_) if !self.comparison.differing.is_empty() => {}
@@ -335,9 +340,9 @@ impl Replay {
                 self.comparison.unlike += 1;
             }
             None if report.verdict == Verdict::Rejected => {
-                // A rejected frame has no recorded curves; only its verdict remains. Its abort flag
-                // is kept, too, unless another policy is given: in older recordings, `any` did not
-                // include rejected frames.
+                // A rejected frame has no recorded curves; only its verdict is recorded. Its abort
+                // flag is kept, too, unless another policy is given: in older recordings, `any` did
+                // not include rejected frames.
                 if let Some(policy) = self.policy {
                     report.abort = policy.aborts(&report, |_| false);
                 }
@@ -355,7 +360,10 @@ impl Replay {
                 self.session.publish(judged, self.tally);
             }
             None => {
-                tracing::error!("frame {}: a verdict without its frame", report.seq);
+                tracing::error!(
+                    "frame {}: the recording lacks the frame of a verdict",
+                    report.seq
+                );
                 self.comparison.unlike += 1;
             }
         }

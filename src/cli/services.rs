@@ -3,9 +3,9 @@
 use super::{Outcome, output};
 use linkwatch::{Result, ServiceInfo, services};
 
-/// List the live services of this machine, and who simulates and watches
+/// List the live services of this machine, with their simulators and watchers
 ///
-/// Only services of this user that a living process uses. Running sessions are not disturbed.
+/// Lists only services of this user that a living process uses. Running sessions are not disturbed.
 #[derive(Debug, clap::Args)]
 pub struct Args {}
 
@@ -24,16 +24,18 @@ pub fn run(json: bool) -> Result<Outcome> {
     Ok(Outcome::Fine)
 }
 
-/// Tells a user whose simulator does not come which services are live.
+/// Logs the live services if no simulator came.
 pub fn hint(service: &str, waited: &str) {
     let all = match services() {
         Ok(all) => all,
         Err(e) => return tracing::warn!("{e}"),
     };
     let (own, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|s| s.service == service);
-    let none_came = format!("no simulator came to service '{service}' in {waited}");
+    let none_came = format!("no simulator connected to service '{service}' within {waited}");
     if let Some(simulator) = own.iter().find_map(|s| s.simulator.as_ref()) {
-        tracing::info!("the simulator on service '{service}' ({simulator}) has sent nothing yet");
+        tracing::info!(
+            "the simulator on service '{service}' ({simulator}) has not sent anything yet"
+        );
     } else if others.is_empty() {
         tracing::info!(
             "{none_came}, and no other service is live on this machine: start the simulator with \

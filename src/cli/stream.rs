@@ -1,10 +1,9 @@
-//! Standard output and standard error, either of which may be full, closed, or a pipe without a
-//! reader.
+//! Standard output and standard error. Either may be full, closed, or a pipe without a reader.
 //!
-//! A failed write is no error of the command: its work continues, and lost lines are counted. A
-//! write may also block without end. So `watch` and `replay` detach both streams: from then on,
-//! text waits in a bounded queue for a thread that writes it, with the same [`Overflow`] policy as
-//! a sink.
+//! A failed write is not an error of the command: the work continues, and lost lines are counted. A
+//! write may also block without limit. Therefore `watch` and `replay` detach both streams: from
+//! then on, text waits in a bounded queue for a thread that writes it, with the same [`Overflow`]
+//! policy as a sink.
 
 use linkwatch::Overflow;
 use std::collections::VecDeque;
@@ -14,13 +13,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Bytes of text that may wait for the thread, so that a slow pager loses nothing for a while.
+/// Maximum number of bytes of text that wait for the thread, so that a slow pager loses nothing for
+/// a while.
 const WAITING_BYTES: usize = 16 << 20;
 
 /// Interval at which a write to a non-blocking pipe is retried.
 const AGAIN: Duration = Duration::from_millis(10);
 
-/// Removes the status line. The cursor is at its end.
+/// Erases the status line. The cursor is at its end.
 const ERASE: &str = "\r\x1b[2K";
 
 /// Destination of a text.
@@ -54,7 +54,7 @@ struct State {
     bytes: usize,
     /// Lines of results that the thread is writing, if it is.
     writing: Option<u64>,
-    /// Number of texts that were written, or failed to be.
+    /// Number of texts that were written, or failed to be written.
     done: u64,
     /// `None` until the stream is detached.
     overflow: Option<Overflow>,
@@ -152,7 +152,8 @@ impl Stream {
         }
     }
 
-    /// The state is plain data that is valid at every step, so a panic elsewhere does not spoil it.
+    /// Locks the state. The state is plain data that is valid at every step, so a panic elsewhere
+    /// does not invalidate it.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -181,7 +182,7 @@ impl Stream {
             };
         }
         if full {
-            let why = "nobody reads it".to_owned();
+            let why = "no program reads it".to_owned();
             return state.lose(text.lines, why);
         }
         state.push(text);
@@ -247,7 +248,7 @@ impl Stream {
             let waiting: u64 = state.waiting.iter().map(|text| text.lines).sum();
             let lines = state.writing.unwrap_or(0) + waiting;
             state.waiting.clear();
-            state.lose(lines, "nobody reads it".to_owned());
+            state.lose(lines, "no program reads it".to_owned());
         }
         (state.lost > 0).then(|| Lost {
             lines: state.lost,
@@ -270,7 +271,7 @@ impl State {
         self.done += 1;
         match outcome {
             Ok(()) => {}
-            // The reader closed the pipe (`linkwatch .. | head`): the rest is not wanted.
+            // The reader closed the pipe (`linkwatch .. | head`): it does not need the rest.
             Err(e) if e.kind() == ErrorKind::BrokenPipe => {}
             Err(e) => self.lose(lines, e.to_string()),
         }
@@ -317,8 +318,8 @@ fn write(target: Target, mut bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Opens the stream itself, without the buffer and the lock of the standard library. A thread that
-/// holds that lock may block without end.
+/// Opens the stream itself, without the buffer and the lock of the standard library, because a
+/// thread that holds that lock may block without limit.
 #[cfg(unix)]
 fn file(target: Target) -> io::Result<File> {
     use std::os::fd::AsFd;

@@ -1,10 +1,10 @@
-//! `linkwatch watch`: a live simulation in, verdicts back to it.
+//! `linkwatch watch`: verifies a live simulation and sends verdicts back.
 
 use super::files::Files;
 use super::kernel::KernelArgs;
 use super::number::{seconds, share};
 use super::output::{self, count, percent, plural};
-use super::session::{Ingested, Judge, Judged, Run, Session, Sinks, Tally};
+use super::session::{FrameCounts, Ingested, Judge, Judged, Run, Session, Sinks};
 use super::signals::{TICK, stop_on_signals};
 use super::{Outcome, services};
 use linkwatch::{
@@ -25,7 +25,7 @@ const HINT: Duration = Duration::from_secs(5);
 /// After that, frames or lines are dropped and counted.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// Watch a live simulation: verify its frames and tell it to stop when its topology breaks
+/// Watch a live simulation: verify its frames and ask it to stop if its topology breaks
 ///
 /// Ends when the simulator does, on Ctrl-C or on SIGTERM.
 #[derive(Debug, clap::Args)]
@@ -34,11 +34,11 @@ pub struct Args {
     /// ones)
     #[arg(long, help_heading = super::WATCH, value_name = "NAME", default_value = "linkwatch")]
     service: String,
-    /// Give up if no simulator comes within this time [default: wait for ever]
+    /// Give up if no simulator connects within this time [default: wait without limit]
     #[arg(long, help_heading = super::WATCH, value_name = "SECONDS", value_parser = seconds)]
     wait: Option<Duration>,
-    /// Exit code 3 if a larger share of the frames was skipped, since frames came faster than they
-    /// could be verified: 0 to 1, or a percentage (`5%`) [default: no limit]
+    /// Return exit code 3 if a larger share of the frames was skipped because they arrived faster
+    /// than they could be verified: 0 to 1, or a percentage (`5%`) [default: no limit]
     #[arg(long, help_heading = super::WATCH, value_name = "SHARE", value_parser = share)]
     max_skipped: Option<f64>,
     #[command(flatten)]
@@ -58,7 +58,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         kernel: args.kernel.clone(),
         ..args.judge.clone()
     };
-    // Opened before the simulators see the watcher, since a viewer may take a while to open.
+    // Opened before simulators see the watcher, because a viewer may take a while to open.
     let mut session = Session::new(Run {
         judge: &judge,
         sinks: &args.sinks,
@@ -66,7 +66,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         full: false,
         early_exit: false,
         baseline: None,
-        look_for: (Events::Off, Verifier::MOTION_LIMIT),
+        default_events: (Events::Off, Verifier::MOTION_LIMIT),
         title: &args.service,
         metadata,
         overflow: Overflow::Wait(PATIENCE),
@@ -83,7 +83,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let judge = move || {
             for (session, seq, time, cuts, frame) in frames {
                 let judged = session.judge(seq, time, cuts, frame);
-                // The receiver is gone if the watch has failed.
+                // The receiver has ended if the watch has failed.
                 let _ = verdicts.send((session, judged));
             }
         };
@@ -114,7 +114,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         );
         session.data_lost();
     }
-    // Whatever happened, what was verified so far is kept and summed up.
+    // In any case, the frames verified so far are kept and summarised.
     let outcome = session.finish(tally);
     ended.map(|_| outcome)
 }
@@ -143,7 +143,7 @@ impl<'s> Checker<'s> {
         let mut failed = None;
         self.to
             .send(work)
-            .expect("the thread lasts as long as this end");
+            .expect("the thread lives as long as this sender");
         loop {
             match self.from.recv_timeout(TICK) {
                 Ok((session, judged)) => return (session, failed.map_or(judged, Err)),
@@ -155,7 +155,7 @@ impl<'s> Checker<'s> {
             }
             let (done, total) = progress.pairs();
             let work = match total {
-                0 => "looking for pairs that come close".to_owned(),
+                0 => "finding pairs that come close".to_owned(),
                 _ => format!("{} of {}", count(done), plural(total, "pair")),
             };
             let seconds = start.elapsed().as_secs_f64();
@@ -172,7 +172,7 @@ impl<'s> Checker<'s> {
     }
 }
 
-/// Watches one session to its end; returns what became of its frames.
+/// Watches one session to its end. Returns the counters of its frames.
 fn watch<'s>(
     args: &Args,
     sidecar: &mut Sidecar,
@@ -183,7 +183,7 @@ fn watch<'s>(
     let start = Instant::now();
     let mut met = false;
     let mut hinted = false;
-    // The last message about something that was no frame.
+    // Last warning about an unreadable message.
     let mut unreadable = String::new();
     loop {
         if stop.load(Ordering::Relaxed) {
@@ -193,20 +193,20 @@ fn watch<'s>(
         match sidecar.wait(TICK)? {
             Event::NewSession { .. } if !met => {
                 met = true;
-                session.live().note("a simulator is here");
+                session.live().note("a simulator connected");
             }
             Event::NewSession { .. } => {
-                // The one before was lost; its run ends with it, and so does its baseline.
+                // The previous session was lost. The run ends with it, because its baseline does.
                 session
                     .live()
-                    .note("another simulator took over; start linkwatch again for it");
+                    .note("another simulator took this service over; restart linkwatch for it");
                 session.data_lost();
                 return Ok(sidecar.counters());
             }
             Event::Frame(frame) => {
                 let (seq, time, cuts) = (frame.seq(), frame.time(), frame.cuts());
                 let ingested = session.ingest(|set| frame.ingest(set));
-                // The simulator may have its memory back.
+                // Returns the memory to the simulator.
                 drop(frame);
                 let judged = if session.is_quick(&ingested) {
                     session.judge(seq, time, cuts, ingested)
@@ -238,8 +238,8 @@ fn watch<'s>(
                     }
                     _ => "",
                 };
-                let why = format!("something that is no frame was rejected: {why}{advice}");
-                // A simulator sends the same for each frame.
+                let why = format!("a message that is not a frame was rejected: {why}{advice}");
+                // A simulator that sends one usually sends it with each frame.
                 if why != unreadable {
                     tracing::warn!("{why}");
                     unreadable = why;
@@ -267,7 +267,7 @@ fn watch<'s>(
             }
             Event::SimulatorLost { counters, .. } => {
                 tracing::warn!(
-                    "the simulator died without a word; frames that it published last may be lost"
+                    "the simulator died without ending the session; its last frames may be lost"
                 );
                 session.data_lost();
                 return Ok(counters);
@@ -280,7 +280,7 @@ fn watch<'s>(
                     services::hint(&args.service, &format!("{waited} s"));
                 }
                 if !met && given_up.is_some() {
-                    tracing::warn!("no simulator came: gave up (--wait)");
+                    tracing::warn!("no simulator connected within the limit of --wait");
                     return Ok(Counters::default());
                 }
             }
@@ -288,8 +288,8 @@ fn watch<'s>(
     }
 }
 
-fn tally(c: Counters) -> Tally {
-    Tally {
+fn tally(c: Counters) -> FrameCounts {
+    FrameCounts {
         verified: c.verified,
         skipped: c.skipped,
         rejected: c.rejected,

@@ -1,14 +1,15 @@
-//! From the bytes of a frame to curves: the one door for live frames and recordings.
+//! Converts the bytes of a frame to curves. Both live frames and recordings enter here.
 //!
-//! Every value is read once: the pass that checks it is the pass that stores it. Nothing is assumed about the
-//! input but that the slices are as long as they say.
+//! Every value is read once: the pass that checks a value also stores it. The only assumption about
+//! the input is that the slices have their stated lengths.
 //!
-//! Cost: one read and one write of the positions; no allocation after the first frame.
+//! Cost: one read and one write of the positions, and no allocation after the first frame.
 
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::{Error, Result};
 
-/// A frame as it came in: how many control points each curve has (negative: closed) and where they are.
+/// Frame as received: the number of control points of each curve (negative if the curve is closed),
+/// and their positions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RawFrame<'a> {
     pub basis: Basis,
@@ -16,14 +17,15 @@ pub(crate) struct RawFrame<'a> {
     pub positions: Positions<'a>,
 }
 
-/// Moves `frame` into `set`: builds it from the first frame, updates it from every later one of equal layout.
+/// Copies `frame` into `set`: the first frame creates the set, and every later one of equal layout
+/// updates it.
 ///
-/// On an error an existing set holds a mixture of both frames and must be updated again before use; it stays
-/// there, because later frames are compared with its layout.
+/// After an error an existing set holds a mixture of both frames, and must be updated again before
+/// use. It is kept, because later frames are compared with its layout.
 pub(crate) fn ingest(frame: RawFrame<'_>, set: &mut Option<CurveSet>) -> Result<()> {
     match set {
         None => {
-            // Read once: in shared memory they could change between one look and the next.
+            // Copied once, because the counts in shared memory could change between two reads.
             let counts = frame.counts.to_vec();
             *set = Some(CurveSet::from_counts(
                 frame.basis,
@@ -85,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_frame_builds_and_the_next_one_updates() {
+    fn the_first_frame_creates_the_set_and_the_next_one_updates_it() {
         let mut set = None;
         ingest(frame(Basis::Polyline, &[-4], &SQUARE), &mut set).unwrap();
         let moved = SQUARE.map(|x| x + 1.0);
@@ -94,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn other_curves_are_refused_and_the_old_layout_stays() {
+    fn rejects_other_curves_and_keeps_the_old_layout() {
         let mut set = None;
         ingest(frame(Basis::Polyline, &[-4], &SQUARE), &mut set).unwrap();
         let mut refuse = |basis, counts: &[i32]| {

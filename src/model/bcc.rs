@@ -10,7 +10,7 @@
 //! | 8 | u64: number of curves |
 //! | 16 | u64: control points of all curves |
 //! | 24 | 40 bytes of text; some writers leave them undefined |
-//! | 64 | curve after curve: i32 number of control points, negative where closed; f32 `x y z` of each |
+//! | 64 | curve after curve: i32 number of control points, negative if closed; f32 `x y z` of each |
 
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
@@ -22,7 +22,7 @@ const FORMAT: &str = "BCC";
 const HEADER_BYTES: usize = 64;
 const COUNT_BYTES: u64 = 4;
 const POINT_BYTES: usize = 12;
-/// Control points that are read at once.
+/// Number of control points read at once.
 const CHUNK: usize = 4096;
 
 fn code(basis: Basis) -> &'static [u8; 2] {
@@ -34,7 +34,7 @@ fn code(basis: Basis) -> &'static [u8; 2] {
     }
 }
 
-/// What the header says, in agreement with the length of the file.
+/// Content of the header, consistent with the length of the file.
 struct Header {
     basis: Basis,
     curves: u64,
@@ -54,20 +54,20 @@ impl Header {
         }
         if bytes[3] != 0x44 {
             let what = format!(
-                "number sizes 0x{:02x}; known is 0x44, integers and floats of 4 bytes",
+                "number sizes 0x{:02x}; supported is 0x44, integers and floats of 4 bytes",
                 bytes[3]
             );
             return Err(Error::unsupported(FORMAT, what));
         }
         let Some(basis) = Basis::ALL.into_iter().find(|&b| code(b)[..] == bytes[4..6]) else {
             let what = format!(
-                "curve type {}; known are PL, C0, BS and BZ",
+                "curve type {}; supported are PL, C0, BS and BZ",
                 super::quote(&bytes[4..6])
             );
             return Err(Error::unsupported(FORMAT, what));
         };
         if bytes[6] != 3 {
-            let what = format!("curves in {} dimensions; known are 3", bytes[6]);
+            let what = format!("curves in {} dimensions; supported are 3", bytes[6]);
             return Err(Error::unsupported(FORMAT, what));
         }
         let (curves, points) = (u64_at(8), u64_at(16));
@@ -94,9 +94,9 @@ impl Header {
         })
     }
 
-    /// An upper bound of what the set takes, so that it never moves while it grows. A curve of `n` points
-    /// takes at most `n` slots and those of a group of segments that begins at its last one; one without
-    /// points is refused.
+    /// Returns an upper bound of the memory of the set in slots, so that it is never reallocated
+    /// while it grows. A curve of `n` points takes at most `n` slots and those of a group of
+    /// segments that begins at its last one. A curve without points is rejected.
     fn slots(&self) -> usize {
         let extra = 6 * self.basis.stride() + self.basis.window();
         self.points as usize + extra * self.curves.min(self.points) as usize
@@ -123,7 +123,7 @@ pub(super) fn read(mut input: impl Read, len: u64) -> Result<CurveSet> {
         fill(&mut input, &mut count, || place(at))?;
         let count = i32::from_le_bytes(count);
         let n = count.unsigned_abs();
-        // The layout on the bus has no negative of the smallest number.
+        // The layout on the bus cannot represent the negative of the smallest integer.
         if count == i32::MIN || u64::from(n) > points_left {
             let what = format!("{n} points promised, {points_left} of the file are left");
             return Err(Error::format(FORMAT, place(at), what));
@@ -151,7 +151,8 @@ pub(super) fn read(mut input: impl Read, len: u64) -> Result<CurveSet> {
     builder.finish()
 }
 
-/// Fills `bytes`. The length of the file was checked, so an early end means that it shrank meanwhile.
+/// Fills `bytes`. The length of the file was checked, so an early end means that the file shrank
+/// meanwhile.
 fn fill(input: &mut impl Read, bytes: &mut [u8], place: impl FnOnce() -> String) -> Result<()> {
     input.read_exact(bytes).map_err(|e| match e.kind() {
         ErrorKind::UnexpectedEof => Error::format(FORMAT, place(), "the file ends here"),
@@ -161,8 +162,8 @@ fn fill(input: &mut impl Read, bytes: &mut [u8], place: impl FnOnce() -> String)
 
 /// Writes a BCC file.
 ///
-/// The format holds single precision: a set in double precision is refused, before the file is created,
-/// unless single precision holds each of its coordinates exactly.
+/// The format has single precision. A set in double precision is rejected, before the file is
+/// created, unless single precision represents each of its coordinates exactly.
 pub fn write_bcc(path: &Path, set: &CurveSet) -> Result<()> {
     check_precision(set).map_err(|e| e.in_file(path))?;
     let file = File::create(path).map_err(Error::file(path))?;
@@ -172,7 +173,7 @@ pub fn write_bcc(path: &Path, set: &CurveSet) -> Result<()> {
         .map_err(Error::file(path))
 }
 
-/// Refuses coordinates that single precision would round.
+/// Fails if single precision would round a coordinate.
 fn check_precision(set: &CurveSet) -> Result<()> {
     if set.precision() == Precision::F32 {
         return Ok(());
@@ -199,7 +200,7 @@ fn write(out: &mut impl Write, set: &CurveSet) -> std::io::Result<()> {
     text[..name.len()].copy_from_slice(name);
     out.write_all(b"BCC\x44")?;
     out.write_all(code(set.basis()))?;
-    // Three dimensions, y up as in the published models.
+    // Three dimensions, with y up as in the published models.
     out.write_all(&[3, 1])?;
     out.write_all(&(set.len() as u64).to_le_bytes())?;
     out.write_all(&(set.points() as u64).to_le_bytes())?;
@@ -231,7 +232,7 @@ mod tests {
         read(bytes, bytes.len() as u64)
     }
 
-    /// Two closed curves and an open one, of sizes that fit every basis.
+    /// Two closed curves and an open one, with sizes that fit every basis.
     fn sample(basis: Basis) -> CurveSet {
         let (closed, open) = (12, 13);
         let xyz: Vec<f32> = (0..3 * (2 * closed + open))
@@ -252,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn long_curves_are_read_in_small_pieces() {
+    fn reads_long_curves_in_small_chunks() {
         struct Watched<'a>(&'a [u8], usize);
         impl Read for Watched<'_> {
             fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
@@ -274,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_guess_of_memory_is_enough() {
+    fn the_initial_allocation_suffices() {
         for basis in Basis::ALL {
             for closed in [true, false] {
                 for n in (1..200).filter(|&n| basis.segments(n, closed).is_some()) {
@@ -292,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn double_precision_is_written_only_where_nothing_is_lost() {
+    fn writes_double_precision_only_if_no_coordinate_is_rounded() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.bcc");
         let mut xyz = [0.5, -0.25, 1e10, 3.0, 4.0, -0.0];
@@ -318,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn headers_that_lie_are_refused() {
+    fn rejects_wrong_headers() {
         let good = bytes_of(&sample(Basis::Polyline));
         let with = |at: usize, new: &[u8]| {
             let mut b = good.clone();
@@ -334,7 +335,7 @@ mod tests {
             says(with(8, &u64::to_le_bytes(huge)), "the file has");
             says(with(16, &u64::to_le_bytes(huge)), "the file has");
         }
-        // Fewer points and more curves that take the same bytes.
+        // Fewer points and more curves that take the same number of bytes.
         let mut b = good.clone();
         b[8] += 3;
         b[16] -= 1;
@@ -347,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_that_lie_are_refused() {
+    fn rejects_wrong_counts() {
         let good = bytes_of(&sample(Basis::Polyline));
         let with = |count: i32| {
             let mut b = good.clone();
@@ -360,7 +361,7 @@ mod tests {
         says(with(0), "curve 0: 0 control points");
         says(with(1), "curve 0: 1 control points");
         assert!(with(-11).is_err());
-        // The last curve one point short: its point is left over.
+        // The last curve lacks a point, so its point remains.
         let mut b = good.clone();
         let last = b.len() - 12 * 12 - 4;
         b[last..last + 4].copy_from_slice(&(-11i32).to_le_bytes());
@@ -368,13 +369,13 @@ mod tests {
             parse(&b),
             "byte 16): 37 points promised, the curves have 36",
         );
-        // A file that shrank after its length was asked for.
+        // A file that shrank after its length was read.
         let cut = read(&good[..100], good.len() as u64);
         says(cut, "byte 68, curve 0): the file ends here");
     }
 
     #[test]
-    fn values_that_are_not_finite_are_named() {
+    fn errors_name_values_that_are_not_finite() {
         let mut b = bytes_of(&sample(Basis::CatmullRom));
         b[68 + 12 + 4..68 + 12 + 8].copy_from_slice(&f32::NAN.to_le_bytes());
         says(parse(&b), "curve 0, point 1: coordinate y is NaN");

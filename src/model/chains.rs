@@ -1,4 +1,4 @@
-//! Joins edges that share a vertex to curves, in whatever order and direction they come.
+//! Joins edges that share a vertex to curves, in any order and direction.
 //!
 //! Cost: linear in edges and vertices.
 
@@ -9,27 +9,28 @@ pub(super) struct Edge {
     pub(super) line: u64,
 }
 
-/// A vertex where more than two edges meet, so that no curve follows from them.
+/// Error: more than two edges meet at a vertex, so they do not determine a curve.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct ThirdEdge {
     pub(super) vertex: u32,
-    /// Of the first two edges, and of the one too many.
+    /// Lines of the first two edges, and of the third one.
     pub(super) lines: [u64; 3],
 }
 
-/// Which edges meet at a vertex.
+/// Edges that meet at each vertex.
 pub(super) struct Chains<'a> {
     edges: &'a [Edge],
     at_vertex: Vec<[usize; 2]>,
 }
 
-/// No second edge.
+/// Marks a missing second edge.
 const NONE: usize = usize::MAX;
 
 impl<'a> Chains<'a> {
-    /// Vertices are below `vertices`, and no edge joins one with itself.
+    /// Creates the table. Vertices must be below `vertices`, and no edge may join a vertex with
+    /// itself.
     pub(super) fn new(edges: &'a [Edge], vertices: usize) -> Result<Self, ThirdEdge> {
-        // Without edges there is nothing to look up.
+        // Without edges no table is needed.
         let vertices = if edges.is_empty() { 0 } else { vertices };
         let mut at_vertex = vec![[NONE; 2]; vertices];
         for (e, edge) in edges.iter().enumerate() {
@@ -48,23 +49,23 @@ impl<'a> Chains<'a> {
         Ok(Self { edges, at_vertex })
     }
 
-    /// The edge other than `e` at vertex `v`.
+    /// Returns the edge other than `e` at vertex `v`.
     fn other(&self, v: u32, e: usize) -> Option<usize> {
         let [p, q] = self.at_vertex[v as usize];
         let other = if p == e { q } else { p };
         (other != NONE).then_some(other)
     }
 
-    /// The end of edge `e` other than `v`.
+    /// Returns the end of edge `e` other than `v`.
     fn across(&self, v: u32, e: usize) -> u32 {
         let [a, b] = self.edges[e].ends;
         if a == v { b } else { a }
     }
 
-    /// Writes the vertices of the curve through edge `first`, in its direction, and marks its edges.
-    /// Returns whether the curve is closed.
+    /// Writes the vertices of the curve through edge `first`, in its direction, and marks its
+    /// edges. Returns true if the curve is closed.
     pub(super) fn follow(&self, first: usize, chain: &mut Vec<u32>, used: &mut [bool]) -> bool {
-        // Back to where the curve starts: its open end, or `first` again.
+        // Goes back to the start of the curve: its open end, or `first` again.
         let (mut v, mut e) = (self.edges[first].ends[0], first);
         let closed = loop {
             match self.other(v, e) {
@@ -101,7 +102,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The curves of `edges`, closed or not, whose vertices are below `vertices`.
+    /// Returns the curves of `edges`, whose vertices are below `vertices`: true if closed, and the
+    /// vertices.
     fn join(edges: &[[u32; 2]], vertices: usize) -> Result<Vec<(bool, Vec<u32>)>, ThirdEdge> {
         let edges: Vec<Edge> = (1..)
             .zip(edges)
@@ -137,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_third_edge_is_refused_with_all_three_lines() {
+    fn rejects_a_third_edge_with_all_three_lines() {
         let third = join(&[[0, 1], [5, 4], [2, 1], [1, 3]], 6).unwrap_err();
         assert_eq!((third.vertex, third.lines), (1, [1, 3, 4]));
         // A third copy of an edge.
@@ -173,7 +175,7 @@ mod tests {
                     found.push([*chain.last().unwrap(), chain[0]]);
                 }
             }
-            // The first edge of each curve that the file names keeps its direction.
+            // The first edge of each curve in the file keeps its direction.
             prop_assert!(found.contains(&shuffled[0]));
             let sorted = |mut edges: Vec<[u32; 2]>| {
                 edges.iter_mut().for_each(|e| e.sort_unstable());

@@ -6,10 +6,10 @@
 //! | `.obj` | polylines, as `l` statements | double |
 //! | `.vect` | polylines | double |
 //!
-//! A file is not trusted: every count is compared with the length of the file before anything is allocated,
-//! so that memory is linear in that length whatever the counts say. A BCC file is streamed into its
-//! [`CurveSet`]; beside the set it takes less than 200 kB. The text formats also hold their vertices or
-//! counts while they are read.
+//! A file is not trusted: every count is compared with the length of the file before anything is
+//! allocated, so that memory is linear in that length for any counts. A BCC file is streamed into
+//! its [`CurveSet`], with less than 200 kB of other memory. The text formats also hold their
+//! vertices or counts while they are read.
 
 mod bcc;
 mod chains;
@@ -24,9 +24,9 @@ use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read};
 use std::path::Path;
 
-/// Reads the curves of a model file, whose extension (in upper or lower case) says its format.
+/// Reads the curves of a model file. The extension (in upper or lower case) determines the format.
 ///
-/// It must be a regular file, since a pipe does not tell its length. Every error names `path`.
+/// It must be a regular file, because the length of a pipe is unknown. Every error names `path`.
 pub fn read(path: &Path) -> Result<CurveSet> {
     if path.is_dir() {
         let advice = advice_on(path);
@@ -41,7 +41,7 @@ pub fn read(path: &Path) -> Result<CurveSet> {
         return Err(Error::unsupported("model", why).in_file(path));
     }
     let format = Format::of(path)?;
-    // Asked before opening, which would wait for the writer of a pipe.
+    // Read before opening the file, because opening a pipe would wait for its writer.
     let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
     if !metadata.is_file() {
         let why = "not a regular file, so its length is unknown";
@@ -49,7 +49,7 @@ pub fn read(path: &Path) -> Result<CurveSet> {
         return Err(Error::file(path)(source));
     }
     let len = metadata.len();
-    // A file that grows meanwhile stays as long as it was: checks against its length remain true.
+    // Limited to this length, so that checks against it stay valid if the file grows meanwhile.
     let file = File::open(path).map_err(Error::file(path))?.take(len);
     let input = BufReader::with_capacity(1 << 16, file);
     match format {
@@ -60,7 +60,7 @@ pub fn read(path: &Path) -> Result<CurveSet> {
     .map_err(|e| e.in_file(path))
 }
 
-/// The formats that [`read`] knows.
+/// Formats that [`read`] knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Bcc,
@@ -68,7 +68,7 @@ enum Format {
     Vect,
 }
 
-/// Returns how to name the models in a folder.
+/// Returns advice on naming the models in a folder.
 fn advice_on(folder: &Path) -> String {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let models = files
@@ -99,7 +99,7 @@ impl Format {
     }
 }
 
-/// A finite decimal number, or what is wrong with it.
+/// Parses a finite decimal number, or returns an error text.
 fn number(token: &[u8]) -> Result<f64, String> {
     let parsed = std::str::from_utf8(token).ok().and_then(|t| t.parse().ok());
     match parsed {
@@ -109,7 +109,7 @@ fn number(token: &[u8]) -> Result<f64, String> {
     }
 }
 
-/// A piece of somebody's file for a message: short, and harmless to a terminal.
+/// Quotes a part of a file for a message: short, and with control characters escaped.
 fn quote(token: &[u8]) -> String {
     const SHOWN: usize = 40;
     let head = &token[..token.len().min(4 * SHOWN)];
@@ -128,7 +128,7 @@ mod tests {
     use proptest::prelude::*;
     use std::path::PathBuf;
 
-    /// All curves of a set: closed or not, and their points.
+    /// Returns all curves of a set: true if closed, and the points.
     pub(super) fn curves(set: &CurveSet) -> Vec<(bool, Vec<Point>)> {
         let points = |i| (0..set.curve(i).points as usize).map(move |k| set.point(i, k));
         (0..set.len())
@@ -136,7 +136,7 @@ mod tests {
             .collect()
     }
 
-    /// Asserts an error whose message has `expected` in it.
+    /// Asserts that the message of an error contains `expected`.
     pub(super) fn says(result: Result<CurveSet>, expected: &str) {
         let message = result.unwrap_err().to_string();
         assert!(message.contains(expected), "{message:?} lacks {expected:?}");
@@ -151,7 +151,7 @@ mod tests {
         }
     }
 
-    /// A small valid file of each format.
+    /// Returns a small valid file of each format.
     fn samples() -> Vec<(Format, Vec<u8>)> {
         let mut bcc = b"BCC\x44C0\x03\x01".to_vec();
         bcc.extend(2u64.to_le_bytes());
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_in_place_of_a_model_says_how_to_name_its_models() {
+    fn the_error_of_a_folder_shows_how_to_name_its_models() {
         let folder = tempfile::tempdir().unwrap();
         let says = |path: &Path| read(path).unwrap_err().to_string();
         let path = folder.path();
@@ -187,19 +187,19 @@ mod tests {
         }
         let advice = format!("for the models in it, give {}/*.bcc", path.display());
         assert!(says(path).ends_with(&advice), "{}", says(path));
-        // A folder may be called like a model.
+        // A folder may have the name of a model.
         let inner = path.join("frames.bcc");
         std::fs::create_dir(&inner).unwrap();
         assert!(says(&inner).contains("a folder"), "{}", says(&inner));
     }
 
     #[test]
-    fn truncation_anywhere_is_survived() {
+    fn no_panic_on_files_truncated_anywhere() {
         for (format, bytes) in samples() {
             parse(format, &bytes).unwrap();
             for n in 0..bytes.len() {
                 let result = parse(format, &bytes[..n]);
-                // Text may still be whole: a last digit or newline less.
+                // Text may still be valid: a last digit or newline may be missing.
                 assert!(format != Format::Bcc || result.is_err(), "{n} bytes");
                 if let Ok(set) = result {
                     assert!(set.points() <= 8);
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn one_wrong_byte_anywhere_is_survived() {
+    fn no_panic_on_one_wrong_byte_anywhere() {
         for (format, bytes) in samples() {
             for at in 0..bytes.len() {
                 for value in 0..=255 {
@@ -226,7 +226,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn garbage_is_survived(
+        fn no_panic_on_garbage(
             k in 0..3usize,
             keep in 0..200usize,
             tail in prop::collection::vec(any::<u8>(), 0..200),
@@ -240,7 +240,7 @@ mod tests {
         }
 
         #[test]
-        fn garbage_of_likely_characters_is_survived(
+        fn no_panic_on_garbage_of_likely_characters(
             k in 1..3usize,
             keep in 0..200usize,
             tail in "[-0-9lv./# \n\\\\eE+]{0,200}",
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn the_extension_chooses_and_errors_name_the_file() {
+    fn the_extension_selects_the_format_and_errors_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
         for ((_, bytes), name) in samples().into_iter().zip(["a.BCC", "b.Obj", "c.vect"]) {
             let path = dir.path().join(name);
@@ -280,13 +280,13 @@ mod tests {
     }
 
     #[test]
-    fn words_of_a_file_are_shown_short_and_harmless() {
+    fn quoted_parts_of_a_file_are_short_and_escaped() {
         assert_eq!(quote(b"a\x1b[2Jb\n"), "'a\\u{1b}[2Jb\\n'");
         assert_eq!(quote(&[b'1'; 1000]).len(), 42);
         assert_eq!(quote(b"\xff"), "'\u{fffd}'");
     }
 
-    /// A model that is not part of the project: present on some machines only.
+    /// Reads a model that is not part of the project, if it is present on this machine.
     fn published(name: &str) -> Option<CurveSet> {
         let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
             .join("../shared/models")
@@ -334,7 +334,7 @@ mod tests {
             let counts: Vec<i32> = set.counts().collect();
             assert_eq!(counts, [-4800, -4800]);
             assert_eq!(set.precision(), Precision::F64);
-            // The first line goes 1, 4800, 4799, ..
+            // The first line starts with 1, 4800, 4799.
             assert_eq!(set.point(0, 0), [0.5, 0.0, 0.0]);
             assert_eq!(
                 set.point(0, 4799),

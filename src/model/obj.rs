@@ -1,17 +1,17 @@
-//! Lines of a Wavefront OBJ file, as polylines in double precision.
+//! Lines of a Wavefront OBJ file, read as polylines in double precision.
 //!
-//! Only `v` and `l` count; other statements are ignored, and so are the weight or colours of a vertex and
-//! the texture index in `a/b`. Exporters write curves in two ways:
+//! Only the statements `v` and `l` are used. Other statements are ignored, as are the weight or
+//! colours of a vertex and the texture index in `a/b`. Exporters write curves in two forms:
 //!
-//! - One `l` of many vertices a curve (Houdini, often continued over lines by `\`): each is a curve of its
-//!   own, closed where it ends at the vertex with which it began.
-//! - Many `l` of two vertices (Blender): edges, which are joined wherever they share a vertex, in whatever
-//!   order they come. The curve starts with its first edge in the file and keeps that edge's direction, so
-//!   that edges written in order give the curve in order. A vertex with more than two edges is an error:
-//!   there is more than one way on.
+//! - One `l` of many vertices per curve (Houdini, often continued over lines by `\`): each is a
+//!   separate curve, closed if it ends at its first vertex.
+//! - Many `l` of two vertices (Blender): edges, which are joined if they share a vertex, in any
+//!   order. The curve starts with its first edge in the file and keeps the direction of that edge,
+//!   so that edges written in order give the curve in order. A vertex with more than two edges is
+//!   an error, because the continuation is ambiguous.
 //!
-//! Vertices are the same where their index is, not where their coordinates are. Curves come in the order of
-//! their first lines. An index may be ahead of its vertex; a negative one counts back from the line.
+//! Vertices are equal if their indices are; coordinates are not compared. Curves have the order of
+//! their first lines. An index may precede its vertex; a negative index counts back from the line.
 
 use super::chains::{Chains, Edge, ThirdEdge};
 use super::{number, quote};
@@ -20,10 +20,10 @@ use crate::error::{Error, Result};
 use std::io::BufRead;
 
 const FORMAT: &str = "OBJ";
-/// Points that are handed on at once.
+/// Number of points that are stored at once.
 const CHUNK: usize = 1024;
 
-/// A line of more than two vertices: a range of the indices.
+/// A line of more than two vertices, as a range of the indices.
 struct Long {
     start: usize,
     end: usize,
@@ -31,14 +31,14 @@ struct Long {
     line: u64,
 }
 
-/// The statements of a file.
+/// Statements of a file.
 #[derive(Default)]
 struct Statements {
     vertices: Vec<Point>,
     indices: Vec<u32>,
     long: Vec<Long>,
     edges: Vec<Edge>,
-    /// The largest index and its line.
+    /// Largest index, and its line.
     furthest: (u32, u64),
 }
 
@@ -63,7 +63,7 @@ pub(super) fn read(input: impl BufRead) -> Result<CurveSet> {
         .map_err(|what| bad(line, what))?;
     }
     if found.edges.is_empty() && found.long.is_empty() {
-        let what = "no curves: there is no l statement in it";
+        let what = "no curves: the file has no l statement";
         return Err(Error::format(FORMAT, "whole file", what));
     }
     let (index, line) = found.furthest;
@@ -82,16 +82,16 @@ fn bad(line: u64, what: impl std::fmt::Display) -> Error {
     Error::format(FORMAT, format_args!("line {line}"), what)
 }
 
-/// Statements one by one: comments removed, continued lines joined.
+/// Reads statements one by one, with comments removed and continued lines joined.
 struct Lines<R> {
     input: R,
     statement: Vec<u8>,
-    /// Lines read.
+    /// Number of lines read.
     read: u64,
 }
 
 impl<R: BufRead> Lines<R> {
-    /// Fills `statement`; returns its first line, from 1, or `None` at the end.
+    /// Fills `statement`. Returns its first line, from 1, or `None` at the end.
     fn advance(&mut self) -> Result<Option<u64>> {
         self.statement.clear();
         let first = self.read + 1;
@@ -102,7 +102,8 @@ impl<R: BufRead> Lines<R> {
             }
             self.read += 1;
             let new = &self.statement[start..];
-            // A comment ends with its line even after a backslash: it may well end with a Windows path.
+            // A comment ends with its line even after a backslash, because it may end with a
+            // Windows path.
             if let Some(comment) = new.iter().position(|&b| b == b'#') {
                 self.statement.truncate(start + comment);
                 return Ok(Some(first));
@@ -172,7 +173,7 @@ impl Statements {
         Ok(())
     }
 
-    /// The index, from 0, of `7`, `-1` or `7/3`.
+    /// Returns the index, from 0, of `7`, `-1` or `7/3`.
     fn index(&self, token: &[u8]) -> Result<u32, String> {
         let digits = token.split(|&b| b == b'/').next().unwrap_or_default();
         let given: i64 = std::str::from_utf8(digits)
@@ -194,8 +195,8 @@ impl Statements {
         let chains = Chains::new(&self.edges, self.vertices.len()).map_err(|third| {
             let ThirdEdge { vertex, lines } = third;
             let what = format!(
-                "a third line at vertex {}, where the lines {} and {} meet already: \
-                 a curve has one way on",
+                "a third line at vertex {}, where the lines {} and {} already meet: \
+                 the continuation of the curve is ambiguous",
                 u64::from(vertex) + 1,
                 lines[0],
                 lines[1]
@@ -258,18 +259,18 @@ mod tests {
         read(text.as_bytes())
     }
 
-    /// Vertex `n` of [`with_vertices`], from 1.
+    /// Returns vertex `n` of [`with_vertices`], from 1.
     fn p(n: usize) -> Point {
         [n as f64, 0.1 * n as f64, -1e-3]
     }
 
-    /// `lines` after ten vertices.
+    /// Returns `lines` after ten vertices.
     fn with_vertices(lines: &str) -> String {
         let v = |n| format!("v {} {} {}\n", p(n)[0], p(n)[1], p(n)[2]);
         (1..=10).map(v).collect::<String>() + lines
     }
 
-    /// The curves of `lines`: closed or not, and which vertices.
+    /// Asserts the curves of `lines`: true if closed, and the vertices.
     fn expect(lines: &str, expected: &[(bool, &[usize])]) {
         let set = parse(&with_vertices(lines)).unwrap();
         let expected: Vec<_> = expected
@@ -287,7 +288,7 @@ mod tests {
             "l 1 2 3 4 1\nl 5 6 7\n",
             &[(true, &[1, 2, 3, 4]), (false, &[5, 6, 7])],
         );
-        // A shared vertex joins no long lines.
+        // A shared vertex does not join long lines.
         expect(
             "l 1 2 3\nl 3 4 5\n",
             &[(false, &[1, 2, 3]), (false, &[3, 4, 5])],
@@ -295,10 +296,10 @@ mod tests {
     }
 
     #[test]
-    fn long_lines_go_on_after_a_backslash() {
+    fn a_backslash_continues_a_long_line() {
         expect("l 1 2 \\\n  3 4\\\r\n 1", &[(true, &[1, 2, 3, 4])]);
         expect("l 1 2 3 \\", &[(false, &[1, 2, 3])]);
-        // A comment does not: the next line counts.
+        // A comment is not continued: the next line is read.
         expect(
             "# C:\\models\\\nl 1 2 3 # \\\nl 4 5 6",
             &[(false, &[1, 2, 3]), (false, &[4, 5, 6])],
@@ -315,7 +316,7 @@ mod tests {
 
     #[test]
     fn short_lines_out_of_order_become_curves() {
-        // The second curve is continued, and at its start, after the first one is closed.
+        // The second curve is continued, also at its start, after the first one is closed.
         expect(
             "l 1 2\nl 5 6\nl 3 1\nl 2 3\nl 4 5\nl 7 6\n",
             &[(true, &[1, 2, 3]), (false, &[4, 5, 6, 7])],
@@ -338,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn indices_may_count_back_carry_textures_and_run_ahead() {
+    fn reads_negative_textured_and_forward_indices() {
         expect("l -1 -2 -10\n", &[(false, &[10, 9, 1])]);
         expect(
             "l 1/4 2/ 3/1/1\nl -3 5\n",
@@ -350,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_else_is_ignored() {
+    fn ignores_other_statements() {
         let text = "mtllib \u{e4}.mtl\n\no name\nvt 0 0\nvn x y z\nf 1 2 99\n g\n\
                     v 1 2 3 0.5\n\tv 4 5 6 0.1 0.2 0.3 # red\nusemtl #\nl 1 2#3\ncurv 0 1 7 8\n";
         // A Latin-1 byte, as old exporters write it.
@@ -360,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_files_are_named_by_line() {
+    fn errors_name_the_line() {
         for (lines, expected) in [
             ("", "whole file): no curves"),
             ("f 1 2 3\n", "no l statement"),
@@ -397,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn long_curves_come_in_chunks() {
+    fn reads_long_curves_in_chunks() {
         let n = 2 * CHUNK + 1;
         let mut text: String = (0..n).map(|k| format!("v {k} 0 0\n")).collect();
         text += "l";

@@ -1,9 +1,9 @@
-//! Geomview VECT, as polylines in double precision.
+//! Geomview VECT files, read as polylines in double precision.
 //!
-//! Words apart by any white space, `#` comments to the end of a line: `VECT`, then the numbers of polylines,
-//! vertices and colours, the number of vertices of each polyline (negative where closed), the number of
-//! colours of each, the vertices `x y z`, the colours `r g b a`, and nothing more. Colours are read, checked
-//! to be numbers, and dropped.
+//! Words are separated by white space; `#` starts a comment to the end of the line. The words are:
+//! `VECT`, the numbers of polylines, vertices and colours, the number of vertices of each polyline
+//! (negative if closed), the number of colours of each, the vertices `x y z`, the colours `r g b
+//! a`, and nothing more. Colours are checked to be numbers, and discarded.
 
 use super::{number, quote};
 use crate::curve::{Basis, CurveSet, Positions, Precision};
@@ -13,9 +13,9 @@ use std::io::{BufRead, ErrorKind};
 use std::str::FromStr;
 
 const FORMAT: &str = "VECT";
-/// Longest word: far more digits than a number needs, and a bound on memory.
+/// Maximum length of a word: far more digits than a number needs, and a bound on memory.
 const LONGEST: usize = 1024;
-/// Points that are handed on at once.
+/// Number of points that are stored at once.
 const CHUNK: usize = 1024;
 
 /// Reads a file of `len` bytes.
@@ -25,12 +25,15 @@ pub(super) fn read(input: impl BufRead, len: u64) -> Result<CurveSet> {
         return Err(words.bad(format_args!("{}, expected VECT", quote(&words.word))));
     }
     if words.next(format_args!("the number of polylines"))? == b"BINARY" {
-        return Err(Error::unsupported(FORMAT, "binary; known is text"));
+        return Err(Error::unsupported(
+            FORMAT,
+            "binary files; only text files are supported",
+        ));
     }
     let polylines: u64 = words.parse(format_args!("the number of polylines"))?;
     let vertices: u64 = words.integer(format_args!("the number of vertices"))?;
     let colours: u64 = words.integer(format_args!("the number of colours"))?;
-    // Each number takes a digit and, but for the last, a space.
+    // Each number takes at least a digit and, except for the last, a space.
     let numbers = 2 * u128::from(polylines) + 3 * u128::from(vertices) + 4 * u128::from(colours);
     let left = len.saturating_sub(words.consumed);
     if 2 * numbers > u128::from(left) + 1 {
@@ -45,7 +48,7 @@ pub(super) fn read(input: impl BufRead, len: u64) -> Result<CurveSet> {
     for k in 0..polylines {
         let count: i32 = words.integer(format_args!("the vertices of polyline {k}"))?;
         sum += u64::from(count.unsigned_abs());
-        // The layout on the bus has no negative of the smallest number.
+        // The layout on the bus cannot represent the negative of the smallest integer.
         if count == i32::MIN || sum > vertices {
             return Err(words.bad(format_args!(
                 "{sum} vertices up to polyline {k}, but {vertices} promised"
@@ -127,7 +130,7 @@ impl<R: BufRead> Words<R> {
             for &b in bytes {
                 let between = comment || b == b'#' || b.is_ascii_whitespace();
                 if between && !self.word.is_empty() {
-                    // Left for the next step, so that a message names the line of the word.
+                    // Kept for the next step, so that a message names the line of the word.
                     ended = true;
                     break;
                 }
@@ -149,7 +152,7 @@ impl<R: BufRead> Words<R> {
             self.consumed += used as u64;
             if self.word.len() > LONGEST {
                 let what = format!(
-                    "{}.., a word of more than {LONGEST} bytes",
+                    "{}.. is a word of more than {LONGEST} bytes",
                     quote(&self.word)
                 );
                 return Err(self.bad(what));
@@ -167,7 +170,7 @@ impl<R: BufRead> Words<R> {
         Ok(&self.word)
     }
 
-    /// The word as an integer.
+    /// Parses the word as an integer.
     fn parse<T: FromStr>(&self, expected: Arguments<'_>) -> Result<T> {
         std::str::from_utf8(&self.word)
             .ok()
@@ -206,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn open_and_closed_polylines_are_read() {
+    fn reads_open_and_closed_polylines() {
         let text = "VECT\n2 5 1\n-3 2\n1 0\n0 0 0  1 0 0\n0.1 1e0 -0\n5 5 5 6 6 6\n1 0 0 1\n";
         let set = parse(text).unwrap();
         assert_eq!(set.basis(), Basis::Polyline);
@@ -222,14 +225,14 @@ mod tests {
     }
 
     #[test]
-    fn white_space_and_comments_are_free() {
+    fn ignores_white_space_and_comments() {
         let text = "# a comment 7\n VECT#no space\r\n1\t2 # VECT\n0 2\n0 1 2 3 # 9\n# 9\n4 5 6";
         let set = parse(text).unwrap();
         assert_eq!(curves(&set), [(false, vec![[1., 2., 3.], [4., 5., 6.]])]);
     }
 
     #[test]
-    fn long_polylines_come_in_chunks() {
+    fn reads_long_polylines_in_chunks() {
         let n = 2 * CHUNK + 1;
         let vertices: String = (0..n).map(|k| format!("{k} 0.5 -{k}\n")).collect();
         let set = parse(&format!("VECT 1 {n} 0 -{n} 0 {vertices}")).unwrap();
@@ -238,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_files_are_named_by_line() {
+    fn errors_name_the_line() {
         let two = "VECT\n1 2 0\n2\n0\n0 0 0\n";
         for (text, expected) in [
             (
@@ -303,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_that_lie_are_refused_before_anything_is_allocated() {
+    fn rejects_wrong_counts_before_allocating() {
         let huge = [1 << 30, 1 << 40, u64::MAX];
         for n in huge {
             says(parse(&format!("VECT {n} 0 0 1 1")), "too many for 4 bytes");

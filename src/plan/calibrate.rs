@@ -1,4 +1,5 @@
-//! Measures what kernels take on an adapter and on the processor, and fits the costs that choices go by ([`Calibration`]).
+//! Measures kernels on an adapter and on the CPU, and fits the costs of the automatic choice
+//! ([`Calibration`]).
 
 use super::{Sample, choice};
 use crate::curve::CurveSet;
@@ -17,29 +18,30 @@ use crate::verifier::{Verifier, degenerate_curves, potential_links};
 use nalgebra::{DMatrix, DVector};
 use std::time::{Duration, Instant};
 
-/// Runs that a median is of.
+/// Maximum number of runs of a median.
 const RUNS: usize = 5;
 
-/// Time after which no further one begins.
+/// Time after which no further run starts.
 const ENOUGH: Duration = Duration::from_millis(500);
 
-/// What sums are measured on: the smallest, and what shows how fast it goes, on an adapter and on the processor in disguise.
+/// Scenes that measure sums: the smallest, which gives the round trip, and one that gives the
+/// speed, for a hardware adapter and for a software renderer.
 const SMALLEST: &str = "ribbon:segments=200,lambda=1";
 const DIRECT: [&str; 2] = [
     "ribbon:segments=100000,lambda=10",
     "ribbon:segments=6000,lambda=10",
 ];
-/// The same on the processor.
+/// Scene that measures direct sums on the CPU.
 const DIRECT_HERE: &str = "ribbon:segments=6000,lambda=10";
 const BARNES_HUT: [&str; 2] = [
     "knit:rows=40,stitches=100,segments=48000",
     "knit:rows=10,stitches=40,segments=4000",
 ];
 
-/// What counting takes where there is hardly anything to count is measured on this,
+/// Scene that measures the round trip of counting: it has hardly any work.
 const COUNTED_FIRST: &str = "ribbon:segments=60,lambda=1";
-/// and the rest on many small links, many segments, many crossings of long curves and of short ones. On an adapter, and on the
-/// processor in disguise.
+/// Scenes that measure the costs of counting: many small links, many segments, many crossings of
+/// long curves and of short ones. For a hardware adapter, and for a software renderer.
 const COUNTED: [[&str; 7]; 2] = [
     [
         "chainmail:rows=8,columns=8",
@@ -61,16 +63,16 @@ const COUNTED: [[&str; 7]; 2] = [
     ],
 ];
 
-/// Measures what kernels take on an adapter, whole frames, and on the processor, on the threads of the rayon pool that it is
-/// called in. That takes some seconds.
+/// Measures kernels on whole frames, on an adapter and on the CPU, with the threads of the rayon
+/// pool in which it is called. This takes some seconds.
 ///
 /// Errors: [`Error::Device`].
 pub fn calibrate(device: &Device) -> Result<Calibration> {
     let gpu = Gpu::shared(device).map_err(failed)?;
     let info = gpu.info();
     let software = usize::from(info.software);
-    let subject = |text: &str| Subject::new(text);
-    let direct = |s: &Subject| s.adapter_ms(|| gpu.sum_directly(&s.set, &s.links));
+    let subject = |text: &str| MeasuredScene::new(text);
+    let direct = |s: &MeasuredScene| s.adapter_ms(|| gpu.sum_directly(&s.set, &s.links));
     let smallest = subject(SMALLEST)?;
     let (large, here) = (subject(DIRECT[software])?, subject(DIRECT_HERE)?);
     let direct = sum_cost(
@@ -79,7 +81,7 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
         here.sum_ms(Method::Direct)?,
         segment_pairs(&here.set, &here.links),
     );
-    let by_trees = |s: &Subject| s.adapter_ms(|| gpu.sum_by_trees(&s.set, &s.links));
+    let by_trees = |s: &MeasuredScene| s.adapter_ms(|| gpu.sum_by_trees(&s.set, &s.links));
     let large = subject(BARNES_HUT[software])?;
     let work = segments(&large.set, &large.links);
     let barnes_hut = sum_cost(
@@ -107,20 +109,21 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
     })
 }
 
-/// What is kept must come back: where no costs fit what was measured, the busy machine is asked for another time.
+/// Fails if the fitted costs are invalid, because a stored calibration must be readable. This
+/// happens on a busy machine.
 ///
 /// Errors: [`Error::Device`].
 fn usable(c: Calibration) -> Result<Calibration> {
     match c.is_valid() {
         true => Ok(c),
         false => Err(Error::Device(format!(
-            "what {} was measured to take fits no costs; measure again",
+            "the measured times of {} fit no costs; repeat the calibration on an idle machine",
             c.adapter
         ))),
     }
 }
 
-/// What is left of a measured time is no less than this.
+/// Minimum of a measured time after the round trip is subtracted.
 const SHORTEST_MS: f64 = 1e-3;
 
 fn failed(trouble: Trouble) -> Error {
@@ -140,16 +143,16 @@ fn sum_cost(
     }
 }
 
-/// A generated scene of polylines, ready to be measured.
-struct Subject {
+/// A generated scene of polylines, prepared for measurements.
+struct MeasuredScene {
     set: CurveSet,
     trees: Trees,
     links: Vec<Pair>,
     workspaces: Workspaces,
 }
 
-impl Subject {
-    fn new(text: &str) -> Result<Subject> {
+impl MeasuredScene {
+    fn new(text: &str) -> Result<MeasuredScene> {
         let mut set = text.parse::<Model>()?.build()?.curves;
         if !set.basis().is_polyline() {
             set = homotopic_polylines(&set)?.curves;
@@ -158,7 +161,7 @@ impl Subject {
         trees.refit(&set);
         let degenerate: Vec<_> = degenerate_curves(&set).collect();
         let links = potential_links(&trees, &mut LinkSearch::default(), &degenerate).clone();
-        Ok(Subject {
+        Ok(MeasuredScene {
             set,
             trees,
             links,
@@ -174,7 +177,7 @@ impl Subject {
         }
     }
 
-    /// A kernel on an adapter, by the clock.
+    /// Measures a kernel on an adapter, in wall-clock time.
     fn adapter_ms(&self, run: impl Fn() -> Result<Vec<Estimate>, Trouble>) -> Result<f64> {
         median_ms(|start| {
             run().map_err(failed)?;
@@ -182,7 +185,7 @@ impl Subject {
         })
     }
 
-    /// A sum on the processor.
+    /// Measures a sum on the CPU.
     fn sum_ms(&self, method: Method) -> Result<f64> {
         let none = Accelerator::default();
         median_ms(|start| {
@@ -192,7 +195,7 @@ impl Subject {
         })
     }
 
-    /// Counting on an adapter, from vertices in memory: what there is to do, and how long it takes.
+    /// Measures counting on an adapter, from vertices in memory. Returns the work and the time.
     fn count(&self, gpu: &Gpu) -> Result<(CountingWork, f64)> {
         let mut work = CountingWork {
             segments: self.set.segments() as u64,
@@ -210,7 +213,7 @@ impl Subject {
         Ok((work, ms))
     }
 
-    /// Counting on the processor.
+    /// Measures counting on the CPU.
     fn processor_ms(&self) -> Result<f64> {
         let mut verifier = Verifier::new(AbortOn::Never);
         verifier.set_kernel(Method::Crossings, Accuracy::default());
@@ -220,14 +223,15 @@ impl Subject {
         })
     }
 
-    /// What its plan says of that.
+    /// Returns the predicted time of counting on the CPU.
     fn predicted_ms(&self) -> f64 {
         let sample = Sample::of(self.scene(), &self.links);
-        choice::on_processor(self.scene(), &self.links, &[], &sample)
+        choice::on_cpu(self.scene(), &self.links, &[], &sample)
     }
 }
 
-/// The median of some runs, after one in which programs are compiled and buffers made; of fewer where they take long.
+/// Returns the median time of some runs, after one that compiles shaders and allocates buffers.
+/// Long runs are repeated less often.
 fn median_ms(mut run: impl FnMut(Instant) -> Result<f64>) -> Result<f64> {
     run(Instant::now())?;
     let (begun, mut times) = (Instant::now(), Vec::new());
@@ -238,8 +242,9 @@ fn median_ms(mut run: impl FnMut(Instant) -> Result<f64>) -> Result<f64> {
     Ok(times[times.len() / 2])
 }
 
-/// Costs that come closest to what counting was measured to take, by the squared logarithms of the ratios, so that as much is
-/// predicted too low as too high. None of them is negative: with so few unknowns, every choice of those that are not 0 is tried.
+/// Returns the costs that fit the measured times of counting best, by least squares of the
+/// logarithms of the ratios, so that predictions are too low as often as too high. All costs are at
+/// least 0: with so few unknowns, every subset of nonzero costs is tried.
 fn fit(
     measured: &[(CountingWork, f64)],
     round_trip_ms: f64,
@@ -264,22 +269,23 @@ fn fit(
     best
 }
 
-/// The same with some of the costs; none where one of them is negative, or cannot be told from another.
+/// Fits some of the costs. `None` if one of them is negative, or not determined by the
+/// measurements.
 fn fit_some(
     measured: &[(CountingWork, f64)],
     columns: &[usize],
     start: CountingCost,
 ) -> Option<CountingCost> {
-    /// Least squares, each time with weights by the fit before.
+    /// Number of rounds of weighted least squares, each with weights from the previous fit.
     const ROUNDS: usize = 30;
     let count = |work: &CountingWork, column: usize| {
-        // In millions, since costs are in nanoseconds and times in milliseconds.
+        // In millions, because costs are in nanoseconds and times in milliseconds.
         [work.segments, work.links, work.tests][column] as f64 * 1e-6
     };
     let mut cost = start;
     let mut predicted: Vec<f64> = measured.iter().map(|m| m.1).collect();
     for _ in 0..ROUNDS {
-        // So that w^2 (p - t) is the derivative of ln(p / t)^2 / 2, by which the best p is found.
+        // Chosen so that w^2 (p - t) is the derivative of ln(p / t)^2 / 2, whose minimum is wanted.
         let weight = |r: usize| {
             let (p, t) = (predicted[r], measured[r].1);
             let ratio = p / t;
@@ -291,7 +297,7 @@ fn fit_some(
         };
         let weighted = |r: usize, c: usize| count(&measured[r].0, c) * weight(r);
         let rows = measured.len();
-        // Columns of very different sizes are made equal.
+        // Columns of very different sizes are scaled to the same size.
         let largest = |c| (0..rows).fold(1e-300, |m: f64, r| m.max(weighted(r, c)));
         let sizes: Vec<f64> = columns.iter().map(|&c| largest(c)).collect();
         let matrix = DMatrix::from_fn(rows, columns.len(), |r, k| {
@@ -334,7 +340,7 @@ mod tests {
         [1_000_000, 1, 3_000_000],
     ];
 
-    /// Milliseconds of a round trip, and a million times those of a segment, a link and a test.
+    /// Milliseconds of a round trip, and nanoseconds of a segment, a link and a test.
     fn times([round_trip, segment, link, test]: [f64; 4]) -> Vec<(CountingWork, f64)> {
         let cost = CountingCost {
             round_trip_ms: round_trip,
@@ -356,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fit_finds_the_costs_that_made_the_times() {
+    fn a_fit_recovers_the_costs_of_exact_times() {
         for cost in [
             [0.4, 3.0, 20.0, 1.0],
             [0.1, 0.0, 200.0, 10.0],
@@ -375,9 +381,9 @@ mod tests {
         }
     }
 
-    /// All frames took less than the smallest one.
+    /// All frames took less time than the smallest one.
     #[test]
-    fn a_fit_to_nonsense_is_no_calibration() {
+    fn rejects_a_fit_to_contradictory_times() {
         let rows = times([0.4, 3.0, 20.0, 1.0]);
         let c = Calibration {
             crossings: fit(&rows, 1e6, 1.0),
@@ -406,9 +412,9 @@ mod tests {
         }
     }
 
-    /// Counts do not tell the whole: what is predicted too high and too low is so by as much.
+    /// If counts do not explain the times, predictions are too high and too low by the same factor.
     #[test]
-    fn a_bad_fit_is_no_bias_and_says_so() {
+    fn a_bad_fit_is_unbiased_and_reports_its_error() {
         let work = CountingWork {
             segments: 1_000_000,
             links: 1,

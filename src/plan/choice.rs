@@ -1,12 +1,15 @@
-//! Which way linking numbers are computed soonest: by counting, here or on an adapter, or by sums first.
+//! Choice of the fastest way to compute linking numbers: counting on the CPU or the GPU, or sums
+//! first.
 //!
-//! An adapter that was measured ([`Calibration`]) gets the crossings of a frame where it is predicted to take less than the
-//! processor does in its best way; one that was asked for gets all it can do.
+//! An adapter that was measured ([`Calibration`]) counts the crossings of a frame if it is
+//! predicted to be faster than the best way on the CPU. A requested adapter does all that it
+//! supports.
 //!
-//! Worth a sum are the potential links of two long curves that cross each other very often in every view. Counting takes as
-//! long as there are crossings, which may be as many as the product of the strands; the fast multipole method takes as long as
-//! there are segments. So it wins where thousands of strands pass thousands of others at a distance, as on two wound balls,
-//! and nowhere else.
+//! Sums pay for potential links of two long curves that cross each other very often in every view.
+//! The time of counting grows with the number of crossings, which may be as large as the product of
+//! the numbers of strands. The time of the fast multipole method grows with the number of segments.
+//! So it wins if thousands of strands pass thousands of others at a distance, as on two wound
+//! balls, and nowhere else.
 
 use super::costs::{self, Time};
 use super::{Sample, parallelism};
@@ -15,20 +18,22 @@ use crate::kernels::{Calibration, CountingWork, KernelWork, Method, Offer, segme
 use crate::pairs::Pair;
 use rayon::prelude::*;
 
-/// The way of a frame's linking numbers.
+/// Method that computes the linking numbers of a frame.
 #[derive(Clone, Debug)]
 pub(crate) enum Way {
-    /// Crossings are counted.
+    /// Counts the crossings.
     Count {
-        /// On the adapter that was offered.
+        /// True if the offered adapter counts them.
         on_adapter: bool,
     },
-    /// The fast multipole method goes first on these; crossings are counted on the others, and where it decides nothing.
+    /// Runs the fast multipole method first on these links. Crossings are counted for the others,
+    /// and for links that it does not decide.
     Fmm(Vec<LongLink>),
 }
 
 impl Way {
-    /// The way of some potential links, by counting or ([`Method::Auto`]) by what takes least.
+    /// Returns the way for some potential links: counting, or with [`Method::Auto`] the one
+    /// predicted to be fastest.
     pub fn of(scene: Scene<'_>, links: &[Pair], method: Method, offer: Option<Offer<'_>>) -> Way {
         let asked_for = offer.is_some_and(|o| o.asked_for && counts(scene));
         let long = match method {
@@ -42,19 +47,19 @@ impl Way {
     }
 }
 
-/// Whether an adapter counts the crossings of some potential links.
+/// Returns true if an adapter counts the crossings of these potential links.
 pub(crate) fn goes_to_adapter(scene: Scene<'_>, links: &[Pair], offer: Option<Offer<'_>>) -> bool {
     adapter_wins(scene, links, &[], offer)
 }
 
-/// Whether adapters count the crossings of such curves.
+/// Returns true if adapters can count the crossings of these curves.
 fn counts(scene: Scene<'_>) -> bool {
     scene.set.basis().is_polyline()
 }
 
-/// The same, where the processor would sum the long ones.
+/// Returns true if an adapter counts the crossings, given that the CPU would sum the `long` links.
 ///
-/// Cost: a look at the links; where that does not rule the adapter out, a sample of them ([`Sample`]).
+/// Cost: linear in the links; if that does not rule the adapter out, a sample of them ([`Sample`]).
 fn adapter_wins(
     scene: Scene<'_>,
     links: &[Pair],
@@ -66,7 +71,7 @@ fn adapter_wins(
     };
     match offer.calibration {
         _ if offer.asked_for => true,
-        Some(calibration) if !hopeless(scene, links, calibration) => {
+        Some(calibration) if !cannot_win(scene, links, calibration) => {
             let sample = Sample::of(scene, links);
             Forecast::of(scene, links, long, &sample, calibration).adapter_wins()
         }
@@ -74,8 +79,9 @@ fn adapter_wins(
     }
 }
 
-/// Whether an adapter takes longer for no tests at all than the processor for all there can be, shared out badly.
-fn hopeless(scene: Scene<'_>, links: &[Pair], calibration: &Calibration) -> bool {
+/// Returns true if an adapter takes longer for no tests at all than the CPU for all possible tests
+/// on one thread.
+fn cannot_win(scene: Scene<'_>, links: &[Pair], calibration: &Calibration) -> bool {
     let cost = calibration.crossings;
     let tests = segment_pairs(scene.set, links);
     let most = KernelWork {
@@ -98,19 +104,19 @@ fn counting_work(scene: Scene<'_>, links: &[Pair], tests: u64) -> CountingWork {
     }
 }
 
-/// What linking numbers are predicted to take, directions included, in milliseconds.
+/// Predicted time of the linking numbers, directions included, in milliseconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Forecast {
-    /// Counting all of them on the adapter.
+    /// Time of counting all of them on the adapter.
     pub adapter_ms: f64,
-    /// By what factor that is off, typically.
+    /// Typical error of that prediction, as a factor.
     pub misfit: f64,
-    /// The best way of the processor.
+    /// Time of the best way on the CPU.
     pub processor_ms: f64,
 }
 
 impl Forecast {
-    /// By what a sample of the links says, and where the processor would sum the long ones.
+    /// Predicts the times from a sample of the links, given that the CPU would sum the `long` ones.
     pub fn of(
         scene: Scene<'_>,
         links: &[Pair],
@@ -122,24 +128,19 @@ impl Forecast {
         Forecast {
             adapter_ms: cost.adapter_ms(counting_work(scene, links, sample.work.tests)),
             misfit: cost.misfit,
-            processor_ms: cost.processor_factor * on_processor(scene, links, long, sample),
+            processor_ms: cost.processor_factor * on_cpu(scene, links, long, sample),
         }
     }
 
-    /// By more than the prediction is off.
+    /// Returns true if the adapter wins by more than the error of its prediction.
     fn adapter_wins(self) -> bool {
         self.misfit * self.adapter_ms < self.processor_ms
     }
 }
 
-/// What linking numbers are predicted to take the processor that the table of costs was measured on, on as many threads as there
-/// are here.
-pub(super) fn on_processor(
-    scene: Scene<'_>,
-    links: &[Pair],
-    long: &[LongLink],
-    sample: &Sample,
-) -> f64 {
+/// Returns the predicted time of the linking numbers on the CPU of the cost table, with the current
+/// number of threads, in milliseconds.
+pub(super) fn on_cpu(scene: Scene<'_>, links: &[Pair], long: &[LongLink], sample: &Sample) -> f64 {
     let threads = rayon::current_num_threads();
     let (_, busy) = parallelism(links.len(), threads, sample.shared);
     let read = 3 * scene.set.points() * scene.set.precision().bytes() + scene.trees.bytes();
@@ -149,39 +150,41 @@ pub(super) fn on_processor(
 }
 
 impl Time {
-    /// This, with long links summed instead.
+    /// Returns this time with long links summed instead of counted.
     pub fn with_sums(self, long: &[LongLink]) -> Time {
         let sum = |time: Time, link: &LongLink| time.instead_of(link.counting, link.summing);
         long.iter().fold(self, sum)
     }
 }
 
-/// A potential link that is worth a sum.
+/// A potential link for which a sum pays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LongLink {
-    /// Its place in the list.
+    /// Index in the list of links.
     pub at: usize,
-    /// What counting is predicted to take on one thread.
+    /// Predicted time of counting on one thread.
     pub counting: Time,
-    /// What the sum is.
+    /// Predicted time of the sum on one thread.
     pub summing: Time,
 }
 
-/// Segments of two curves below which nobody asks: however they cross, counting does not take long.
+/// Minimum number of segments of two curves: below that, counting is fast however they cross.
 const LONG: u32 = 50_000;
 
-/// Counting that is not worth a tree, in milliseconds of one thread.
+/// Time of counting, in milliseconds of one thread, below which no sum pays.
 const SHORT_MS: f64 = 500.0;
 
-/// Links that are not shared out.
+/// Number of links below which they are not split among threads.
 const FEW: usize = 64;
 
-/// How much shorter the sum must be, since predictions are off by some.
+/// Factor by which the sum must be faster, because of the errors of the predictions.
 const SHORTER: f64 = 2.5;
 
-/// The potential links of polylines that the fast multipole method is predicted to decide sooner than counting.
+/// Returns the potential links of polylines that the fast multipole method is predicted to decide
+/// sooner than counting.
 ///
-/// Cost: nothing for links of short curves; some tenths of a millisecond for each of the others ([`sample`]).
+/// Cost: nothing for links of short curves; some tenths of a millisecond for each of the others
+/// ([`sample`]).
 pub(super) fn worth_summing(scene: Scene<'_>, links: &[Pair]) -> Vec<LongLink> {
     let segments = |i: u32| scene.set.curve(i as usize).segments;
     let mut all = 0..scene.set.len() as u32;
@@ -201,7 +204,7 @@ pub(super) fn worth_summing(scene: Scene<'_>, links: &[Pair]) -> Vec<LongLink> {
         decide(at, segments, work)
     };
     match links.len() {
-        // Sharing out takes memory, and a frame like the one before should take none.
+        // A parallel iterator allocates, and a frame like the previous one should allocate nothing.
         few @ ..FEW => (0..few).filter_map(look).collect(),
         many => (0..many).into_par_iter().filter_map(look).collect(),
     }
@@ -209,7 +212,7 @@ pub(super) fn worth_summing(scene: Scene<'_>, links: &[Pair]) -> Vec<LongLink> {
 
 fn decide(at: usize, segments: u32, work: KernelWork) -> Option<LongLink> {
     let segments = segments as usize;
-    // Boxes are of 2 bytes a segment and more; what is long enough to ask fits into no cache.
+    // Boxes take at least 2 bytes per segment, so curves of this length exceed every cache.
     let counting = costs::crossings(0, work, usize::MAX);
     let summing = costs::multipole(segments);
     let worth = counting.ms() > SHORT_MS.max(SHORTER * summing.ms());

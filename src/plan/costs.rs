@@ -1,51 +1,52 @@
-//! What work costs: the one table of constants, and the sums that it goes into.
+//! Cost model: a table of constants, and the sums that use it.
 //!
-//! Measured on one core of a cloud machine, processor time, `linkwatch --threads 1 plan SCENE --repeat N`; see the
-//! head of [`super`] for how well it predicts.
+//! Measured on one core of a cloud machine, in CPU time, by `linkwatch --threads 1 plan SCENE
+//! --repeat N`. The documentation of [`super`] reports its accuracy.
 
 use super::Prediction;
 use crate::curve::Basis;
 use crate::kernels::KernelWork;
 
-/// Nanoseconds that something takes.
+/// Nanoseconds of each kind of work.
 struct Nanoseconds {
-    /// The boxes of a segment of a polyline, with its share of the tree above.
+    /// Boxes of a segment of a polyline, with its share of the tree above.
     polyline_box: f64,
-    /// The same of a spline.
+    /// Boxes of a segment of a spline, likewise.
     spline_box: f64,
-    /// A curve of any length: its tree.
+    /// Tree of a curve of any length.
     tree: f64,
     /// A curve in the search for potential links: sorting, columns.
     sorted: f64,
-    /// A group of eight boxes compared with a box.
+    /// Comparison of a box with a group of eight boxes.
     sweep_step: f64,
-    /// A potential link found, and sorted.
+    /// A potential link that is found and sorted.
     found: f64,
-    /// A potential link in the kernel, however short.
+    /// Overhead of a potential link in the kernel.
     link: f64,
-    /// A node pair looked into for the choice of the direction.
+    /// A node pair visited to choose the direction.
     front: f64,
-    /// A node pair looked into on the way to the segments, whose boxes are stored.
+    /// A node pair visited on the way to the segments, if its boxes are stored.
     node: f64,
-    /// The same, whose boxes are computed.
+    /// The same, if its boxes are computed.
     computed_node: f64,
-    /// Waiting for memory, of a node pair of either kind, where the curves and their boxes fit into no cache.
+    /// Additional memory latency of a node pair of either kind, if the curves and their boxes
+    /// exceed the cache.
     far_node: f64,
-    /// A segment pair tested for a crossing.
+    /// Test of a segment pair for a crossing.
     test: f64,
-    /// A test decided exactly, beside the test.
+    /// Additional time of a test that is decided exactly.
     exact: f64,
-    /// Two hulls compared.
+    /// Comparison of two hulls.
     hulls: f64,
-    /// A point added by the discretization, with the segments tested again.
+    /// A point added by the discretization, and the repeated tests of its segments.
     refined: f64,
-    /// A segment in the fast multipole method, where hardly any pair of segments is close.
+    /// A segment in the fast multipole method, if few pairs of segments are close.
     multipole: f64,
-    /// A segment looked at for repeated vertices, which are counted.
+    /// Check of a segment for repeated vertices.
     repeat: f64,
 }
 
-/// Size of the last cache.
+/// Size of the last-level cache.
 const CACHE_BYTES: usize = 32 << 20;
 
 const NS: Nanoseconds = Nanoseconds {
@@ -75,19 +76,19 @@ pub(crate) struct Time {
 }
 
 impl Time {
-    /// In milliseconds.
+    /// Returns the time in milliseconds.
     pub fn ms(self) -> f64 {
         self.ns * 1e-6
     }
 
-    /// This, with a part of it replaced.
+    /// Returns this time with a part of it replaced.
     pub fn instead_of(self, part: Time, other: Time) -> Time {
         Time {
             ns: (self.ns - part.ns).max(0.0) + other.ns,
         }
     }
 
-    /// The same on several threads that all have something to do.
+    /// Returns the prediction for several threads that are all busy.
     pub fn on(self, threads: usize) -> Prediction {
         let one_thread_ms = self.ms();
         Prediction {
@@ -107,7 +108,7 @@ impl std::ops::Add for Time {
     }
 }
 
-/// Boxes of all segments.
+/// Returns the time of the boxes of all segments.
 pub(super) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
     let segment = if basis.is_polyline() {
         NS.polyline_box
@@ -119,35 +120,37 @@ pub(super) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
     }
 }
 
-/// The search for potential links.
+/// Returns the time of the search for potential links.
 pub(super) fn potential_links(curves: usize, steps: u64, links: usize) -> Time {
     Time {
         ns: curves as f64 * NS.sorted + steps as f64 * NS.sweep_step + links as f64 * NS.found,
     }
 }
 
-/// The choice of directions.
+/// Returns the time of the choice of directions.
 pub(super) fn direction(links: usize, work: KernelWork) -> Time {
     Time {
         ns: links as f64 * NS.link + work.front as f64 * NS.front,
     }
 }
 
-/// Splines to polylines.
+/// Returns the time to convert splines to polylines.
 pub(super) fn discretization(work: KernelWork) -> Time {
     Time {
         ns: work.overlaps as f64 * NS.hulls + work.refined as f64 * NS.refined,
     }
 }
 
-/// The fast multipole method on so many segments, in any number of links that are each predicted to gain by it.
+/// Returns the time of the fast multipole method for this number of segments, in any number of
+/// links that are each predicted to gain by it.
 pub(super) fn multipole(segments: usize) -> Time {
     Time {
         ns: segments as f64 * NS.multipole,
     }
 }
 
-/// Counting crossings, and repeated vertices; `bytes` of curves and boxes are read.
+/// Returns the time of counting crossings and repeated vertices. `bytes` of curves and boxes are
+/// read.
 pub(super) fn crossings(segments: usize, work: KernelWork, bytes: usize) -> Time {
     let far = if bytes > CACHE_BYTES {
         NS.far_node

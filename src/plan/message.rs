@@ -1,4 +1,4 @@
-//! A plan in words, a line a stage.
+//! `Display` form of a plan: one line per stage.
 
 use super::{DevicePlan, DiscretizationChoice, Parallelism, Plan, Prediction, Search};
 use crate::pairs::SMALL;
@@ -28,7 +28,7 @@ impl fmt::Display for Plan {
         } = self;
         let shared = match boxes.shared_curves {
             0 => String::new(),
-            n => format!(", {} shared out among threads", plural(n, "curve")),
+            n => format!(", {} split among threads", plural(n, "curve")),
         };
         let leaves = match (
             discretization.choice,
@@ -65,11 +65,11 @@ impl fmt::Display for Plan {
             plural(links.curves, "curve"),
         )?;
         if links.open_curves > 0 {
-            write!(f, ", {} left out", plural(links.open_curves, "open curve"))?;
+            write!(f, ", {} skipped", plural(links.open_curves, "open curve"))?;
         }
         if links.degenerate_curves > 0 {
             let degenerate = plural(links.degenerate_curves, "degenerate curve");
-            write!(f, ", {degenerate} left out")?;
+            write!(f, ", {degenerate} skipped")?;
         }
         writeln!(f, ", {}: {}", megabytes(links.bytes), links.predicted)?;
         match (direction.by_formula, direction.best_of_six) {
@@ -82,7 +82,8 @@ impl fmt::Display for Plan {
             )?,
             (few, many) => write!(
                 f,
-                "direction: the best of six for {}, a formula (loops of at most {SMALL} segments) for {}",
+                "direction: the best of six for {}, a formula (loops of at most {SMALL} segments) \
+                 for {}",
                 plural(many, "link"),
                 count(few),
             )?,
@@ -90,14 +91,15 @@ impl fmt::Display for Plan {
         let device = kernel.device.as_ref();
         let on_adapter = device.filter(|d| d.chosen);
         match on_adapter.and_then(|d| d.adapter_ms) {
-            Some(_) => writeln!(f, ": a part of the kernel")?,
+            Some(_) => writeln!(f, ": included in the kernel")?,
             None => writeln!(f, ": {}", direction.predicted)?,
         }
         match discretization.choice {
             DiscretizationChoice::None => writeln!(f, "discretization: none (polylines)")?,
             DiscretizationChoice::PairByPair => writeln!(
                 f,
-                "discretization: pair by pair, where hulls meet (splines), {} and {} expected: {}",
+                "discretization: pair by pair, where hulls overlap (splines), {} and {} \
+                 expected: {}",
                 plural(kernel.work.overlaps as usize, "hull test"),
                 plural(kernel.work.refined as usize, "new point"),
                 discretization.predicted,
@@ -105,8 +107,8 @@ impl fmt::Display for Plan {
         }
         let parallelism = match kernel.parallelism {
             Parallelism::None => "one thread",
-            Parallelism::OverLinks => "links shared out",
-            Parallelism::InsideLinks => "each link shared out",
+            Parallelism::OverLinks => "links split among threads",
+            Parallelism::InsideLinks => "each link split among threads",
         };
         let first = match kernel.summed {
             0 => String::new(),
@@ -140,20 +142,15 @@ impl fmt::Display for Plan {
                 adapter_ms: Some(adapter),
                 processor_ms: Some(processor),
                 ..
-            }) => writeln!(
-                f,
-                "{} (processor: {})",
-                millis(*adapter),
-                millis(*processor)
-            )?,
-            Some(_) => writeln!(f, "never measured there (processor: {})", kernel.predicted)?,
+            }) => writeln!(f, "{} (CPU: {})", millis(*adapter), millis(*processor))?,
+            Some(_) => writeln!(f, "not calibrated (CPU: {})", kernel.predicted)?,
         }
         if let Some(device) = device {
             writeln!(f, "device: {device}")?;
         }
         write!(
             f,
-            "total: {} beside the curves: {predicted}",
+            "total: {} in addition to the curves: {predicted}",
             megabytes(*bytes)
         )
     }
@@ -163,15 +160,15 @@ impl fmt::Display for DevicePlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let adapter = &self.adapter;
         match (self.chosen, self.adapter_ms.zip(self.processor_ms)) {
-            (true, _) => write!(f, "{adapter} counts")?,
+            (true, _) => write!(f, "crossings on {adapter}")?,
             (false, Some((there, here))) => write!(
                 f,
-                "the processor counts, in {} ({adapter}: {}, give or take a factor of {:.1})",
+                "crossings on the CPU, in {} ({adapter}: {}, within a factor of {:.1})",
                 millis(here),
                 millis(there),
                 self.adapter_misfit.unwrap_or(1.0),
             )?,
-            (false, None) => write!(f, "the processor counts")?,
+            (false, None) => write!(f, "crossings on the CPU")?,
         }
         let from = |from: Option<u64>, noun: &str| match from {
             Some(0) => "all".to_owned(),
@@ -180,14 +177,14 @@ impl fmt::Display for DevicePlan {
         };
         write!(
             f,
-            "; direct sums there: {}, Barnes-Hut: {}",
+            "; direct sums on the GPU: {}, Barnes-Hut: {}",
             from(self.direct_from, "segment pair"),
             from(self.barnes_hut_from, "segment"),
         )
     }
 }
 
-/// A count with separators, `211,680`.
+/// Formats a count with separators, `211,680`.
 fn count(n: usize) -> String {
     let digits = n.to_string();
     let mut out = String::new();
@@ -200,13 +197,13 @@ fn count(n: usize) -> String {
     out
 }
 
-/// A count with its noun, `1 link`, `2 links`.
+/// Formats a count with its noun, `1 link`, `2 links`.
 fn plural(n: usize, noun: &str) -> String {
     let s = if n == 1 { "" } else { "s" };
     format!("{} {noun}{s}", count(n))
 }
 
-/// Milliseconds, with no more digits than a prediction has.
+/// Formats milliseconds with two significant digits at most.
 fn millis(ms: f64) -> String {
     let digits = if ms < 0.1 {
         3

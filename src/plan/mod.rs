@@ -1,4 +1,4 @@
-//! What a scene needs, and no more: which way every stage goes, why, and what it will cost.
+//! Plan of a verification: the method of every stage, the reason, and the predicted cost.
 //!
 //! ```
 //! use linkwatch::{Plan, scenes::Scene};
@@ -10,23 +10,24 @@
 //! # Ok::<(), linkwatch::Error>(())
 //! ```
 //!
-//! A plan asks the stages themselves which way they will go, so what it says is what runs. Its times are counts of
-//! work times the constants of one table: they depend on the curves and on the number of threads alone, not on the
-//! clock. The counts of the first stages are those of the scene; those of the linking numbers are extrapolated from
-//! a sample (see [`Plan::of`]).
+//! The decisions are those of the stages themselves, so the plan matches the run. Predicted times
+//! are counts of work multiplied by the constants of one table. They depend only on the curves and
+//! on the number of threads, not on the clock. The counts of the first stages are those of the
+//! scene; those of the linking numbers are extrapolated from a sample (see [`Plan::of`]).
 //!
-//! With a device ([`Plan::on`]), a plan also says whether crossings are counted on an adapter. What an adapter takes follows from
-//! the same counts and from what was measured on it (`calibrate`); the processor beside it is taken as it was measured then, times
-//! one factor.
+//! With a device ([`Plan::on`]), a plan also reports if crossings are counted on a GPU. The time on
+//! the GPU follows from the same counts and from measurements of the adapter (`calibrate`). The
+//! time on the CPU is scaled by one factor from the same measurements.
 //!
-//! The table was measured on one machine; another one is faster or slower throughout. A prediction is for frames
-//! after the first, whose buffers are in place.
+//! The table was measured on one machine; other machines are faster or slower by a factor. A
+//! prediction applies to frames after the first, whose buffers are allocated.
 //!
 //! # Predicted and measured
 //!
-//! All generated scenes with their defaults, on a shared cloud machine (AMD EPYC with AVX2, two cores, 32 MB of cache):
-//! milliseconds predicted / measured by `linkwatch --threads 1 plan SCENE --repeat 11`. The measured total is
-//! processor time; links are the direction, the discretization and the kernel together.
+//! Times of all generated scenes with their defaults, on a shared cloud machine (AMD EPYC with
+//! AVX2, two cores, 32 MB of cache): milliseconds predicted / measured by `linkwatch --threads 1
+//! plan SCENE --repeat 11`. The measured total is CPU time; links are the direction, the
+//! discretization and the kernel together.
 //!
 //! | scene | boxes | search | links | total | ratio |
 //! |---|---|---|---|---|---|
@@ -39,12 +40,13 @@
 //! | `torus_zero` | 0.56 / 0.51 | 0.00 / 0.00 | 6.95 / 7.72 | 7.51 / 8.23 | 0.91 |
 //! | `woundball` | 1.40 / 1.48 | 0.00 / 0.01 | 83.9 / 91.2 | 85.3 / 92.7 | 0.92 |
 //!
-//! The constants were fitted to these scenes and to two garments (1.08 and 1.25), so the table says how well the
-//! model fits, not how well it does on what it never saw. Search times of some hundredths of a millisecond are
-//! off by up to 2. On several threads, a prediction is for as many idle processors.
+//! The constants were fitted to these scenes and to two garments (1.08 and 1.25), so the table
+//! shows the quality of the fit, not the accuracy on other scenes. Search times of some hundredths
+//! of a millisecond are wrong by up to a factor of 2. With several threads, a prediction assumes as
+//! many idle cores.
 //!
-//! Not in the model: other caches than the last, and processors without AVX2, where all takes longer. Where more than
-//! 64 potential links differ much, a rare one of much work may be missed by the sample.
+//! The model ignores caches except the last, and CPUs without AVX2, where all stages take longer.
+//! If more than 64 potential links differ much, the sample may miss a rare one of much work.
 
 #[cfg(feature = "gpu")]
 mod calibrate;
@@ -68,104 +70,104 @@ use crate::verifier::{degenerate_curves, links_per_task, potential_links};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Potential links that stand for all of them where there are more.
+/// Maximum number of potential links in the sample.
 const SAMPLE: usize = 64;
 
-/// What a scene needs, stage by stage. Displayed as a line a stage.
+/// Plan of a verification, stage by stage. Its `Display` form has a line per stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
-    /// Threads that the plan is for.
+    /// Number of threads of the plan.
     pub threads: usize,
-    /// Splines to polylines.
+    /// Conversion of splines to polylines.
     pub discretization: Discretization,
     /// Boxes of all segments, and the trees over them.
     pub boxes: Boxes,
-    /// Which pairs of curves may be linked.
+    /// Search for pairs of curves that may be linked.
     pub potential_links: PotentialLinks,
-    /// Along which axis crossings are counted.
+    /// Axis along which crossings are counted.
     pub direction: Directions,
-    /// The linking numbers themselves.
+    /// Computation of the linking numbers.
     pub kernel: KernelPlan,
-    /// Memory beside the curves, in bytes: boxes, search, and candidates that wait.
+    /// Memory in addition to the curves, in bytes: boxes, search, and pending candidates.
     pub bytes: usize,
-    /// All stages together.
+    /// Cost of all stages together.
     pub predicted: Prediction,
 }
 
 /// Predicted time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Prediction {
-    /// On one thread, in milliseconds.
+    /// Time on one thread, in milliseconds.
     pub one_thread_ms: f64,
-    /// On the threads of the plan, in milliseconds: the time on one, divided by how many of them have something to
-    /// do.
+    /// Time on the threads of the plan, in milliseconds: the time on one thread, divided by the
+    /// number of busy threads.
     pub ms: f64,
 }
 
-/// How splines become polylines.
+/// Conversion of splines to polylines.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Discretization {
-    /// The choice.
+    /// Chosen method.
     pub choice: DiscretizationChoice,
-    /// What it costs.
+    /// Predicted cost.
     pub predicted: Prediction,
 }
 
-/// Ways from splines to polylines.
+/// Methods that convert splines to polylines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum DiscretizationChoice {
-    /// There is nothing to do: the curves are polylines.
+    /// Nothing to convert: the curves are polylines.
     None,
-    /// Every pair by itself, where the hulls of its segments meet.
+    /// Every pair separately, where the hulls of its segments overlap.
     PairByPair,
 }
 
 /// Boxes and trees.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Boxes {
-    /// Segments of all curves.
+    /// Number of segments of all curves.
     pub segments: usize,
-    /// Levels of the deepest tree.
+    /// Number of levels of the deepest tree.
     pub levels: u8,
-    /// Closed curves for which the boxes of single segments are stored: splines, and small curves, which many pairs
-    /// visit for their size. Those of other polylines are computed where they are needed.
+    /// Number of closed curves for which the boxes of single segments are stored: splines, and
+    /// small curves, which many pairs visit. The boxes of other polylines are computed on demand.
     pub stored_leaves: usize,
-    /// Closed curves for which they are computed.
+    /// Number of closed curves for which the boxes are computed on demand.
     pub computed_leaves: usize,
-    /// Curves of so many segments that each is shared out among threads.
+    /// Number of curves so long that several threads work on each.
     pub shared_curves: usize,
     /// Bytes of the boxes.
     pub bytes: usize,
-    /// What they cost.
+    /// Predicted cost.
     pub predicted: Prediction,
 }
 
 /// Potential links.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PotentialLinks {
-    /// Curves of the scene.
+    /// Number of curves of the scene.
     pub curves: usize,
-    /// Open curves: left out, as they have no linking numbers.
+    /// Number of open curves. They are skipped, because they have no linking numbers.
     pub open_curves: usize,
-    /// Closed curves of fewer than three distinct points: left out, as they bound nothing.
+    /// Number of closed curves of fewer than three distinct points. They are skipped.
     pub degenerate_curves: usize,
-    /// Pairs of the others.
+    /// Number of pairs of the other curves.
     pub pairs: u64,
-    /// Those of them whose boxes overlap; all others are unlinked.
+    /// Number of these pairs whose boxes overlap. All others are unlinked.
     pub links: usize,
-    /// The choice.
+    /// Chosen method.
     pub search: Search,
-    /// Groups of eight boxes that are compared with a box.
+    /// Number of comparisons of a box with a group of eight boxes.
     pub steps: u64,
-    /// Bytes of the search and of what it finds.
+    /// Bytes of the search and its result.
     pub bytes: usize,
-    /// What it costs.
+    /// Predicted cost.
     pub predicted: Prediction,
 }
 
-/// How potential links are found. It is one way in the program; what differs is whether it has anything to do.
+/// Methods that find potential links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -176,56 +178,61 @@ pub enum Search {
     Sweep,
 }
 
-/// How directions of projection are chosen.
+/// Choice of the directions of projection.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Directions {
-    /// Potential links of two small loops: a formula on their boxes.
+    /// Number of potential links of two small loops, which use a formula on their boxes.
     pub by_formula: usize,
-    /// Potential links that get the best of six directions, in a breadth-first pass over both trees.
+    /// Number of potential links that use the best of six directions, found by a breadth-first pass
+    /// over both trees.
     pub best_of_six: usize,
-    /// What it costs.
+    /// Predicted cost.
     pub predicted: Prediction,
 }
 
-/// How linking numbers are computed.
+/// Computation of the linking numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KernelPlan {
-    /// The choice, where none is asked for ([`Method::Auto`]).
+    /// Kernel that [`Method::Auto`] chooses.
     pub choice: Kernel,
-    /// Links on which another kernel than counting goes first.
+    /// Number of links on which a kernel that sums runs first.
     pub summed: usize,
-    /// What threads share.
+    /// Work that the threads share.
     pub parallelism: Parallelism,
-    /// Threads that will have something to do.
+    /// Number of busy threads.
     pub busy_threads: usize,
-    /// Potential links that were looked into.
+    /// Number of sampled potential links.
     pub sampled: usize,
-    /// KernelWork of all potential links, extrapolated from these.
+    /// Work of all potential links, extrapolated from the sample.
     pub work: KernelWork,
-    /// What it costs beside the choice of directions and the discretization. Where crossings are counted on an adapter that
-    /// was measured, what that takes, with the choice of directions.
+    /// Predicted cost, without the choice of directions and the discretization. If crossings are
+    /// counted on an adapter that was measured, its predicted cost, with the choice of directions.
     pub predicted: Prediction,
-    /// The adapter, where there is one to choose.
+    /// Adapter, if there is one to choose.
     pub device: Option<DevicePlan>,
 }
 
-/// An adapter, and what goes there.
+/// An adapter, and the work that is sent to it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DevicePlan {
-    /// Its name.
+    /// Name of the adapter.
     pub adapter: String,
-    /// Whether crossings are counted on it; else on the processor. Those of splines always are.
+    /// True if it counts the crossings, false if the CPU does. The crossings of splines are always
+    /// counted on the CPU.
     pub chosen: bool,
-    /// What counting is predicted to take there, in milliseconds, with the choice of directions; none where it was never
-    /// measured, and for splines.
+    /// Predicted time of counting on the adapter, in milliseconds, with the choice of directions.
+    /// `None` if it was never measured, and for splines.
     pub adapter_ms: Option<f64>,
-    /// By what factor that is off, typically: crossings are counted on an adapter that is ours to choose where it wins by more.
+    /// Typical error of that prediction, as a factor. With [`Device::Auto`], the adapter is used
+    /// only if it wins by more than that.
     pub adapter_misfit: Option<f64>,
-    /// What linking numbers are predicted to take on this processor, likewise.
+    /// Predicted time of the linking numbers on the CPU, with the choice of directions.
     pub processor_ms: Option<f64>,
-    /// Pairs of segments from which on direct sums go there; none where they never do.
+    /// Number of segment pairs from which on direct sums run on the adapter; `None` if they never
+    /// do.
     pub direct_from: Option<u64>,
-    /// Segments of all potential links from which on Barnes-Hut by the bound goes there.
+    /// Number of segments of all potential links from which on Barnes-Hut by the bound runs on the
+    /// adapter; `None` if it never does.
     pub barnes_hut_from: Option<u64>,
 }
 
@@ -247,44 +254,46 @@ impl DevicePlan {
     }
 }
 
-/// Kernels that go first.
+/// Kernels that may run first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Kernel {
-    /// Counting crossings, exactly, on every link.
+    /// Counts crossings of every link, exactly.
     Crossings,
-    /// The fast multipole method on links of long curves that cross very often; crossings are counted on the others, and
-    /// where its bound decides nothing.
+    /// Runs the fast multipole method on links of long curves that cross very often. Crossings are
+    /// counted for the others, and for links that its bound does not decide.
     Fmm,
 }
 
-/// What the threads of the kernel share.
+/// Work that the threads of the kernel share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Parallelism {
-    /// Nothing: too little to share, or one thread.
+    /// Nothing: too little work to share, or one thread.
     None,
-    /// Potential links.
+    /// The potential links.
     OverLinks,
-    /// Few potential links, each of which is much work that is itself shared out.
+    /// The inside of each of few potential links.
     InsideLinks,
 }
 
 impl Plan {
-    /// The plan for a frame, on the threads of the rayon pool that it is called in, with no other device than the processor.
+    /// Plans a frame, for the threads of the rayon pool in which it is called, on the CPU alone.
     ///
-    /// Cost: the boxes and the search of a verification, then a sample of the links. It is drawn evenly along the list,
-    /// on which each takes as much room as it has segments: 64 of them, or all where there are no more; and of each
-    /// some hundred node pairs a level of its trees. That is a few milliseconds, whatever the length of the curves.
+    /// Cost: the boxes and the search of a verification, then a sample of the links: 64 of them, or
+    /// all if there are fewer, drawn with probability proportional to their number of segments.
+    /// Each sampled link visits some hundred node pairs per level of its trees. The sample takes a
+    /// few milliseconds for curves of any length.
     pub fn of(set: &CurveSet) -> Plan {
         Plan::with(set, None)
     }
 
-    /// The plan for a frame of a verifier with this device ([`Verifier::set_device`](crate::Verifier::set_device)).
+    /// Plans a frame of a verifier with this device
+    /// ([`Verifier::set_device`](crate::Verifier::set_device)).
     ///
-    /// Errors: [`Error::Device`](crate::Error::Device) where it was asked for and there is none of that name, or none that can
-    /// be used.
+    /// Errors: [`Error::Device`](crate::Error::Device) if a requested adapter does not exist or
+    /// cannot be used.
     pub fn on(set: &CurveSet, device: &Device) -> Result<Plan> {
         let accelerator = Accelerator::open(device)?;
         let offer = accelerator.offer().filter(|_| accelerator.answers());
@@ -396,14 +405,15 @@ impl Plan {
         };
         let forecast = kernel.device.as_ref().filter(|d| d.chosen);
         if let Some(ms) = forecast.and_then(|d| d.adapter_ms) {
-            // Directions are a part of it.
+            // The cost of the adapter includes the choice of directions.
             direction.predicted = Prediction::default();
             kernel.predicted = Prediction {
                 one_thread_ms: ms,
                 ms,
             };
         }
-        // Candidates of splines wait for their pair's discretization; those of polylines do not.
+        // Candidates of splines are kept until the discretization of their pair; those of polylines
+        // are not.
         let waiting = match discretization.choice {
             DiscretizationChoice::None => 0,
             DiscretizationChoice::PairByPair => sample.most_tests as usize * busy_threads,
@@ -431,7 +441,7 @@ impl Plan {
     }
 }
 
-/// What threads share in the kernel, and how many of them have something to do.
+/// Returns the work that the threads of the kernel share, and the number of busy threads.
 fn parallelism(links: usize, threads: usize, shared: bool) -> (Parallelism, usize) {
     let tasks = links.div_ceil(links_per_task(links, threads));
     match (threads, tasks) {
@@ -442,16 +452,16 @@ fn parallelism(links: usize, threads: usize, shared: bool) -> (Parallelism, usiz
     }
 }
 
-/// What a part of the potential links says of all of them.
+/// Estimate of the work of all potential links from a sample.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
-    /// Potential links looked into.
+    /// Number of sampled potential links.
     links: usize,
-    /// KernelWork of all.
+    /// Estimated work of all links.
     work: KernelWork,
-    /// Whether one of them shares itself out.
+    /// True if one of the sampled links uses several threads.
     shared: bool,
-    /// Tests of the one that takes most.
+    /// Tests of the sampled link that has most.
     most_tests: u64,
 }
 
@@ -469,7 +479,7 @@ impl Sample {
             .map(|&(k, factor)| {
                 let mut workspace = scene.workspaces.take();
                 let work = sample(scene, links[k], &mut workspace);
-                // What is looked at is not done.
+                // Sampling does not count as verification work.
                 workspace.take_stats();
                 scene.workspaces.put(workspace);
                 (work, factor)
@@ -488,9 +498,10 @@ impl Sample {
     }
 }
 
-/// Numbers below `count`, sorted, and what each has to be multiplied by so that their sum stands for all: all of
-/// them where they are few, else [`SAMPLE`] drawn at even distances along a line on which each takes the room that
-/// `weight` says (systematic sampling with probability proportional to size).
+/// Returns a sorted sample of the numbers below `count`, with the factors that make its sum an
+/// estimate of the sum over all. It has all numbers if they are few. Otherwise [`SAMPLE`] of them
+/// are drawn at equal distances along a line on which each number takes the length `weight`
+/// (systematic sampling with probability proportional to size).
 fn draw(count: usize, weight: impl Fn(usize) -> u64) -> Vec<(usize, f64)> {
     if count <= SAMPLE {
         return (0..count).map(|k| (k, 1.0)).collect();
@@ -500,15 +511,15 @@ fn draw(count: usize, weight: impl Fn(usize) -> u64) -> Vec<(usize, f64)> {
     let mut drawn: Vec<(usize, f64)> = Vec::with_capacity(SAMPLE);
     let (mut end, mut next) = (0, 0.5 * step);
     for k in 0..count {
-        let own = weight(k);
-        end += own;
+        let length = weight(k);
+        end += length;
         let mut times = 0;
         while next < end as f64 {
             times += 1;
             next += step;
         }
         if times > 0 {
-            drawn.push((k, f64::from(times) * step / own as f64));
+            drawn.push((k, f64::from(times) * step / length as f64));
         }
     }
     drawn

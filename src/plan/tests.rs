@@ -38,7 +38,7 @@ fn splines_are_discretized_pair_by_pair() {
 }
 
 #[test]
-fn small_loops_choose_their_direction_by_formula() {
+fn small_loops_use_the_direction_formula() {
     let plan = Plan::of(&scene("chainmail:rows=4,columns=5"));
     let links = plan.potential_links.links;
     assert!(links > 0);
@@ -48,7 +48,7 @@ fn small_loops_choose_their_direction_by_formula() {
         ..
     } = plan.direction;
     assert_eq!((by_formula, best_of_six), (links, 0));
-    // One segment too many, and the trees have another level.
+    // One segment more, and the trees have another level.
     for (segments, formula) in [(SMALL, 1), (SMALL + 1, 0)] {
         let plan = Plan::of(&scene(&format!(
             "ribbon:segments={},lambda=1",
@@ -59,7 +59,7 @@ fn small_loops_choose_their_direction_by_formula() {
 }
 
 #[test]
-fn two_huge_loops_are_one_link_that_is_shared_out() {
+fn two_huge_loops_are_one_link_split_among_threads() {
     let set = scene("torus_link:segments=100000,toroidal=100,poloidal=100");
     let plan = on(2, || Plan::of(&set));
     assert_eq!(plan.potential_links.search, Search::Trivial);
@@ -68,14 +68,14 @@ fn two_huge_loops_are_one_link_that_is_shared_out() {
     assert_eq!(plan.boxes.shared_curves, 2);
     let Prediction { one_thread_ms, ms } = plan.kernel.predicted;
     assert_eq!(one_thread_ms, 2.0 * ms);
-    // A single link that is little work keeps a single thread busy.
+    // A single link of little work keeps one thread busy.
     let plan = on(2, || Plan::of(&scene("ribbon:segments=2000")));
     assert_eq!(plan.kernel.parallelism, Parallelism::None);
     assert_eq!(plan.kernel.busy_threads, 1);
 }
 
 #[test]
-fn nothing_open_curves_and_degenerate_ones_are_planned_for() {
+fn plans_empty_sets_open_curves_and_degenerate_curves() {
     let xyz: Vec<f64> = (0..36).map(f64::from).collect();
     let nothing = CurveSet::from_counts(Basis::Polyline, &[], Positions::F64(&[])).unwrap();
     let open = CurveSet::from_counts(Basis::CatmullRom, &[6, 6], Positions::F64(&xyz)).unwrap();
@@ -87,7 +87,7 @@ fn nothing_open_curves_and_degenerate_ones_are_planned_for() {
         assert_eq!(plan.kernel.work, KernelWork::default());
         assert!(plan.to_string().contains("direction: none"), "{plan}");
     }
-    // Two of four distinct points, the third of one, inside the boxes of both.
+    // Two curves of four distinct points, the third of one, inside the boxes of both.
     let xyz: Vec<f64> = [[0., 0., 0.], [4., 0., 0.], [4., 4., 4.], [0., 4., 0.]]
         .repeat(2)
         .into_iter()
@@ -103,13 +103,13 @@ fn nothing_open_curves_and_degenerate_ones_are_planned_for() {
         (1, 1, 1)
     );
     assert!(
-        plan.to_string().contains("1 degenerate curve left out"),
+        plan.to_string().contains("1 degenerate curve skipped"),
         "{plan}"
     );
 }
 
 #[test]
-fn the_clock_and_the_threads_change_no_count() {
+fn counts_do_not_depend_on_time_or_threads() {
     let set = scene("knit:rows=80,stitches=16,segments=12800");
     let [one, three] = [1, 3].map(|threads| on(threads, || Plan::of(&set)));
     assert_eq!(one.kernel.sampled, three.kernel.sampled);
@@ -119,9 +119,10 @@ fn the_clock_and_the_threads_change_no_count() {
     assert!(three.predicted.ms < one.predicted.ms);
 }
 
-/// Scenes of all kinds, those of many links and those of a few huge ones: what the sample foretells is what is done.
+/// Compares the work predicted by the sample with the work done, for scenes with many links and
+/// with a few huge ones.
 #[test]
-fn the_sample_foretells_the_work() {
+fn the_sample_predicts_the_work() {
     for text in [
         "chainmail:rows=20,columns=20,crumple=0.7",
         "knit:rows=80,stitches=16,segments=11520",
@@ -153,7 +154,7 @@ fn the_sample_foretells_the_work() {
 }
 
 #[test]
-fn few_are_all_taken_and_many_are_drawn_by_their_weight() {
+fn draws_all_of_few_and_a_weighted_sample_of_many() {
     assert_eq!(draw(3, |k| k as u64), [(0, 1.0), (1, 1.0), (2, 1.0)]);
     let count = 10 * SAMPLE;
     for weight in [
@@ -186,7 +187,7 @@ fn device(set: &CurveSet, calibration: &Calibration) -> DevicePlan {
 }
 
 #[test]
-fn crossings_go_to_an_adapter_where_it_is_predicted_to_win() {
+fn crossings_go_to_an_adapter_that_is_predicted_to_win() {
     let sets = [
         "chainmail:rows=2,columns=2",
         "chainmail:rows=40,columns=40",
@@ -210,13 +211,13 @@ fn crossings_go_to_an_adapter_where_it_is_predicted_to_win() {
             assert_eq!(plan.kernel.predicted.ms == there, want);
             let words = plan.to_string();
             assert_eq!(words.contains("(exact) on made up"), want, "{words}");
-            assert_eq!(words.contains("the processor counts, in"), !want, "{words}");
+            assert_eq!(words.contains("crossings on the CPU, in"), !want, "{words}");
         }
     }
 }
 
 #[test]
-fn the_choice_turns_at_the_break_even() {
+fn the_choice_changes_at_the_break_even_point() {
     let set = scene("chainmail:rows=20,columns=20");
     let mut c = Calibration::made_up(1.0, 1e9);
     let here = device(&set, &c).processor_ms.unwrap();
@@ -224,7 +225,7 @@ fn the_choice_turns_at_the_break_even() {
         c.crossings.round_trip_ms = factor * here;
         assert_eq!(device(&set, &c).chosen, want);
     }
-    // Of the processor as it is, not as it is in the table.
+    // The factor scales the CPU of the table to this one.
     c.crossings.processor_factor = 1.3;
     let found = device(&set, &c);
     assert!(found.chosen);
@@ -234,13 +235,13 @@ fn the_choice_turns_at_the_break_even() {
 }
 
 #[test]
-fn long_links_are_summed_unless_an_adapter_counts_them_sooner() {
+fn long_links_are_summed_unless_an_adapter_counts_them_faster() {
     let set = scene("woundball:segments=600000,crossings=5000");
     let alone = Plan::of(&set);
     assert_eq!(alone.kernel.choice, Kernel::Fmm);
     assert_eq!(alone.kernel.device, None);
     let mut c = Calibration::made_up(0.1, 1e6);
-    // Between the sum and the count of the processor.
+    // Between the sum and the count on the CPU.
     let summed = device(&set, &c).processor_ms.unwrap();
     for (ms, want) in [(0.9, Kernel::Crossings), (1.1, Kernel::Fmm)] {
         c.crossings.round_trip_ms = ms * summed;
@@ -254,12 +255,12 @@ fn long_links_are_summed_unless_an_adapter_counts_them_sooner() {
 }
 
 #[test]
-fn splines_are_counted_on_the_processor_and_what_is_asked_for_is_given() {
+fn splines_use_the_cpu_and_a_requested_adapter_is_used() {
     let fast = Calibration::made_up(1e-3, 1e6);
     let splines = scene("knit:rows=30,stitches=16,segments=3840");
     let found = device(&splines, &fast);
     assert_eq!((found.chosen, found.adapter_ms), (false, None));
-    // Also where it loses, or was never measured.
+    // Also if it loses, or was never measured.
     let slow = Calibration::made_up(1e4, 1e-3);
     let polylines = scene("chainmail:rows=3,columns=3");
     for calibration in [Some(&slow), None] {
@@ -274,7 +275,7 @@ fn splines_are_counted_on_the_processor_and_what_is_asked_for_is_given() {
         assert!(found.chosen, "{found:?}");
         assert_eq!(found.adapter_ms.is_some(), calibration.is_some());
         assert_eq!(found.direct_from, Some(0));
-        assert_eq!(words.contains("never measured"), calibration.is_none());
+        assert_eq!(words.contains("not calibrated"), calibration.is_none());
         let splines = Plan::with(&splines, Some(asked_for));
         assert!(!splines.kernel.device.unwrap().chosen);
     }

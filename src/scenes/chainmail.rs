@@ -10,7 +10,8 @@ use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {
     name: "chainmail",
-    purpose: "sheet of chainmail, flat or crumpled: very many small curves, few potential links each",
+    purpose: "sheet of chainmail, flat or crumpled: very many small curves, few potential links \
+              each",
     parameters: &[
         Parameter::integer("rows", 56, (1, 4000), "rows of flat rings"),
         Parameter::integer(
@@ -19,23 +20,18 @@ pub(super) const KIND: Kind = Kind {
             (1, 4000),
             "flat rings of a row; 3 * rows * columns rings in all",
         ),
-        Parameter::real(
-            "crumple",
-            0.0,
-            (0.0, 1.0),
-            "how crumpled the sheet is: 0 is flat",
-        ),
+        Parameter::real("crumple", 0.0, (0.0, 1.0), "degree of crumpling: 0 is flat"),
         Parameter::real(
             "tilt",
             2.0,
             (0.0, 5.0),
-            "degrees that each ring is turned its own way: at 0 rings lie exactly in planes of the axes",
+            "individual rotation of each ring in degrees: at 0 rings lie exactly in axis planes",
         ),
     ],
     build,
 };
 
-/// Segments of a ring, a regular polygon.
+/// Number of segments of a ring, a regular polygon.
 const SEGMENTS: usize = 15;
 
 /// Distance of neighbouring flat rings, whose radius is 1.
@@ -44,29 +40,31 @@ const PITCH: f64 = 2.6;
 /// Radius of the upright rings.
 const CONNECTOR: f64 = 0.9;
 
-/// Distance of any two rings of the flat sheet, a lower bound.
+/// Lower bound of the distance of any two rings of the flat sheet.
 ///
-/// A flat ring and a connector through it, as circles: `3.5 + 2.34 v - 2.6 u - 1.8 u v` is the square of the
-/// distance of the points at angles with cosines `u` and `v`. It is linear in each of them, and so smallest at
-/// a corner: 0.6. Two connectors through one flat ring: they lie in orthogonal planes, at least 0.4 off the
-/// common line of these, so 0.56 apart. Neighbouring flat rings: 0.6; opposite connectors: 0.8. Polygons are
-/// off their circles by at most `1 - cos(pi / 15) < 0.022`.
+/// A flat ring and a connector through it, as circles: `3.5 + 2.34 v - 2.6 u - 1.8 u v` is the
+/// squared distance of the points at angles with cosines `u` and `v`. It is linear in each of them,
+/// so its minimum is at a corner: 0.6. Two connectors through one flat ring lie in orthogonal
+/// planes, at least 0.4 from the common line of these planes, so 0.56 apart. Neighbouring flat
+/// rings: 0.6; opposite connectors: 0.8. The distance of polygons from their circles is at most `1
+/// - cos(pi / 15) < 0.022`.
 const GAP: f64 = 0.52;
 
-/// Japanese 4-in-1: flat rings on a square grid, and an upright ring, a connector, through each two neighbours.
-/// Those at the end of a row or column hang on one flat ring only, so that every flat ring has two of its own,
-/// one along the row and one along the column.
+/// Builds Japanese 4-in-1 chainmail: flat rings on a square grid, and an upright ring, a connector,
+/// through each pair of neighbours. The connectors at the end of a row or column link one flat ring
+/// only, so that every flat ring has two connectors of its own, one along the row and one along the
+/// column.
 ///
-/// Flat rings run counterclockwise seen from above. The upright ones go down through the first of their two flat
-/// rings and up through the second.
+/// Flat rings run counterclockwise seen from above. The connectors go down through the first of
+/// their two flat rings and up through the second.
 fn build(scene: &Scene) -> Result<Generated> {
     let (rows, columns) = (scene.count("rows"), scene.count("columns"));
     let isotopy = folds(scene.real("crumple"));
     let (width, height) = (PITCH * columns as f64, PITCH * rows as f64);
     let edge = 2.0 * (TAU / 2.0 / SEGMENTS as f64).sin();
     let extent = width.max(height) / 2.0 + PITCH + isotopy.reach();
-    // A ring that turns about a diameter and about its centre, one after the other and both by the tilt at most, has
-    // no point that moves further.
+    // If a ring turns first about a diameter and then about its centre, both by at most the tilt,
+    // no point moves further than this.
     let tilt = scene.real("tilt").to_radians();
     let off = 2.0 * (isotopy.sagitta(edge) + rounding(extent));
     scene.check_gap(
@@ -85,8 +83,8 @@ fn build(scene: &Scene) -> Result<Generated> {
                 PITCH * row as f64 - height / 2.0,
             );
             let flat = 3 * (row * columns + column);
-            // Points of a unit circle, `c` along its plane's first axis and `s` along the second, `h` out of the
-            // plane, to points of space.
+            // Converts points of a unit circle, `c` along the first axis of its plane and `s` along
+            // the second, `h` out of the plane, to points of space.
             let mut ring = |ring: usize, place: &dyn Fn(f64, f64, f64) -> Point| {
                 pen.closed(SEGMENTS, |k| {
                     let [c, s, h] = tilted(TAU * k as f64 / SEGMENTS as f64, ring, tilt);
@@ -118,9 +116,10 @@ fn build(scene: &Scene) -> Result<Generated> {
     Ok(Generated::new(pen.finish()?, links))
 }
 
-/// The point of a unit circle at an angle, after the ring was turned by up to `tilt` in its plane and about a diameter.
+/// Returns the point of a unit circle at an angle, after the ring was turned by up to `tilt` in its
+/// plane and about a diameter.
 fn tilted(angle: f64, ring: usize, tilt: f64) -> Point {
-    // Multiples of irrational numbers spread evenly, so that no two rings of a neighbourhood are alike.
+    // Multiples of irrational numbers spread evenly, so that neighbouring rings differ.
     let spread = |step: f64| (ring as f64 * step).fract();
     let about = TAU * spread(0.618_033_988_749_894_9);
     let angle = angle + tilt * spread(0.414_213_562_373_095_1);
@@ -135,7 +134,8 @@ fn tilted(angle: f64, ring: usize, tilt: f64) -> Point {
     ]
 }
 
-/// Waves along the diagonal of the sheet, and then shifted along it so far that they fold over one another.
+/// Returns waves along the diagonal of the sheet, followed by shears along it that fold them over
+/// one another.
 fn folds(crumple: f64) -> Isotopy {
     let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
     let up = [0.0, 0.0, 1.0];

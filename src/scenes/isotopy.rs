@@ -1,28 +1,31 @@
 //! Deformations of space that change no linking number: shears along waves.
 //!
-//! A shear moves a point `p` by `a sin(k n.p + phase)` along `d`, where the unit vectors `d` and `n` are orthogonal.
-//! It is a homeomorphism of space (the same with `-a` takes it back), and it grows out of the identity with its
-//! amplitude; so a sequence of shears carries curves along without any of them passing through another.
+//! # Bounds of a sequence of shears
 //!
-//! Curves are stored as polygons, whose edges stay straight when their vertices are moved. How far that is off
-//! follows from two bounds. A shear of slope `s = a k` has the derivative `1 + g d n'` with `|g| <= s`, whose singular
-//! values lie between `1 / q` and `q` for `q = (s + sqrt(s^2 + 4)) / 2`; its second derivative along
-//! a unit vector is at most `a k^2`. For the sequence, with `q` the product of all:
-//! no distance shrinks by more than `q`, and the second derivative `b` of a sequence followed by
-//! another shear is at most `a k^2 q^2 + q_shear b`.
+//! A shear moves a point `p` by `a sin(k n.p + phase)` along `d`, where the unit vectors `d` and
+//! `n` are orthogonal. It is a homeomorphism of space (its inverse is the same shear with `-a`),
+//! and it is homotopic to the identity through its amplitude. Therefore a sequence of shears moves
+//! curves without any of them passing through another.
+//!
+//! Curves are stored as polygons, whose edges stay straight when their vertices move. The error of
+//! this follows from two bounds. A shear of slope `s = a k` has the derivative `1 + g d n'` with
+//! `|g| <= s`, whose singular values lie between `1 / q` and `q` for `q = (s + sqrt(s^2 + 4)) / 2`;
+//! its second derivative along a unit vector is at most `a k^2`. For the sequence, with `q` the
+//! product of all: no distance shrinks by more than `q`, and the second derivative `b` of a
+//! sequence followed by another shear is at most `a k^2 q^2 + q_shear b`.
 
 use super::sagitta;
 use crate::curve::Point;
 use std::f64::consts::TAU;
 
-/// One wave.
+/// A shear along one wave.
 pub(super) struct Shear {
-    /// Where points move; a unit vector.
+    /// Direction in which points move; a unit vector.
     pub direction: Point,
-    /// Where the wave runs; a unit vector orthogonal to `direction`.
+    /// Direction of the wave; a unit vector orthogonal to `direction`.
     pub normal: Point,
     pub wavelength: f64,
-    /// Amplitude times wave number.
+    /// Amplitude multiplied by the wave number.
     pub slope: f64,
     pub phase: f64,
 }
@@ -48,7 +51,7 @@ impl Shear {
     }
 }
 
-/// Shears one after the other.
+/// Sequence of shears.
 pub(super) struct Isotopy(pub Vec<Shear>);
 
 impl Isotopy {
@@ -56,17 +59,18 @@ impl Isotopy {
         self.0.iter().fold(p, |p, shear| shear.apply(p))
     }
 
-    /// The factor by which no distance shrinks more, nor grows.
+    /// Returns the factor that bounds the change of all distances, up and down.
     pub fn stretch(&self) -> f64 {
         self.0.iter().map(Shear::stretch).product()
     }
 
-    /// Largest distance that a point moves.
+    /// Returns the largest distance that a point moves.
     pub fn reach(&self) -> f64 {
         self.0.iter().map(Shear::amplitude).sum()
     }
 
-    /// How far the straight edge between two moved points lies off the moved edge, where its ends were `edge` apart.
+    /// Returns a bound of the distance between the straight edge of two moved points and the moved
+    /// edge, for an original length `edge`.
     pub fn sagitta(&self, edge: f64) -> f64 {
         let (_, bend) = self.0.iter().fold((1.0, 0.0), |(stretch, bend), shear| {
             let own = shear.slope * shear.wave_number();
@@ -126,12 +130,12 @@ mod tests {
             "{nearest} {farthest} {q}"
         );
         assert!(highest <= 1.0, "{highest}");
-        // The bounds are of the right size.
+        // The bounds are of the right magnitude.
         assert!(farthest > q / 3.0 && highest > 0.05, "{farthest} {highest}");
     }
 
     #[test]
-    fn the_reversed_shears_take_it_back() {
+    fn the_reversed_shears_are_the_inverse() {
         let isotopy = sample();
         let p = [1.5, -7.0, 3.25];
         let there = isotopy.apply(p);

@@ -8,7 +8,8 @@ use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {
     name: "knit",
-    purpose: "knitted tube of stockinette, Catmull-Rom splines: a garment; rows go through the loops of the row below",
+    purpose: "knitted tube of stockinette, Catmull-Rom splines: a garment; rows go through the \
+              loops of the row below",
     parameters: &[
         Parameter::integer(
             "rows",
@@ -21,7 +22,7 @@ pub(super) const KIND: Kind = Kind {
             "segments",
             270_000,
             (128, MOST_SEGMENTS),
-            "segments of all rows; the same 8 or more for each stitch",
+            "segments of all rows; 8 or more, equal for all stitches",
         ),
         Parameter::real(
             "diameter",
@@ -33,28 +34,29 @@ pub(super) const KIND: Kind = Kind {
     build,
 };
 
-/// A stitch is `(t + OVERHANG sin 2t, HEIGHT cos t, DEPTH cos 2t)` for a turn of `t`: along the row, along the
-/// tube, and out of it (Crane, *A Simple Parametric Model of Plain-Knit Yarns*). Its legs are in front, its
-/// head and its feet behind.
+/// Coefficients of a stitch: `(t + OVERHANG sin 2t, HEIGHT cos t, DEPTH cos 2t)` for a turn of `t`,
+/// along the row, along the tube, and out of it (Crane, *A Simple Parametric Model of Plain-Knit
+/// Yarns*). Its legs are in front, its head and its feet behind.
 const OVERHANG: f64 = 1.485;
 const HEIGHT: f64 = 3.4;
 const DEPTH: f64 = -1.25;
 
-/// From one row to the next.
+/// Distance of two rows.
 const ROW: f64 = 4.0;
 
-/// Diameter of the yarn in the units of these constants. The four strands that pass a stitch at any height share a
-/// turn of `t`; centre lines are 1.3 diameters apart where they come nearest, 1.2 where splines are coarse
-/// (fewer than twelve segments a stitch). Tested below.
+/// Diameter of the yarn in the units of these constants. The four strands that pass a stitch at any
+/// height share a turn of `t`. The minimum distance of centre lines is 1.3 diameters, or 1.2 for
+/// coarse splines (fewer than twelve segments per stitch). Tested below.
 const DIAMETER: f64 = 1.16;
 
-/// Each row goes through the loops of the row below: behind their legs, in front of their heads.
+/// Builds the tube. Each row goes through the loops of the row below: behind their legs, in front
+/// of their heads.
 ///
-/// No two rows are linked. The reflection that takes `t` to `-t` takes every row to itself, backwards. Linking
-/// numbers change their sign in a mirror, and stay the same where both curves are reversed: they equal their
-/// negatives. (Which is why knitting can be ravelled, from the last row on.) Rounding moves points by less than
-/// a hundredth of the distance of rows, whatever the parameters: coordinates stay below 41,000 units of the
-/// constants.
+/// No two rows are linked. The reflection that takes `t` to `-t` takes every row to itself,
+/// backwards. Linking numbers change their sign in a mirror, and stay the same if both curves are
+/// reversed, so they equal their negatives. (This is why knitting can be ravelled, from the last
+/// row on.) Rounding moves points by less than a hundredth of the distance of rows, for all
+/// parameters, because coordinates stay below 41,000 units of the constants.
 fn build(scene: &Scene) -> Result<Generated> {
     let (rows, stitches) = (scene.count("rows"), scene.count("stitches"));
     let segments = scene.count("segments");
@@ -66,7 +68,7 @@ fn build(scene: &Scene) -> Result<Generated> {
         )));
     }
     let scale = scene.real("diameter") / DIAMETER;
-    // The circumference is a turn of `t` for every stitch.
+    // The circumference is one turn of `t` per stitch.
     let radius = stitches as f64;
     let length = ROW * (rows - 1) as f64;
     let n = each * stitches;
@@ -89,7 +91,7 @@ mod tests {
     use super::*;
     use crate::curve::{CurveSet, Point};
 
-    /// Points of a row, many a segment, with the turns of `t` that they have come.
+    /// Returns points of a row, several per segment, with their values of `t`.
     fn samples(set: &CurveSet, row: usize, each: usize) -> Vec<(f64, Point)> {
         const FINE: usize = 8;
         let at = |s: usize, k: usize| {
@@ -120,7 +122,7 @@ mod tests {
             let rows = [0, 1, 2].map(|row| samples(&set, row, each));
             let two_stitches = &rows[0][..rows[0].len() / stitches * 2];
             for (row, all) in rows.iter().enumerate() {
-                // Neighbours along the yarn aside.
+                // Except neighbours along the yarn.
                 let apart = |a: f64, b: f64| (a - b).abs().min(stitches as f64 - (a - b).abs());
                 let pairs = two_stitches
                     .iter()
@@ -138,8 +140,8 @@ mod tests {
         }
     }
 
-    /// The pattern that makes it stockinette, seen from outside: a yarn comes up behind the legs of the row below,
-    /// goes over its head, and back the same way.
+    /// Checks the pattern of stockinette, seen from outside: a yarn comes up behind the legs of the
+    /// row below, goes over its head, and back the same way.
     #[test]
     fn rows_go_through_the_loops_of_the_row_below() {
         let (each, stitches) = (12, 16);
@@ -147,12 +149,12 @@ mod tests {
             "knit:rows=2,stitches={stitches},segments={}",
             2 * each * stitches
         ));
-        // The tube unrolled: stitches around it, height, and outwards.
+        // The tube unrolled: around it in stitches, height, and outwards.
         let unrolled = |row| -> Vec<(f64, Point)> {
             let points = samples(&set, row, each);
             let unroll = |(t, [x, y, z]): (f64, Point)| {
                 let around = y.atan2(x) / TAU * stitches as f64;
-                // Into the turn that the yarn is in.
+                // Into the turn of the yarn.
                 let turns = ((t - around) / stitches as f64).round();
                 (t, [around + turns * stitches as f64, z, x.hypot(y)])
             };
@@ -174,8 +176,8 @@ mod tests {
         assert_eq!(pattern, "BFFB");
     }
 
-    /// Where segment `p` crosses segment `q` as seen along the third axis: how far along `p`, and by how much `p` is
-    /// farther out.
+    /// Returns the position along segment `p` at which it crosses segment `q` seen along the third
+    /// axis, and the distance by which `p` is farther out.
     fn crossing(p: [Point; 2], q: [Point; 2]) -> Option<(f64, f64)> {
         let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
         let cross = |a: Point, b: Point| a[0] * b[1] - a[1] * b[0];

@@ -1,7 +1,8 @@
-//! Scenes: structures of any size whose linking numbers are known from the way they are made.
+//! Scenes: structures of any size whose linking numbers follow from their construction.
 //!
-//! Most of them are the stress tests of Qu & James 2021 (figure 6 and table 1). A scene is one string, a name and
-//! parameters that differ from their defaults, and the same string gives the same curves:
+//! Most of them are the stress tests of Qu & James 2021 (figure 6 and table 1). A scene is
+//! described by one string, a name and the parameters that differ from their defaults. The same
+//! string gives the same curves:
 //!
 //! ```
 //! use linkwatch::scenes::Scene;
@@ -13,14 +14,15 @@
 //! # Ok::<(), linkwatch::Error>(())
 //! ```
 //!
-//! The certificate comes from the construction, not from a kernel: it is what kernels are measured against.
-//! It holds for the curves as they are stored, in single precision and with straight chords (or splines)
+//! The certificate comes from the construction, not from a kernel, so kernels can be compared with
+//! it. It holds for the curves as stored, in single precision and with straight chords (or splines)
 //! in place of the curves of the construction: see [`Scene::build`].
 //!
-//! Signs follow one rule: where a curve goes through a disc towards the side from which the boundary of the disc
-//! runs counterclockwise, it counts +1. This is the sign of Arai's sum (see [`crate::kernels`]).
+//! Signs follow one rule: a curve counts +1 if it goes through a disc towards the side from which
+//! the boundary of the disc runs counterclockwise. This is the sign of Arai's sum (see
+//! [`crate::kernels`]).
 //!
-//! A scene, or any other set of curves, moves by [`Frames`]; [`pull_throughs`] are what breaks it.
+//! [`Frames`] moves a scene, or any other set of curves; [`pull_throughs`] break it.
 
 mod chainmail;
 mod isotopy;
@@ -46,7 +48,7 @@ use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
-/// Every scene that can be built.
+/// All scenes that can be built.
 pub static KINDS: [Kind; 8] = [
     chainmail::KIND,
     knit::KIND,
@@ -58,35 +60,35 @@ pub static KINDS: [Kind; 8] = [
     woundball::KIND,
 ];
 
-/// Most segments of a scene: a curve of a BCC file has no more points.
+/// Maximum number of segments of a scene: a curve of a BCC file has no more points.
 const MOST_SEGMENTS: i64 = i32::MAX as i64;
 
-/// One kind of scene: its name and its parameters.
+/// Kind of a scene, with its name and its parameters.
 #[derive(Debug)]
 pub struct Kind {
-    /// Its name.
+    /// Name of the kind.
     pub name: &'static str,
-    /// What it is, and what it is good for.
+    /// Description and purpose.
     pub purpose: &'static str,
-    /// Its parameters.
+    /// Parameters of the kind.
     pub parameters: &'static [Parameter],
     build: fn(&Scene) -> Result<Generated>,
 }
 
-/// A parameter of a scene.
+/// Parameter of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// Its name.
+    /// Name of the parameter.
     pub name: &'static str,
-    /// What it means, with its unit where it has one.
+    /// Meaning of the parameter, with its unit if it has one.
     pub meaning: &'static str,
-    /// Its value where none is given.
+    /// Default value.
     pub default: f64,
-    /// Its smallest value.
+    /// Smallest value.
     pub min: f64,
-    /// Its largest value.
+    /// Largest value.
     pub max: f64,
-    /// Whether it is an integer.
+    /// True if the value is an integer.
     pub integer: bool,
 }
 
@@ -123,7 +125,7 @@ impl Parameter {
         }
     }
 
-    /// The value that a text gives, or what is wrong with it.
+    /// Parses a value, or returns an error text.
     fn parse(&self, text: &str) -> Result<f64, String> {
         let Parameter { name, min, max, .. } = self;
         let kind = if self.integer {
@@ -141,14 +143,14 @@ impl Parameter {
     }
 }
 
-/// The description of a scene: its kind, and a value for each parameter.
+/// Description of a scene: its kind, and a value for each parameter.
 ///
-/// Parsed from `NAME` or `NAME:KEY=VALUE,KEY=VALUE`; integers may be written as `2e7`. Displayed with all of its
-/// parameters, so that the text means the same where defaults change.
+/// Parsed from `NAME` or `NAME:KEY=VALUE,KEY=VALUE`; integers may be written as `2e7`. Its
+/// `Display` form has all parameters, so that the text keeps its meaning if defaults change.
 #[derive(Clone, Debug)]
 pub struct Scene {
     kind: &'static Kind,
-    /// In the order of the kind's parameters.
+    /// Values in the order of the parameters of the kind.
     values: Vec<f64>,
 }
 
@@ -158,17 +160,17 @@ impl PartialEq for Scene {
     }
 }
 
-/// A scene that was built.
+/// A generated scene.
 #[derive(Clone, Debug)]
 pub struct Generated {
-    /// Its curves, all of them closed, in single precision.
+    /// Curves of the scene, all of them closed, in single precision.
     pub curves: CurveSet,
-    /// Their linking numbers, exact.
+    /// Exact linking numbers of the curves.
     pub certificate: Certificate,
 }
 
 impl Generated {
-    /// Curves whose non-zero linking numbers are these, sorted by pair.
+    /// Creates a scene with these nonzero linking numbers, sorted by pair.
     fn new(curves: CurveSet, links: Vec<Link>) -> Generated {
         let certificate = Certificate {
             curves: curves.len(),
@@ -181,7 +183,7 @@ impl Generated {
         }
     }
 
-    /// Two curves with this linking number.
+    /// Creates a scene of two curves with this linking number.
     fn pair(curves: CurveSet, lambda: i64) -> Generated {
         let link = Link { i: 0, j: 1, lambda };
         let links = if lambda == 0 { vec![] } else { vec![link] };
@@ -190,12 +192,12 @@ impl Generated {
 }
 
 impl Scene {
-    /// What kind of scene it is.
+    /// Returns the kind of the scene.
     pub fn kind(&self) -> &'static Kind {
         self.kind
     }
 
-    /// The value of a parameter, or `None` where the scene has no such parameter.
+    /// Returns the value of a parameter, or `None` if the scene has no such parameter.
     pub fn value(&self, name: &str) -> Option<f64> {
         let at = self.kind.parameters.iter().position(|p| p.name == name)?;
         Some(self.values[at])
@@ -203,11 +205,12 @@ impl Scene {
 
     /// Builds the curves and their exact certificate.
     ///
-    /// The curves of a construction keep some distance. What is stored lies off them, by the height of an arc over
-    /// its chord and by the rounding to single precision. As long as both curves of a pair together are off by
-    /// less than their distance, they can be moved into the stored ones along straight lines without
-    /// meeting, so their linking number is the same. Parameters for which this is not certain are
-    /// refused ([`Error::Scene`]), as are scenes of too many points ([`Error::Count`]).
+    /// The curves of a construction keep a minimum distance. The stored curves deviate from them by
+    /// the height of an arc over its chord, and by the rounding to single precision. If both curves
+    /// of a pair together deviate by less than their distance, they can be moved into the stored
+    /// ones along straight lines without meeting, so their linking number is the same. Parameters
+    /// for which this is not certain are rejected ([`Error::Scene`]), as are scenes of too many
+    /// points ([`Error::Count`]).
     pub fn build(&self) -> Result<Generated> {
         (self.kind.build)(self)
     }
@@ -226,7 +229,7 @@ impl Scene {
         self.real(name) as usize
     }
 
-    /// A scene that cannot be built.
+    /// Creates the error of a scene that cannot be built.
     fn refuse(&self, what: impl Into<String>) -> Error {
         Error::Scene {
             scene: self.to_string(),
@@ -234,14 +237,15 @@ impl Scene {
         }
     }
 
-    /// Refuses a scene whose curves are `gap` apart, where the two stored ones of a pair may lie off them by
-    /// `off` together.
+    /// Fails if curves at distance `gap` may meet, because the two stored ones of a pair together
+    /// deviate from them by up to `off`.
     fn check_gap(&self, gap: f64, off: f64, advice: &str) -> Result<()> {
         if off < gap {
             return Ok(());
         }
         Err(self.refuse(format!(
-            "its curves come as near as {gap:.1e}, but two polygons may lie off them by {off:.1e}: {advice}"
+            "its curves are only {gap:.1e} apart, but two polygons may deviate from them by \
+                 {off:.1e}: {advice}"
         )))
     }
 }
@@ -294,12 +298,12 @@ impl fmt::Display for Scene {
     }
 }
 
-/// A piece of somebody's text, short and harmless enough for a message.
+/// Returns a part of a text for a message, short and with control characters escaped.
 fn clip(text: &str) -> String {
     text.chars().take(60).flat_map(char::escape_debug).collect()
 }
 
-/// Returns the known names, and the one that a misspelt name most likely means.
+/// Returns the known names, and the one most similar to a misspelt name.
 fn hint(word: &str, known: &[&str]) -> String {
     /// Similarity, from 0 to 1, from which a name is suggested.
     const ALIKE: f64 = 0.8;
@@ -316,16 +320,17 @@ fn hint(word: &str, known: &[&str]) -> String {
     format!("(known: {}){nearest}", known.join(", "))
 }
 
-/// How far rounding to single precision moves a point whose coordinates are at most `extent`, an upper bound: each
-/// coordinate by `2^-24` of itself, so a point by `sqrt(3) 2^-24` of it. The rest covers the errors of
-/// the double precision that coordinates are computed in.
+/// Returns an upper bound of the distance by which rounding to single precision moves a point whose
+/// coordinates are at most `extent`. Each coordinate moves by at most `2^-24` of itself, so a point
+/// by `sqrt(3) 2^-24` of it. The rest covers the errors of the double precision in which
+/// coordinates are computed.
 fn rounding(extent: f64) -> f64 {
     const TWO_TO_MINUS_23: f64 = f32::EPSILON as f64;
     extent * TWO_TO_MINUS_23
 }
 
-/// How far the chords of a curve lie off the curve, an upper bound: its second derivative is at most
-/// `acceleration`, and chords join points whose parameters are `step` apart.
+/// Returns an upper bound of the distance of the chords of a curve from the curve. Its second
+/// derivative is at most `acceleration`, and chords join points whose parameters are `step` apart.
 fn sagitta(step: f64, acceleration: f64) -> f64 {
     step * step / 8.0 * acceleration
 }

@@ -1,7 +1,8 @@
-//! Motions: a set of curves, somewhere else in every frame.
+//! Motions: the positions of a set of curves in every frame.
 //!
-//! They stand for a simulator where the cost or the verdict of a moving frame is studied. A frame follows from the
-//! set, the motion, its amplitude and the number of the frame alone, so frames may be asked for in any order:
+//! They replace a simulator in measurements of the cost or the verdict of moving frames. A frame
+//! depends only on the set, the motion, its amplitude and the number of the frame, so frames may be
+//! computed in any order:
 //!
 //! ```
 //! use linkwatch::scenes::{Frames, Motion, Scene};
@@ -28,53 +29,59 @@ use std::str::FromStr;
 /// Wavelength of [`MotionKind::Smooth`], in lengths.
 const WAVELENGTH: f64 = 40.0;
 
-/// Way of [`MotionKind::Translate`] from frame to frame, in lengths: 5 of them.
+/// Displacement of [`MotionKind::Translate`] per frame, in lengths: 5 in all.
 const VELOCITY: Point = [4.0, -2.4, 1.8];
 
 /// Axis of [`MotionKind::Rotate`], a unit vector.
 const AXIS: Point = [2.0 / 7.0, 3.0 / 7.0, 6.0 / 7.0];
 
-/// Angle of [`MotionKind::Rotate`] from frame to frame, in degrees.
+/// Angle of [`MotionKind::Rotate`] per frame, in degrees.
 const TURN: f64 = 3.0;
 
-/// Largest factor of [`MotionKind::Stretch`] and [`MotionKind::Scale`]; the smallest is its inverse.
+/// Largest factor of [`MotionKind::Stretch`] and [`MotionKind::Scale`]; the smallest is its
+/// inverse.
 const STRETCH: f64 = 1.25;
 
-/// Frames after which [`MotionKind::Stretch`] and [`MotionKind::Scale`] start over.
+/// Number of frames after which [`MotionKind::Stretch`] and [`MotionKind::Scale`] repeat.
 const PERIOD: f64 = 40.0;
 
-/// Points that one task moves.
+/// Number of points that one task moves.
 const CHUNK: usize = 4096;
 
-/// One kind of motion. "Lengths" are multiples of the length given to [`Frames::new`], a yarn's diameter for example.
+/// Kind of a motion. "Lengths" are multiples of the length given to [`Frames::new`], a yarn's
+/// diameter for example.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MotionKind {
     /// Nothing moves.
     Still,
-    /// Waves of 40 lengths, each coordinate moved by at most the amplitude; other waves in every frame.
+    /// Waves of 40 lengths that move each coordinate by at most the amplitude; other waves in every
+    /// frame.
     ///
-    /// An isotopy of space where the amplitude is below `40 / (4 pi)`, about 3 lengths. Only points are
-    /// moved, and the segments between them stay straight (or splines), so topology is kept where they are short
-    /// beside the waves, or the amplitude is small beside the distances of the curves.
+    /// An isotopy of space if the amplitude is below `40 / (4 pi)`, about 3 lengths. Only points
+    /// are moved, and the segments between them stay straight (or splines). Therefore topology is
+    /// kept if segments are short compared with the waves, or the amplitude is small compared with
+    /// the distances of the curves.
     Smooth,
-    /// Uniform noise, each coordinate of each control point moved by at most the amplitude, independently and anew in
-    /// every frame. Keeps the topology only where the amplitude is small beside the distances of the curves.
+    /// Uniform noise that moves each coordinate of each control point by at most the amplitude,
+    /// independently in every frame. Keeps the topology only if the amplitude is small compared
+    /// with the distances of the curves.
     Iid,
-    /// Rigid: 5 lengths further in every frame, whatever the amplitude.
+    /// Rigid: 5 lengths further in every frame, for any amplitude.
     ///
-    /// Coordinates grow and are rounded to the precision of the set, which after very many frames is a motion too.
+    /// Coordinates grow and are rounded to the precision of the set, which is visible as a motion
+    /// after very many frames.
     Translate,
-    /// Rigid: 3 degrees further in every frame about the centre of the set, whatever the amplitude.
+    /// Rigid: 3 degrees further in every frame about the centre of the set, for any amplitude.
     Rotate,
-    /// Stretched along x about the centre, by factors between 0.8 and 1.25, 40 frames to and fro, whatever the
-    /// amplitude.
+    /// Stretching along x about the centre, by factors between 0.8 and 1.25 with a period of 40
+    /// frames, for any amplitude.
     Stretch,
-    /// The same along all axes.
+    /// Stretching along all axes likewise.
     Scale,
 }
 
 impl MotionKind {
-    /// Every kind.
+    /// All kinds.
     pub const ALL: [MotionKind; 7] = [
         MotionKind::Still,
         MotionKind::Smooth,
@@ -85,7 +92,7 @@ impl MotionKind {
         MotionKind::Scale,
     ];
 
-    /// One word.
+    /// Returns the name of the kind, one word.
     pub fn word(self) -> &'static str {
         match self {
             MotionKind::Still => "still",
@@ -98,21 +105,22 @@ impl MotionKind {
         }
     }
 
-    /// Whether the amplitude matters. Where it does not, the motion is affine and changes no linking number.
+    /// Returns true if the amplitude has an effect. If not, the motion is affine and changes no
+    /// linking number.
     pub fn has_amplitude(self) -> bool {
         matches!(self, MotionKind::Smooth | MotionKind::Iid)
     }
 }
 
-/// Kinds of motion, one after the other.
+/// Sequence of kinds of motion.
 ///
-/// Parsed from and displayed as words joined by `+`, `smooth+translate`: from left to right each moves what the one
-/// before it left.
+/// Parsed from and displayed as words joined by `+`, `smooth+translate`. Each kind moves the result
+/// of the one before it, from left to right.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Motion(Vec<MotionKind>);
 
 impl Motion {
-    /// These kinds in this order. None at all is [`MotionKind::Still`].
+    /// Creates a motion of these kinds in this order. An empty list is [`MotionKind::Still`].
     pub fn new(kinds: impl Into<Vec<MotionKind>>) -> Motion {
         let mut kinds = kinds.into();
         if kinds.is_empty() {
@@ -121,12 +129,13 @@ impl Motion {
         Motion(kinds)
     }
 
-    /// Its kinds in order, one at least.
+    /// Returns the kinds in order, at least one.
     pub fn kinds(&self) -> &[MotionKind] {
         &self.0
     }
 
-    /// Whether the amplitude matters. Where it does not, the motion is affine and changes no linking number.
+    /// Returns true if the amplitude has an effect. If not, the motion is affine and changes no
+    /// linking number.
     pub fn has_amplitude(&self) -> bool {
         self.0.iter().any(|k| k.has_amplitude())
     }
@@ -165,12 +174,12 @@ impl fmt::Display for Motion {
     }
 }
 
-/// The frames of a moving set of curves.
+/// Frames of a moving set of curves.
 #[derive(Clone, Debug)]
 pub struct Frames {
     /// Control points of the set, curve after curve.
     base: Vec<Point>,
-    /// Points of `base` that a pull-through replaced: where, and what was there.
+    /// Indices and original positions of points of `base` that a pull-through replaced.
     replaced: Vec<(usize, Point)>,
     centre: Point,
     length: f64,
@@ -186,8 +195,8 @@ enum Buffer {
 }
 
 impl Frames {
-    /// Frames of this set. `length` (in units of the set) is what motions are measured in: take the diameter of a
-    /// yarn.
+    /// Creates the frames of a set. `length` (in units of the set) is the unit of motions, for
+    /// example the diameter of a yarn.
     pub fn new(set: &CurveSet, length: f64) -> Frames {
         let curves = set.curves().iter().enumerate();
         let base: Vec<Point> = curves
@@ -215,13 +224,14 @@ impl Frames {
         }
     }
 
-    /// Another seed for all that is random; 0 before.
+    /// Sets the seed of all random numbers; the default is 0.
     pub fn with_seed(self, seed: u64) -> Frames {
         Frames { seed, ..self }
     }
 
-    /// Positions of a frame, for [`CurveSet::update`]: all control points, curve after curve, in the precision of the
-    /// set. `amplitude` is in units of the set. Frame 0 is the set itself, as it was given, bit for bit.
+    /// Returns the positions of a frame, for [`CurveSet::update`]: all control points, curve after
+    /// curve, in the precision of the set. `amplitude` is in units of the set. Frame 0 is the
+    /// original set, bit for bit.
     pub fn at(&mut self, motion: &Motion, amplitude: f64, frame: u64) -> Positions<'_> {
         let steps: Vec<Step> = match frame {
             0 => Vec::new(),
@@ -244,11 +254,11 @@ impl Frames {
         }
     }
 
-    /// From now on the curve of this pull-through lies on the other side in every frame, until
-    /// [`Frames::release`]: between the frame before and the next one it goes through the other curve.
+    /// Applies a pull-through: in every later frame, until [`Frames::release`], its curve lies on
+    /// the other side. Between the previous and the next frame it passes through the other curve.
     ///
     /// # Panics
-    /// If the pull-through is of a larger set.
+    /// If the pull-through belongs to a larger set.
     pub fn pull(&mut self, pull: &PullThrough) {
         for &k in &pull.points {
             self.replaced.push((k, self.base[k]));
@@ -258,15 +268,15 @@ impl Frames {
         }
     }
 
-    /// Takes back every [`Frames::pull`], bit for bit.
+    /// Reverts every [`Frames::pull`], bit for bit.
     pub fn release(&mut self) {
-        // Where points were pulled twice, the first value is the original.
+        // If a point was pulled twice, its first value is the original.
         for (k, point) in self.replaced.drain(..).rev() {
             self.base[k] = point;
         }
     }
 
-    /// What the `k`-th kind of a motion does in a frame.
+    /// Returns the step of the `k`-th kind of a motion in a frame.
     fn step(&self, k: u64, kind: MotionKind, amplitude: f64, frame: u64) -> Option<Step> {
         let turns = frame as f64 / PERIOD;
         let factor = STRETCH.powf((TAU * turns).sin());
@@ -300,7 +310,7 @@ impl Frames {
     }
 }
 
-/// What happens to every point of a frame.
+/// Transformation of every point of a frame.
 #[derive(Clone, Debug)]
 enum Step {
     Waves {
@@ -312,7 +322,7 @@ enum Step {
         amplitude: f64,
         key: u64,
     },
-    /// Rows of a matrix, and what is added.
+    /// Rows of a matrix, and a translation.
     Affine([Point; 3], Point),
 }
 
@@ -333,7 +343,7 @@ impl Step {
     }
 }
 
-/// Moves all points. Every chunk has random numbers of its own, so that threads share the work.
+/// Moves all points. Every chunk has its own random numbers, so that threads share the work.
 fn fill<T: Copy + Send + Sync>(
     to: &mut [T],
     base: &[Point],
@@ -366,7 +376,7 @@ fn diagonal([x, y, z]: Point) -> [Point; 3] {
     [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]]
 }
 
-/// The rotation about [`AXIS`] by an angle (Rodrigues).
+/// Returns the rotation about [`AXIS`] by an angle (Rodrigues).
 fn rotation(angle: f64) -> [Point; 3] {
     let (s, c) = angle.sin_cos();
     let [x, y, z] = AXIS;
@@ -420,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_follow_from_their_number_and_move_as_far_as_they_say() {
+    fn frames_depend_on_their_number_and_keep_their_amplitude() {
         let set = curves("chainmail:rows=20,columns=20");
         let mut frames = Frames::new(&set, 0.5);
         let base = values(frames.at(&motion("iid"), 0.25, 0));
@@ -490,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pull_through_changes_its_pair_by_one_and_a_release_takes_it_back() {
+    fn a_pull_through_changes_its_pair_by_one_and_a_release_reverts_it() {
         for (text, all) in [
             ("knit:rows=4,stitches=16,segments=512", true),
             ("chainmail:rows=4,columns=4", true),

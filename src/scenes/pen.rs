@@ -1,9 +1,9 @@
-//! Closed curves, point by point, in little memory beside the set.
+//! Draws closed curves point by point, with little memory in addition to the set.
 
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 use crate::error::Result;
 
-/// Points that are computed before they are stored.
+/// Number of points computed before they are stored.
 const CHUNK: usize = 4096;
 
 /// Draws closed curves in single precision.
@@ -13,10 +13,10 @@ pub(super) struct Pen {
 }
 
 impl Pen {
-    /// For so many curves of so many points together.
+    /// Creates a pen for this number of curves, and of points of all curves.
     pub fn new(basis: Basis, curves: usize, points: usize) -> Pen {
-        // A curve takes at most its points, those of a group of segments that begins at its last one, and those
-        // that are repeated.
+        // A curve takes at most its points, those of a group of segments that begins at its last
+        // one, and those that are repeated.
         let extra = 6 * basis.stride() + basis.window();
         Pen {
             builder: CurveSet::builder(basis, Precision::F32, points + extra * curves),
@@ -36,13 +36,13 @@ impl Pen {
         Ok(())
     }
 
-    /// The finished set.
+    /// Returns the finished set.
     pub fn finish(self) -> Result<CurveSet> {
         self.builder.finish()
     }
 }
 
-/// Points of curve `i` where `total` points are shared out evenly.
+/// Returns the number of points of curve `i` if `total` points are distributed evenly.
 pub(super) fn share(total: usize, curves: usize, i: usize) -> usize {
     total / curves + usize::from(i < total % curves)
 }

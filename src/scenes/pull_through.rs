@@ -1,40 +1,43 @@
-//! Pull-throughs to plant: a piece of one curve, carried through a neighbouring one.
+//! Synthetic pull-throughs: a piece of one curve is moved through a neighbouring one.
 
 use crate::curve::{CurveSet, Point, point_at};
 use crate::pairs::{LinkSearch, Pair, Trees, closest_approach};
 use crate::verdict::Place;
 use rayon::prelude::*;
 
-/// How far a piece is carried, in distances of the two curves: to the other side, and little further, where there may
-/// be other curves.
+/// Displacement of a piece, in distances of the two curves: to the other side, and little further,
+/// because other curves may be there.
 const WAY: f64 = 1.5;
 
-/// Sine of the angle at which two curves must pass one another. Where they run side by side, a piece that is carried
-/// over may come back around the other curve, and nothing has changed.
+/// Minimum sine of the angle at which two curves pass one another. If they are parallel, a moved
+/// piece may go around the other curve, which changes nothing.
 const LEAST_SINE: f64 = 0.3;
 
-/// Chords in which the nearest point of a spline segment is searched.
+/// Number of chords in which the nearest point of a spline segment is searched.
 const CHORDS: usize = 16;
 
-/// A segment of one curve that can be pulled through another; see [`Frames::pull`](super::Frames::pull).
+/// Segment of one curve that can be pulled through another; see
+/// [`Frames::pull`](super::Frames::pull).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PullThrough {
-    /// The curves, the one that is moved first. Its number is the smaller one.
+    /// The curves: first the one that is moved, whose number is smaller.
     pub pair: (u32, u32),
-    /// Where they come closest before: there the one goes through the other.
+    /// Place of their closest approach, where one passes through the other.
     pub place: Place,
-    /// Control points that move, counted over all curves.
+    /// Indices of the control points that move, over all curves.
     pub(super) points: Vec<usize>,
-    /// How far they move.
+    /// Displacement of these points.
     pub(super) by: Point,
 }
 
-/// The pull-throughs that can be planted into a set, those of the nearest curves first: one for each pair of closed
-/// curves that is near enough to be linked and passes crosswise where it is closest.
+/// Returns the pull-throughs that can be applied to a set, those of the nearest curves first: one
+/// for each pair of closed curves that is near enough to be linked and passes crosswise at its
+/// closest approach.
 ///
-/// The control points of one segment are carried along the shortest connection, to the other side of the other curve.
-/// The linking number of the pair changes by one, and no other linking number changes, as long as nothing else is
-/// in the way: neither a third curve nor another piece of the second one. Where curves are dense, that is to be verified.
+/// The control points of one segment move along the shortest connection, to the other side of the
+/// other curve. The linking number of the pair changes by one, and no other linking number changes,
+/// unless a third curve or another piece of the second one is in the way. For dense curves, verify
+/// this.
 pub fn pull_throughs(set: &CurveSet) -> Vec<PullThrough> {
     let mut trees = Trees::default();
     trees.refit(set);
@@ -60,7 +63,8 @@ pub fn pull_throughs(set: &CurveSet) -> Vec<PullThrough> {
     found
 }
 
-/// The pull-through of a pair, where there is one. `first` is the first control point of the first curve.
+/// Returns the pull-through of a pair, if it has one. `first` is the first control point of the
+/// first curve.
 fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Option<PullThrough> {
     let (i, j) = (pair.0 as usize, pair.1 as usize);
     let (basis, points) = (set.basis(), set.curve(i).points as usize);
@@ -72,7 +76,7 @@ fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Opti
     let (p, u) = nearest(set, i, place.segments[0], place.point);
     let (q, v) = nearest(set, j, place.segments[1], place.point);
     let sine = norm(cross(u, v)) / (norm(u) * norm(v));
-    // Not a number where an edge has no length.
+    // NaN if an edge has no length.
     if place.distance <= 0.0 || sine.is_nan() || sine < LEAST_SINE {
         return None;
     }
@@ -86,10 +90,11 @@ fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Opti
     })
 }
 
-/// The point of a segment that is nearest to another point, and the direction of the curve there.
+/// Returns the point of a segment that is nearest to another point, and the direction of the curve
+/// there.
 ///
-/// The middle of the shortest connection of two straight segments has the ends of that connection as its nearest
-/// points.
+/// For the middle of the shortest connection of two straight segments, the nearest points are the
+/// ends of that connection.
 fn nearest(set: &CurveSet, i: usize, segment: u32, to: Point) -> (Point, Point) {
     let b = set.segment(i, segment as usize);
     let chords = if set.basis().is_polyline() { 1 } else { CHORDS };
@@ -101,7 +106,7 @@ fn nearest(set: &CurveSet, i: usize, segment: u32, to: Point) -> (Point, Point) 
     let candidates = (0..chords).map(|k| {
         let (start, d) = (at(k), sub(at(k + 1), at(k)));
         let t = dot(sub(to, start), d) / dot(d, d);
-        // No length, no direction: 0 for NaN.
+        // A segment without length has no direction: NaN becomes 0.
         let t = if t > 0.0 { t.min(1.0) } else { 0.0 };
         (std::array::from_fn(|x| start[x] + t * d[x]), d)
     });

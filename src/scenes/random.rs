@@ -1,6 +1,6 @@
-//! Random numbers that are the same everywhere and always.
+//! Random numbers that are the same on every machine.
 
-/// Steele, Lea & Flood 2014, *Fast Splittable Pseudorandom Number Generators* (SplitMix64).
+/// SplitMix64 (Steele, Lea & Flood 2014, *Fast Splittable Pseudorandom Number Generators*).
 pub(super) struct Random(u64);
 
 impl Random {
@@ -8,7 +8,7 @@ impl Random {
         Random(seed)
     }
 
-    /// Numbers of their own for every key.
+    /// Creates an independent generator for each key.
     pub fn keyed<const N: usize>(key: [u64; N]) -> Random {
         Random(
             key.iter()
@@ -16,7 +16,7 @@ impl Random {
         )
     }
 
-    /// 64 random bits.
+    /// Returns 64 random bits.
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -24,7 +24,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// From 0 up to, but without, 1.
+    /// Returns a number from 0 to 1, without 1.
     pub fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }

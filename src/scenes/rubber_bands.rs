@@ -10,36 +10,37 @@ use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {
     name: "rubber_bands",
-    purpose: "pile of rubber bands: many small curves and many potential links, none of them linked",
+    purpose: "pile of rubber bands: many small curves and many potential links, none of them \
+              linked",
     parameters: &[
         Parameter::integer("bands", 1024, (1, 1_000_000), "bands, of 50 segments each"),
         Parameter::integer(
             "seed",
             1,
             (0, u32::MAX as i64),
-            "chooses the shapes and places of the bands",
+            "seed of the shapes and places of the bands",
         ),
     ],
     build,
 };
 
-/// Segments of a band.
+/// Number of segments of a band.
 const SEGMENTS: usize = 50;
 
 /// Mean radius of a band.
 const RADIUS: f64 = 0.8;
 
-/// By how much of its radius a band is thinner or wider, twice around.
+/// Relative amplitude of the radius of a band, with two periods around it.
 const OVAL: f64 = 0.25;
 
-/// Side of the square cell that a band has for itself in its layer.
+/// Side of the square cell of a band in its layer.
 const CELL: f64 = 2.15;
 
 /// Distance of layers.
 const LAYER: f64 = 0.12;
 
-/// The bands lie flat in layers, each in a cell of its own. No two are linked: planes lie between them. Then space
-/// is deformed, and the bands with it, until boxes do not tell them apart anymore.
+/// Builds the pile. The bands lie flat in layers, each in its own cell. No two are linked, because
+/// planes separate them. Then space is deformed, and the bands with it, until their boxes overlap.
 fn build(scene: &Scene) -> Result<Generated> {
     let bands = scene.count("bands");
     // Four times as many layers as bands along a side.
@@ -50,7 +51,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     let layers = bands.div_ceil(side * side);
     let isotopy = heap();
     let gap = LAYER.min(CELL - 2.0 * RADIUS * (1.0 + OVAL));
-    // The radius changes by up to twice `OVAL` of itself a radian.
+    // The radius changes by up to twice `OVAL` of itself per radian.
     let edge = TAU / SEGMENTS as f64 * RADIUS * (1.0 + OVAL).hypot(2.0 * OVAL);
     let extent = CELL * (side + 1) as f64 / 2.0 + isotopy.reach();
     let off = 2.0 * (isotopy.sagitta(edge) + rounding(extent));
@@ -78,7 +79,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     Ok(Generated::new(pen.finish()?, Vec::new()))
 }
 
-/// Waves a few bands long, which fold over one another.
+/// Returns waves a few bands long, which fold over one another.
 fn heap() -> Isotopy {
     let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
     let up = [0.0, 0.0, 1.0];

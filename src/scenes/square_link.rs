@@ -1,4 +1,5 @@
-//! The thick square link: two bundles of squares, each square of one linked with each of the other.
+//! The thick square link: two bundles of squares; each square of one is linked with each of the
+//! other.
 
 use super::pen::{Pen, share};
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene};
@@ -8,7 +9,8 @@ use crate::error::Result;
 
 pub(super) const KIND: Kind = Kind {
     name: "square_link",
-    purpose: "thick square link: two bundles of squares, all pairs across linked once; very many links",
+    purpose: "thick square link: two bundles of squares, each square linked with all of the other \
+              bundle; very many links",
     parameters: &[
         Parameter::integer(
             "loops",
@@ -26,32 +28,36 @@ pub(super) const KIND: Kind = Kind {
     build,
 };
 
-/// Half the sides of the squares: from here to here plus [`THICKNESS`].
+/// Half of the smallest side of the squares; the largest is this plus [`THICKNESS`].
 const HALF_SIDE: f64 = 1.0;
 
-/// Thickness of a bundle, both ways: squares nest in planes that are parallel.
+/// Thickness of a bundle in both directions: squares nest in parallel planes.
 const THICKNESS: f64 = 0.5;
 
-/// Distance of the centres of both bundles. The near side of each goes through the middle of the other.
+/// Distance of the centres of both bundles. The near side of each goes through the middle of the
+/// other.
 const APART: f64 = 1.5;
 
-/// The first bundle lies in planes `z = const` and runs counterclockwise seen from above, the second one lies in planes
-/// `y = const` and goes up through the first.
+/// Builds the link. The first bundle lies in planes `z = const` and runs counterclockwise seen from
+/// above; the second one lies in planes `y = const` and goes up through the first.
 ///
-/// The far sides aside, where nothing is near: the first bundle goes along y where x is from 1 to 1.5, through all
-/// squares of the second one; the second goes along z where x is from 0 to 0.5, through all squares of the first.
-/// Bundles are 0.5 apart, squares of a bundle at least 0.005. Sides are straight lines along the axes, which
-/// rounding moves as a whole: by `2^-22` at most.
+/// The far sides are near nothing. The first bundle goes along y for x from 1 to 1.5, through all
+/// squares of the second one; the second goes along z for x from 0 to 0.5, through all squares of
+/// the first. Bundles are 0.5 apart, squares of a bundle at least 0.005. Sides are straight lines
+/// along the axes, which rounding moves as a whole, by at most `2^-22`.
 fn build(scene: &Scene) -> Result<Generated> {
     let (loops, segments) = (scene.count("loops"), scene.count("segments"));
     if loops % 2 == 1 {
-        return Err(scene.refuse("two bundles take an even number of loops"));
+        return Err(scene.refuse("two bundles need an even number of loops"));
     }
     if segments < 4 * loops {
-        return Err(scene.refuse(format!("{loops} squares take {} segments", 4 * loops)));
+        return Err(scene.refuse(format!(
+            "{loops} squares need at least {} segments",
+            4 * loops
+        )));
     }
     let half = loops / 2;
-    // Smallest square number of places that is large enough.
+    // Smallest square number that is large enough.
     let side = half.isqrt() + usize::from(half.isqrt().pow(2) < half);
 
     let mut pen = Pen::new(Basis::Polyline, loops, segments);
@@ -78,7 +84,8 @@ fn build(scene: &Scene) -> Result<Generated> {
     Ok(Generated::new(pen.finish()?, links.collect()))
 }
 
-/// Point `k` of `n` on the square with corners `(+-1, +-1)`, counterclockwise. Corners are among the points.
+/// Returns point `k` of `n` on the square with corners `(+-1, +-1)`, counterclockwise. The corners
+/// are among the points.
 fn on_square(k: usize, n: usize) -> [f64; 2] {
     // Side `s` starts at the point `s n / 4`, rounded up.
     let start = |side: usize| (side * n).div_ceil(4);

@@ -18,17 +18,18 @@ fn says<T: std::fmt::Debug>(result: Result<T>, expected: &str) {
     assert!(message.contains(expected), "{message:?} lacks {expected:?}");
 }
 
-/// Asserts that the kernel finds the linking numbers of the construction. Returns the number of potential links.
+/// Asserts that the kernel finds the linking numbers of the construction. Returns the number of
+/// potential links.
 fn verified(text: &str, generated: &Generated) -> u64 {
     let mut verifier = Verifier::new(AbortOn::Never);
     let (found, stats) = verifier.certify(&generated.curves);
-    // Not printed: there may be very many links.
+    // Not printed, because there may be very many links.
     assert!(*found == generated.certificate, "{text}");
     assert_eq!(stats.open_curves, 0, "{text}");
     stats.potential_links
 }
 
-/// Curves, segments, links and potential links of a scene that the kernel has verified.
+/// Returns curves, segments, links and potential links of a scene that the kernel has verified.
 fn sizes(text: &str) -> (usize, usize, usize, u64) {
     let g = scene(text).build().unwrap();
     let potential = verified(text, &g);
@@ -36,7 +37,7 @@ fn sizes(text: &str) -> (usize, usize, usize, u64) {
     (curves, segments, g.certificate.links.len(), potential)
 }
 
-/// Sizes as in table 1 of Qu & James 2021, where the scenes are from there.
+/// Sizes of table 1 of Qu & James 2021, for the scenes of that table.
 #[test]
 fn the_defaults_have_their_sizes_and_their_certificates() {
     for (text, curves, segments, links, potential) in [
@@ -106,9 +107,9 @@ fn kernels_find_the_linking_numbers_of_the_constructions() {
     }
 }
 
-/// What is accepted is right, however coarse: a filter may refuse too much, never too little.
+/// All accepted scenes are correct, however coarse: a filter may reject too much, never too little.
 #[test]
-fn the_coarsest_scenes_that_are_accepted_are_right() {
+fn the_coarsest_accepted_scenes_are_correct() {
     for (kind, rest) in [
         ("ribbon", "lambda=1"),
         ("ribbon", "lambda=-7"),
@@ -207,7 +208,7 @@ fn a_misspelt_name_suggests_the_nearest() {
 }
 
 #[test]
-fn bad_descriptions_are_told() {
+fn rejects_bad_descriptions_with_a_reason() {
     for (text, expected) in [
         ("", "unknown (known: chainmail, knit, ribbon"),
         ("rope", "scene rope: unknown (known: chainmail"),
@@ -246,9 +247,9 @@ fn bad_descriptions_are_told() {
     assert!(long.parse::<Scene>().unwrap_err().to_string().len() < 250);
 }
 
-/// What only the values together show.
+/// Some combinations of valid values are invalid.
 #[test]
-fn parameters_that_do_not_go_together_are_refused() {
+fn rejects_invalid_combinations_of_parameters() {
     for (text, expected) in [
         (
             "ribbon:lambda=1e6",
@@ -271,7 +272,7 @@ fn parameters_that_do_not_go_together_are_refused() {
         ("square_link:loops=3", "even number of loops"),
         (
             "square_link:loops=4,segments=15",
-            "4 squares take 16 segments",
+            "4 squares need at least 16 segments",
         ),
         ("knit:rows=251", "multiple of rows * stitches = 22590"),
         ("knit:rows=2,stitches=16,segments=224", "8 times it or more"),

@@ -9,7 +9,8 @@ use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {
     name: "torus_link",
-    purpose: "two curves wound on nested tori: one pair with a huge linking number, toroidal * poloidal",
+    purpose: "two curves wound on nested tori: one pair with a huge linking number, toroidal * \
+              poloidal",
     parameters: &[
         Parameter::integer(
             "segments",
@@ -33,12 +34,13 @@ pub(super) const KIND: Kind = Kind {
     build,
 };
 
-/// Tube radii; that of the circle is 1.
+/// Tube radii; the radius of the circle is 1.
 const TUBES: [f64; 2] = [0.3, 0.4];
 
-/// The inner curve winds once around the poloidal way, the outer one once around the toroidal way.
+/// Builds the curves. The inner curve winds once around the poloidal way, the outer one once around
+/// the toroidal way.
 ///
-/// A chord is off its arc by at most half the length of the arc.
+/// The distance of a chord from its arc is at most half the length of the arc.
 fn build(scene: &Scene) -> Result<Generated> {
     let segments = scene.count("segments");
     let (toroidal, poloidal) = (scene.integer("toroidal"), scene.integer("poloidal"));

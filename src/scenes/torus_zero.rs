@@ -9,7 +9,8 @@ use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {
     name: "torus_zero",
-    purpose: "four curves on nested tori that turn back after every period: many crossings, all of which cancel",
+    purpose: "four curves on nested tori that turn back after every period: many crossings, all \
+              of which cancel",
     parameters: &[
         Parameter::integer(
             "segments",
@@ -21,19 +22,21 @@ pub(super) const KIND: Kind = Kind {
             "periods",
             100,
             (2, 1_000_000),
-            "periods of each curve; even, or it would not close",
+            "periods of each curve; even, so that it closes",
         ),
     ],
     build,
 };
 
-/// Tube radii; that of the circle is 1. The first curve goes forth and back the toroidal way, the others are
-/// copies of one that goes forth and back the poloidal way.
+/// Tube radii; the radius of the circle is 1. The first curve goes back and forth the toroidal way,
+/// the others are copies of one that goes back and forth the poloidal way.
 const TUBES: [f64; 4] = [0.3, 0.4, 0.5, 0.6];
 
-/// Of any two curves, the inner one has no toroidal turns left or the outer one no poloidal turns: no pair is linked.
+/// Builds the curves. For any two curves, the inner one has 0 toroidal turns in all, or the outer
+/// one has 0 poloidal turns, so no pair is linked.
 ///
-/// A chord is off its arc by at most half the length of the arc, also where the curve turns back in between.
+/// The distance of a chord from its arc is at most half the length of the arc, also if the curve
+/// turns back in between.
 fn build(scene: &Scene) -> Result<Generated> {
     let (segments, periods) = (scene.count("segments"), scene.count("periods"));
     if periods % 2 == 1 {

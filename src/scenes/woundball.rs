@@ -8,7 +8,8 @@ use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {
     name: "woundball",
-    purpose: "two concentric spherical curves, one half the size of the other: long segments, unlinked",
+    purpose: "two concentric spherical curves, one half the size of the other: long segments, \
+              unlinked",
     parameters: &[
         Parameter::integer(
             "segments",
@@ -26,16 +27,17 @@ pub(super) const KIND: Kind = Kind {
     build,
 };
 
-/// A curve goes round the poles `crossings` times while it goes round the axis once.
+/// Builds the curves. A curve goes around the poles `crossings` times while it goes around the axis
+/// once.
 ///
-/// The inner curve and its chords lie in the ball of radius 1. A chord of the outer one spans an angle of at most
-/// `step sqrt(crossings^2 + 1)`, and so keeps away from the centre by twice the cosine of half of it. A
-/// sphere between the curves separates them: they are not linked.
+/// The inner curve and its chords lie in the ball of radius 1. A chord of the outer one spans an
+/// angle of at most `step sqrt(crossings^2 + 1)`, so its distance from the centre is at least twice
+/// the cosine of half of it. A sphere between the curves separates them, so they are not linked.
 fn build(scene: &Scene) -> Result<Generated> {
     let (segments, crossings) = (scene.count("segments"), scene.real("crossings"));
     let angle = TAU / (segments / 2) as f64 * crossings.hypot(1.0);
     let advice = "take more segments or fewer crossings";
-    // Beyond a quarter turn the cosine says nothing anymore.
+    // Beyond a quarter turn the cosine gives no bound.
     let depth = if angle < 1.0 {
         2.0 - 2.0 * (angle / 2.0).cos()
     } else {

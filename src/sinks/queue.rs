@@ -1,11 +1,11 @@
-//! A sink on a thread of its own, behind a bounded queue.
+//! Runs a sink on a thread, behind a bounded queue.
 //!
-//! The caller passes a frame by cloning an `Arc`. It chooses what happens if the sink is slower
-//! than the frames ([`Overflow`]). A sink that fails stays failed, reports it once, and costs
-//! nothing from then on. The sink is opened, used and dropped on its own thread: a frozen disk can
-//! block the creation of a file as well as a write, and dropping a stream to a viewer that has
-//! stopped reading can block without end. So a thread that does not finish in time is abandoned,
-//! never joined.
+//! The caller passes a frame by cloning an `Arc`. It chooses the policy if the sink is slower than
+//! the frames ([`Overflow`]). A sink that fails is closed for good, reports the failure once, and
+//! costs nothing from then on. The sink is opened, used and dropped on its own thread: a frozen
+//! disk can block the creation of a file as well as a write, and dropping a stream to a viewer that
+//! has stopped reading can block without limit. Therefore a thread that does not finish in time is
+//! abandoned, not joined.
 
 use super::{BaselineRecord, FrameRecord, Sink};
 use crate::error::{Error, Result};
@@ -15,31 +15,31 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Time between flushes while all frames are intact: what a crash may cost at most.
+/// Interval of flushes while all frames are intact: the most that a crash can lose.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 
 /// Time after which a warning is logged while the caller waits for the sink.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// What happens to a frame when the queue is full.
-/// If the queue is still full in the end, the oldest waiting frame is dropped and counted; frames
-/// at which the verdict changes are kept longest. The baseline is never dropped.
-/// the verdict turns are kept longest. The baseline is never dropped.
+/// Policy if the queue is full.
+///
+/// If the queue is still full after waiting, the oldest waiting frame is dropped and counted.
+/// Frames at which the verdict changes are kept longest. The baseline is never dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overflow {
-    /// The caller waits for room, but no longer than this in total until the sink has caught up.
-    /// For a recording of a live simulation: a short delay of the disk costs no frame, and a frozen
+    /// The caller waits for capacity, at most for this time in total until the sink has caught up.
+    /// For a recording of a live simulation: a short delay of the disk loses no frame, and a frozen
     /// disk delays the watch only once.
     Wait(Duration),
-    /// The caller waits for room as long as the sink takes a frame within this time. For a replay,
-    /// on which no simulator waits: a slow disk costs no frame.
+    /// The caller waits for capacity while the sink takes at least one frame within this time. For
+    /// a replay, on which no simulator waits: a slow disk loses no frame.
     WaitForProgress(Duration),
     /// The caller never waits. For viewers.
     DropOldest,
 }
 
 impl Overflow {
-    /// Returns the longest time that the caller waits while the sink takes nothing.
+    /// Returns the longest time that the caller waits while the sink takes no frame.
     pub fn patience(self) -> Duration {
         match self {
             Overflow::Wait(limit) | Overflow::WaitForProgress(limit) => limit,
@@ -48,23 +48,23 @@ impl Overflow {
     }
 }
 
-/// What became of a sink.
+/// Result of a sink.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct SinkSummary {
-    /// Which sink.
+    /// Name of the sink.
     pub name: &'static str,
     /// Frames that the sink took. If it failed, only those that were flushed by then.
     pub written: u64,
-    /// Frames that the sink missed: dropped for newer ones, not flushed when it failed, or handed
-    /// over after the failure.
+    /// Number of frames that the sink missed: dropped for newer ones, not flushed when it failed,
+    /// or passed to it after the failure.
     pub dropped: u64,
-    /// Why it failed, if it did.
+    /// Reason of the failure, if it failed.
     pub failed: Option<String>,
 }
 
 enum Event {
     Begin(Arc<BaselineRecord>),
-    /// A frame, and whether its verdict is another than that of the frame before.
+    /// A frame, and true if its verdict differs from that of the previous frame.
     Frame(Arc<FrameRecord>, bool),
 }
 
@@ -72,11 +72,11 @@ enum Event {
 struct State {
     events: VecDeque<Event>,
     frames: usize,
-    /// Points and findings of the waiting frames.
+    /// Number of points and findings of the waiting frames.
     points: usize,
-    /// Frames that the sink has taken and not yet written: none or one.
+    /// Number of frames that the sink is writing: 0 or 1.
     in_flight: u64,
-    /// Remaining time that the caller may wait for room.
+    /// Remaining time that the caller may wait for capacity.
     patience: Duration,
     opening: Opening,
     last_verdict: Option<Verdict>,
@@ -107,12 +107,13 @@ struct Shared {
     state: Mutex<State>,
     /// The queue has an event, or is closing.
     filled: Condvar,
-    /// The queue has room, the sink is open, or its thread has ended.
+    /// The queue has capacity, the sink is open, or its thread has ended.
     drained: Condvar,
 }
 
 impl Shared {
-    /// The state is plain data that is valid at every step, so a panic elsewhere does not spoil it.
+    /// Locks the state. The state is plain data that is valid at every step, so a panic elsewhere
+    /// does not invalidate it.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -130,9 +131,9 @@ impl Shared {
         wait.unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// Like [`Shared::wait_while`], but logs a warning if the wait is long; `word` says what the
-    /// sink has not done.
-    fn wait_aloud<'a>(
+    /// Like [`Shared::wait_while`], but logs a warning if the wait is long. `word` is the predicate
+    /// of the warning.
+    fn wait_with_warning<'a>(
         &'a self,
         mut state: MutexGuard<'a, State>,
         limit: Duration,
@@ -149,11 +150,14 @@ impl Shared {
         state
     }
 
-    /// Marks the sink as failed: what waits for it is lost, and nobody waits any more.
+    /// Marks the sink as failed. Waiting frames are lost, and no caller waits any more.
     fn fail(&self, why: String) {
         let state = self.lock();
         if state.failed.is_none() {
-            tracing::error!("{} failed and stays off: {why}", self.name);
+            tracing::error!(
+                "{} failed and is closed for the rest of the run: {why}",
+                self.name
+            );
         }
         self.give_up(state, why);
     }
@@ -174,7 +178,7 @@ impl Shared {
     }
 }
 
-/// A [`Sink`] at work on its own thread.
+/// A [`Sink`] that runs on its own thread.
 pub struct SinkQueue {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -213,8 +217,8 @@ impl SinkQueue {
         })
     }
 
-    /// Lets more frames wait than the capacity, as long as all waiting frames together have fewer
-    /// than `points` points. So a disk that stalls for a second loses no small frames.
+    /// Lets more frames than the capacity wait, as long as all waiting frames together have fewer
+    /// than `points` points. Thus a disk that stalls for a second loses no small frames.
     pub fn with_points(mut self, points: usize) -> SinkQueue {
         self.points = points;
         self
@@ -238,7 +242,7 @@ impl SinkQueue {
         state = self.shared.wait_while(state, limit, opening);
         match &mut state.opening {
             Opening::Done(outcome) => std::mem::replace(outcome, Ok(())),
-            // From here on the thread reports an error itself.
+            // From now on the thread reports an error itself.
             other => {
                 *other = Opening::AtFirstEvent;
                 Ok(())
@@ -256,7 +260,7 @@ impl SinkQueue {
         self.shared.name
     }
 
-    /// Hands over the baseline. It takes no room of a frame and is never dropped.
+    /// Passes the baseline to the sink. It uses no capacity and is never dropped.
     pub fn begin(&self, baseline: Arc<BaselineRecord>) {
         let mut state = self.shared.lock();
         if state.failed.is_none() {
@@ -265,19 +269,19 @@ impl SinkQueue {
         }
     }
 
-    /// Hands over a frame. May wait for room, as [`Overflow`] says, but never for a sink that has
-    /// failed.
+    /// Passes a frame to the sink. May wait for capacity, by the [`Overflow`] policy, but never for
+    /// a sink that has failed.
     pub fn frame(&self, record: Arc<FrameRecord>) {
-        let mut state = self.wait_for_room(self.shared.lock());
+        let mut state = self.wait_for_capacity(self.shared.lock());
         if state.failed.is_some() {
             state.dropped += 1;
             return;
         }
         if self.is_full(&state) {
-            make_room(&mut state);
+            drop_oldest(&mut state);
             if state.dropped == 1 {
                 tracing::warn!(
-                    "{} is slower than the frames: it misses some",
+                    "{} is slower than the frames and misses some of them",
                     self.shared.name
                 );
             }
@@ -290,14 +294,14 @@ impl SinkQueue {
         self.shared.filled.notify_one();
     }
 
-    /// Waits until there is room, the sink has failed, or the caller's patience has run out.
-    fn wait_for_room<'a>(&'a self, mut state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
+    /// Waits until there is capacity, the sink has failed, or the time limit of the caller is over.
+    fn wait_for_capacity<'a>(&'a self, mut state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
         let full = |s: &State| self.is_full(s) && s.failed.is_none();
         let start = Instant::now();
         let patience = state.patience;
         state = self
             .shared
-            .wait_aloud(state, patience, full, "has taken no frame");
+            .wait_with_warning(state, patience, full, "has taken no frame");
         if full(&state) {
             state.patience = Duration::ZERO;
         } else if let Overflow::Wait(_) = self.shared.overflow {
@@ -306,7 +310,7 @@ impl SinkQueue {
         state
     }
 
-    /// What became of the sink up to now.
+    /// Returns the result of the sink so far.
     pub fn summary(&self) -> SinkSummary {
         let state = self.shared.lock();
         SinkSummary {
@@ -317,8 +321,9 @@ impl SinkQueue {
         }
     }
 
-    /// Lets the sink take what waits, closes it, and says what became of it. After `limit` its thread is left
-    /// to itself: the process may exit, and what the sink still held is lost and reported.
+    /// Closes the sink after it has written the waiting frames, and returns its result. After
+    /// `limit` its thread is abandoned: the process may exit, and unwritten frames are lost and
+    /// reported.
     pub fn finish(mut self, limit: Duration) -> SinkSummary {
         let mut state = self.shared.lock();
         state.closing = true;
@@ -326,7 +331,7 @@ impl SinkQueue {
         let working = |s: &State| !s.done && s.failed.is_none();
         state = self
             .shared
-            .wait_aloud(state, limit, working, "has not finished");
+            .wait_with_warning(state, limit, working, "has not finished");
         let late = !state.done && state.failed.is_none();
         let done = state.done;
         drop(state);
@@ -337,7 +342,7 @@ impl SinkQueue {
             ));
         }
         if let Some(thread) = self.thread.take().filter(|_| done) {
-            // The thread has said that it is done; a panic of it is in the summary.
+            // The thread has reported its end; the summary includes a panic.
             thread.join().ok();
         }
         self.summary()
@@ -345,7 +350,7 @@ impl SinkQueue {
 }
 
 impl Drop for SinkQueue {
-    /// The thread goes on with what waits, closes the sink and ends, unobserved.
+    /// The thread writes the waiting frames, closes the sink and ends, unobserved.
     fn drop(&mut self) {
         self.shared.lock().closing = true;
         self.shared.filled.notify_one();
@@ -355,15 +360,15 @@ impl Drop for SinkQueue {
 /// Memory of a frame without points, in points.
 const FRAME_POINTS: usize = 100;
 
-/// Returns the memory of a frame, in points; a finding counts as one.
+/// Returns the memory of a frame, in points; a finding counts as one point.
 fn points(record: &FrameRecord) -> usize {
     let report = &record.report;
     let points = record.curves.as_ref().map_or(0, |set| set.points());
     points + report.changes.len() + report.defects.len() + report.events.len() + FRAME_POINTS
 }
 
-/// Gives up the oldest frame that is no turn of the verdict; where all are, the oldest.
-fn make_room(state: &mut State) {
+/// Drops the oldest frame at which the verdict did not change, or else the oldest frame.
+fn drop_oldest(state: &mut State) {
     let find = |turns: bool| {
         state
             .events
@@ -378,7 +383,7 @@ fn make_room(state: &mut State) {
     }
 }
 
-/// The thread's side.
+/// The part that runs on the thread.
 struct Worker {
     shared: Arc<Shared>,
 }
@@ -397,7 +402,8 @@ impl Worker {
         let mut sink = sink;
         let outcome = match self.feed(sink.as_mut()) {
             Ok(true) => sink.finish(),
-            // Failed from outside (too late): the sink is dropped here, on its own thread.
+            // Another thread marked it as failed because it was late: the sink is dropped here, on
+            // its own thread.
             Ok(false) => Ok(()),
             Err(e) => Err(e),
         };
@@ -419,7 +425,7 @@ impl Worker {
         state.failed.is_none() && (now || !state.events.is_empty())
     }
 
-    /// Returns the error to the caller that waits for it, or else logs it.
+    /// Passes the error to the caller that waits for it, or else logs it.
     fn could_not_open(&self, e: Error) {
         let mut state = self.shared.lock();
         let why = e.to_string();
@@ -432,7 +438,8 @@ impl Worker {
         }
     }
 
-    /// Feeds the sink until the queue closes (true) or somebody gave it up (false).
+    /// Passes events to the sink until the queue closes (returns true) or the sink has failed
+    /// (returns false).
     fn feed(&self, sink: &mut dyn Sink) -> Result<bool> {
         let mut flushed = Instant::now();
         let mut dirty = false;
@@ -499,7 +506,7 @@ impl Worker {
 }
 
 impl Drop for Worker {
-    /// Runs on every way out of the thread, a panic of the sink included.
+    /// Runs at every end of the thread, including a panic of the sink.
     fn drop(&mut self) {
         if std::thread::panicking() {
             self.shared.fail("panicked".into());

@@ -1,4 +1,4 @@
-//! A full run: all linking numbers of a frame. And parts of one, for those who know which pairs to ask for.
+//! Full runs, which compute all linking numbers of a frame, and runs over given pairs.
 
 use super::ladder::{Ladder, Sums};
 use super::{Progress, Timings};
@@ -17,25 +17,25 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-/// Pairs that are computed before the first look for a change; then twice as many each time.
+/// Number of pairs computed before the first check for a change. It doubles with each check.
 const FIRST_BLOCK: usize = 64;
 
-/// Computes linking numbers. Its buffers serve every frame.
+/// Computes linking numbers. Its buffers are reused for every frame.
 #[derive(Debug, Default)]
 pub(super) struct FullRun {
     trees: Trees,
     search: LinkSearch,
     parts: Vec<Counted>,
-    /// Boxes of the frame before, where the motion since then is asked for.
+    /// Boxes of the previous frame, if the motion since then is needed.
     before: Vec<Box3>,
     workspaces: Workspaces,
-    /// What sums, and how finely.
+    /// Method and accuracy of sums.
     pub kernel: (Method, Accuracy),
-    /// What kernels run on, where it is not the processor.
+    /// GPU that runs kernels, if one is used.
     pub accelerator: Accelerator,
-    /// Of the last frame.
+    /// Certificate of the last frame.
     pub certificate: Certificate,
-    /// Who decided the last full run.
+    /// Decisions of the last full run.
     pub ladder: Ladder,
     pub progress: Arc<Progress>,
     pub timings: Timings,
@@ -89,7 +89,7 @@ impl FullRun {
         }
     }
 
-    /// Adds all linking numbers to the certificate: those that the bounds of sums decide, and the others, counted.
+    /// Adds all linking numbers to the certificate: decided by the bounds of sums, or else counted.
     fn add_sums(&mut self, set: &CurveSet, sums: &Sums<'_>, stats: &mut Stats) {
         let start = Instant::now();
         let undecided: Vec<Pair> = sums.undecided().collect();
@@ -118,7 +118,7 @@ impl FullRun {
     /// Computes the linking numbers that no noise of the vertices of polylines can change.
     pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Stats {
         let stats = self.find_pairs(set);
-        // Curves whose boxes may come to overlap may come to be linked.
+        // Curves may become linked only if their boxes, grown by the noise, overlap.
         let rounding = set.max_abs() * f64::from_bits((1023 - 22) << 52);
         let reach = (noise + rounding) as f32;
         let roots = self.trees.roots().iter();
@@ -155,11 +155,11 @@ impl FullRun {
         stats
     }
 
-    /// Computes the linking numbers of some pairs, sorted. Nothing else is said of the frame.
+    /// Computes the linking numbers of some pairs, sorted. The certificate has no other pairs.
     pub fn certify_pairs(&mut self, set: &CurveSet, pairs: &[Pair]) -> Certificate {
         let start = Instant::now();
         self.refit(set, pairs);
-        // Curves whose boxes are apart are not linked, as in a full run.
+        // Curves whose boxes do not overlap are not linked, as in a full run.
         let roots = self.trees.roots();
         let meet = |&(i, j): &Pair| roots[i as usize].overlaps(&roots[j as usize]);
         let meeting: Vec<Pair> = pairs.iter().copied().filter(meet).collect();
@@ -168,7 +168,7 @@ impl FullRun {
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
-        // Too few to be worth the way to another device and back.
+        // Too few to be worth a transfer to the GPU.
         let to = (&mut self.parts, &*self.progress);
         compute_links(scene, &meeting, None, to);
         let mut anew = Certificate {
@@ -180,31 +180,32 @@ impl FullRun {
         anew
     }
 
-    /// Makes the trees of the curves of some pairs those of this frame.
+    /// Updates the trees of the curves of some pairs to this frame.
     pub fn refit(&mut self, set: &CurveSet, pairs: &[Pair]) {
         self.trees
             .refit_some(set, &curves_of(pairs.iter().copied()));
     }
 
-    /// The trees: of the last frame, as far as it was asked for.
+    /// Returns the trees. They belong to the last frame as far as it needed them.
     pub fn trees(&self) -> &Trees {
         &self.trees
     }
 
-    /// The potential links that were found last.
+    /// Returns the potential links found last.
     pub fn pairs(&self) -> &[Pair] {
         self.search.pairs()
     }
 
-    /// Potential links of the last full run.
+    /// Returns the number of potential links of the last full run.
     pub fn potential_links(&self) -> usize {
         self.search.pairs().len()
     }
 
-    /// The stages before the linking numbers: boxes and potential links. Nothing is certified yet.
+    /// Runs the stages before the linking numbers: boxes and potential links.
     pub fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();
-        // Until the pairs are found, those of the previous frame would look like finished work.
+        // Reset, because until the pairs are found, those of the previous frame would look like
+        // finished work.
         self.progress.total.store(0, Ordering::Relaxed);
         self.progress.done.store(0, Ordering::Relaxed);
         self.trees.refit(set);
@@ -226,7 +227,7 @@ impl FullRun {
             pairs: boxed.elapsed(),
             ..Timings::default()
         };
-        // Only polylines can have any.
+        // Only polylines can have repeated vertices.
         let curves = if set.basis().is_polyline() {
             set.len()
         } else {
@@ -263,7 +264,7 @@ impl FullRun {
 
     /// Compares a frame with the baseline, the most suspect pairs first, up to the first change.
     ///
-    /// Pairs are taken in blocks, so that what is found does not depend on the number of threads.
+    /// Pairs are processed in blocks, so that the result does not depend on the number of threads.
     pub fn compare_until_change(
         &mut self,
         set: &CurveSet,
@@ -297,7 +298,7 @@ impl FullRun {
     }
 }
 
-/// The linking numbers of these pairs, in parts that follow one another in the order of the pairs.
+/// Computes the linking numbers of these pairs, in parts that follow the order of the pairs.
 fn compute_links(
     scene: Scene<'_>,
     pairs: &[Pair],
@@ -334,18 +335,18 @@ fn compute_links(
     });
 }
 
-/// Adds what the tasks computed to a certificate, and their work.
+/// Adds the results and the work of the tasks to a certificate.
 fn gather(parts: &[Counted], certificate: &mut Certificate, stats: &mut Stats) {
     for part in parts {
         certificate.links.extend_from_slice(&part.links);
         certificate.undefined.extend_from_slice(&part.undefined);
         stats.add(&part.stats);
     }
-    // No two have the same key.
+    // The keys are distinct.
     certificate.undefined.sort_unstable_by_key(|d| (d.i, d.j));
 }
 
-/// The size of a frame.
+/// Returns the sizes of a frame.
 pub(super) fn sizes(set: &CurveSet) -> Stats {
     Stats {
         curves: set.len() as u64,
@@ -355,13 +356,14 @@ pub(super) fn sizes(set: &CurveSet) -> Stats {
     }
 }
 
-/// Potential links computed by one task: few enough to share out, enough to be worth it. One of them may be a whole
-/// model; it shares itself out.
+/// Returns the number of potential links of one task: few enough to balance the load, and enough to
+/// pay for the task. A single link may be a whole model; its kernel then uses several threads.
 pub(crate) fn links_per_task(links: usize, threads: usize) -> usize {
     (links / (32 * threads)).clamp(1, 256)
 }
 
-/// Pairs that may be linked: those whose boxes overlap, but for degenerate curves, which are sorted.
+/// Returns the pairs that may be linked: those whose boxes overlap, without degenerate curves
+/// (sorted).
 pub(crate) fn potential_links<'a>(
     trees: &Trees,
     search: &'a mut LinkSearch,
@@ -375,7 +377,7 @@ pub(crate) fn potential_links<'a>(
     pairs
 }
 
-/// Closed curves that bound nothing, in order.
+/// Returns the closed curves of fewer than three distinct points, in order.
 pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
     (0..set.len())
         .filter(|&i| set.curve(i).closed && !set.has_three_distinct_points(i))

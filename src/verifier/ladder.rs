@@ -1,4 +1,5 @@
-//! The ladder: a kernel that sums first, and counting crossings for what its bound does not decide.
+//! Ladder of kernels: a kernel that sums runs first, and crossings are counted if its bound decides
+//! nothing.
 
 use crate::certificate::{Certificate, Link};
 use crate::curve::CurveSet;
@@ -10,24 +11,24 @@ use crate::plan::LongLink;
 use crate::verdict::Defect;
 use std::time::{Duration, Instant};
 
-/// Who decided the potential links of a frame, and how well.
+/// Numbers of linking numbers decided by sums and by counting, and the accuracy of the sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Ladder {
-    /// Pairs that the bound of the sum decided.
+    /// Number of pairs that the error bound of the sum decided.
     pub summed: u64,
-    /// Pairs that were left to counting crossings, exactly.
+    /// Number of pairs that were decided by counting crossings, exactly.
     pub counted: u64,
-    /// Sums that are not unknown, of pairs that have a linking number.
+    /// Number of sums with a known value, of pairs that have a linking number.
     pub known: u64,
-    /// Largest distance of one of those from the linking number.
+    /// Largest error of those sums.
     pub largest_error: f64,
-    /// Mean of those distances; 0 where there is none.
+    /// Mean error of those sums; 0 if there are none.
     pub mean_error: f64,
-    /// Largest bound of the sums that decided.
+    /// Largest error bound of the sums that decided.
     pub largest_bound: f64,
-    /// Time of the sums, discretization and the building of trees included.
+    /// Time of the sums, discretization and construction of the trees included.
     pub summing: Duration,
-    /// Part of it: splines to polylines.
+    /// Part of that time which converts splines to polylines.
     pub discretizing: Duration,
 }
 
@@ -40,8 +41,8 @@ pub(super) struct Sums<'a> {
 }
 
 impl<'a> Sums<'a> {
-    /// Sums by some kernel. Splines become polylines first, for all pairs at once ([`homotopic_polylines`]); unknown is what
-    /// stayed too close for that.
+    /// Sums pairs by a kernel. Splines become polylines first, for all pairs at once
+    /// ([`homotopic_polylines`]). Pairs that stay too close for that are unknown.
     pub fn of(
         set: &CurveSet,
         kernel: (Method, Accuracy),
@@ -70,14 +71,15 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// Sums of those pairs of polylines that are predicted to be decided sooner than by counting; the others are unknown.
+    /// Sums the pairs of polylines that are predicted to be decided sooner than by counting. The
+    /// others are unknown.
     pub fn of_long(set: &CurveSet, long: &[LongLink], pairs: &'a [Pair]) -> Sums<'a> {
         let start = Instant::now();
         let worth: Vec<Pair> = long.iter().map(|link| pairs[link.at]).collect();
         let needed = curves_of(worth.iter().copied());
         let needed = |i: u32| needed.binary_search(&i).is_ok();
-        // Where the kernel itself expects to take nearly as long, since strands are close, it gives up before it
-        // begins.
+        // The kernel gives up before it starts if it expects to take nearly as long as counting,
+        // because strands are close.
         let counting = long.iter().map(|link| link.counting.ms());
         let options = fmm::Options {
             limit: 0.4e3 * counting.fold(0.0, f64::max),
@@ -96,7 +98,7 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// All pairs, whether they were summed or not.
+    /// Returns all pairs, summed or not.
     pub fn pairs(&self) -> &[Pair] {
         self.pairs
     }
@@ -105,13 +107,13 @@ impl<'a> Sums<'a> {
         self.pairs.iter().copied().zip(&self.estimates)
     }
 
-    /// Pairs that no bound decides.
+    /// Returns the pairs that no bound decides.
     pub fn undecided(&self) -> impl Iterator<Item = Pair> {
         let open = self.each().filter(|(_, e)| e.integer().is_none());
         open.map(|(pair, _)| pair)
     }
 
-    /// What the bounds decide, but for 0.
+    /// Returns the linking numbers that the bounds decide, except 0.
     pub fn links(&self) -> impl Iterator<Item = Link> {
         self.each().filter_map(|((i, j), estimate)| {
             let lambda = estimate.integer().filter(|&n| n != 0)?;
@@ -119,7 +121,8 @@ impl<'a> Sums<'a> {
         })
     }
 
-    /// Who decided, and how far off the sums were: by the certificate, once it is whole.
+    /// Returns the numbers of decisions, and the errors of the sums with respect to the complete
+    /// certificate.
     pub fn ladder(&self, certificate: &Certificate) -> Ladder {
         let mut ladder = Ladder {
             summing: self.took,
@@ -152,7 +155,7 @@ impl<'a> Sums<'a> {
     }
 }
 
-/// The sums; none where the kernel counts.
+/// Returns the sums, or `None` if the kernel counts crossings.
 fn estimates(
     polylines: &CurveSet,
     too_close: &[Defect],

@@ -1,7 +1,7 @@
-//! The one module that knows all stages: a frame in, a report out.
+//! Verifier: takes frames, returns reports. The only module that knows all stages.
 //!
-//! It has no file and no socket, and its clock only measures: live frames, recordings, model files and tests
-//! drive it alike.
+//! It uses no file and no socket, and its clock only measures. Live frames, recordings, model files
+//! and tests use it alike.
 
 mod full;
 mod ladder;
@@ -38,7 +38,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Pairs computed, and pairs in all, of the frame in work.
+    /// Returns the number of pairs computed so far, and of all pairs, of the current frame.
     pub fn pairs(&self) -> (u64, u64) {
         (
             self.done.load(Ordering::Relaxed),
@@ -68,22 +68,23 @@ impl Progress {
     }
 }
 
-/// Time that the stages of the last frame took. No part of a [`Report`]: reports do not depend on the clock.
+/// Time that each stage of the last frame took. Not part of a [`Report`], because reports do not
+/// depend on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timings {
-    /// Boxes of all segments, and the trees over them.
+    /// Time of the boxes of all segments, and of the trees over them.
     pub boxes: Duration,
-    /// Search for potential links.
+    /// Time of the search for potential links.
     pub pairs: Duration,
-    /// Discretization and linking numbers of all potential links.
+    /// Time of the discretization and the linking numbers of all potential links.
     pub links: Duration,
-    /// Everything, comparison included.
+    /// Total time, comparison included.
     pub total: Duration,
 }
 
-/// Verifies frame after frame against a baseline. Its buffers serve every frame.
+/// Verifies successive frames against a baseline. Its buffers are reused for every frame.
 ///
-/// The result does not depend on the number of threads of the rayon pool that it is called in.
+/// The result does not depend on the number of threads of the rayon pool in which it is called.
 #[derive(Debug, Default)]
 pub struct Verifier {
     abort_on: AbortOn,
@@ -103,7 +104,7 @@ impl Verifier {
     /// Default of [`Verifier::set_motion_limit`], in segment lengths.
     pub const MOTION_LIMIT: f64 = MOTION_LIMIT;
 
-    /// A verifier that takes the first frame as its baseline.
+    /// Creates a verifier that takes the first frame as its baseline.
     pub fn new(abort_on: AbortOn) -> Self {
         Verifier {
             abort_on,
@@ -111,7 +112,7 @@ impl Verifier {
         }
     }
 
-    /// A verifier with a baseline of its own.
+    /// Creates a verifier with the given baseline.
     pub fn with_baseline(abort_on: AbortOn, baseline: Certificate) -> Self {
         Verifier {
             abort_on,
@@ -120,7 +121,7 @@ impl Verifier {
         }
     }
 
-    /// Whether [`Verifier::step`] stops at the first change that it finds, and leaves the other pairs unchecked.
+    /// Sets if [`Verifier::step`] stops at the first change, and does not check the other pairs.
     ///
     /// Pairs are computed in the order in which they are likely to have changed, so a broken frame
     /// is detected long before all numbers are known. An intact frame takes as long as before.
@@ -130,47 +131,55 @@ impl Verifier {
         self.early_exit = early_exit;
     }
 
-    /// Whether [`Verifier::step`] computes only what has changed since an earlier frame, where it can prove that.
+    /// Sets if [`Verifier::step`] computes only the part of a frame that may differ from an earlier
+    /// frame, and proves that the rest is unchanged.
     ///
-    /// The verdicts are the same. [`Report::stats`] then has the sizes of the scene alone, since the work depends on
-    /// the frames before; see [`Verifier::work`].
+    /// The verdicts are the same. [`Report::stats`] then has the sizes of the scene alone, because
+    /// the work depends on earlier frames; see [`Verifier::work`].
     pub fn set_incremental(&mut self, incremental: bool) {
         self.incremental = incremental;
-        // Frames that a monitor did not see are none that it may conclude from.
+        // The monitor must not draw conclusions from frames that it did not see.
         self.monitor = Monitor::new(self.steps.cover());
     }
 
-    /// Whether an incremental verifier computes everything as well and compares: for those who do not trust it, and for
-    /// its tests. Where the results differ, the report is the one of the full run, [`Work::disagreed`] says so, and from
-    /// then on every frame is computed in full.
+    /// Sets if an incremental verifier also computes every frame in full and compares the results.
+    /// This is a test of the verifier itself. If the results differ, the report is the one of the
+    /// full run, [`Work::disagreed`] is set, and every later frame is computed in full.
     pub fn set_paranoid(&mut self, paranoid: bool) {
         self.paranoid = paranoid;
     }
 
-    /// Which kernel computes where all linking numbers are computed. One that sums only goes first: what its bound does not
-    /// decide is counted ([`Verifier::ladder`]). So certificates and verdicts are the same; the work is not.
+    /// Sets the kernel that computes all linking numbers of a frame. A kernel that sums runs first;
+    /// pairs that its error bound does not decide are decided by counting crossings
+    /// ([`Verifier::ladder`]). Certificates and verdicts are the same for all kernels; the work
+    /// differs.
     ///
-    /// Parts of a frame, as an incremental verifier and early exit compute them, are counted.
+    /// The parts of a frame that incremental verification and early exit compute are always
+    /// counted.
     pub fn set_kernel(&mut self, method: Method, accuracy: Accuracy) {
         self.full.kernel = (method, accuracy);
     }
 
-    /// Who decided the linking numbers of the last frame that was computed in full.
+    /// Returns which linking numbers of the last full run were decided by sums, and which by
+    /// counting.
     pub fn ladder(&self) -> Ladder {
         self.full.ladder
     }
 
-    /// Pairs of segments in the potential links that were found last: what sums without trees go through. The set is the
-    /// one they were found in, or its polylines.
+    /// Returns the number of segment pairs in the last potential links: the work of sums without
+    /// trees. `set` must be the set of those links, or its polylines.
     pub fn segment_pairs(&self, set: &CurveSet) -> u64 {
         segment_pairs(set, self.full.pairs())
     }
 
-    /// Which pull-throughs [`Verifier::step`] looks for, from one frame to the next ([`Report::events`]).
+    /// Sets which pull-throughs [`Verifier::step`] reports, from one frame to the next
+    /// ([`Report::events`]).
     ///
-    /// A frame with one is [`Verdict::Changed`], whatever its linking numbers. The sum of the signs of the
-    /// pull-throughs of two closed curves is always compared with the change of their linking number; where these differ,
-    /// the frame has a defect ([`DefectKind::Unaccounted`]). The first frame has no frame before it, and no pull-throughs.
+    /// A frame with a pull-through is [`Verdict::Changed`], whatever its linking numbers. The sum
+    /// of the signs of the pull-throughs of two closed curves is always compared with the change of
+    /// their linking number. If the two differ, the frame has a defect
+    /// ([`DefectKind::Unaccounted`]). The first frame has no previous frame, and so no
+    /// pull-throughs.
     pub fn set_events(&mut self, events: Events) {
         let limit = self.steps.motion_limit();
         self.steps = Steps::new(events, self.full.progress.cancel.clone());
@@ -196,55 +205,56 @@ impl Verifier {
         Ok(())
     }
 
-    /// Where kernels run. The results are the same; what differs is the time.
+    /// Sets the device that runs kernels. The results are the same; only the time differs.
     ///
-    /// On a graphics processor, crossings of polylines are counted, in full runs, and sums are made directly and by
-    /// Barnes-Hut: always where it was asked for; with [`Device::Auto`], where that is predicted to take less than on the processor,
-    /// by what [`calibrate`](crate::plan) measured. Where it fails, a warning says so, and the processor goes on.
+    /// A GPU counts the crossings of polylines in full runs, and computes direct and Barnes-Hut
+    /// sums. A requested GPU is always used. With [`Device::Auto`], it is used if it is predicted
+    /// to be faster than the CPU, from the stored measurements of [`calibrate`](crate::plan). If
+    /// the GPU fails, the verifier logs a warning and continues on the CPU.
     ///
-    /// Errors: [`Error::Device`] where there is none of that name, or none that can be used.
+    /// Errors: [`Error::Device`] if no adapter matches, or it cannot be used.
     pub fn set_device(&mut self, device: &Device) -> Result<()> {
         self.full.accelerator = Accelerator::open(device)?;
         Ok(())
     }
 
-    /// Lets kernels run on an adapter of any calibration.
+    /// Sets the adapter that runs kernels, with any calibration.
     #[cfg(all(test, feature = "gpu"))]
     pub(crate) fn set_accelerator(&mut self, accelerator: Accelerator) {
         self.full.accelerator = accelerator;
     }
 
-    /// The graphics processor in use; one that is ours to choose, once it was chosen.
+    /// Returns the GPU in use. With [`Device::Auto`], `None` until it was chosen.
     pub fn device(&self) -> Option<DeviceInfo> {
         self.full.accelerator.info()
     }
 
-    /// What the graphics processor was given in the last frame.
+    /// Returns the work that the GPU did in the last frame.
     pub fn offload(&self) -> Offload {
         self.full.accelerator.offload()
     }
 
-    /// What the last frame took.
+    /// Returns the work of the last frame.
     pub fn work(&self) -> Work {
         self.work
     }
 
-    /// What frames are compared with, once there is something.
+    /// Returns the baseline, or `None` before the first frame.
     pub fn baseline(&self) -> Option<&Certificate> {
         self.baseline.as_ref()
     }
 
-    /// A view on the progress of the frame in work.
+    /// Returns a view of the progress of the current frame.
     pub fn progress(&self) -> Arc<Progress> {
         Arc::clone(&self.full.progress)
     }
 
-    /// Time that the last frame took.
+    /// Returns the times of the last frame.
     pub fn timings(&self) -> Timings {
         self.full.timings
     }
 
-    /// All linking numbers of a frame.
+    /// Computes all linking numbers of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
         let start = Instant::now();
         self.full.heed_cancel(false);
@@ -253,18 +263,18 @@ impl Verifier {
         (&self.full.certificate, stats)
     }
 
-    /// All linking numbers of a frame of polylines that stay the same wherever the vertices are in cubes of half-width
-    /// `noise` around where they are (Arai 2013, remark 4). Pairs that some noise may bring in touch have none, and two of
-    /// their segments are named.
+    /// Computes the linking numbers of a frame of polylines that do not change if every vertex
+    /// moves within a cube of half-width `noise` around its position (Arai 2013, remark 4). Pairs
+    /// that may touch within the noise have no linking number; their defect names two segments.
     ///
-    /// Errors: [`Error::Usage`] for splines, and for noise that is no length.
+    /// Errors: [`Error::Usage`] for splines, or if `noise` is not a length.
     pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Result<(&Certificate, Stats)> {
         if !set.basis().is_polyline() {
-            let what = "noise is of the vertices of polylines; these curves are splines";
+            let what = "noise applies to the vertices of polylines; these curves are splines";
             return Err(Error::Usage(what.into()));
         }
         if !(noise >= 0.0 && noise.is_finite()) {
-            let what = format!("noise of {noise}, expected a length");
+            let what = format!("noise of {noise}, expected a length of at least 0");
             return Err(Error::Usage(what));
         }
         let start = Instant::now();
@@ -274,20 +284,21 @@ impl Verifier {
         Ok((&self.full.certificate, stats))
     }
 
-    /// Waits for work beside the stream to end, so that the next frame profits from it. For measurements.
+    /// Waits until background work has ended, so that the next frame profits from it. For
+    /// measurements.
     pub fn settle(&mut self) {
         self.monitor.settle();
     }
 
-    /// Verifies one frame. The first one becomes the baseline where there is none.
+    /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
     ///
-    /// Where pull-throughs are looked for, the positions are copied, to be compared with those of the next frame;
-    /// [`Verifier::step_shared`] needs no copy.
+    /// If pull-throughs are reported, the positions are copied, to compare them with the next
+    /// frame; [`Verifier::step_shared`] needs no copy.
     ///
     /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves;
-    /// [`Error::NothingClosed`] if no curve is closed and no pull-throughs are looked for, since
-    /// nothing would be verified; [`Error::LayoutChanged`] if pull-throughs are looked for between
-    /// other curves than before; [`Error::Cancelled`] after [`Progress::cancel`].
+    /// [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
+    /// would be verified; [`Error::LayoutChanged`] if pull-throughs are reported and the curves
+    /// differ from those of the previous frame; [`Error::Cancelled`] after [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         let verified = self.verify(seq, time, set);
         self.full.accelerator.end_frame(set);
@@ -296,7 +307,8 @@ impl Verifier {
         Ok(report)
     }
 
-    /// [`Verifier::step`] of a frame that is shared with the caller until the next one has been verified.
+    /// Same as [`Verifier::step`], for a frame that the caller shares until the next one is
+    /// verified.
     pub fn step_shared(&mut self, seq: u64, time: f64, set: &Arc<CurveSet>) -> Result<Report> {
         let verified = self.verify(seq, time, set);
         self.full.accelerator.end_frame(set);
@@ -314,13 +326,14 @@ impl Verifier {
         self.steps.forget();
     }
 
-    /// Says which frame comes after the one that is verified next. Where that one is counted on a graphics processor, the
-    /// vertices of this one go up in the meantime. It is a hint: the results are the same without, and whichever frame comes.
+    /// Announces the frame that comes after the next one. If crossings are counted on a GPU, its
+    /// vertices are uploaded while the next frame is verified. This is only a hint: the results are
+    /// the same without it, or if another frame follows.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
         self.full.accelerator.announce(next);
     }
 
-    /// The report on a frame, and how its linking numbers compare with the baseline.
+    /// Returns the report on a frame, and the comparison of its linking numbers with the baseline.
     fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, Comparison)> {
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
             return Err(Error::CertificateMismatch {
@@ -329,8 +342,8 @@ impl Verifier {
             });
         }
         if self.early_exit && (self.incremental || self.steps.events() != Events::Off) {
-            let what = "early exit leaves linking numbers unknown: neither incremental verification nor the \
-                        search for pull-throughs can go on from there";
+            let what = "early exit leaves linking numbers unknown: it excludes incremental \
+                        verification and the search for pull-throughs";
             return Err(Error::Usage(what.into()));
         }
         let closed = set.open_curves() < set.len();
@@ -341,12 +354,12 @@ impl Verifier {
         let start = Instant::now();
         self.full.heed_cancel(true);
         self.work = Work::default();
-        // Not every frame is computed in full, and starts there.
+        // Needed here, because a partial run does not start the frame.
         self.full.accelerator.start_frame();
         let (mut comparison, stats) = self.compare(set)?;
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();
-        let (events, unresolved) = self.look_for_events(set, &comparison, &mut defects);
+        let (events, unresolved) = self.search_events(set, &comparison, &mut defects);
         // A report must not depend on work that was skipped after a cancellation.
         self.full.progress.check()?;
         let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
@@ -383,7 +396,7 @@ impl Verifier {
         Ok((report, comparison))
     }
 
-    /// Compares a frame with the baseline, in the way that was asked for.
+    /// Compares a frame with the baseline, by the configured method.
     fn compare(&mut self, set: &CurveSet) -> Result<(Comparison, Stats)> {
         let Some(baseline) = self.baseline.take() else {
             let stats = self.certify_fully(set)?;
@@ -409,7 +422,7 @@ impl Verifier {
         Ok((comparison, self.counted(set, stats)))
     }
 
-    /// The counts that a report carries: of work only where that depends on the frame alone.
+    /// Returns the counts of a report. Work is counted only if it depends on the frame alone.
     fn counted(&self, set: &CurveSet, stats: Stats) -> Stats {
         match self.incremental {
             true => sizes(set),
@@ -426,7 +439,7 @@ impl Verifier {
         Ok((self.full.certificate.compare(baseline)?, stats))
     }
 
-    /// Computes everything, and notes who decided.
+    /// Computes a frame in full, and records the number of pairs decided by sums.
     fn certify_fully(&mut self, set: &CurveSet) -> Result<Stats> {
         let stats = self.full.certify(set);
         self.full.progress.check()?;
@@ -435,7 +448,8 @@ impl Verifier {
         Ok(stats)
     }
 
-    /// Compares a frame with the baseline, computing only what is not known from the reference frame.
+    /// Compares a frame with the baseline. Computes only linking numbers that the reference frame
+    /// does not prove.
     fn compare_incrementally(
         &mut self,
         set: &CurveSet,
@@ -476,13 +490,13 @@ impl Verifier {
         Ok((comparison, Stats::default()))
     }
 
-    /// Takes note of an error of the incremental verification, and gives it up.
+    /// Records an error of the incremental verification, and switches it off.
     fn disagree(&mut self) {
         self.work.disagreed = true;
         self.incremental = false;
     }
 
-    /// Lets the frame whose certificate has just been computed become the reference, where that may pay.
+    /// Makes the last certified frame the reference frame, if that may pay.
     fn offer_reference(&mut self, set: &CurveSet) {
         if self.incremental && self.monitor.wants_reference(&self.work) {
             let links = self.full.potential_links();
@@ -501,7 +515,7 @@ impl Verifier {
         if changes.is_empty() && fresh.is_empty() {
             return;
         }
-        // Trees of what the frame did not ask for may be those of an earlier frame.
+        // After a partial run, trees that the frame did not need may be those of an earlier frame.
         if self.work.route != Route::Full {
             let changed = changes.iter().map(|c| (c.i, c.j));
             let fresh = fresh.iter().filter_map(|d| Some((d.i, d.j?)));
@@ -512,7 +526,8 @@ impl Verifier {
         let cancel = &self.full.progress.cancel;
         let place = |i: u32, j: u32| {
             let (i, j) = (i as usize, j as usize);
-            // An open curve has no tree; it has no number either, and so no change but a lost one.
+            // Open curves have no tree. They have no linking number either, so their only change is
+            // a lost link.
             let exists = !cancel.is_set() && set.curve(i).closed && set.curve(j).closed;
             exists.then(|| closest_approach(set, trees, i, j))
         };
@@ -525,9 +540,9 @@ impl Verifier {
         });
     }
 
-    /// Returns the pull-throughs since the previous frame, if they are looked for, and the
+    /// Returns the pull-throughs since the previous frame, if they are searched for, and the
     /// unresolved ones. Adds undecided pairs of the step to the defects.
-    fn look_for_events(
+    fn search_events(
         &mut self,
         set: &CurveSet,
         comparison: &Comparison,
@@ -543,8 +558,8 @@ impl Verifier {
         let (mut outcome, searched) = self.steps.outcome(set, pairs.as_deref());
         if self.paranoid && pairs.is_some() {
             let (full, _) = self.steps.outcome(set, None);
-            let told = |o: Outcome| (o.events, o.unresolved, o.undecided, o.touching);
-            if told(full.clone()) != told(outcome) {
+            let findings = |o: Outcome| (o.events, o.unresolved, o.undecided, o.touching);
+            if findings(full.clone()) != findings(outcome) {
                 self.disagree();
             }
             outcome = full;
@@ -559,7 +574,7 @@ impl Verifier {
         (outcome.events, outcome.unresolved)
     }
 
-    /// The report on a frame that broke its contract.
+    /// Returns the report on a frame that broke its contract.
     pub fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
         let mut report = Report {
             seq,

@@ -1,4 +1,4 @@
-//! From one frame to the next: what passed through what, and whether that accounts for the linking numbers.
+//! Steps between frames: pull-throughs, and their consistency with the linking numbers.
 
 use crate::cancel::Cancel;
 use crate::certificate::Comparison;
@@ -9,13 +9,13 @@ use crate::pairs::Pair;
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
 
-/// The last frame that was verified, and the ledger of what happens from there.
+/// Last verified frame, and the ledger that finds pull-throughs since then.
 #[derive(Debug, Default)]
 pub(super) struct Steps {
     events: Events,
     ledger: Ledger,
     last: Option<Last>,
-    /// The contacts of the current frame.
+    /// Contacts of the current frame.
     contacts: Contacts,
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
     /// closed curves; `None` before that frame.
@@ -25,7 +25,7 @@ pub(super) struct Steps {
 #[derive(Debug)]
 struct Last {
     set: Arc<CurveSet>,
-    /// With the baseline.
+    /// Comparison of the frame with the baseline.
     comparison: Comparison,
     contacts: Contacts,
 }
@@ -53,7 +53,7 @@ impl Steps {
         self.ledger.motion_limit = lengths;
     }
 
-    /// What the ledger looks for.
+    /// Returns the kinds of pull-throughs that the ledger finds.
     pub fn cover(&self) -> Cover {
         Cover {
             own: self.events == Events::All,
@@ -61,7 +61,7 @@ impl Steps {
         }
     }
 
-    /// The frame before, where pull-throughs are looked for.
+    /// Returns the previous frame, if pull-throughs are searched for.
     pub fn before(&self) -> Option<&CurveSet> {
         self.last.as_ref().map(|last| &*last.set)
     }
@@ -71,7 +71,8 @@ impl Steps {
         self.last = None;
     }
 
-    /// Between other curves there is no motion.
+    /// Fails if the curves differ from those of the previous frame, because there is no motion
+    /// between different curves.
     pub fn check_layout(&self, set: &CurveSet) -> Result<()> {
         let Some(before) = self.before().filter(|before| !before.same_layout(set)) else {
             return Ok(());
@@ -87,7 +88,7 @@ impl Steps {
         ];
         let differs = |c: &(&str, u32, u32)| c.1 != c.2;
         let found = numbers.into_iter().chain(points).find(differs);
-        // Nothing else is left.
+        // The basis is the only remaining difference.
         let basis = ("basis", before.basis() as u32, set.basis() as u32);
         let (what, before, now) = found.unwrap_or(basis);
         Err(Error::LayoutChanged {
@@ -97,7 +98,7 @@ impl Steps {
         })
     }
 
-    /// An error, to be noticed: the frame before had another linking number.
+    /// Falsifies a linking number of the previous frame, for a test.
     #[cfg(test)]
     pub fn falsify(&mut self) {
         let last = self.last.as_mut().expect("a frame before");
@@ -110,7 +111,7 @@ impl Steps {
         });
     }
 
-    /// Keeps a frame that has been verified, where the next one is compared with it.
+    /// Keeps a verified frame, if the next one is compared with it.
     pub fn remember(&mut self, set: Arc<CurveSet>, comparison: Comparison) {
         if self.events != Events::Off {
             self.last = Some(Last {
@@ -121,7 +122,7 @@ impl Steps {
         }
     }
 
-    /// [`Steps::remember`] of a copy, in the memory of the one before.
+    /// Same as [`Steps::remember`], with a copy that reuses the memory of the previous frame.
     pub fn remember_copy(&mut self, set: &CurveSet, comparison: Comparison) {
         if self.events == Events::Off {
             return;
@@ -204,7 +205,7 @@ impl Steps {
             place: place(pair),
         });
         defects.extend(touching.chain(untold).chain(unaccounted));
-        // The sort is stable: those that were there come first.
+        // The sort is stable: earlier defects of a pair stay first.
         defects.sort_by_key(|d| (d.i, d.j));
         defects.dedup_by(|next, first| {
             // A contact in this frame does not decide what happened since the previous frame.

@@ -1,14 +1,14 @@
-//! What happens around the stages: switches of the verifier, and errors.
+//! Tests of the verifier's options and errors.
 
 use super::*;
 use crate::curve::{Basis, Point, Positions};
 
-/// A square and another one through it, which is pulled out, in a wide ring that stands still.
+/// A square, another one through it, moved by `out`, and a wide ring that stands still.
 fn squares(out: f64) -> CurveSet {
     squares_with(|[x, y, z]| [x + out, y, z])
 }
 
-/// The squares, with the points of the second one moved.
+/// The squares, with the points of the second one transformed by `moved`.
 fn squares_with(moved: impl Fn(Point) -> Point) -> CurveSet {
     let square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
     let flat = square.map(|[x, y]| [x, y, 0.0]);
@@ -19,7 +19,7 @@ fn squares_with(moved: impl Fn(Point) -> Point) -> CurveSet {
     CurveSet::from_counts(Basis::Polyline, &[-4, -4, -64], Positions::F64(&xyz)).unwrap()
 }
 
-/// A verifier that has seen three intact frames, and will not look closely any more.
+/// A verifier that has seen three intact frames, and whose monitor no longer detects motion.
 fn blind(paranoid: bool) -> Verifier {
     let mut verifier = Verifier::new(AbortOn::Any);
     verifier.set_incremental(true);
@@ -37,26 +37,30 @@ fn blind(paranoid: bool) -> Verifier {
 }
 
 #[test]
-fn who_is_paranoid_notices_an_error_of_the_incremental_verification() {
+fn paranoid_mode_detects_an_error_of_the_incremental_verification() {
     let report = blind(false).step(3, 0.0, &squares(1.2)).unwrap();
-    assert_eq!(report.verdict, Verdict::Intact, "the error is there");
+    assert_eq!(
+        report.verdict,
+        Verdict::Intact,
+        "the injected error takes effect"
+    );
 
     let mut verifier = blind(true);
     let report = verifier.step(3, 0.0, &squares(1.2)).unwrap();
     assert!(verifier.work().disagreed);
     assert_eq!((report.verdict, report.abort), (Verdict::Changed, true));
     assert_eq!((report.changes.len(), report.events.len()), (1, 1));
-    // From then on it is not trusted any more.
+    // From then on, frames are computed in full.
     let report = verifier.step(4, 0.0, &squares(0.0)).unwrap();
     assert_eq!(verifier.work().route, Route::Full);
     assert_eq!((report.changes.len(), report.events.len()), (0, 1));
-    assert_eq!(report.verdict, Verdict::Changed, "it was pulled back in");
+    assert_eq!(report.verdict, Verdict::Changed, "the link is back");
     let report = verifier.step(5, 0.0, &squares(0.0)).unwrap();
     assert_eq!(report.verdict, Verdict::Intact);
 }
 
 #[test]
-fn a_kernel_that_sums_changes_the_work_and_no_report() {
+fn a_kernel_that_sums_changes_the_work_but_no_report() {
     use crate::kernels::{Accuracy, Method};
     for method in Method::ALL {
         for incremental in [false, true] {
@@ -68,7 +72,7 @@ fn a_kernel_that_sums_changes_the_work_and_no_report() {
                     verifier.step(frame as u64, 0.0, &squares(out)).unwrap()
                 });
                 let work = with.work();
-                // What touches is left to counting.
+                // Pairs in contact are decided by counting.
                 let all = work.route == Route::Full && out != 2.0;
                 match method {
                     Method::Auto | Method::Crossings => assert_eq!(work.summed, 0),
@@ -83,7 +87,7 @@ fn a_kernel_that_sums_changes_the_work_and_no_report() {
 }
 
 #[test]
-fn early_exit_is_refused_beside_what_needs_all_linking_numbers() {
+fn early_exit_excludes_options_that_need_all_linking_numbers() {
     for (incremental, events) in [
         (true, Events::Off),
         (false, Events::Between),
@@ -108,7 +112,8 @@ fn early_exit_is_refused_beside_what_needs_all_linking_numbers() {
 
 #[test]
 fn the_first_frame_has_no_pull_throughs() {
-    // The first frame has no frame before: with a baseline of its own it has a change, and no pull-through.
+    // The first frame has no previous frame. With a baseline from elsewhere it has a change, but no
+    // pull-through.
     let baseline = Verifier::new(AbortOn::Any).certify(&squares(0.0)).0.clone();
     let mut verifier = Verifier::with_baseline(AbortOn::Event, baseline);
     verifier.set_events(Events::All);
@@ -160,11 +165,11 @@ fn a_rejected_frame_follows_the_policy() {
 }
 
 #[test]
-fn signs_that_do_not_add_up_are_told() {
+fn reports_signs_that_contradict_the_linking_number() {
     let mut verifier = Verifier::new(AbortOn::Any);
     verifier.set_events(Events::Between);
     verifier.step(0, 0.0, &squares(0.0)).unwrap();
-    // As if the frame before had had another linking number.
+    // As if the previous frame had had another linking number.
     verifier.steps.falsify();
     let report = verifier.step(1, 0.0, &squares(0.0)).unwrap();
     let kinds: Vec<_> = report.defects.iter().map(|d| (d.i, d.j, d.kind)).collect();
@@ -173,7 +178,7 @@ fn signs_that_do_not_add_up_are_told() {
 }
 
 #[test]
-fn open_curves_alone_are_watched_for_pull_throughs_only() {
+fn open_curves_are_verified_for_pull_throughs_only() {
     let strands = |y: f64| {
         let xyz = [-1.0, y, 0.0, 1.0, y, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0];
         CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&xyz)).unwrap()
@@ -186,16 +191,16 @@ fn open_curves_alone_are_watched_for_pull_throughs_only() {
         verifier.set_events(Events::Between);
         for (frame, y) in [-1.0, -0.99, -0.98, 0.5, 0.5, -0.5].into_iter().enumerate() {
             let report = verifier.step(frame as u64, 0.0, &strands(y)).unwrap();
-            let told = [3, 5].contains(&frame);
-            assert_eq!(report.events.len(), usize::from(told), "frame {frame}");
-            assert_eq!(report.abort, told);
+            let found = [3, 5].contains(&frame);
+            assert_eq!(report.events.len(), usize::from(found), "frame {frame}");
+            assert_eq!(report.abort, found);
             verifier.settle();
         }
     }
 }
 
 #[test]
-fn between_other_curves_there_is_no_motion() {
+fn rejects_a_step_between_different_curves() {
     let mut verifier = Verifier::new(AbortOn::Any);
     verifier.set_events(Events::Between);
     verifier.step(0, 0.0, &squares(0.0)).unwrap();
@@ -222,9 +227,9 @@ fn a_shared_frame_is_not_copied() {
     assert!(std::ptr::eq(verifier.steps.before().unwrap(), &*frames[2]));
 }
 
-/// The monitor once took the last frame that it had seen for the frame before.
+/// Regression test: the monitor once took the last frame that it had seen for the previous frame.
 #[test]
-fn frames_that_the_monitor_did_not_see_are_not_taken_for_seen() {
+fn the_monitor_ignores_frames_that_it_did_not_see() {
     let mut verifier = Verifier::new(AbortOn::Any);
     verifier.set_events(Events::Between);
     verifier.set_incremental(true);
@@ -236,18 +241,18 @@ fn frames_that_the_monitor_did_not_see_are_not_taken_for_seen() {
         verifier.settle();
         report.events.len()
     };
-    let told: Vec<usize> = (0..12)
+    let found: Vec<usize> = (0..12)
         .map(|frame| {
-            // Out in frames that are computed in full, and back in the first that is not.
+            // Out in frames that are computed in full, and back in the first one that is not.
             let full = frame % 4 == 3;
             events(frame, if full { 1.2 } else { 0.0 }, !full)
         })
         .collect();
-    assert_eq!(told, [0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1]);
+    assert_eq!(found, [0, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1]);
 }
 
-/// A finger of a closed curve that is pushed past a long strand, and so passes it twice in one
-/// step.
+/// A finger of a closed curve that is pushed past a long strand, so that it passes the strand twice
+/// in one step.
 fn finger(y: f64) -> CurveSet {
     let loop_ = [
         [-0.5, y, 0.25],
@@ -307,7 +312,7 @@ fn pull_throughs_that_cancel_after_a_long_motion_are_unresolved() {
 }
 
 #[test]
-fn a_single_pull_through_is_told_however_far_it_moved() {
+fn reports_a_single_pull_through_after_any_motion() {
     let mut verifier = Verifier::new(AbortOn::Any);
     verifier.set_events(Events::Between);
     verifier.set_motion_limit(0.0).unwrap();
@@ -356,7 +361,7 @@ fn a_pair_takes_its_number_from_the_first_frame_that_has_one() {
     }
 }
 
-/// Random closed polylines in one place, which take long to verify.
+/// Random closed polylines in the same region, which take long to verify.
 fn tangle(curves: usize, segments: usize, seed: u64) -> CurveSet {
     let mut x = seed;
     let coordinate = || {
@@ -373,13 +378,13 @@ fn tangle(curves: usize, segments: usize, seed: u64) -> CurveSet {
 }
 
 #[test]
-fn a_cancelled_step_ends_early_and_tells_nothing() {
-    // The linking numbers come first, then the search for pull-throughs between frames with few of
-    // them.
+fn a_cancelled_step_ends_early_without_a_report() {
+    // The linking numbers come first, then the search for pull-throughs between frames with few
+    // linking numbers.
     let frames = [tangle(60, 1000, 1), tangle(60, 1000, 2)];
     for early_exit in [false, true] {
         let mut verifier = Verifier::new(AbortOn::Any);
-        // Early exit and events exclude one another.
+        // Early exit and events cannot be combined.
         match early_exit {
             true => verifier.set_early_exit(true),
             false => verifier.set_events(Events::All),
@@ -402,7 +407,11 @@ fn a_cancelled_step_ends_early_and_tells_nothing() {
             "{:?}",
             start.elapsed()
         );
-        assert_eq!(verifier.baseline(), None, "a certificate of a part");
+        assert_eq!(
+            verifier.baseline(),
+            None,
+            "no baseline from an incomplete certificate"
+        );
         // Every later step fails, too.
         let again = verifier.step(1, 0.0, &frames[1]);
         assert!(matches!(again, Err(Error::Cancelled)));
@@ -427,7 +436,7 @@ fn a_curve_that_was_degenerate_in_the_first_frame_takes_its_numbers_later() {
 }
 
 #[test]
-fn a_cancelled_search_for_pull_throughs_tells_nothing() {
+fn a_cancelled_search_for_pull_throughs_gives_no_report() {
     let still = tangle(12, 1000, 3);
     let moved = tangle(12, 1000, 4);
     let mut verifier = Verifier::new(AbortOn::Never);

@@ -1,4 +1,4 @@
-//! Processes that are killed, stopped and started again: this test program runs itself as a child.
+//! Processes that are killed, stopped and restarted. This test program runs itself as a child.
 
 use super::*;
 use linkwatch::{Departure, Outcome};
@@ -9,7 +9,7 @@ use std::process::{Child, Command};
 const ROLE: &str = "LINKWATCH_TEST_ROLE";
 const SERVICE: &str = "LINKWATCH_TEST_SERVICE";
 
-/// The entry of child processes; does nothing where it is run as a test.
+/// Entry point of child processes; does nothing when run as a test.
 #[test]
 fn child() {
     let (Ok(role), Ok(name)) = (std::env::var(ROLE), std::env::var(SERVICE)) else {
@@ -62,7 +62,7 @@ fn child() {
     }
 }
 
-/// A child that does not outlive its test.
+/// A child that is killed when its test ends.
 pub struct Process(Child);
 
 impl Process {
@@ -77,7 +77,7 @@ impl Process {
         Process(command.spawn().unwrap())
     }
 
-    /// SIGKILL, and until the system has put it away.
+    /// Sends SIGKILL, and waits until the process has ended.
     pub fn kill(mut self) {
         self.0.kill().unwrap();
         self.0.wait().unwrap();
@@ -108,7 +108,7 @@ impl Drop for Process {
 }
 
 #[test]
-fn a_killed_simulator_is_noticed_and_another_one_works() {
+fn a_killed_simulator_is_detected_and_another_one_works() {
     let name = service();
     let mut sidecar = sidecar(&name);
     for role in ["simulator", "silent simulator", "simulator"] {
@@ -132,7 +132,7 @@ fn a_killed_simulator_is_noticed_and_another_one_works() {
                 other => panic!("{other:?}"),
             }
         }
-        // About 0.5 to 1 s by design; the slack is for loaded machines.
+        // About 0.5 to 1 s by design; the margin is for loaded machines.
         assert!(killed.elapsed() < Duration::from_secs(4));
     }
     let mut client = client(&name);
@@ -159,7 +159,7 @@ fn a_living_but_silent_simulator_is_not_lost() {
 }
 
 #[test]
-fn a_killed_watcher_never_holds_the_simulator() {
+fn a_killed_watcher_never_blocks_the_simulator() {
     let name = service();
     let mut client = client(&name);
     let mut seq = 0;
@@ -175,7 +175,7 @@ fn a_killed_watcher_never_holds_the_simulator() {
             std::thread::sleep(Duration::from_millis(1));
             assert!(start.elapsed() < PATIENCE, "no verdict");
         }
-        // Stopped is worse than dead: its queues fill up.
+        // A stopped watcher is worse than a dead one, because its queues fill up.
         watcher.stop();
         let start = Instant::now();
         for _ in 0..500 {
@@ -228,7 +228,7 @@ fn a_killed_watcher_ends_a_lockstep_wait_within_a_second() {
             let start = Instant::now();
             let outcome = client.wait(seq, PATIENCE).unwrap();
             assert_eq!(outcome, Outcome::NoWatcher(Departure::Crashed));
-            // 0.25 s by design, and at once from then on; the slack is for loaded machines.
+            // 0.25 s by design, and at once from then on; the margin is for loaded machines.
             assert!(start.elapsed() < Duration::from_secs(4), "frame {frame}");
             seq += 1;
         }
@@ -255,7 +255,7 @@ fn the_end_of_a_session_does_not_wait_for_a_killed_watcher() {
 }
 
 #[test]
-fn a_stopped_or_slow_watcher_is_not_taken_for_dead() {
+fn a_stopped_or_slow_watcher_does_not_count_as_dead() {
     let name = service();
     let mut client = client(&name);
     let slow = Process::start("slow watcher", &name, None);
@@ -273,7 +273,7 @@ fn a_stopped_or_slow_watcher_is_not_taken_for_dead() {
     assert!(matches!(outcome, Outcome::Verdict(m) if m.seq == 2));
 }
 
-/// Files of a configuration of their own, with its prefix and root.
+/// Files of a separate configuration, with its own prefix and root.
 struct Files {
     folder: tempfile::TempDir,
     prefix: String,
@@ -293,7 +293,7 @@ impl Files {
         Files { folder, prefix }
     }
 
-    /// What is there now, but for the one file of 16 bytes that iceoryx2 leaves by design.
+    /// Returns all files, except one of 16 bytes that iceoryx2 leaves by design.
     fn list(&self) -> Vec<String> {
         fn walk(folder: &Path, out: &mut Vec<String>) {
             for entry in fs::read_dir(folder).into_iter().flatten() {
@@ -330,7 +330,7 @@ impl Drop for Files {
 }
 
 #[test]
-fn nothing_is_left_in_shared_memory() {
+fn no_files_are_left_in_shared_memory() {
     let files = Files::new();
     let name = service();
     let folder = Some(files.folder.path());
@@ -347,10 +347,7 @@ fn nothing_is_left_in_shared_memory() {
     std::thread::sleep(Duration::from_millis(200));
     watcher.kill();
     simulator.kill();
-    assert!(
-        !files.list().is_empty(),
-        "this test looks in the wrong place"
-    );
+    assert!(!files.list().is_empty(), "this test lists the wrong folder");
     start("both, once").finish();
     assert_eq!(files.list(), [""; 0], "after the run that followed a kill");
 }

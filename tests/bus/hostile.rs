@@ -1,11 +1,11 @@
-//! Publishers that lie, through a raw publisher beside the client of the crate.
+//! Hostile publishers, through a raw publisher beside the client of the crate.
 
 use super::*;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::*;
 use linkwatch::{Error, Outcome};
 
-/// The twin of the crate's header: this test is the second opinion on its layout.
+/// Copy of the crate's header, which checks its layout independently.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
 #[type_name("linkwatch.FrameHeader")]
@@ -23,15 +23,15 @@ pub struct Header {
     cuts: u32,
 }
 
-pub struct Liar {
+pub struct HostilePublisher {
     publisher: Publisher<ipc::Service, [u8], Header>,
     seq: u64,
     _node: Node<ipc::Service>,
 }
 
-impl Liar {
-    /// Joins as a bridge would, past the lock of the crate's client.
-    pub fn open(service: &str) -> Liar {
+impl HostilePublisher {
+    /// Joins like a bridge, without the lock of the crate's client.
+    pub fn open(service: &str) -> HostilePublisher {
         let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
         let name = ServiceName::new(&format!("{service}/frames")).unwrap();
         let frames = node
@@ -47,14 +47,14 @@ impl Liar {
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
             .unwrap();
-        Liar {
+        HostilePublisher {
             publisher,
             seq: 0,
             _node: node,
         }
     }
 
-    /// Sends a frame like those of [`client`], after `change` had its way with it.
+    /// Sends a frame like those of [`client`], modified by `change`.
     pub fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
         let mut header = Header {
             magic: u64::from_le_bytes(*b"LWFRAME\0"),
@@ -87,7 +87,7 @@ impl Liar {
 }
 
 #[test]
-fn a_lie_costs_its_own_frame_only() {
+fn an_invalid_frame_affects_only_itself() {
     type Lie = fn(&mut Header, &mut Vec<u8>);
     let lies: [(Lie, &str); 16] = [
         (
@@ -124,13 +124,13 @@ fn a_lie_costs_its_own_frame_only() {
     ];
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = Liar::open(&name);
+    let mut publisher = HostilePublisher::open(&name);
     let mut set = None;
-    liar.honest();
+    publisher.honest();
     new_session(&mut sidecar);
     next_frame(&mut sidecar).ingest(&mut set).unwrap();
     for (lie, expected) in lies {
-        let seq = liar.send(lie);
+        let seq = publisher.send(lie);
         let frame = next_frame(&mut sidecar);
         assert_eq!(frame.seq(), seq);
         let e = frame.ingest(&mut set).unwrap_err().to_string();
@@ -138,7 +138,7 @@ fn a_lie_costs_its_own_frame_only() {
         answer(&mut sidecar, &frame, &mut set);
         drop(frame);
 
-        let seq = liar.honest();
+        let seq = publisher.honest();
         let frame = next_frame(&mut sidecar);
         assert_eq!(frame.seq(), seq);
         frame.ingest(&mut set).unwrap();
@@ -149,49 +149,54 @@ fn a_lie_costs_its_own_frame_only() {
 }
 
 #[test]
-fn the_first_frame_may_lie_too() {
+fn the_first_frame_may_be_invalid() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = Liar::open(&name);
+    let mut publisher = HostilePublisher::open(&name);
     let mut set = None;
-    // Counts whose sum is not the number of points, and a NaN.
-    liar.send(|_, p| p[0] = p[0].wrapping_sub(1));
+    // Counts whose sum differs from the number of points, and a NaN.
+    publisher.send(|_, p| p[0] = p[0].wrapping_sub(1));
     new_session(&mut sidecar);
     assert!(next_frame(&mut sidecar).ingest(&mut set).is_err());
-    liar.send(|_, p| p[64..68].copy_from_slice(&f32::NAN.to_le_bytes()));
+    publisher.send(|_, p| p[64..68].copy_from_slice(&f32::NAN.to_le_bytes()));
     assert!(next_frame(&mut sidecar).ingest(&mut set).is_err());
     assert!(set.is_none());
-    let seq = liar.honest();
+    let seq = publisher.honest();
     next_frame(&mut sidecar).ingest(&mut set).unwrap();
     assert!(holds(&set.unwrap(), seq));
 }
 
 #[test]
-fn what_is_no_frame_has_no_number() {
+fn an_unreadable_message_has_no_number() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = Liar::open(&name);
+    let mut publisher = HostilePublisher::open(&name);
     let unreadable = |sidecar: &mut Sidecar| match next(sidecar) {
         Event::Unreadable(e) => e,
         other => panic!("{other:?}"),
     };
-    liar.send(|h, _| h.magic = 0);
+    publisher.send(|h, _| h.magic = 0);
     let e = unreadable(&mut sidecar).to_string();
     assert!(e.contains("magic number"), "{e}");
-    liar.send(|h, _| h.version += 1);
+    publisher.send(|h, _| h.version += 1);
     let e = unreadable(&mut sidecar);
     assert!(matches!(e, Error::Version { found: 5, .. }), "{e}");
-    let seq = liar.honest();
+    let seq = publisher.honest();
     new_session(&mut sidecar);
     assert_eq!(next_frame(&mut sidecar).seq(), seq);
 }
 
-/// Sends a frame with the number `seq`, between honest ones, and expects its rejection with these
+/// Sends a frame with the number `seq`, between valid ones, and expects its rejection with these
 /// words.
-fn lie(liar: &mut Liar, sidecar: &mut Sidecar, seq: u64, words: &str) {
-    liar.send(|h, _| h.seq = seq);
-    // The frame does not count as an honest one.
-    liar.seq -= 1;
+fn expect_rejection(
+    publisher: &mut HostilePublisher,
+    sidecar: &mut Sidecar,
+    seq: u64,
+    words: &str,
+) {
+    publisher.send(|h, _| h.seq = seq);
+    // The frame does not count as a valid one.
+    publisher.seq -= 1;
     let frame = next_frame(sidecar);
     assert_eq!(frame.seq(), seq);
     let e = frame.ingest(&mut None).unwrap_err().to_string();
@@ -199,17 +204,17 @@ fn lie(liar: &mut Liar, sidecar: &mut Sidecar, seq: u64, words: &str) {
     answer(sidecar, &frame, &mut None);
 }
 
-fn tell_the_truth(liar: &mut Liar, sidecar: &mut Sidecar) {
-    let seq = liar.honest();
+fn publish_valid_frame(publisher: &mut HostilePublisher, sidecar: &mut Sidecar) {
+    let seq = publisher.honest();
     assert_eq!(answer_next(sidecar), seq);
 }
 
 #[test]
-fn a_hostile_sequence_number_is_rejected_and_honest_frames_go_on() {
+fn a_hostile_sequence_number_is_rejected_and_valid_frames_continue() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = Liar::open(&name);
-    liar.honest();
+    let mut publisher = HostilePublisher::open(&name);
+    publisher.honest();
     new_session(&mut sidecar);
     answer_next(&mut sidecar);
     for (rejected, (seq, words)) in [
@@ -226,8 +231,8 @@ fn a_hostile_sequence_number_is_rejected_and_honest_frames_go_on() {
     .into_iter()
     .enumerate()
     {
-        lie(&mut liar, &mut sidecar, seq, words);
-        tell_the_truth(&mut liar, &mut sidecar);
+        expect_rejection(&mut publisher, &mut sidecar, seq, words);
+        publish_valid_frame(&mut publisher, &mut sidecar);
         let counters = sidecar.counters();
         assert_eq!(counters.rejected, rejected as u64 + 1);
         assert_eq!(counters.verified, rejected as u64 + 2);
@@ -239,35 +244,35 @@ fn a_hostile_sequence_number_is_rejected_and_honest_frames_go_on() {
 fn a_first_frame_with_a_hostile_number_is_rejected_too() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = Liar::open(&name);
-    liar.send(|h, _| h.seq = u64::MAX);
+    let mut publisher = HostilePublisher::open(&name);
+    publisher.send(|h, _| h.seq = u64::MAX);
     new_session(&mut sidecar);
     let e = next_frame(&mut sidecar).ingest(&mut None).unwrap_err();
     let words = "18446744073709551615, expected less than 9007199254740992";
     assert!(e.to_string().contains(words), "{e}");
-    tell_the_truth(&mut liar, &mut sidecar);
+    publish_valid_frame(&mut publisher, &mut sidecar);
     assert_eq!(sidecar.counters().skipped, 1);
 }
 
 /// A plausible number is accepted, until two later frames in a row contradict it.
 #[test]
-fn a_jump_ahead_that_comes_back_costs_one_frame() {
+fn a_jump_ahead_that_returns_costs_one_frame() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let mut liar = Liar::open(&name);
-    liar.honest();
+    let mut publisher = HostilePublisher::open(&name);
+    publisher.honest();
     new_session(&mut sidecar);
     answer_next(&mut sidecar);
-    liar.send(|h, _| h.seq = 50_000);
-    liar.seq -= 1;
+    publisher.send(|h, _| h.seq = 50_000);
+    publisher.seq -= 1;
     answer_next(&mut sidecar);
     assert_eq!(sidecar.counters().skipped, 49_999);
-    lie(&mut liar, &mut sidecar, 1, "1 after 50000");
-    liar.seq = 2;
+    expect_rejection(&mut publisher, &mut sidecar, 1, "1 after 50000");
+    publisher.seq = 2;
     for _ in 0..5 {
-        tell_the_truth(&mut liar, &mut sidecar);
+        publish_valid_frame(&mut publisher, &mut sidecar);
     }
-    liar.send(|h, _| h.flags = 2);
+    publisher.send(|h, _| h.flags = 2);
     let Event::End {
         published,
         counters,
@@ -285,7 +290,7 @@ fn a_jump_ahead_that_comes_back_costs_one_frame() {
 }
 
 #[test]
-fn an_end_that_lies_is_told_and_counts_nothing_absurd() {
+fn a_wrong_end_is_reported_and_not_counted() {
     for (claimed, published, skipped) in [
         (u64::MAX, 3, 0),
         (1 << 53, 3, 0),
@@ -296,17 +301,17 @@ fn an_end_that_lies_is_told_and_counts_nothing_absurd() {
     ] {
         let name = service();
         let mut sidecar = sidecar(&name);
-        let mut liar = Liar::open(&name);
-        liar.honest();
+        let mut publisher = HostilePublisher::open(&name);
+        publisher.honest();
         new_session(&mut sidecar);
         answer_next(&mut sidecar);
         for _ in 0..2 {
-            tell_the_truth(&mut liar, &mut sidecar);
+            publish_valid_frame(&mut publisher, &mut sidecar);
         }
-        liar.send(|h, _| (h.flags, h.seq) = (2, claimed));
+        publisher.send(|h, _| (h.flags, h.seq) = (2, claimed));
         if ![3, 9].contains(&claimed) {
             let Event::Unreadable(e) = next(&mut sidecar) else {
-                panic!("{claimed}: not told");
+                panic!("{claimed}: not reported");
             };
             let words = format!("{claimed} frames published, 3 expected");
             assert!(e.to_string().ends_with(&words), "{e}");
@@ -324,16 +329,16 @@ fn an_end_that_lies_is_told_and_counts_nothing_absurd() {
 
 /// A verdict on a frame that another program published does not count for the simulator.
 #[test]
-fn answers_to_frames_of_others_do_not_reach_the_simulator() {
+fn answers_to_frames_of_other_programs_do_not_reach_the_simulator() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut client = client(&name);
-    let mut liar = Liar::open(&name);
+    let mut publisher = HostilePublisher::open(&name);
     publish(&mut client, 0);
     let session = new_session(&mut sidecar);
     answer_next(&mut sidecar);
     for seq in [40_000, u64::MAX] {
-        liar.send(|h, _| (h.session, h.seq) = (session, seq));
+        publisher.send(|h, _| (h.session, h.seq) = (session, seq));
         let report = report(&next_frame(&mut sidecar), Verdict::Changed);
         sidecar.send_verdict(&report, Duration::ZERO).unwrap();
         sidecar.heartbeat().unwrap();
@@ -343,12 +348,12 @@ fn answers_to_frames_of_others_do_not_reach_the_simulator() {
     assert!(client.poll().unwrap().is_none());
     assert!(client.aborted().is_none());
     assert!(client.silent_for().is_some());
-    // Nor do they hide an abort of a frame of the simulator.
+    // They do not hide an abort of a frame of the simulator either.
     publish(&mut client, 1);
     let abort = report(&next_frame(&mut sidecar), Verdict::Changed);
     sidecar.send_verdict(&abort, Duration::ZERO).unwrap();
     for seq in [0, 1, 1 << 40, u64::MAX] {
-        liar.send(|h, _| (h.session, h.seq) = (session, seq));
+        publisher.send(|h, _| (h.session, h.seq) = (session, seq));
         let report = report(&next_frame(&mut sidecar), Verdict::Changed);
         sidecar.send_verdict(&report, Duration::ZERO).unwrap();
     }
@@ -359,7 +364,7 @@ fn answers_to_frames_of_others_do_not_reach_the_simulator() {
 }
 
 #[test]
-fn frames_past_the_limit_are_not_read() {
+fn frames_above_the_limit_are_not_read() {
     let name = service();
     let mut options = SidecarOptions::default();
     options.max_frame_bytes = 128;
@@ -375,10 +380,10 @@ fn frames_past_the_limit_are_not_read() {
 }
 
 #[test]
-fn stragglers_of_an_old_session_are_no_new_session() {
+fn late_frames_of_an_old_session_start_no_new_session() {
     let name = service();
     let mut sidecar = sidecar(&name);
-    let (mut old, mut new) = (Liar::open(&name), client(&name));
+    let (mut old, mut new) = (HostilePublisher::open(&name), client(&name));
     old.honest();
     assert_eq!(new_session(&mut sidecar), 77);
     next_frame(&mut sidecar);
@@ -395,7 +400,7 @@ fn stragglers_of_an_old_session_are_no_new_session() {
 }
 
 #[test]
-fn another_program_on_the_name_is_told_apart() {
+fn another_program_with_the_same_name_is_reported() {
     let name = service();
     let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
     let frames = ServiceName::new(&format!("{name}/frames")).unwrap();

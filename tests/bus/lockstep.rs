@@ -1,9 +1,9 @@
-//! Waiting for verdicts, and never without being asked to.
+//! Waiting for verdicts, and only on request.
 
 use super::*;
 use linkwatch::{Departure, MessageKind, Outcome};
 
-/// How late a deadline may be noticed on a loaded machine.
+/// Maximum delay of a deadline on a loaded machine.
 const SLACK: Duration = Duration::from_secs(5);
 
 #[test]
@@ -43,12 +43,12 @@ fn silence_is_stale_in_time() {
     };
     publish(&mut client, 0);
     stale_after(&mut client, 0, Duration::from_millis(100));
-    // With a watcher that does not answer, too.
+    // Also with a watcher that does not answer.
     let sidecar = sidecar(&name);
     publish(&mut client, 1);
     stale_after(&mut client, 1, Duration::from_millis(100));
     stale_after(&mut client, 1, Duration::ZERO);
-    // iceoryx2 takes less than a microsecond for "for ever".
+    // iceoryx2 treats less than a microsecond as no limit.
     for nanos in (0..5000).step_by(50) {
         stale_after(&mut client, 1, Duration::from_nanos(nanos));
     }
@@ -56,7 +56,7 @@ fn silence_is_stale_in_time() {
 }
 
 #[test]
-fn a_frame_that_was_passed_over_is_stale_at_once() {
+fn a_skipped_frame_is_stale_at_once() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut client = client(&name);
@@ -74,7 +74,7 @@ fn a_frame_that_was_passed_over_is_stale_at_once() {
 }
 
 #[test]
-fn a_watcher_that_comes_while_the_simulator_waits_answers() {
+fn a_watcher_that_starts_while_the_simulator_waits_answers() {
     let name = service();
     let mut client = client(&name);
     publish(&mut client, 0);
@@ -150,7 +150,7 @@ fn an_abort_survives_a_full_buffer() {
 }
 
 #[test]
-fn a_watcher_that_never_reads_does_not_hold_the_simulator() {
+fn a_watcher_that_never_reads_does_not_block_the_simulator() {
     let name = service();
     let sidecar = sidecar(&name);
     let mut client = client(&name);
@@ -244,7 +244,7 @@ fn a_goodbye_ends_a_wait_that_has_begun() {
 
 /// The client read nothing while the watcher ran, but still receives its verdict and its goodbye.
 #[test]
-fn a_watcher_that_came_and_went_unseen_is_not_waited_for() {
+fn the_client_does_not_wait_for_a_watcher_that_came_and_left() {
     let name = service();
     let mut client = client(&name);
     let watcher = watch(&name, 0);
@@ -256,7 +256,7 @@ fn a_watcher_that_came_and_went_unseen_is_not_waited_for() {
 }
 
 #[test]
-fn nothing_waits_past_a_goodbye() {
+fn no_call_waits_after_a_goodbye() {
     let name = service();
     let mut client = client(&name);
     let watcher = watch(&name, 0);
@@ -271,7 +271,7 @@ fn nothing_waits_past_a_goodbye() {
 }
 
 #[test]
-fn a_watcher_that_goes_on_to_another_simulator_is_not_waited_for() {
+fn the_client_does_not_wait_for_a_watcher_of_another_simulator() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut first = client(&name);
@@ -283,7 +283,7 @@ fn a_watcher_that_goes_on_to_another_simulator_is_not_waited_for() {
         Outcome::Verdict(_)
     ));
     // Acts as a second simulator on another host, so the lock on this host is not checked.
-    let mut second = hostile::Liar::open(&name);
+    let mut second = hostile::HostilePublisher::open(&name);
     second.honest();
     assert!(matches!(next(&mut sidecar), Event::SimulatorLost { .. }));
     new_session(&mut sidecar);

@@ -1,4 +1,5 @@
-//! The bus between a simulator and the watcher: in one process, across processes, and when one is killed.
+//! The bus between a simulator and the watcher: in one process, across processes, and with killed
+//! processes.
 
 mod death;
 mod hostile;
@@ -14,13 +15,13 @@ use linkwatch::{
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-/// Long enough for a loaded machine; no test that passes waits for it.
+/// Long enough for a loaded machine; a passing test does not wait for it.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Two closed curves of four points.
 const COUNTS: [i32; 2] = [-4, -4];
 
-/// A service that no other test uses.
+/// Returns the name of a service that no other test uses.
 fn service() -> String {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let n = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -31,7 +32,7 @@ fn sidecar(service: &str) -> Sidecar {
     Sidecar::open(service, &SidecarOptions::default()).expect("sidecar")
 }
 
-/// A client whose frames hold [`COUNTS`] in single precision.
+/// Creates a client whose frames have [`COUNTS`] in single precision.
 fn client(service: &str) -> Client {
     let mut client = Client::open(service, &ClientOptions::default()).expect("client");
     client
@@ -40,7 +41,7 @@ fn client(service: &str) -> Client {
     client
 }
 
-/// Positions that tell frames apart.
+/// Returns positions that differ from frame to frame.
 fn positions(seq: u64) -> Vec<f32> {
     (0..24).map(|k| seq as f32 + k as f32 / 64.0).collect()
 }
@@ -52,7 +53,7 @@ fn publish(client: &mut Client, seq: u64) {
     assert_eq!(frame.publish().expect("publish"), seq);
 }
 
-/// The next event that is not [`Event::Idle`].
+/// Returns the next event that is not [`Event::Idle`].
 fn next(sidecar: &mut Sidecar) -> Event {
     let start = Instant::now();
     while start.elapsed() < PATIENCE {
@@ -78,7 +79,7 @@ fn new_session(sidecar: &mut Sidecar) -> u64 {
     }
 }
 
-/// Whether `set` holds what [`positions`] gives for `seq`.
+/// Returns true if `set` has the [`positions`] of `seq`.
 fn holds(set: &CurveSet, seq: u64) -> bool {
     let mut bytes = Vec::new();
     set.write_positions(&mut bytes);
@@ -89,7 +90,7 @@ fn holds(set: &CurveSet, seq: u64) -> bool {
     bytes == expected
 }
 
-/// A report without findings.
+/// Creates a report without findings.
 fn report(frame: &Frame, verdict: Verdict) -> Report {
     Report {
         seq: frame.seq(),
@@ -106,7 +107,7 @@ fn report(frame: &Frame, verdict: Verdict) -> Report {
     }
 }
 
-/// Answers a frame as a watcher would that finds nothing.
+/// Answers a frame like a watcher without findings.
 fn answer(sidecar: &mut Sidecar, frame: &Frame, set: &mut Option<CurveSet>) {
     let report = match frame.ingest(set) {
         Ok(()) => report(frame, Verdict::Intact),
@@ -119,14 +120,14 @@ fn answer(sidecar: &mut Sidecar, frame: &Frame, set: &mut Option<CurveSet>) {
     sidecar.send_verdict(&report, check).expect("verdict");
 }
 
-/// Answers the next frame, whatever its sequence number.
+/// Answers the next frame, with any sequence number.
 fn answer_next(sidecar: &mut Sidecar) -> u64 {
     let frame = next_frame(sidecar);
     answer(sidecar, &frame, &mut None);
     frame.seq()
 }
 
-/// Watches until the session ends; `work` is how long each check takes.
+/// Watches until the session ends. Each check takes the time `work`.
 fn watch_to_the_end(sidecar: &mut Sidecar, work: Duration) -> (u64, Counters, bool) {
     let mut set = None;
     loop {

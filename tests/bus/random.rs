@@ -2,7 +2,7 @@
 //! in any order.
 
 use super::death::Process;
-use super::hostile::Liar;
+use super::hostile::HostilePublisher;
 use super::*;
 use linkwatch::{Departure, Outcome};
 
@@ -110,7 +110,7 @@ fn session(seed: u64, steps: usize) {
     let name = service();
     let mut client = client(&name);
     let mut watcher: Option<Watcher> = None;
-    let (mut liar, mut id) = (None::<Liar>, None);
+    let (mut publisher, mut id) = (None::<HostilePublisher>, None);
     let (mut seq, mut cuts, mut hostile, mut met) = (0, 0, 0, false);
     let mut newest = Published::default();
     for _ in 0..steps {
@@ -127,8 +127,8 @@ fn session(seed: u64, steps: usize) {
             }
             3 | 4 if id.is_some() => {
                 let number = random.number(seq);
-                let liar = liar.get_or_insert_with(|| Liar::open(&name));
-                liar.send(|h, _| (h.session, h.seq, h.time) = (id.unwrap(), number, HOSTILE));
+                let publisher = publisher.get_or_insert_with(|| HostilePublisher::open(&name));
+                publisher.send(|h, _| (h.session, h.seq, h.time) = (id.unwrap(), number, HOSTILE));
                 hostile += 1;
                 if let Some(watcher) = &mut watcher {
                     let before = watcher.sidecar.counters().rejected;
@@ -259,13 +259,13 @@ fn killed_watchers(seed: u64, rounds: usize) {
 }
 
 #[test]
-fn watchers_killed_at_random_are_missed_in_time() {
+fn watchers_killed_at_random_are_detected_in_time() {
     killed_watchers(1, 6);
 }
 
 #[test]
 #[ignore = "takes minutes"]
-fn hundreds_of_watchers_killed_at_random_are_missed_in_time() {
+fn hundreds_of_watchers_killed_at_random_are_detected_in_time() {
     for seed in 10..40 {
         killed_watchers(seed, 10);
     }

@@ -1,4 +1,5 @@
-//! The list of live services: of linkwatch, of living processes, and without a trace.
+//! The list of live services: only those of linkwatch and of living processes, without side
+//! effects.
 
 use super::death::Process;
 use super::*;
@@ -11,7 +12,7 @@ fn find(name: &str) -> Option<ServiceInfo> {
     all.into_iter().find(|s| s.service == name)
 }
 
-/// Process ids of the simulator and of the watcher.
+/// Returns the process ids of the simulator and of the watcher.
 fn roles(name: &str) -> Option<[Option<u32>; 2]> {
     find(name).map(|s| [s.simulator, s.watcher].map(|a| a.map(|a| a.process)))
 }
@@ -38,7 +39,7 @@ fn a_service_is_listed_with_its_simulator_and_its_watcher() {
 }
 
 #[test]
-fn a_refused_simulator_is_not_listed_in_place_of_the_first() {
+fn a_rejected_simulator_does_not_replace_the_first_in_the_list() {
     let name = service();
     let simulator = Process::start("silent simulator", &name, None);
     let first = wait_for(|| roles(&name).filter(|r| r[0].is_some()));
@@ -59,7 +60,7 @@ fn a_killed_process_is_not_listed() {
     let simulator = Process::start("silent simulator", &name, None);
     wait_for(|| roles(&name).filter(|r| r[0].is_some()));
     simulator.kill();
-    // Its files are still there: nobody has opened the service since.
+    // Its files still exist, because no process has opened the service since.
     assert_eq!(roles(&name), None);
 
     let watcher = Process::start("watcher", &name, None);
@@ -91,7 +92,7 @@ fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> T {
     panic!("it did not come");
 }
 
-/// Names and patterns as linkwatch has them, but other types.
+/// Names and patterns of linkwatch, but other types.
 #[test]
 fn services_of_other_programs_are_ignored() {
     let name = service();
@@ -113,7 +114,7 @@ fn services_of_other_programs_are_ignored() {
 struct LaterHeader([u64; 9]);
 
 #[test]
-fn a_service_of_another_version_is_told_with_its_process() {
+fn a_service_of_another_version_is_reported_with_its_process() {
     let name = service();
     let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
     let frames = ServiceName::new(&format!("{name}/frames")).unwrap();
@@ -132,7 +133,7 @@ fn a_service_of_another_version_is_told_with_its_process() {
 }
 
 #[test]
-fn a_session_is_not_disturbed_by_the_list() {
+fn the_list_does_not_disturb_a_session() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut client = client(&name);

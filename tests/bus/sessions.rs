@@ -1,10 +1,10 @@
-//! Frames arrive as they were sent, and every one is accounted for.
+//! Frames arrive unchanged, and every frame is counted.
 
 use super::*;
 use linkwatch::Positions;
 
 #[test]
-fn positions_arrive_bit_by_bit() {
+fn positions_arrive_bit_for_bit() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let single: Vec<f32> = [0, 1, 0x8000_0000, 0x7f7f_ffff, 0x0080_0000, 0x3f80_0001]
@@ -86,7 +86,7 @@ fn the_last_frame_is_always_verified() {
         for seq in 0..50 {
             publish(&mut client, seq);
         }
-        // Gone before the watcher has looked.
+        // Ended before the watcher has polled.
         assert_eq!(client.finish().unwrap(), 50);
     });
     new_session(&mut sidecar);
@@ -124,7 +124,7 @@ fn a_late_watcher_gets_the_newest_frame() {
         answer(&mut sidecar, &frame, &mut set);
         assert!(holds(&set.unwrap(), 2));
         assert_eq!((frame.seq(), sidecar.counters().skipped), (2, 2));
-        // Alive until the simulator has heard of it.
+        // Lives until the simulator has received its message.
         sidecar
     });
     assert!(client.wait_for_watcher(PATIENCE).unwrap());
@@ -132,7 +132,7 @@ fn a_late_watcher_gets_the_newest_frame() {
 }
 
 #[test]
-fn a_watcher_may_come_again() {
+fn a_watcher_may_restart() {
     let name = service();
     let mut client = client(&name);
     let mut sessions = Vec::new();
@@ -154,7 +154,7 @@ fn a_watcher_may_come_again() {
 }
 
 #[test]
-fn a_simulator_that_leaves_early_is_not_clean() {
+fn a_session_that_ends_early_is_not_clean() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut client = client(&name);
@@ -166,7 +166,7 @@ fn a_simulator_that_leaves_early_is_not_clean() {
 }
 
 #[test]
-fn a_second_simulator_and_a_second_watcher_are_refused() {
+fn rejects_a_second_simulator_and_a_second_watcher() {
     let name = service();
     let (first, watcher) = (client(&name), sidecar(&name));
     let e = Client::open(&name, &ClientOptions::default()).unwrap_err();
@@ -189,7 +189,7 @@ fn a_second_simulator_and_a_second_watcher_are_refused() {
 }
 
 #[test]
-fn misuse_is_an_error_with_advice() {
+fn errors_of_misuse_give_advice() {
     let name = service();
     let mut client = Client::open(&name, &ClientOptions::default()).unwrap();
     let e = client.loan(0.0).unwrap_err().to_string();
@@ -216,7 +216,7 @@ fn misuse_is_an_error_with_advice() {
 }
 
 #[test]
-fn a_loan_that_is_dropped_is_no_frame() {
+fn a_dropped_loan_is_not_a_frame() {
     let name = service();
     let mut client = client(&name);
     for _ in 0..100 {
@@ -230,7 +230,7 @@ fn memory_grows_with_the_frames() {
     let name = service();
     let mut sidecar = sidecar(&name);
     let mut client = Client::open(&name, &ClientOptions::default()).unwrap();
-    // A word before the size is known, then a small layout, then a large one.
+    // A signal before the size is known, then a small layout, then a large one.
     client.wait_for_watcher(Duration::ZERO).unwrap();
     client
         .describe(Basis::Polyline, Precision::F32, &[-3])

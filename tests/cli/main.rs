@@ -1,4 +1,4 @@
-//! The command at the boundary of its process: what it prints, where, and how it exits.
+//! Tests of the command as a process: its output, its streams and its exit codes.
 
 mod sequences;
 
@@ -42,8 +42,8 @@ fn square(center: [f32; 3], axes: [usize; 2]) -> Vec<f32> {
         .collect()
 }
 
-/// Three squares: the first two linked where `at` is 1, apart where it is 5, touching where it is 2; the
-/// third stands alone, linked with the second.
+/// Three squares. The first two are linked if `at` is 1, touch if it is 2, and are apart if it is
+/// 5. The third one is linked with the second.
 fn chain(folder: &Path, name: &str, at: f32) -> PathBuf {
     let xyz: Vec<f32> = [
         square([at - 1.0, 0., 0.], [0, 1]),
@@ -62,7 +62,7 @@ fn text(path: &Path) -> &str {
 }
 
 #[test]
-fn certify_writes_what_check_accepts() {
+fn check_accepts_the_output_of_certify() {
     let folder = TempDir::new().unwrap();
     let whole = chain(folder.path(), "whole.bcc", 0.5);
     let certificate = folder.path().join("whole.txt");
@@ -155,7 +155,7 @@ fn contact_is_reported_with_its_place_and_hides_no_other_pair() {
     );
     assert!(
         run.stdout.contains("0,1,undefined"),
-        "no number for the touching one: {}",
+        "no linking number for the pair in contact: {}",
         run.stdout
     );
     let run = linkwatch(&["certify", text(&touching), "-o", text(&certificate)]);
@@ -165,7 +165,7 @@ fn contact_is_reported_with_its_place_and_hides_no_other_pair() {
 }
 
 #[test]
-fn bad_input_is_told_in_one_line_and_exits_with_2() {
+fn bad_input_is_reported_in_one_line_and_exits_with_2() {
     let folder = TempDir::new().unwrap();
     let file = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -220,7 +220,7 @@ fn bad_arguments_exit_with_2() {
 }
 
 #[test]
-fn open_curves_and_repeated_vertices_are_told() {
+fn reports_open_curves_and_repeated_vertices() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("open.obj");
     std::fs::write(
@@ -231,7 +231,7 @@ fn open_curves_and_repeated_vertices_are_told() {
     let run = linkwatch(&["certify", text(&path)]);
     assert_eq!((run.code, run.stdout.as_str()), (0, "2 # lines: 0\n"));
     assert!(
-        run.stderr.contains("1 open curve left out"),
+        run.stderr.contains("1 open curve skipped"),
         "{}",
         run.stderr
     );
@@ -242,9 +242,9 @@ fn open_curves_and_repeated_vertices_are_told() {
     );
 }
 
-/// A model whose curves are all open has nothing to be intact.
+/// A model of open curves only has nothing that could be intact.
 #[test]
-fn open_curves_alone_are_not_intact() {
+fn a_model_of_open_curves_is_not_intact() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("open.obj");
     std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\n").unwrap();
@@ -255,7 +255,7 @@ fn open_curves_alone_are_not_intact() {
     assert!(run.stderr.contains("nothing to verify"), "{}", run.stderr);
 }
 
-/// A reader that goes away does not turn a change into a success.
+/// A reader that closes the pipe does not turn a change into a success.
 #[test]
 fn a_closed_pipe_keeps_the_exit_code() {
     let folder = TempDir::new().unwrap();
@@ -271,9 +271,9 @@ fn a_closed_pipe_keeps_the_exit_code() {
     assert_eq!(process.wait().unwrap().code(), Some(1));
 }
 
-/// One frame that cannot be read hides no verdict on the others.
+/// A frame that cannot be read hides no verdict on the others.
 #[test]
-fn check_goes_on_after_a_model_that_cannot_be_read() {
+fn check_continues_after_a_model_that_cannot_be_read() {
     let folder = TempDir::new().unwrap();
     let broken = chain(folder.path(), "broken.bcc", -5.0);
     let [none, certificate, pairs] = ["none.bcc", "c.txt", "p.txt"].map(|n| folder.path().join(n));
@@ -296,9 +296,9 @@ fn check_goes_on_after_a_model_that_cannot_be_read() {
     );
 }
 
-/// Two loops that are no loops, and a link beside them.
+/// Two degenerate loops, and a link beside them.
 #[test]
-fn degenerate_loops_are_named_and_the_others_certified() {
+fn names_degenerate_loops_and_certifies_the_others() {
     let folder = TempDir::new().unwrap();
     let xyz: Vec<f32> = [
         vec![0.0; 12],
@@ -324,9 +324,9 @@ fn degenerate_loops_are_named_and_the_others_certified() {
     );
 }
 
-/// One change among thousands of pairs, and an intact model, with `--early-exit` and without.
+/// One change among thousands of pairs, and an intact model, with and without `--early-exit`.
 #[test]
-fn early_exit_finds_the_change_and_counts_what_it_left() {
+fn early_exit_finds_the_change_and_counts_unchecked_pairs() {
     let folder = TempDir::new().unwrap();
     let [model, cert] = ["m.bcc", "c.txt"].map(|name| folder.path().join(name));
     let (model, cert) = (text(&model), text(&cert));
@@ -348,7 +348,7 @@ fn early_exit_finds_the_change_and_counts_what_it_left() {
         let unchecked = out["report"]["stats"]["unchecked"].as_u64().unwrap();
         (run.code, unchecked, out["report"].clone())
     };
-    // An intact model is intact only when nothing is left.
+    // A model is intact only if all pairs are checked.
     let (code, unchecked, _) = check("2", &["--early-exit"]);
     assert_eq!((code, unchecked), (0, 0));
     let expected = std::fs::read_to_string(cert).unwrap();
@@ -361,7 +361,7 @@ fn early_exit_finds_the_change_and_counts_what_it_left() {
     assert_eq!(code, 1);
     assert!(unchecked > 1000, "{unchecked}");
     assert_eq!(early["changes"], full["changes"]);
-    // The number of threads decides nothing, nor does the kernel.
+    // The result does not depend on the number of threads or the kernel.
     assert_eq!(check("2", &["--early-exit"]).2, early);
     let (code, _, summed) = check("2", &["--kernel", "barnes-hut"]);
     assert_eq!((code, &summed["changes"]), (1, &full["changes"]));
@@ -374,12 +374,12 @@ fn early_exit_finds_the_change_and_counts_what_it_left() {
         "--kernel",
         "direct",
     ]);
-    assert_eq!(run.code, 2, "early exit counts");
+    assert_eq!(run.code, 2, "early exit needs counting");
 }
 
-/// A square that leaves the one that it is linked with, flies through it, or folds through itself.
+/// A square that leaves the one that it is linked with, passes through it, or folds through itself.
 #[test]
-fn check_tells_pull_throughs_between_models() {
+fn check_reports_pull_throughs_between_models() {
     let folder = TempDir::new().unwrap();
     let frames = [-5.0, 0.5, 5.0].map(|at| chain(folder.path(), &format!("{at}.bcc"), at));
     let [left, linked, right] = frames.each_ref().map(|path| text(path));
@@ -389,7 +389,7 @@ fn check_tells_pull_throughs_between_models() {
         let run = linkwatch(&[&["check", "--against", text(&cert)], models, more].concat());
         (run.code, run.stdout)
     };
-    // Each model by itself is as it should be.
+    // Each model on its own is intact.
     assert_eq!(check(&[left, right], &[]).0, 0);
     // The frames are too far apart to decide whether four pull-throughs that cancel took place.
     let (code, out) = check(&[left, right], &["--events"]);
@@ -402,13 +402,13 @@ fn check_tells_pull_throughs_between_models() {
         .count();
     assert_eq!(passed, 4, "{out}");
     assert!(out.contains("5.bcc: changed\n"), "{out}");
-    // A change, and how it came.
+    // A change, and the pull-through that caused it.
     let (code, out) = check(&[left, linked], &["--self"]);
     assert_eq!(code, 1);
     assert!(out.contains("curves 0 and 1 became linked"), "{out}");
     assert!(out.contains("passed through one another"), "{out}");
 
-    // Two ends of a curve change places, one above the other.
+    // Two ends of a curve swap places, one above the other.
     let fold = |name: &str, y: f32| {
         let xyz = [
             [0., 0., 0.],
@@ -430,9 +430,9 @@ fn check_tells_pull_throughs_between_models() {
     assert_eq!(check(&models, &["--events"]).0, 0);
     let (code, out) = check(&models, &["--self"]);
     assert_eq!(code, 1, "{out}");
-    let told = "curve 0 passed through itself at 0.500 of the step";
-    assert!(out.contains(told), "{out}");
-    // Between other curves there is no motion; with early exit little is known.
+    let reported = "curve 0 passed through itself at 0.500 of the step";
+    assert!(out.contains(reported), "{out}");
+    // There is no motion between different curves; early exit knows only some linking numbers.
     let run = linkwatch(&[
         "check",
         left,
@@ -453,9 +453,9 @@ fn check_tells_pull_throughs_between_models() {
     assert_eq!(run.code, 2);
 }
 
-/// Every kernel comes to the same certificate, and says who decided.
+/// All kernels give the same certificate, and report how it was decided.
 #[test]
-fn kernels_agree_and_say_who_decided() {
+fn kernels_agree_and_report_how_pairs_were_decided() {
     let scene = "knit:rows=3,stitches=16,segments=576";
     let certify = |more: &[&str]| {
         let run = linkwatch(&[&["--json", "certify", scene], more].concat());
@@ -484,7 +484,8 @@ fn kernels_agree_and_say_who_decided() {
         assert_eq!(found["certificate"], expected["certificate"], "{kernel}");
         let of = |what: &str| found["ladder"][what].as_u64().unwrap();
         assert_eq!(of("summed") + of("counted"), pairs, "{kernel}");
-        // By the bound all are proven; by a coarse beta few are, and no wrong one is believed.
+        // By the bound, all are proven. By a coarse beta, few are proven, and no wrong one is
+        // accepted.
         if more.is_empty() {
             assert_eq!(of("counted"), 0, "{kernel}");
         }
@@ -495,10 +496,10 @@ fn kernels_agree_and_say_who_decided() {
     assert_eq!(run.code, 2);
 }
 
-/// Two linked squares whose edges are 1 apart in the maximum norm keep their number below half of that, and say from
-/// there on which segments may meet.
+/// Two linked squares whose edges are 1 apart in the maximum norm keep their linking number below
+/// half of that. From there on the segments that may touch are named.
 #[test]
-fn noise_is_borne_as_long_as_no_segments_can_meet() {
+fn noise_keeps_the_number_until_segments_may_touch() {
     let folder = TempDir::new().unwrap();
     let xyz = [square([0., 0., 0.], [0, 1]), square([1., 0., 0.], [0, 2])].concat();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F32(&xyz)).unwrap();
@@ -540,9 +541,10 @@ fn noise_is_borne_as_long_as_no_segments_can_meet() {
     assert!(run.stderr.contains("splines"), "{}", run.stderr);
 }
 
-/// Devices are listed; one that is not there is an error that says which are; the processor is always there.
+/// Devices are listed. The error of an unknown device lists the adapters. The CPU is always
+/// available.
 #[test]
-fn devices_are_listed_and_unknown_ones_refused() {
+fn lists_devices_and_rejects_unknown_ones() {
     let run = linkwatch(&["devices"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     assert!(!run.stdout.is_empty());
@@ -594,7 +596,7 @@ fn with_streams(args: &[&str], stdout: Option<&str>, stderr: Option<&str>) -> Ru
         stderr,
     } = process.wait_with_output().unwrap();
     Run {
-        // The process was killed by a signal, as an abort does.
+        // The process was killed by a signal, as by an abort.
         code: status.code().unwrap_or(-1),
         stdout: String::from_utf8(stdout).unwrap(),
         stderr: String::from_utf8(stderr).unwrap(),
@@ -604,7 +606,7 @@ fn with_streams(args: &[&str], stdout: Option<&str>, stderr: Option<&str>) -> Ru
 /// Regression test: a panic with exit code 101 or 134, or exit code 2 as for bad input.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_standard_output_loses_results_and_says_so() {
+fn a_full_standard_output_loses_results_and_reports_it() {
     let folder = TempDir::new().unwrap();
     let whole = chain(folder.path(), "whole.bcc", 0.5);
     let broken = chain(folder.path(), "broken.bcc", -5.0);
@@ -614,11 +616,11 @@ fn a_full_standard_output_loses_results_and_says_so() {
     for args in [&["certify", text(&whole)][..], &check, &["generate"]] {
         let run = with_streams(args, Some("/dev/full"), None);
         assert_eq!(run.code, 3, "{args:?}: {}", run.stderr);
-        let told = run
+        let reported = run
             .stderr
             .matches("error: standard output: No space left")
             .count();
-        assert_eq!(told, 1, "{args:?}: {}", run.stderr);
+        assert_eq!(reported, 1, "{args:?}: {}", run.stderr);
         assert!(run.stderr.trim_end().ends_with("lost"), "{}", run.stderr);
         // A log that cannot be written is ignored.
         let run = with_streams(args, None, Some("/dev/full"));
@@ -638,7 +640,7 @@ fn a_full_standard_output_loses_results_and_says_so() {
 /// Regression test: each of these commands destroyed a file, under its own name, a hard link or a
 /// symbolic link.
 #[test]
-fn no_output_replaces_an_input_or_another_output() {
+fn no_output_overwrites_an_input_or_another_output() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| text(&folder.path().join(name)).to_owned();
     chain(folder.path(), "m.bcc", 0.5);
@@ -656,8 +658,8 @@ fn no_output_replaces_an_input_or_another_output() {
         for force in [&[][..], &["--force"]] {
             let run = linkwatch(&[args, force].concat());
             assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);
-            let told = says.iter().all(|&word| run.stderr.contains(word));
-            assert!(told, "{args:?}: {}", run.stderr);
+            let reported = says.iter().all(|&word| run.stderr.contains(word));
+            assert!(reported, "{args:?}: {}", run.stderr);
             let after = ["m.bcc", "c.txt"].map(|name| std::fs::read(at(name)).unwrap());
             assert!(after == before, "{args:?} destroyed a file");
         }
@@ -790,9 +792,9 @@ fn text_may_be_written_to_devices_and_to_standard_output() {
     assert_eq!(written, format!("before\n{expected}"));
 }
 
-/// The model does not exist either: the output is checked first, since certifying may take hours.
+/// The model does not exist either: the output is checked first, because certifying may take hours.
 #[test]
-fn an_output_that_cannot_be_written_is_told_before_the_work() {
+fn an_invalid_output_is_reported_before_the_work() {
     for args in [
         &["certify", "none.bcc", "-o", "/no/such/folder/c.txt"][..],
         &[
@@ -822,7 +824,7 @@ fn an_output_that_cannot_be_written_is_told_before_the_work() {
 }
 
 #[test]
-fn options_that_cancel_each_other_are_refused() {
+fn rejects_options_that_exclude_one_another() {
     let folder = TempDir::new().unwrap();
     let model = chain(folder.path(), "m.bcc", 0.5);
     let model = text(&model);
@@ -862,7 +864,7 @@ fn options_that_cancel_each_other_are_refused() {
 
 /// Regression test: a file truncated at a line end was read as a certificate with fewer links.
 #[test]
-fn a_cut_certificate_is_refused_by_check() {
+fn check_rejects_a_truncated_certificate() {
     let folder = TempDir::new().unwrap();
     let model = chain(folder.path(), "m.bcc", 0.5);
     let certificate = folder.path().join("c.txt");

@@ -52,7 +52,7 @@ fn summary(run: &Run) -> serde_json::Value {
 }
 
 #[test]
-fn a_sequence_is_compared_with_its_first_frame_and_summed_up() {
+fn a_sequence_is_compared_with_its_first_frame_and_summarised() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
     let run = check(&models, &[]);
@@ -71,7 +71,7 @@ fn a_sequence_is_compared_with_its_first_frame_and_summed_up() {
     assert_eq!(run.stdout.matches("  curves 0 and 1").count(), 1);
     assert_eq!(
         run.stdout
-            .matches("  1 finding as in the model before")
+            .matches("  1 finding as in the previous model")
             .count(),
         3
     );
@@ -126,7 +126,7 @@ fn an_intact_sequence_has_a_summary_and_a_single_model_has_none() {
 
 /// Regression test: `F1 F10 F11 F2` gave false pull-throughs.
 #[test]
-fn numbered_models_are_verified_in_the_order_of_their_numbers() {
+fn numbered_models_are_verified_in_numerical_order() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
     let mut shell = models.clone();
@@ -153,13 +153,13 @@ fn numbered_models_are_verified_in_the_order_of_their_numbers() {
     assert!(!run.stderr.contains("sorted"), "{}", run.stderr);
 }
 
-/// Live frames, recordings and models have one rule.
+/// Live frames, recordings and models follow the same rule.
 #[test]
 fn a_model_with_invalid_content_is_a_rejected_frame() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
     let bytes = std::fs::read(&models[1]).unwrap();
-    // The first coordinate is behind the header of 64 bytes and the count of the first curve.
+    // The first coordinate follows the header of 64 bytes and the count of the first curve.
     let mut nan = bytes.clone();
     nan[68..72].copy_from_slice(&f32::NAN.to_le_bytes());
     for (content, says) in [
@@ -190,7 +190,7 @@ fn a_model_with_invalid_content_is_a_rejected_frame() {
     assert_eq!(run.code, 3, "{}", run.stderr);
     let says = "F2.bcc: rejected\n  the curves changed between frames: curves was 2, is 1";
     assert!(run.stdout.contains(says), "{}", run.stdout);
-    // A file that is not there is bad input; the others still get their verdicts.
+    // A missing file is bad input; the others still get their verdicts.
     std::fs::remove_file(&models[1]).unwrap();
     let run = check(&models[..3], &[]);
     assert_eq!(run.code, 2, "{}", run.stderr);
@@ -223,7 +223,7 @@ fn places_have_six_significant_digits_in_any_unit() {
 }
 
 #[test]
-fn open_curves_are_verified_with_events_and_named_without() {
+fn open_curves_are_verified_with_events_and_reported_without() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, false);
     let run = check(&models, &["--events"]);
@@ -240,7 +240,7 @@ fn open_curves_are_verified_with_events_and_named_without() {
         "{}",
         run.stdout
     );
-    for says in ["left out", "not verified"] {
+    for says in ["skipped", "not verified"] {
         let text = [&run.stdout[..], &run.stderr].concat();
         assert!(!text.contains(says), "{text}");
     }
@@ -253,7 +253,7 @@ fn open_curves_are_verified_with_events_and_named_without() {
     );
     assert!(
         run.stderr
-            .contains("--events looks for pull-throughs of open curves")
+            .contains("--events verifies pull-throughs of open curves")
     );
     assert_eq!(
         run.stderr.matches("nothing to verify").count(),
@@ -263,9 +263,9 @@ fn open_curves_are_verified_with_events_and_named_without() {
     );
 }
 
-/// Two squares that touch in the first frame and not in the second.
+/// Two squares that touch in the first frame only.
 #[test]
-fn a_baseline_with_an_undefined_pair_takes_its_number_once() {
+fn a_baseline_takes_the_number_of_an_undefined_pair_once() {
     let folder = TempDir::new().unwrap();
     let frame = |name: &str, at: f32| super::chain(folder.path(), name, at);
     let [touching, apart] = [frame("touching.bcc", 2.0), frame("apart.bcc", 5.0)];
@@ -282,7 +282,7 @@ fn a_baseline_with_an_undefined_pair_takes_its_number_once() {
             .collect();
         linkwatch(&args)
     };
-    // A pair that is undefined and stays so is no change, and no proof either.
+    // A pair that stays undefined is no change, but no proof either.
     let run = check(&[&touching, &touching]);
     assert_eq!(run.code, 3, "{}", run.stdout);
     assert_eq!(
@@ -328,7 +328,7 @@ fn a_file_that_is_no_model_is_named_once() {
 }
 
 #[test]
-fn a_model_as_a_certificate_is_named_as_such() {
+fn the_error_of_a_model_as_a_certificate_says_so() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
     let run = check(&models[..1], &["--against", &models[1]]);
@@ -338,9 +338,9 @@ fn a_model_as_a_certificate_is_named_as_such() {
     assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
 }
 
-/// Curves of a periodic box whose coordinates are wrapped look intact, and are not verified.
+/// Curves of a periodic box with wrapped coordinates seem intact, but are not verified.
 #[test]
-fn a_segment_longer_than_half_the_scene_is_warned_of_once() {
+fn warns_once_of_a_segment_longer_than_half_the_scene() {
     let folder = TempDir::new().unwrap();
     let frame = |k: u32, wrapped: bool| {
         let xyz = rings(0.1 * f64::from(k), 1.0);
@@ -369,7 +369,7 @@ fn a_segment_longer_than_half_the_scene_is_warned_of_once() {
 /// Frames from files are recorded and shown like live ones.
 #[test]
 #[cfg(all(feature = "mcap", feature = "rerun"))]
-fn a_sequence_is_recorded_and_gives_the_same_verdicts_again() {
+fn a_recorded_sequence_gives_the_same_verdicts_again() {
     let folder = TempDir::new().unwrap();
     let models = motion(folder.path(), 1.0, true);
     let [recording, rrd] = ["run.mcap", "run.rrd"].map(|name| folder.path().join(name));

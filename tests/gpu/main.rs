@@ -1,9 +1,10 @@
-//! The hard cases on a graphics processor, and the device as the library offers it.
+//! The hard cases on a GPU, and the device as offered by the library.
 //!
-//! Without an adapter these tests are shown as ignored, never as passed; software Vulkan (lavapipe) is an adapter.
+//! Without an adapter these tests are shown as ignored, never as passed. Software Vulkan (lavapipe)
+//! counts as an adapter.
 
 #[path = "../hard_cases/case.rs"]
-#[allow(dead_code, reason = "shared with the hard cases of the processor")]
+#[allow(dead_code, reason = "shared with the hard cases on the CPU")]
 mod case;
 #[path = "../hard_cases/integers.rs"]
 mod integers;
@@ -12,7 +13,7 @@ mod links;
 #[path = "../hard_cases/numbers.rs"]
 mod numbers;
 #[path = "../hard_cases/runner.rs"]
-#[allow(dead_code, reason = "shared with the hard cases of the processor")]
+#[allow(dead_code, reason = "shared with the hard cases on the CPU")]
 mod runner;
 #[path = "../hard_cases/splines.rs"]
 mod splines;
@@ -25,11 +26,11 @@ use linkwatch::scenes::Scene;
 use linkwatch::{AbortOn, Error, Verdict, Verifier};
 use runner::{Kernel, ON_DEVICE, Views};
 
-/// Every case, seen in one of its ways by turns; all of its ways where the case is small.
+/// Runs every case in one of its views in turn; small cases in all views.
 fn hard_cases(kernel: Kernel) -> Result<(), Failed> {
     let panics = runner::count_panics();
     let pools = runner::pools();
-    // Large ones take minutes where the adapter is software.
+    // Large cases take minutes on a software renderer.
     let most = match std::env::var_os("LINKWATCH_LARGE_CASES") {
         Some(_) => usize::MAX,
         None => 20_000,
@@ -63,7 +64,8 @@ const SCENES: [&str; 7] = [
     "rubber_bands:bands=60",
 ];
 
-/// The certificates of scenes are those of their constructions, by every kernel and in both precisions.
+/// The certificates of scenes equal those of their constructions, for every kernel and in both
+/// precisions.
 fn scenes() -> Result<(), Failed> {
     let mut verifier = Verifier::new(AbortOn::Never);
     verifier.set_device(&Device::Gpu)?;
@@ -86,7 +88,7 @@ fn scenes() -> Result<(), Failed> {
     Ok(())
 }
 
-/// Frame after frame on the device gives the reports of the processor.
+/// Successive frames give the same reports on the GPU and on the CPU.
 fn frames() -> Result<(), Failed> {
     let built = "chainmail:rows=8,columns=9".parse::<Scene>()?.build()?;
     let broken = runner::changed(&built.curves, |coordinates| {
@@ -101,8 +103,8 @@ fn frames() -> Result<(), Failed> {
         let step = |(k, set)| verifier.step(k, 0.0, set).map_err(Failed::from);
         (0..).zip(frames).map(step).collect::<Result<Vec<_>, _>>()
     };
-    let [device, processor] = [reports(Device::Gpu)?, reports(Device::Cpu)?];
-    for (a, b) in device.iter().zip(&processor) {
+    let [device, cpu] = [reports(Device::Gpu)?, reports(Device::Cpu)?];
+    for (a, b) in device.iter().zip(&cpu) {
         if (a.verdict, &a.changes, &a.defects) != (b.verdict, &b.changes, &b.defects) {
             return Err(format!("{a:?}\n{b:?}").into());
         }
@@ -113,7 +115,7 @@ fn frames() -> Result<(), Failed> {
     }
 }
 
-/// A name that no adapter has is an error that lists those there are.
+/// The error of an unknown name lists the adapters.
 fn names() -> Result<(), Failed> {
     let mut verifier = Verifier::new(AbortOn::Never);
     let Err(Error::Device(words)) = verifier.set_device(&Device::Named("none such".into())) else {
@@ -128,7 +130,7 @@ fn names() -> Result<(), Failed> {
 
 fn main() {
     let arguments = Arguments::from_args();
-    // Kept, so that the adapter is opened once.
+    // Kept, so that the adapter is opened only once.
     let mut keeper = Verifier::new(AbortOn::Never);
     let opened = keeper.set_device(&Device::Gpu);
     if let Err(e) = &opened {
@@ -146,7 +148,7 @@ fn main() {
         scenes,
     ));
     trials.push(Trial::test(
-        "frames_get_the_reports_of_the_processor",
+        "frames_get_the_same_reports_as_on_the_cpu",
         frames,
     ));
     trials.push(Trial::test("an_unknown_name_lists_the_adapters", names));

@@ -1,13 +1,13 @@
-//! What a hard case is, and the same case seen otherwise.
+//! Type of a hard case, and transformations that give other views of it.
 
 use linkwatch::kernels::oracle;
 use linkwatch::{Basis, CurveSet, Point, Positions, Precision};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A closed integer polygon, as the oracle takes it.
+/// A closed integer polygon, the input of the oracle.
 pub type Polygon = Vec<[i64; 3]>;
 
-/// A closed curve by its control points.
+/// A closed curve, by its control points.
 pub type Loop = Vec<Point>;
 
 /// A small scene and its exact answer.
@@ -18,21 +18,21 @@ pub struct Case {
     pub expected: Expected,
 }
 
-/// The exact answer of a case.
+/// Exact answer of a case.
 #[derive(Clone, Default)]
 pub struct Expected {
-    /// Of pairs `(i, j)` with `i < j`; all others have the linking number 0.
+    /// Answers of pairs `(i, j)` with `i < j`; all others have the linking number 0.
     pub answers: BTreeMap<(usize, usize), Answer>,
-    /// Loops of fewer than three distinct points: their pairs have no answer.
+    /// Loops of fewer than three distinct points, whose pairs have no answer.
     pub degenerate: BTreeSet<usize>,
 }
 
-/// The exact answer for one pair.
+/// Exact answer of one pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Answer {
-    /// A linking number, which every kernel that claims to be complete must find.
+    /// A linking number, which every complete kernel must find.
     Number(i64),
-    /// A linking number of splines that come so close that "too close" is an answer too.
+    /// A linking number of splines so close that "too close" is a valid answer, too.
     Near(i64),
     /// Polylines that share a point.
     Contact,
@@ -41,12 +41,12 @@ pub enum Answer {
 }
 
 impl Expected {
-    /// Nothing is linked, nothing touches.
+    /// Nothing is linked or touches.
     pub fn unlinked() -> Expected {
         Expected::default()
     }
 
-    /// One pair, the curves 0 and 1.
+    /// Returns the answer of one pair, of curves 0 and 1.
     pub fn pair(answer: Answer) -> Expected {
         Expected {
             answers: [((0, 1), answer)].into(),
@@ -54,7 +54,7 @@ impl Expected {
         }
     }
 
-    /// What the oracle says of every pair.
+    /// Returns the oracle's answers for all pairs.
     pub fn of_integers(polygons: &[Polygon]) -> Expected {
         let mut expected = Expected::unlinked();
         let distinct = |p: &Polygon| p.iter().collect::<BTreeSet<_>>().len();
@@ -77,7 +77,7 @@ impl Expected {
         expected
     }
 
-    /// The answer for a pair that is not degenerate.
+    /// Returns the answer for a pair that is not degenerate.
     pub fn of(&self, i: usize, j: usize) -> Answer {
         let answer = self.answers.get(&(i, j));
         answer.copied().unwrap_or(Answer::Number(0))
@@ -95,7 +95,7 @@ impl Answer {
 }
 
 impl Case {
-    /// Closed curves of any basis, in double precision.
+    /// Creates a case of closed curves of any basis, in double precision.
     pub fn new(name: impl Into<String>, basis: Basis, loops: &[Loop], expected: Expected) -> Case {
         Case {
             name: name.into(),
@@ -104,19 +104,19 @@ impl Case {
         }
     }
 
-    /// Polylines whose answer follows from their construction.
+    /// Creates a case of polylines whose answer follows from their construction.
     pub fn built(name: impl Into<String>, loops: &[Loop], expected: Expected) -> Case {
         Case::new(name, Basis::Polyline, loops, expected)
     }
 
-    /// Integer polygons, with the oracle's answer.
+    /// Creates a case of integer polygons with the oracle's answer.
     pub fn integers(name: impl Into<String>, polygons: &[Polygon]) -> Case {
         Case::mapped(name, polygons, |p| p.map(|x| x as f64))
     }
 
-    /// Integer polygons, with the oracle's answer, of which `map` keeps the linking numbers: a linear map of positive
-    /// determinant that is exact in floating point; or, for polygons along the axes, any strictly increasing
-    /// function of each coordinate.
+    /// Creates a case of integer polygons with the oracle's answer, transformed by `map`, which
+    /// must keep linking numbers: a linear map of positive determinant that is exact in floating
+    /// point, or for polygons along the axes, any strictly increasing function of each coordinate.
     pub fn mapped(
         name: impl Into<String>,
         polygons: &[Polygon],
@@ -129,7 +129,7 @@ impl Case {
         Case::built(name, &loops, Expected::of_integers(polygons))
     }
 
-    /// The control points of every curve.
+    /// Returns the control points of every curve.
     pub fn loops(&self) -> Vec<Loop> {
         let set = &self.curves;
         (0..set.len())
@@ -138,13 +138,14 @@ impl Case {
             .collect()
     }
 
-    /// Whether single precision holds every coordinate.
+    /// Returns true if single precision represents every coordinate.
     fn is_single(&self) -> bool {
         let mut coordinates = self.loops().into_iter().flatten().flatten();
         coordinates.all(|x| f64::from(x as f32) == x)
     }
 
-    /// The case in both precisions, or only in double precision where single precision would change it.
+    /// Returns the case in both precisions, or only in double precision if single precision changes
+    /// it.
     pub fn precisions(&self) -> Vec<Case> {
         let loops = self.loops();
         let singles = self.is_single().then_some(Precision::F32);
@@ -158,7 +159,7 @@ impl Case {
             .collect()
     }
 
-    /// The case itself and seen otherwise: the properties 1 to 3 of `src/kernels/mod.rs`.
+    /// Returns the case and other views of it: the properties 1 to 3 of `src/kernels/mod.rs`.
     pub fn variants(&self) -> Vec<Case> {
         let mut variants = vec![self.clone(), self.in_reversed_order()];
         variants.push(self.reversed(|_| true));
@@ -198,7 +199,7 @@ impl Case {
         let mut loops = self.loops();
         for (i, points) in loops.iter_mut().enumerate() {
             if which(i) {
-                // The first point stays: Bezier curves start at a joint.
+                // The first point stays, because Bezier curves start at a joint.
                 points[1..].reverse();
             }
         }
@@ -211,7 +212,7 @@ impl Case {
         self.with("reversed", &loops, expected)
     }
 
-    /// Curves start so many segments later.
+    /// Curves start this number of segments later.
     fn shifted(&self, by: impl Fn(usize) -> usize) -> Case {
         let mut loops = self.loops();
         let stride = match self.curves.basis() {
@@ -225,7 +226,8 @@ impl Case {
         self.with("shifted", &loops, self.expected.clone())
     }
 
-    /// The coordinates as integers, if a power of two makes them so and the oracle takes them.
+    /// Returns the coordinates as integers, if a power of two scales them to integers in the range
+    /// of the oracle.
     pub fn as_integers(&self) -> Option<Vec<Polygon>> {
         let loops = self.loops();
         let top = loops
@@ -261,7 +263,7 @@ fn curve_set(basis: Basis, precision: Precision, loops: &[Loop]) -> CurveSet {
     set.expect("a case is a valid set of curves")
 }
 
-/// Steele's SplitMix64.
+/// SplitMix64 (Steele).
 pub struct Random(pub u64);
 
 impl Random {
@@ -272,22 +274,22 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// From 0 to `n - 1`.
+    /// Returns a number from 0 to `n - 1`.
     pub fn below(&mut self, n: i64) -> i64 {
         (self.next() >> 1) as i64 % n
     }
 
-    /// A point of the grid of `n^3`.
+    /// Returns a point of the grid of `n^3`.
     pub fn grid(&mut self, n: i64) -> [i64; 3] {
         [(); 3].map(|()| self.below(n))
     }
 
-    /// Any polygon on the grid of `size^3`.
+    /// Returns a polygon on the grid of `size^3`.
     pub fn polygon(&mut self, vertices: usize, size: i64) -> Polygon {
         (0..vertices).map(|_| self.grid(size)).collect()
     }
 
-    /// A closed polygon along the axes, on the grid of `size^3`.
+    /// Returns a closed polygon along the axes, on the grid of `size^3`.
     pub fn along_axes(&mut self, corners: usize, size: i64) -> Polygon {
         let first = self.grid(size);
         let mut at = first;

@@ -1,4 +1,4 @@
-//! Integer polygons: every answer is the oracle's.
+//! Integer polygons, with the answers of the oracle.
 
 use crate::case::{Case, Polygon, Random};
 
@@ -13,14 +13,16 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// Loops of three vertices, thousands of pairs: they share vertices, edges, lines and planes, and some lie on one line.
+/// Loops of three vertices, thousands of pairs: they share vertices, edges, lines and planes, and
+/// some lie on one line.
 fn small_triangles(size: i64) -> Case {
     let mut random = Random(size as u64);
     let triangles: Vec<Polygon> = (0..70).map(|_| random.polygon(3, size)).collect();
     Case::integers(format!("triangles on a grid of {size}"), &triangles)
 }
 
-/// Edges along the axes, on the fewest coordinates: every view of the crossing kernel is degenerate everywhere.
+/// Edges along the axes, on few coordinates: every view of the crossing kernel is degenerate
+/// everywhere.
 fn axis_aligned_polygons(size: i64) -> Case {
     let mut random = Random(100 + size as u64);
     let polygons: Vec<Polygon> = (4..20).map(|n| random.along_axes(n, size)).collect();
@@ -30,7 +32,7 @@ fn axis_aligned_polygons(size: i64) -> Case {
     )
 }
 
-/// Many rectangles in planes of the axes: chains, contact and coplanar neighbours, all at once.
+/// Many rectangles in axis planes: chains, contact and coplanar neighbours at once.
 fn rectangles_on_a_lattice(size: i64) -> Case {
     let mut random = Random(200 + size as u64);
     let mut rectangle = || {
@@ -44,8 +46,8 @@ fn rectangles_on_a_lattice(size: i64) -> Case {
     Case::integers(format!("rectangles on a lattice of {size}"), &rectangles)
 }
 
-/// All loops in one plane of the axes: two of the three views see lines, the third sees loops that meet themselves.
-/// Each pair touches or has 0.
+/// All loops in one axis plane: in two of the three views they are lines, in the third one they
+/// intersect themselves. Each pair touches or has 0.
 fn coplanar(axis: usize) -> Case {
     let mut random = Random(300 + axis as u64);
     let mut polygon = |n: usize| {
@@ -57,8 +59,8 @@ fn coplanar(axis: usize) -> Case {
     Case::integers(format!("coplanar, axis {axis}"), &polygons)
 }
 
-/// Each loop of a triple has the same shadow as the first one along one axis: there, every vertex lies on a vertex and
-/// every edge on an edge, and only heights differ.
+/// The loops of a triple have the same projection along one axis: there, every vertex lies on a
+/// vertex and every edge on an edge, and only heights differ.
 fn shadows_on_shadows() -> Case {
     let mut random = Random(400);
     let first = random.polygon(24, 50);
@@ -71,8 +73,8 @@ fn shadows_on_shadows() -> Case {
     Case::integers("shadows on shadows", &polygons)
 }
 
-/// Even points of a small grid against odd ones: along each axis the vertices of one loop fall on those of the other, and
-/// none is shared.
+/// Even points of a small grid against odd ones: along each axis the vertices of one loop project
+/// onto those of the other, and none is shared.
 fn parity_lattice() -> Case {
     let mut random = Random(500);
     let mut polygon = |parity: i64, n: usize| -> Polygon {
@@ -90,14 +92,15 @@ fn parity_lattice() -> Case {
     Case::integers("parity lattice", &polygons)
 }
 
-/// The random polygons that kernels are compared by (Arai 2013, example 8): uniform vertices, large numbers of crossings.
+/// The random polygons that kernels are compared by (Arai 2013, example 8): uniform vertices, large
+/// numbers of crossings.
 fn random_polygons(size: i64) -> Case {
     let mut random = Random(600 + size as u64);
     let polygons: Vec<Polygon> = [5, 20, 40, 80].map(|n| random.polygon(n, size)).into();
     Case::integers(format!("random polygons on a grid of {size}"), &polygons)
 }
 
-/// Consecutive vertices that are equal, up to four times, also around the end, and edges that go there and back.
+/// Equal consecutive vertices, up to four, also across the end, and edges that go back and forth.
 fn repeated_vertices() -> Case {
     let mut random = Random(700);
     let mut polygon = || {
@@ -116,8 +119,8 @@ fn repeated_vertices() -> Case {
     Case::integers("repeated vertices", &polygons)
 }
 
-/// Random polygons, stretched `2^bits` times along x and sheared with that: long segments, nearly parallel, at distances
-/// that are tiny beside their lengths.
+/// Random polygons, stretched `2^bits` times along x and sheared with that: long segments, nearly
+/// parallel, at distances that are tiny compared with their lengths.
 fn long_and_near(bits: u32) -> Case {
     let mut random = Random(800 + u64::from(bits));
     let polygons: Vec<Polygon> = [3, 4, 12, 20].map(|n| random.polygon(n, 60)).into();

@@ -1,4 +1,4 @@
-//! Links with names, and strands that are twisted so many times.
+//! Links with names, and strands that are twisted by given numbers of turns.
 
 use crate::case::{Answer, Case, Expected, Loop, Polygon};
 use linkwatch::scenes::Scene;
@@ -28,8 +28,8 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// A square in the plane of x and y, counterclockwise, and one that goes up through it. By the rule of signs, +1; the
-/// other way round -1.
+/// A square in the plane of x and y, counterclockwise, and one that goes up through it. By the rule
+/// of signs, this counts +1; reversed, it counts -1.
 pub fn hopf_polygons(sign: i64) -> [Polygon; 2] {
     let a = vec![[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
     let b = vec![[0, 0, -sign], [0, 0, sign], [5, 0, sign], [5, 0, -sign]];
@@ -57,8 +57,8 @@ fn hopf(sign: i64) -> Case {
     pair(&format!("Hopf link {sign:+}"), &hopf_polygons(sign), sign)
 }
 
-/// The alternating diagram of five crossings: linked, but with the number 0. A square about the crossing of a figure
-/// eight.
+/// The alternating diagram of five crossings: linked, but with the number 0. A square around the
+/// crossing of a figure eight.
 fn whitehead() -> Case {
     let square = vec![[4, 0, 0], [0, 4, 0], [-4, 0, 0], [0, -4, 0]];
     let mut eight = vec![[-6, 4, 3], [-3, 2, 3], [0, 0, -2], [3, -2, 3], [6, -4, 3]];
@@ -72,7 +72,7 @@ fn whitehead() -> Case {
     pair("Whitehead link", &[square, eight], 0)
 }
 
-/// Three rectangles, each in one of the planes: linked as three, but each pair has 0.
+/// Three rectangles, each in one of the planes: linked as a triple, but each pair has 0.
 fn borromean() -> Case {
     let ring = vec![[3, 1, 0], [-3, 1, 0], [-3, -1, 0], [3, -1, 0]];
     let turned = |by: usize| -> Polygon {
@@ -91,9 +91,10 @@ fn two_four_torus_link(lambda: i64) -> Case {
     case
 }
 
-/// A straight strand, and one that winds around it in a square helix of radius 1, a quarter of a turn every `pitch`: at a
-/// large pitch they run nearly parallel, very near for their length. The straight strand closes far away and
-/// bounds a flat disc, which each turn goes through once: the answer is the number of turns.
+/// A straight strand, and one that winds around it in a square helix of radius 1, a quarter of a
+/// turn every `pitch`. At a large pitch they are nearly parallel, and very near for their length.
+/// The straight strand closes far away and bounds a flat disc, which each turn passes through once,
+/// so the answer is the number of turns.
 fn twisted_strands(turns: i64, pitch: i64) -> Case {
     let quarters = 4 * turns.abs();
     let (end, far) = (quarters * pitch, 1000);
@@ -113,7 +114,7 @@ fn twisted_strands(turns: i64, pitch: i64) -> Case {
     pair(&name, &[straight, helix], turns)
 }
 
-/// Rings in turned planes, each through the next: by the rule of signs, +1 and -1 in turn.
+/// Rings in rotated planes, each through the next: by the rule of signs, +1 and -1 in turn.
 fn chain(rings: i64) -> Case {
     let ring = |k: i64| -> Polygon {
         let square = [[-2, -2], [2, -2], [2, 2], [-2, 2]];
@@ -126,16 +127,16 @@ fn chain(rings: i64) -> Case {
     let polygons: Vec<Polygon> = (0..rings).map(ring).collect();
     let mut expected = Expected::unlinked();
     for i in 0..rings as usize - 1 {
-        // The left side of each ring goes down through the one before it: away from where that one runs
-        // counterclockwise in x and y, and towards there in x and z.
+        // The left side of each ring goes down through the previous one: away from the side from
+        // which that one runs counterclockwise in x and y, and towards that side in x and z.
         let sign = if i % 2 == 0 { -1 } else { 1 };
         expected.answers.insert((i, i + 1), Answer::Number(sign));
     }
     Case::built(format!("chain of {rings}"), &floats(&polygons), expected)
 }
 
-/// A coil of `p` square turns, each of which goes around `q` turns of another coil: `p q` of few segments, and no direction
-/// with fewer crossings than that.
+/// A coil of `p` square turns, each of which goes around `q` turns of another coil: linking number
+/// `p q` of few segments, and no direction with fewer crossings than that.
 fn coils(p: i64, q: i64) -> Case {
     let (width, height, sign) = (q.abs() + 2, p + 1, q.signum());
     let turn = |z: i64| [[0, 0, z], [width, 0, z], [width, width, z], [0, width, z]];
@@ -157,7 +158,7 @@ fn coils(p: i64, q: i64) -> Case {
     )
 }
 
-/// Small ones of all kinds, splines among them; large numbers where few segments make them.
+/// Small links of all kinds, splines among them, and large linking numbers of few segments.
 const SCENES: [&str; 9] = [
     "chainmail:rows=2,columns=3,tilt=0",
     "knit:rows=4,stitches=16,segments=512",

@@ -1,11 +1,13 @@
-//! Hard cases: small scenes whose exact answers are known, and on which linking numbers easily go wrong.
+//! Hard cases: small scenes with known exact answers, on which linking numbers easily go wrong.
 //!
-//! Every case is named and says what is hard about it and where its answer comes from: a construction, or the exact
-//! oracle on integer coordinates. [`all`] lists them; [`runner::complaints`] runs one through any function from curves to a
-//! certificate, in both precisions, seen otherwise (the properties 1 to 3 of `src/kernels/mod.rs`) and on several threads.
-//! The rule for every kernel: the right integer, or an honest refusal; never a wrong integer, never a panic.
+//! Every case has a name, a description of its difficulty, and the origin of its answer: a
+//! construction, or the exact oracle on integer coordinates. [`all`] lists them.
+//! [`runner::complaints`] runs one through any function from curves to a certificate, in both
+//! precisions, in other views (the properties 1 to 3 of `src/kernels/mod.rs`) and on several
+//! threads. The rule for every kernel is: the right integer, or no answer; never a wrong integer,
+//! never a panic.
 //!
-//! A new kernel is a [`runner::Kernel`] and a test of one line.
+//! A new kernel needs a [`runner::Kernel`] and a test of one line.
 
 mod case;
 mod integers;
@@ -20,7 +22,7 @@ use linkwatch::kernels::oracle;
 use runner::{EARLY_EXIT, EVENTS, FULL, GROWTH, INTERVAL, JUMP, Kernel, STILL, SUMS, Views};
 use std::collections::BTreeSet;
 
-/// Runs cases, with a number each, through a kernel.
+/// Runs numbered cases through a kernel.
 fn run(kernel: Kernel, cases: impl Iterator<Item = Case>, views: fn(usize) -> Views) {
     let panics = runner::count_panics();
     let pools = runner::pools();
@@ -37,7 +39,8 @@ fn run(kernel: Kernel, cases: impl Iterator<Item = Case>, views: fn(usize) -> Vi
     );
 }
 
-/// Steps cost threads and references: one view of each case, and no case of very many near segments.
+/// Runs one view of each case, and no case of very many near segments, because steps use several
+/// threads and reference frames.
 fn run_quickly(kernel: Kernel) {
     let small = |case: &Case| case.curves.segments() <= 5000;
     run(
@@ -48,13 +51,14 @@ fn run_quickly(kernel: Kernel) {
 }
 
 #[test]
-fn a_full_run_is_right() {
+fn full_runs_are_correct() {
     run(FULL, runner::collection().into_iter(), |_| Views::All);
 }
 
-/// A wrong integer, and a number for curves that touch, would be taken from the sum and show in the certificate.
+/// A wrong integer, or a number for curves that touch, would be taken from the sum and appear in
+/// the certificate.
 #[test]
-fn sums_are_right_or_refuse() {
+fn sums_are_correct_or_undecided() {
     for kernel in SUMS {
         let most = if kernel.name == INTERVAL.name {
             200
@@ -71,34 +75,34 @@ fn sums_are_right_or_refuse() {
 }
 
 #[test]
-fn early_exit_is_right() {
+fn early_exit_is_correct() {
     run_quickly(EARLY_EXIT);
 }
 
 #[test]
-fn still_frames_are_right() {
+fn unchanged_frames_are_correct() {
     run_quickly(STILL);
 }
 
 #[test]
-fn a_jump_is_right() {
+fn a_jump_is_correct() {
     run_quickly(JUMP);
 }
 
 #[test]
-fn growth_is_right() {
+fn growth_is_correct() {
     run_quickly(GROWTH);
 }
 
 #[test]
-fn a_search_for_pull_throughs_is_right() {
+fn the_search_for_pull_throughs_is_correct() {
     run_quickly(EVENTS);
 }
 
-/// Every view of every case through every kernel.
+/// Runs every view of every case through every kernel.
 #[test]
 #[ignore = "takes minutes"]
-fn every_view_is_right() {
+fn every_view_is_correct() {
     for kernel in [FULL, EARLY_EXIT, STILL, JUMP, GROWTH, EVENTS] {
         run(kernel, runner::collection().into_iter(), |_| Views::All);
     }
@@ -112,7 +116,8 @@ fn names_are_unique() {
     println!("{} cases", cases.len());
 }
 
-/// The constructions, by the oracle wherever it can: it knows neither them nor the kernels.
+/// Checks the constructions with the oracle where possible. It depends neither on them nor on the
+/// kernels.
 #[test]
 fn the_oracle_agrees_with_the_constructions() {
     let mut checked = 0;

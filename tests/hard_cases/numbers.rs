@@ -14,7 +14,8 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// A square of half width 1 in the plane of x and y, and a loop that goes up at `x` and comes down at 3.
+/// A square of half width 1 in the plane of x and y, and a loop that goes up at `x` and comes down
+/// at 3.
 fn gate(x: f64) -> Vec<Loop> {
     let square = vec![
         [-1.0, -1.0, 0.0],
@@ -31,7 +32,8 @@ fn gate(x: f64) -> Vec<Loop> {
     vec![square, gate]
 }
 
-/// A gap from 0.1 down to one unit in the last place, on either side of an edge: linked within the square, unlinked without.
+/// Gaps from 0.1 down to one unit in the last place, on either side of an edge: linked inside of
+/// the square, unlinked outside.
 fn gaps() -> Vec<Case> {
     let gaps = (1..16).map(|k| 10f64.powi(-k));
     let ulps = [1.0, 2.0, 3.0, 5.0];
@@ -54,8 +56,8 @@ fn gaps() -> Vec<Case> {
     all.flat_map(case).collect()
 }
 
-/// Gaps from a tenth of a square down to one unit of its integer coordinates, in skew position: an exact linear map of
-/// determinant 1 leaves no edge along an axis. Linked, touching and unlinked.
+/// Gaps from a tenth of a square down to one unit of its integer coordinates, in skew position: an
+/// exact linear map of determinant 1 leaves no edge along an axis. Linked, touching and unlinked.
 fn sheared_gaps() -> Vec<Case> {
     let mut cases = Vec::new();
     for bits in [20, 36] {
@@ -86,7 +88,8 @@ fn sheared_gaps() -> Vec<Case> {
     cases
 }
 
-/// A small link far from the origin: coordinates keep few bits of its shape, and differences cancel.
+/// A small link far from the origin: coordinates keep few bits of its shape, and differences
+/// cancel.
 fn far_away() -> Vec<Case> {
     let offset = |step: f64, offset: Point| {
         move |p: [i64; 3]| std::array::from_fn(|x| offset[x] + step * p[x] as f64)
@@ -119,7 +122,8 @@ fn far_away() -> Vec<Case> {
     ]
 }
 
-/// Random polygons times powers of two: determinants that overflow, underflow or both, but for exact arithmetic.
+/// Random polygons multiplied by powers of two: determinants overflow, underflow or both, except in
+/// exact arithmetic.
 fn scales() -> Vec<Case> {
     let mut random = Random(2);
     let polygons = [5, 9, 14, 20].map(|n| random.polygon(n, 30));
@@ -144,8 +148,8 @@ fn scales() -> Vec<Case> {
     exponents.into_iter().map(scaled).collect()
 }
 
-/// Axis-aligned polygons whose coordinates are replaced, axis by axis, by others in the same order: an isotopy, exact for
-/// any coordinates.
+/// Axis-aligned polygons whose coordinates are replaced, axis by axis, by others in the same order:
+/// an isotopy, exact for any coordinates.
 fn monotone() -> Vec<Case> {
     const SIZE: usize = 16;
     type Table = [f64; SIZE];
@@ -212,7 +216,8 @@ fn monotone() -> Vec<Case> {
     tables.into_iter().map(case).collect()
 }
 
-/// A loop of size 1e-30 around an edge of a loop of size 1e30: their boxes have nothing in common but a place.
+/// A loop of size 1e-30 around an edge of a loop of size 1e30: their boxes share only a tiny
+/// region.
 fn tiny_through_huge() -> Case {
     let (s, h) = (1e-30, 1e30);
     let tiny = vec![[-s, -s, 0.0], [s, -s, 0.0], [s, s, 0.0], [-s, s, 0.0]];
@@ -224,7 +229,7 @@ fn tiny_through_huge() -> Case {
     )
 }
 
-/// The same with the edge beside the tiny loop, by less than its size, in a skew direction.
+/// The same with the edge outside of the tiny loop, by less than its size, in a skew direction.
 fn tiny_beside_huge() -> Case {
     let (s, h) = (2f64.powi(-100), 2f64.powi(100));
     let tiny = vec![[-s, -s, 0.0], [s, -s, 0.0], [s, s, 0.0], [-s, s, 0.0]];

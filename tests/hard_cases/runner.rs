@@ -1,4 +1,4 @@
-//! The collection through any kernel.
+//! Runs the collection through any kernel.
 
 use crate::case::{Answer, Case};
 use crate::{integers, links, numbers, splines, touching};
@@ -13,7 +13,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, set_hook};
 use std::sync::Once;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The whole collection.
+/// Returns the whole collection.
 pub fn collection() -> Vec<Case> {
     let parts = [
         integers::cases(),
@@ -25,13 +25,13 @@ pub fn collection() -> Vec<Case> {
     parts.into_iter().flatten().collect()
 }
 
-/// What is asked of a kernel beside never giving a wrong integer.
+/// Requirement on a kernel, in addition to never giving a wrong integer.
 #[derive(Clone, Copy, PartialEq)]
-#[allow(dead_code, reason = "kernels to come may refuse")]
+#[allow(dead_code, reason = "later kernels may leave pairs undecided")]
 pub enum Rule {
     /// It decides every case.
     Complete,
-    /// It may refuse any pair.
+    /// It may leave any pair undecided.
     Honest,
 }
 
@@ -43,21 +43,21 @@ pub struct Kernel {
     pub certify: fn(&CurveSet) -> Certificate,
 }
 
-/// All of a frame from nothing.
+/// Computes a single frame in full.
 pub const FULL: Kernel = Kernel {
     name: "certify",
     rule: Rule::Complete,
     certify: |set| Verifier::new(AbortOn::Never).certify(set).0.clone(),
 };
 
-/// Frame after frame that does not move, by an incremental verifier.
+/// Verifies a frame that does not move, by an incremental verifier.
 pub const STILL: Kernel = Kernel {
     name: "incremental, still",
     rule: Rule::Complete,
     certify: |set| last_of([set, set, set], Events::Off),
 };
 
-/// A frame in which the first curve jumps: it ran the other way before.
+/// Verifies a frame after a jump: the first curve ran in the other direction before.
 pub const JUMP: Kernel = Kernel {
     name: "incremental, jump",
     rule: Rule::Complete,
@@ -70,7 +70,7 @@ pub const JUMP: Kernel = Kernel {
     },
 };
 
-/// A frame that was as small as a speck before.
+/// Verifies a frame after growth: it was tiny before.
 pub const GROWTH: Kernel = Kernel {
     name: "incremental, growth",
     rule: Rule::Complete,
@@ -82,7 +82,7 @@ pub const GROWTH: Kernel = Kernel {
     },
 };
 
-/// A jump with a search for pull-throughs, of a curve through itself too.
+/// Verifies a jump with a search for pull-throughs, also of a curve through itself.
 pub const EVENTS: Kernel = Kernel {
     name: "pull-throughs",
     rule: Rule::Complete,
@@ -92,7 +92,7 @@ pub const EVENTS: Kernel = Kernel {
     },
 };
 
-/// The same curves with other coordinates.
+/// Returns the same curves with other coordinates.
 pub fn changed(set: &CurveSet, change: impl Fn(&mut [f64])) -> CurveSet {
     let points = |i: usize| (0..set.curve(i).points as usize).map(move |k| set.point(i, k));
     let mut coordinates: Vec<f64> = (0..set.len()).flat_map(points).flatten().collect();
@@ -109,8 +109,8 @@ pub fn changed(set: &CurveSet, change: impl Fn(&mut [f64])) -> CurveSet {
     out
 }
 
-/// The certificate of the last frame by an incremental verifier that also checks itself: its baseline has no links, so
-/// the report has them all.
+/// Returns the certificate of the last frame by a paranoid incremental verifier. Its baseline has
+/// no links, so the report has all of them.
 fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
     let curves = frames[0].len();
     let nothing = Certificate {
@@ -141,7 +141,8 @@ fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
     certificate
 }
 
-/// The second of two equal frames with early exit, which must be as the first: the certificate of that one.
+/// Returns the certificate of the first of two equal frames with early exit, after checking that
+/// the second one equals it.
 pub const EARLY_EXIT: Kernel = Kernel {
     name: "early exit",
     rule: Rule::Complete,
@@ -165,7 +166,7 @@ pub const EARLY_EXIT: Kernel = Kernel {
     },
 };
 
-/// Kernels that sum, each with what its bound leaves to counting.
+/// Kernels that sum, with counting for pairs that their bound does not decide.
 pub const SUMS: [Kernel; 7] = [
     Kernel {
         name: "direct",
@@ -207,28 +208,28 @@ pub const SUMS: [Kernel; 7] = [
     INTERVAL,
 ];
 
-/// Arai's intervals, which take their time.
+/// Arai's interval arithmetic, which is slow.
 pub const INTERVAL: Kernel = Kernel {
     name: "interval",
     rule: Rule::Complete,
     certify: |set| summed(set, Method::Interval, None),
 };
 
-/// Kernels on a graphics processor.
-#[allow(dead_code, reason = "for those who have made sure that there is one")]
+/// Kernels on a GPU.
+#[allow(dead_code, reason = "used only if there is a GPU")]
 pub const ON_DEVICE: [Kernel; 3] = [
     Kernel {
-        name: "crossings on the device",
+        name: "crossings on the GPU",
         rule: Rule::Complete,
         certify: |set| certified_on(&Device::Gpu, set, (Method::Crossings, Accuracy::default())),
     },
     Kernel {
-        name: "direct on the device",
+        name: "direct on the GPU",
         rule: Rule::Complete,
         certify: |set| certified_on(&Device::Gpu, set, (Method::Direct, Accuracy::default())),
     },
     Kernel {
-        name: "Barnes-Hut on the device",
+        name: "Barnes-Hut on the GPU",
         rule: Rule::Complete,
         certify: |set| certified_on(&Device::Gpu, set, (Method::BarnesHut, Accuracy::default())),
     },
@@ -257,10 +258,10 @@ fn certified_on(
     verifier.certify(set).0.clone()
 }
 
-/// Panics of any thread, those that the library survives among them.
+/// Number of panics of any thread, including those that the library catches.
 static PANICS: AtomicUsize = AtomicUsize::new(0);
 
-/// Counts panics from now on; returns how many there were.
+/// Counts panics from now on. Returns their number so far.
 pub fn count_panics() -> usize {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
@@ -272,21 +273,22 @@ pub fn count_panics() -> usize {
     PANICS.load(Ordering::Relaxed)
 }
 
-/// Pools of 1 and of 3 threads.
+/// Returns thread pools of 1 and of 3 threads.
 pub fn pools() -> Vec<ThreadPool> {
     let pool = |n| ThreadPoolBuilder::new().num_threads(n).build();
     [1, 3].map(|n| pool(n).expect("threads")).into()
 }
 
-/// Which views of a case are run: precisions and variants.
+/// Views of a case to run: precisions and variants.
 #[derive(Clone, Copy)]
 pub enum Views {
     All,
-    /// One, by turns.
+    /// One view, chosen in turn.
     Turn(usize),
 }
 
-/// Runs views of a case through a kernel, in every pool; panics are caught. What is wrong, in words.
+/// Runs views of a case through a kernel, in every pool, and catches panics. Returns the errors in
+/// words.
 pub fn complaints(case: &Case, kernel: Kernel, views: Views, pools: &[ThreadPool]) -> Vec<String> {
     let mut out = Vec::new();
     let mut cases: Vec<Case> = case.precisions().iter().flat_map(Case::variants).collect();
@@ -309,7 +311,7 @@ pub fn complaints(case: &Case, kernel: Kernel, views: Views, pools: &[ThreadPool
                     .iter()
                     .map(|w| format!("{}, {}: {w}", case.name, kernel.name)),
             );
-            // NaN is unlike itself; words are not.
+            // NaN differs from itself; its text does not.
             let words = found.ok().map(|c| format!("{c:?}"));
             if *first.get_or_insert_with(|| words.clone()) != words {
                 out.push(format!(
@@ -382,7 +384,8 @@ fn check(case: &Case, certificate: &Certificate, rule: Rule) -> Vec<String> {
                 (Answer::Contact, Some(DefectKind::Contact)) => true,
                 (Answer::Touching, Some(DefectKind::Contact | DefectKind::TooClose)) => true,
                 (Answer::Near(_), Some(DefectKind::TooClose)) => true,
-                // Another kernel may refuse without knowing why; contact is a claim, and false here.
+                // A kernel may fail to decide for an unknown reason, but a contact is a claim,
+                // which is false here.
                 (_, Some(kind)) => rule == Rule::Honest && *kind != DefectKind::Contact,
             };
             if !right {

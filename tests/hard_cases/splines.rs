@@ -1,4 +1,4 @@
-//! Splines whose control polygon, or whose chords, say otherwise than the curve.
+//! Splines whose control polygon or chords give another answer than the curve.
 
 use crate::case::{Answer, Case, Expected, Loop};
 use linkwatch::{Basis, Point};
@@ -11,14 +11,14 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// A plane spline that runs counterclockwise, and what is known of it on the line `x = 0`.
+/// A plane spline that runs counterclockwise, and its intersections with the line `x = 0`.
 struct Plane {
     name: &'static str,
     basis: Basis,
     points: Vec<[f64; 2]>,
-    /// Where the curve meets the line: inside below, outside above.
+    /// Height at which the curve meets the line: inside below, outside above.
     border: f64,
-    /// Heights inside and outside, the far ones beyond the control polygon or the chords.
+    /// Heights inside and outside; the far ones beyond the control polygon or the chords.
     inside: f64,
     outside: f64,
 }
@@ -26,7 +26,8 @@ struct Plane {
 fn curves() -> Vec<Plane> {
     let square = vec![[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]];
     vec![
-        // At the middle of a segment the weights are 1, 23, 23 and 1, by 48: (46 * 3 - 2 * 3) / 48.
+        // The weights at the middle of a segment are 1, 23, 23 and 1, over 48: (46 * 3 - 2 * 3) /
+        // 48.
         Plane {
             name: "B-spline within its control polygon",
             basis: Basis::BSpline,
@@ -35,7 +36,7 @@ fn curves() -> Vec<Plane> {
             inside: 2.6,
             outside: 2.9,
         },
-        // There they are -1, 9, 9 and -1, by 16: (18 * 3 + 2 * 3) / 16.
+        // The weights there are -1, 9, 9 and -1, over 16: (18 * 3 + 2 * 3) / 16.
         Plane {
             name: "Catmull-Rom around its control polygon",
             basis: Basis::CatmullRom,
@@ -44,7 +45,7 @@ fn curves() -> Vec<Plane> {
             inside: 3.4,
             outside: 3.9,
         },
-        // The upper side turns inwards: both its neighbours rise. (18 * 0 - 2 * 3) / 16.
+        // The upper side bends inwards, because both its neighbours rise: (18 * 0 - 2 * 3) / 16.
         Plane {
             name: "Catmull-Rom within its control polygon",
             basis: Basis::CatmullRom,
@@ -62,7 +63,7 @@ fn curves() -> Vec<Plane> {
             inside: -0.5,
             outside: -0.25,
         },
-        // 1, 3, 3 and 1, by 8: 6 * 4 / 8. Its chords bound nothing.
+        // The weights are 1, 3, 3 and 1, over 8: 6 * 4 / 8. Its chords bound nothing.
         Plane {
             name: "Bezier between its chords and its control polygon",
             basis: Basis::Bezier,
@@ -81,8 +82,8 @@ fn curves() -> Vec<Plane> {
     ]
 }
 
-/// The spline with a loop that goes up at a height on the line and comes down far outside: +1 inside, 0 outside, by any
-/// margin; and through the very curve.
+/// The spline with a loop that goes up at a height on the line and comes down far outside: +1
+/// inside, 0 outside, at any distance; and exactly through the curve.
 fn needles(plane: &Plane) -> Vec<Case> {
     let Plane {
         name,
@@ -109,7 +110,7 @@ fn needles(plane: &Plane) -> Vec<Case> {
     ];
     for k in [6, 12, 18, 24, 30, 40, 48] {
         let gap = 2f64.powi(-k);
-        // Hulls flatten with the square of their length: these gaps are wide for them.
+        // Hulls flatten with the square of their length, so these gaps are wide for them.
         let answer: fn(i64) -> Answer = if k <= 30 {
             Answer::Number
         } else {
@@ -121,7 +122,7 @@ fn needles(plane: &Plane) -> Vec<Case> {
     cases
 }
 
-/// A loop with a straight side upwards at `(0, y)`, whose other sides are far away.
+/// A loop with a straight side upwards at `(0, y)`, and its other sides far away.
 fn needle(basis: Basis, y: f64) -> Loop {
     let corners = [
         [0.0, y, -20.0],
@@ -136,7 +137,7 @@ fn needle(basis: Basis, y: f64) -> Loop {
         let q = corners[(k + 1) % 4];
         match basis {
             Basis::Polyline => out.push(p),
-            // Four equal steps: the middle ones depend on this side alone, and are straight.
+            // Four equal steps: the middle ones depend on this side alone, so they are straight.
             Basis::CatmullRom | Basis::BSpline => {
                 out.extend((0..4).map(|j| between(p, q, f64::from(j) / 4.0)))
             }

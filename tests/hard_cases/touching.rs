@@ -1,4 +1,4 @@
-//! Polylines that share a point, those that nearly do, and loops that bound nothing.
+//! Polylines that share a point or nearly do, and degenerate loops.
 
 use crate::case::{Case, Polygon, Random};
 use crate::links::hopf_polygons;
@@ -9,10 +9,10 @@ pub fn cases() -> Vec<Case> {
     for (name, other) in others() {
         let pair = [square.clone(), other];
         cases.push(Case::integers(name, &pair));
-        // Exact, and no edge along an axis any more.
+        // Exact, and without edges along an axis.
         let skew = |[x, y, z]: [i64; 3]| [x + 2 * y + z, y - 3 * x, z + x + y].map(|v| v as f64);
         cases.push(Case::mapped(format!("{name}, skew"), &pair, skew));
-        // In powers of the least number and of the largest.
+        // In units of the smallest number and of the largest.
         let tiny = |p: [i64; 3]| p.map(|v| v as f64 * f64::from_bits(1));
         cases.push(Case::mapped(format!("{name}, subnormal"), &pair, tiny));
         let huge = |p: [i64; 3]| p.map(|v| v as f64 * 2f64.powi(1019));
@@ -26,7 +26,7 @@ pub fn cases() -> Vec<Case> {
     cases
 }
 
-/// Loops that meet the square of side 4 at the origin in all ways there are, or miss it narrowly.
+/// Loops that meet the square of side 4 at the origin in all possible ways, or miss it narrowly.
 fn others() -> Vec<(&'static str, Polygon)> {
     let square = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]];
     let [a, b, c, d] = square;
@@ -115,7 +115,8 @@ fn others() -> Vec<(&'static str, Polygon)> {
     ]
 }
 
-/// Loops of one and of two distinct points, all over a Hopf link: they have no number, and the link keeps its own.
+/// Loops of one and of two distinct points near a Hopf link: they have no number, and the link
+/// keeps its own.
 fn degenerate_beside_good() -> Case {
     let [a, b] = hopf_polygons(1);
     let polygons = [
@@ -125,28 +126,28 @@ fn degenerate_beside_good() -> Case {
         vec![[0, 0, -1], [0, 0, 1]],
         b,
         vec![[-2, -2, 0], [2, -2, 0], [2, -2, 0], [-2, -2, 0]],
-        // Three distinct points on a line bound nothing either, but are a loop like any other.
+        // Three distinct points on a line bound nothing either, but are a valid loop.
         vec![[0, 1, -3], [0, 1, 0], [0, 1, 3]],
     ];
     Case::integers("degenerate beside good", &polygons)
 }
 
-/// One pair touches, another is linked, and one curve is in both.
+/// One pair touches, another is linked, and both contain one of the curves.
 fn contact_hides_nothing() -> Case {
     let [a, b] = hopf_polygons(-1);
     let touching = vec![[2, 2, 0], [3, 3, 0], [3, 3, 9]];
     Case::integers("contact hides nothing", &[a, touching, b])
 }
 
-/// Random polygons, a vertex of each on an edge of the next: contact at one point among many crossings, on lines in
-/// general position.
+/// Random polygons, with a vertex of each on an edge of the next: contact at one point among many
+/// crossings, on lines in general position.
 fn random_contacts() -> Case {
     let mut random = Random(1);
     let mut polygons: Vec<Polygon> = Vec::new();
     for k in 0..12 {
         let mut polygon = random.polygon(8 + k, 2000);
         if let Some(p) = polygons.last() {
-            // A third of the way: coordinates are multiples of three.
+            // At a third of the edge, because coordinates are multiples of three.
             let (from, to) = (p[2], p[3]);
             polygon[5] = [0, 1, 2].map(|x| (2 * from[x] + to[x]) / 3);
         }
@@ -156,6 +157,7 @@ fn random_contacts() -> Case {
             .for_each(|x| *x -= *x % 3);
         polygons.push(polygon);
     }
-    // The vertices 2 and 3 were rounded before their edge was divided, and the vertex 5 is no end of it.
+    // Vertices 2 and 3 were rounded before their edge was divided, and vertex 5 is not an end of
+    // it.
     Case::integers("random contacts", &polygons)
 }

@@ -1,19 +1,19 @@
-//! Frames to verdicts to sinks: the part that `watch`, `replay` and `check` share.
+//! Verification of frames and output to sinks, shared by `watch`, `replay` and `check`.
 
 mod news;
 mod sinks;
 mod summary;
 
 pub use sinks::Sinks;
-pub use summary::Tally;
+pub use summary::FrameCounts;
 
 use self::news::{New, News};
 use self::summary::{Durations, Unresolved};
 use super::Outcome;
+use super::event_args::EventArgs;
 use super::files::Files;
 use super::kernel::KernelArgs;
 use super::live::Live;
-use super::look_for::LookFor;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
@@ -29,25 +29,25 @@ use std::time::{Duration, Instant, SystemTime};
 /// The motion limit in the metadata of a recording.
 pub const MOTION_LIMIT: &str = "motion_limit";
 
-/// Sentences printed about one frame of a stream; the rest is counted.
+/// Maximum number of sentences printed about one frame of a stream; the rest is counted.
 const SENTENCES: usize = 8;
 
-/// Number of segments up to which any frame is verified quickly, whatever its motion.
+/// Number of segments up to which every frame is verified quickly, regardless of its motion.
 #[cfg(feature = "bus")]
 const SMALL: usize = 4096;
 
-/// Verification time from which the cost of handing a frame to another thread is negligible.
+/// Verification time from which the cost of passing a frame to another thread is negligible.
 #[cfg(feature = "bus")]
 const MOMENT: Duration = Duration::from_millis(1);
 
 /// Time limit for all sinks together to finish at the end of the run.
 const FINISH: Duration = Duration::from_secs(30);
 
-/// What frames are compared with, what is looked for, and what to do about it.
+/// Baseline, events and policy of a run.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = super::COMPARE)]
 pub struct Judge {
-    /// What frames are compared with: `first-frame`, or a certificate file [default: first-frame;
+    /// Expected linking numbers: `first-frame`, or a certificate file [default: first-frame;
     /// replay: as recorded]
     #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
@@ -56,16 +56,16 @@ pub struct Judge {
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
-    pub look_for: LookFor,
+    pub event_args: EventArgs,
     /// Set by the command, so that its help lists kernels last.
     #[arg(skip)]
     pub kernel: KernelArgs,
-    /// Verify every frame in full as well, and compare: slow, a test of linkwatch itself
+    /// Also verify every frame in full, and compare: slow, a test of linkwatch itself
     #[arg(long, hide_short_help = true)]
     pub paranoid: bool,
 }
 
-/// Where expected linking numbers come from.
+/// Source of the expected linking numbers.
 #[derive(Clone, Debug)]
 pub enum Baseline {
     FirstFrame,
@@ -82,14 +82,14 @@ impl FromStr for Baseline {
     }
 }
 
-/// A frame as curves, or why it is none.
+/// Curves of a frame, or the reason why it is rejected.
 pub struct Ingested {
     curves: Result<Arc<CurveSet>>,
     took: Duration,
 }
 
 impl From<Result<CurveSet>> for Ingested {
-    /// A frame that was read already.
+    /// Wraps a frame that was read already.
     fn from(curves: Result<CurveSet>) -> Ingested {
         Ingested {
             curves: curves.map(Arc::new),
@@ -98,12 +98,12 @@ impl From<Result<CurveSet>> for Ingested {
     }
 }
 
-/// What was found out about a frame, before it goes to the sinks.
+/// Result of a frame, before it goes to the sinks.
 pub struct Judged {
     pub report: Arc<Report>,
     pub check: Duration,
     pub work: Work,
-    /// What a graphics processor was given.
+    /// Work done on the GPU.
     pub offload: Offload,
     pub curves: Option<Arc<CurveSet>>,
     /// Number of cuts that the simulator made before this frame.
@@ -120,11 +120,11 @@ pub struct Run<'a> {
     pub files: Files,
     /// True if all frames are verified in full.
     pub full: bool,
-    /// Stop each frame at its first change.
+    /// True if the verification of a frame stops at its first change.
     pub early_exit: bool,
     /// Baseline, events and motion limit that apply if the user gives none.
     pub baseline: Option<(Certificate, String)>,
-    pub look_for: (Events, f64),
+    pub default_events: (Events, f64),
     /// Names the run in the viewer.
     pub title: &'a str,
     /// Metadata of the run, for a recording.
@@ -137,17 +137,18 @@ pub struct Run<'a> {
 /// One run over frames.
 pub struct Session {
     verifier: Verifier,
-    /// Cuts before the last verified frame. A frame with another number does not continue that one.
+    /// Number of cuts before the last verified frame. A frame with another number does not continue
+    /// it.
     cuts: u32,
     /// Origin of the baseline, in words.
     origin: String,
     /// True if the first frame is the baseline.
     from_first_frame: bool,
-    /// Events that are looked for.
+    /// Events to report.
     events: Events,
     queues: Vec<SinkQueue>,
     begun: bool,
-    /// Frames that sinks may still hold; one that nobody holds any more takes the next frame.
+    /// Frames that sinks may still hold. The next frame reuses one that is free.
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pool: Vec<Arc<CurveSet>>,
     json: bool,
@@ -155,14 +156,14 @@ pub struct Session {
     outcome: Outcome,
     news: News,
     unresolved: Unresolved,
-    tally: Tally,
+    tally: FrameCounts,
     checks: Durations,
     /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
     last_check: Option<Duration>,
     /// Frames on the full, the quiet and the partial route.
     routes: [u64; 3],
-    /// Open curves of the frames, once a frame was verified.
+    /// Number of open curves of the frames, once a frame was verified.
     open_curves: Option<u64>,
     /// True if frames are model files.
     files: bool,
@@ -178,7 +179,7 @@ impl Session {
             sinks,
             mut files,
             mut metadata,
-            look_for: (default_events, default_limit),
+            default_events: (default_events, default_limit),
             ..
         } = run;
         if let Some(Baseline::File(path)) = &judge.baseline {
@@ -194,9 +195,9 @@ impl Session {
         };
         let abort_on = judge.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
-        let events = judge.look_for.events(abort_on).max(default_events);
+        let events = judge.event_args.events(abort_on).max(default_events);
         metadata.insert("events".into(), events.to_string());
-        let limit = judge.look_for.motion_limit.unwrap_or(default_limit);
+        let limit = judge.event_args.motion_limit.unwrap_or(default_limit);
         metadata.insert(MOTION_LIMIT.into(), limit.to_string());
         let from_first_frame = given.is_none();
         let (mut verifier, origin) = match given {
@@ -227,7 +228,7 @@ impl Session {
                 limit,
                 ..Unresolved::default()
             },
-            tally: Tally::default(),
+            tally: FrameCounts::default(),
             checks: Durations::default(),
             #[cfg(feature = "bus")]
             last_check: None,
@@ -243,28 +244,30 @@ impl Session {
         self.verifier.progress()
     }
 
-    /// Returns true if verifying the frame likely takes little time, so that handing it to another
-    /// thread would not pay: the frame is small, and the previous one was quick.
+    /// Returns true if verifying the frame likely takes so little time that passing it to another
+    /// thread does not pay: the frame is small, and the previous one was quick.
     #[cfg(feature = "bus")]
     pub fn is_quick(&self, frame: &Ingested) -> bool {
         let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
         segments <= SMALL && self.last_check.is_some_and(|check| check < MOMENT)
     }
 
-    /// What is printed while the run lasts.
+    /// Returns the output shown while the run lasts.
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn live(&self) -> &Live {
         &self.live
     }
 
-    /// Moves a frame into curves. One that breaks its contract is rejected when it is judged.
+    /// Converts a frame to curves. A frame that breaks its contract is rejected by
+    /// [`Session::judge`].
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn ingest(&mut self, ingest: impl FnOnce(&mut Option<CurveSet>) -> Result<()>) -> Ingested {
         let start = Instant::now();
         let mut set = self.free_curves();
         let ingested = ingest(&mut set);
         let set = set.map(Arc::new);
-        // A rejected frame is half of this frame and half of the previous one: only its layout is valid.
+        // A rejected frame is a mixture of this frame and the previous one: only its layout is
+        // valid.
         self.pool.extend(set.clone());
         let no_curves = || Error::Usage("the frame holds no curves".into());
         Ingested {
@@ -273,7 +276,7 @@ impl Session {
         }
     }
 
-    /// Says which frame will be judged after the next one.
+    /// Announces the frame that will be judged after the next one.
     #[cfg(feature = "mcap")]
     pub fn announce(&mut self, frame: &Ingested) {
         if let Ok(set) = &frame.curves {
@@ -282,17 +285,18 @@ impl Session {
     }
 
     /// Verifies one frame. If `cuts` differs from that of the last frame, the frame does not
-    /// continue that one.
+    /// continue it.
     ///
-    /// Errors: [`Error::CertificateMismatch`] and [`Error::NothingClosed`], since later frames of the
-    /// same curves fail in the same way; [`Error::Cancelled`] if the frame was not verified.
+    /// Errors: [`Error::CertificateMismatch`] and [`Error::NothingClosed`], because later frames of
+    /// the same curves fail in the same way; [`Error::Cancelled`] if the frame was not verified.
     pub fn judge(&mut self, seq: u64, time: f64, cuts: u32, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
         let Ingested { curves, took } = frame;
         let outcome = curves.and_then(|set| {
             if std::mem::replace(&mut self.cuts, cuts) != cuts {
                 self.live.note(format_args!(
-                    "frame {seq} does not continue the previous one: the simulator rolled back or jumped"
+                    "frame {seq} does not continue the previous one: the simulator rolled back or \
+                     jumped"
                 ));
                 self.verifier.cut();
             }
@@ -327,8 +331,8 @@ impl Session {
         };
         if work.disagreed {
             tracing::error!(
-                "frame {seq}: the incremental verification was wrong, which is an error of linkwatch; \
-                 the full one holds, for this frame and from here on"
+                "frame {seq}: the incremental verification was wrong, which is a bug of linkwatch; \
+                 this frame and all later ones are verified in full"
             );
             self.data_lost();
         }
@@ -343,7 +347,8 @@ impl Session {
         })
     }
 
-    /// Curves that no sink holds any more, or a copy: later frames must have the layout of the first.
+    /// Returns curves that no sink holds, or a copy: later frames must have the layout of the
+    /// first.
     #[cfg(any(feature = "bus", feature = "mcap"))]
     fn free_curves(&mut self) -> Option<CurveSet> {
         let free = self
@@ -356,8 +361,8 @@ impl Session {
         }
     }
 
-    /// Hands a frame to the sinks and tells the user what is new.
-    pub fn publish(&mut self, judged: Judged, tally: Tally) {
+    /// Passes a frame to the sinks, and prints its new findings.
+    pub fn publish(&mut self, judged: Judged, tally: FrameCounts) {
         self.tally = tally;
         self.outcome = self.outcome.max(Outcome::of(judged.report.verdict));
         if let Some(certificate) = self.verifier.baseline().filter(|_| !self.begun) {
@@ -378,7 +383,7 @@ impl Session {
             self.checks.add(judged.check);
             self.routes[judged.work.route as usize] += 1;
         }
-        self.tell(&judged);
+        self.print(&judged);
         let record = Arc::new(FrameRecord {
             curves: judged.curves,
             cuts: judged.cuts,
@@ -404,8 +409,8 @@ impl Session {
         }
     }
 
-    /// Prints the part of the report that is new.
-    fn tell(&mut self, judged: &Judged) {
+    /// Prints the new findings of a report, and updates the status line.
+    fn print(&mut self, judged: &Judged) {
         let Judged {
             report,
             check,
@@ -433,8 +438,8 @@ impl Session {
         let news = self.news.of(report, model.as_deref());
         match model {
             _ if self.json => {}
-            Some(model) => tell_of_model(model, report, &news),
-            None if news.notable => tell_of_frame(report, *check, &news),
+            Some(model) => print_model(model, report, &news),
+            None if news.notable => print_frame(report, *check, &news),
             None => {}
         }
         if model.is_none() {
@@ -450,7 +455,7 @@ impl Session {
         }
     }
 
-    /// Something else happened that makes the run less than complete.
+    /// Records that the run is incomplete.
     pub fn data_lost(&mut self) {
         self.outcome = self.outcome.max(Outcome::Undecided);
     }
@@ -467,8 +472,8 @@ impl Session {
         self
     }
 
-    /// Closes the sinks and sums up. `tally` is the last word on all frames.
-    pub fn finish(mut self, tally: Tally) -> Outcome {
+    /// Closes the sinks and prints the summary. `tally` has the final counts of all frames.
+    pub fn finish(mut self, tally: FrameCounts) -> Outcome {
         self.tally = tally;
         let mut kept = Vec::new();
         let mut summaries = Vec::new();
@@ -480,7 +485,7 @@ impl Session {
             match &summary.failed {
                 // The sink logged the reason when it failed.
                 Some(why) => tracing::error!(
-                    "{} is incomplete: at least {} of {all} are in it: {why}",
+                    "{} is incomplete: it has at least {} of {all}: {why}",
                     summary.name,
                     count(summary.written),
                 ),
@@ -509,7 +514,7 @@ impl Session {
         self.outcome
     }
 
-    /// Prints the last lines.
+    /// Prints the summary.
     fn sum_up(&self, sinks: &[SinkSummary], notes: Vec<String>) {
         let tally = self.tally;
         let word = match (tally.verified, self.outcome) {
@@ -563,7 +568,7 @@ impl Session {
             let curves = plural(n, "open curve");
             line += &match checked {
                 true => format!("\n{curves} verified for pull-throughs, without linking numbers"),
-                false => format!("\nnot verified: {curves} (--events looks for pull-throughs)"),
+                false => format!("\nnot verified: {curves} (--events verifies pull-throughs)"),
             };
         }
         if let Some((words, _)) = &self.comparison {
@@ -577,7 +582,7 @@ impl Session {
 }
 
 /// Prints the verdict on a frame of a stream, and its new findings.
-fn tell_of_frame(report: &Report, check: Duration, news: &New) {
+fn print_frame(report: &Report, check: Duration, news: &New) {
     output::line(format_args!(
         "{} (checked in {})",
         report.headline(),
@@ -596,22 +601,22 @@ fn tell_of_frame(report: &Report, check: Duration, news: &New) {
 }
 
 /// Prints the verdict on a model file, and its new findings.
-fn tell_of_model(model: &str, report: &Report, news: &New) {
+fn print_model(model: &str, report: &Report, news: &New) {
     output::line(format_args!("{model}: {}", report.verdict));
     for sentence in news.sentences.iter().chain(&report.rejected) {
         output::line(format_args!("  {sentence}"));
     }
     if news.known > 0 {
         let known = plural(news.known as u64, "finding");
-        output::line(format_args!("  {known} as in the model before"));
+        output::line(format_args!("  {known} as in the previous model"));
     }
     if report.stats.unchecked > 0 {
         let unchecked = plural(report.stats.unchecked, "pair");
-        output::line(format_args!("  {unchecked} left unchecked"));
+        output::line(format_args!("  {unchecked} not checked"));
     }
 }
 
-/// What a frame took, in a few words.
+/// Describes the work of a frame in a few words.
 fn in_words(work: &Work, offload: Offload) -> String {
     let age = match work.reference_age {
         Some(age) => format!(", reference {}", plural(age, "frame")),
@@ -626,7 +631,7 @@ fn in_words(work: &Work, offload: Offload) -> String {
             };
             let offloaded = match offload.tests {
                 0 => String::new(),
-                n => format!(", {} on the device", plural(n, "test")),
+                n => format!(", {} on the GPU", plural(n, "test")),
             };
             format!(
                 "full, {}{summed}{offloaded}{age}",

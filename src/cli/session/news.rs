@@ -1,4 +1,4 @@
-//! Findings of a frame that are new: what lasts over several frames is printed once.
+//! New findings of a frame: a finding that lasts over several frames is printed once.
 
 use linkwatch::{Change, Defect, DefectKind, Point, Report, Verdict};
 use std::collections::BTreeSet;
@@ -52,7 +52,7 @@ fn located(report: &Report) -> impl Iterator<Item = Located> + '_ {
     changes.chain(events).chain(defects).chain(unresolved)
 }
 
-/// The first frame whose verdict is not intact, with its first finding.
+/// First frame whose verdict is not intact, with its first finding.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Violation {
     /// Sequence number of the frame.
@@ -80,17 +80,18 @@ impl std::fmt::Display for Violation {
     }
 }
 
-/// The findings of a frame that were not part of the last one.
+/// Findings of a frame that the previous frame did not have.
 pub struct New {
     /// Sentences about the new findings.
     pub sentences: Vec<String>,
-    /// Number of findings that were part of the last frame as well.
+    /// Number of findings that the previous frame had as well.
     pub known: usize,
-    /// True if the frame is worth a message: a new finding, or another verdict than before.
+    /// True if the frame deserves a message: it has a new finding, or another verdict than the
+    /// previous one.
     pub notable: bool,
 }
 
-/// What was printed so far.
+/// Findings printed so far.
 #[derive(Default)]
 pub struct News {
     /// Changes and defects of the last frame.
@@ -100,7 +101,8 @@ pub struct News {
 }
 
 impl News {
-    /// Takes a report and returns its news. `model` is the file of the frame, if it has one.
+    /// Returns the news of a report, and records it. `model` is the file of the frame, if it has
+    /// one.
     pub fn of(&mut self, report: &Report, model: Option<&str>) -> New {
         let mut new = New {
             sentences: Vec::new(),
@@ -132,8 +134,8 @@ impl News {
             });
         }
         self.last_verdict = Some(report.verdict);
-        // Nothing is known of the findings of a rejected frame. Others that ended are printed again
-        // if they return.
+        // The findings of a rejected frame are unknown. Others that ended are printed again if they
+        // return.
         if report.verdict != Verdict::Rejected {
             self.known = lasting;
         }

@@ -1,4 +1,4 @@
-//! `--record`, `--view`, `--rrd` and `--connect`: destinations of verified frames.
+//! The options `--record`, `--view`, `--rrd` and `--connect`: destinations of verified frames.
 
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 use crate::cli::files::{Content, claim};
@@ -12,7 +12,7 @@ use std::path::PathBuf;
 #[cfg(feature = "rerun")]
 use std::time::Duration;
 
-/// Frames that may wait for a sink.
+/// Maximum number of frames that wait for a sink.
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 const WAITING: usize = 8;
 
@@ -24,7 +24,7 @@ const WAITING_POINTS: usize = 1_000_000;
 #[cfg(feature = "rerun")]
 const OPEN: Duration = Duration::from_secs(10);
 
-/// Where verified frames go.
+/// Destinations of verified frames.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = crate::cli::WRITE)]
 pub struct Sinks {
@@ -40,7 +40,7 @@ pub struct Sinks {
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "FILE.rrd", group = "shown")]
     rrd: Option<PathBuf>,
-    /// Show every frame in a viewer that is running
+    /// Show every frame in a running viewer
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "URL", group = "shown")]
     connect: Option<String>,
@@ -126,7 +126,7 @@ impl Sinks {
             None if self.view => ViewerTarget::Spawn,
             None => return Ok(None),
         };
-        // A file must be complete, or it misleads; a live viewer may miss a frame.
+        // A file must be complete, because a gap would mislead; a live viewer may miss a frame.
         let queue = SinkQueue::spawn("viewer", WAITING, Overflow::DropOldest, move || {
             Ok(Box::new(ViewerSink::open(&target, &title)?))
         })?;

@@ -1,19 +1,19 @@
-//! The last lines of a run: how many frames had which end, and how long they took.
+//! Summary of a run: numbers of frames, and duration of the checks.
 
 use crate::cli::output::{count, millis, percent, plural};
 use linkwatch::Report;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Frames verified, skipped and rejected so far.
+/// Numbers of frames verified, skipped and rejected so far.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Tally {
+pub struct FrameCounts {
     pub verified: u64,
     pub skipped: u64,
     pub rejected: u64,
 }
 
-impl Tally {
+impl FrameCounts {
     /// Returns the share of all frames that were skipped.
     pub fn skipped_share(self) -> f64 {
         let all = self.verified + self.skipped + self.rejected;
@@ -56,7 +56,7 @@ impl Unresolved {
     }
 
     /// Returns a sentence with their number, and the factor by which frames would have to be closer
-    /// together to keep all of them within the limit.
+    /// together so that all of them are within the limit.
     pub fn words(&self) -> String {
         let remedy = match self.limit {
             0.0 => "none is resolved".to_owned(),
@@ -76,7 +76,7 @@ impl Unresolved {
     }
 }
 
-/// Durations in buckets of 5 %: a run may last for days.
+/// Histogram of durations in buckets of 5 %, because a run may last for days.
 #[derive(Default)]
 pub struct Durations {
     buckets: BTreeMap<i32, u64>,
@@ -93,7 +93,7 @@ impl Durations {
         self.longest = self.longest.max(d);
     }
 
-    /// The median, within a bucket.
+    /// Returns the median, with the precision of a bucket.
     pub fn median(&self) -> Duration {
         let half = self.buckets.values().sum::<u64>() / 2;
         let mut seen = 0;

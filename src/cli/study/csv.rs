@@ -1,4 +1,4 @@
-//! Tables as files of comma-separated values, a row as soon as it is measured.
+//! Tables as files of comma-separated values. A row is written as soon as it is measured.
 
 use linkwatch::{Error, Result};
 use serde_json::Value;
@@ -6,15 +6,15 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// A file of rows that have these fields, or none where nobody asked for it.
+/// File of rows with these fields; writes nothing if no file was requested.
 pub struct Csv {
     file: Option<(PathBuf, File)>,
     fields: &'static [&'static str],
 }
 
 impl Csv {
-    /// Creates the file and writes its header: before anything is measured, so that a path that cannot be written costs
-    /// no time.
+    /// Creates the file and writes its header. Call this before the measurements, so that an
+    /// invalid path fails at once.
     pub fn create(path: Option<&Path>, fields: &'static [&'static str]) -> Result<Csv> {
         let file = match path {
             Some(path) => {
@@ -28,7 +28,7 @@ impl Csv {
         Ok(csv)
     }
 
-    /// Writes the fields of an object; those that it lacks, or that are null, are empty.
+    /// Writes the fields of an object. Missing or null fields are empty.
     pub fn row(&mut self, object: &Value) -> Result<()> {
         let fields: Vec<String> = self.fields.iter().map(|f| field(&object[*f])).collect();
         self.line(fields.join(","))
@@ -43,7 +43,7 @@ impl Csv {
     }
 }
 
-/// Makes sure that a folder is there.
+/// Creates a folder unless it exists.
 pub fn create_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|e| failed(path, e))
 }
@@ -53,7 +53,7 @@ fn failed(path: &Path, source: std::io::Error) -> Error {
     Error::File { path, source }
 }
 
-/// A value; in quotes where it has a comma, as scenes do.
+/// Formats a value, in quotes if it has a comma, as scenes do.
 fn field(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_with_commas_are_quoted() {
+    fn quotes_texts_with_commas() {
         assert_eq!(field(&"ribbon".into()), "ribbon");
         assert_eq!(field(&"a:b=1,c=2".into()), "\"a:b=1,c=2\"");
         assert_eq!(field(&"a \"b\"".into()), "\"a \"\"b\"\"\"");

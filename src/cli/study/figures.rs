@@ -5,13 +5,13 @@ use super::row::Row;
 use super::slopes;
 use linkwatch::kernels::Method;
 
-/// What is exact to the last bit is drawn here, for logarithms.
+/// Errors below this are drawn here, because the axis is logarithmic.
 const LEAST_ERROR: f64 = 1e-16;
 
-/// Times are drawn from here on, in milliseconds, for logarithms.
+/// Times below this are drawn here, in milliseconds, because the axis is logarithmic.
 const LEAST_TIME: f64 = 1e-4;
 
-/// Points in series, which stand in the order of their first points.
+/// Groups points into series, in the order of their first points.
 fn series(points: impl Iterator<Item = (String, (f64, f64))>) -> Vec<Series> {
     let mut all: Vec<Series> = Vec::new();
     for (name, point) in points {
@@ -23,7 +23,8 @@ fn series(points: impl Iterator<Item = (String, (f64, f64))>) -> Vec<Series> {
     all
 }
 
-/// Error against time. What counts has no error that a logarithm could show: a line at its time.
+/// Plots error against time. Counting has no error that a logarithmic axis could show, so it is
+/// drawn as a line at its time.
 pub fn error_against_time(model: &str, rows: &[Row]) -> Plot {
     let point = |row: &Row| {
         let ms = row.measured.as_ref().ok()?.ms.max(LEAST_TIME);
@@ -48,7 +49,7 @@ pub fn error_against_time(model: &str, rows: &[Row]) -> Plot {
     }
 }
 
-/// Mean error against beta, with what was published beside it.
+/// Plots the mean error against beta, with the published estimate beside it.
 pub fn error_against_beta(model: &str, rows: &[Row]) -> Plot {
     let mut series = Vec::new();
     let mut guides = Vec::new();
@@ -61,7 +62,7 @@ pub fn error_against_beta(model: &str, rows: &[Row]) -> Plot {
         if points.is_empty() {
             continue;
         }
-        // Through the middle of the points, since single ones are off by chance.
+        // Through the middle of the points, because single points scatter.
         let n = points.len() as f64;
         let scales = points
             .iter()
@@ -80,7 +81,7 @@ pub fn error_against_beta(model: &str, rows: &[Row]) -> Plot {
     }
 }
 
-/// Time of everything, from points to proven numbers, against the number of segments.
+/// Plots the total time, from points to proven linking numbers, against the number of segments.
 pub fn time_against_size<'a>(model: &str, rows: impl Iterator<Item = &'a Row>) -> Plot {
     let mut rows: Vec<&Row> = rows.filter(|row| row.segments > 0).collect();
     rows.sort_by_key(|row| row.segments);
@@ -106,7 +107,7 @@ pub fn time_against_size<'a>(model: &str, rows: impl Iterator<Item = &'a Row>) -
     Plot {
         title: format!("Time against size: {model}"),
         x: "segments".into(),
-        y: "time of everything (ms)".into(),
+        y: "total time (ms)".into(),
         series,
     }
 }

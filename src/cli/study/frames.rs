@@ -1,12 +1,12 @@
-//! `linkwatch study frames`: what a moving frame costs, against the amplitude of its motion.
+//! `linkwatch study frames`: cost of a moving frame against the amplitude of its motion.
 //!
-//! Every frame is read once, taken over into the curve set, and verified incrementally; every few frames a second
-//! verifier computes everything, for its time and for its verdict. All of it alternates frame by frame, so that a
-//! busy machine slows all of it alike.
+//! Every frame is read once, copied into the curve set, and verified incrementally. Every few
+//! frames a second verifier computes the frame in full, for its time and its verdict. All
+//! measurements alternate frame by frame, so that a busy machine slows all of them equally.
 
 use crate::cli::Outcome;
+use crate::cli::event_args::EventArgs;
 use crate::cli::input;
-use crate::cli::look_for::LookFor;
 use crate::cli::number::positive;
 use crate::cli::output::{self, count, plural};
 use linkwatch::scenes::{Frames, Motion, Scene};
@@ -16,14 +16,15 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
-/// Full runs of a row: enough for a median.
+/// Number of full runs of a row: enough for a median.
 const FULL_RUNS: u64 = 25;
 
 /// Time moving frames: incremental verification against a plain read of the frame and a full run
 ///
-/// Motions are words joined by `+`: still, smooth (waves of 40 diameters), iid (noise of each point), translate (5
-/// diameters a frame), rotate (3 degrees a frame), stretch and scale (0.8 to 1.25). The amplitude is that of smooth and
-/// iid. The exit code is 1 where a verdict is not that of the full run.
+/// Motions are words joined by `+`: still, smooth (waves of 40 diameters), iid (independent noise
+/// of each point), translate (5 diameters a frame), rotate (3 degrees a frame), stretch and scale
+/// (0.8 to 1.25). The amplitude applies to smooth and iid. The exit code is 1 if a verdict differs
+/// from that of the full run.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A model (.bcc, .obj, .vect), or a scene as `linkwatch generate` takes it
@@ -53,28 +54,28 @@ pub struct Args {
     )]
     amplitudes: Vec<f64>,
     #[command(flatten)]
-    look_for: LookFor,
+    event_args: EventArgs,
 }
 
 fn amplitude(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(x) if f64::is_finite(x) && x >= 0.0 => Ok(x),
-        _ => Err("expected numbers from 0 on".into()),
+        _ => Err("expected numbers of at least 0".into()),
     }
 }
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut set = input::read(Path::new(&args.input))?;
-    // What could be read is no scene only where it is a file.
+    // An input that could be read and parses as a scene is a scene, unless it is a file.
     let scene = args.input.parse::<Scene>().ok();
     let own = scene.and_then(|scene| scene.value("diameter"));
     let diameter = args.diameter.or(own).ok_or_else(|| {
-        let what = "has no diameter of its own to measure amplitudes in: give --diameter";
+        let what = "has no diameter, the unit of the amplitudes: give --diameter";
         Error::Usage(format!("{} {what}", args.input))
     })?;
     let mut frames = Frames::new(&set, diameter);
-    let events = args.look_for.events(AbortOn::Never);
+    let events = args.event_args.events(AbortOn::Never);
     let threads = rayon::current_num_threads();
     if !as_json {
         output::line(format_args!(
@@ -94,7 +95,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         .motions
         .iter()
         .flat_map(|motion| {
-            // What does not depend on the amplitude is measured once.
+            // Motions without an amplitude are measured once.
             let amplitudes = match motion.has_amplitude() {
                 true => &args.amplitudes[..],
                 false => &[0.0],
@@ -110,7 +111,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         let mut verifiers = Verifiers::of(&mut set, &mut frames, events)?;
         for frame in 1..=args.frames {
             let positions = frames.at(motion, amplitude * diameter, frame);
-            // Who looks for pull-throughs must see every frame.
+            // The search for pull-throughs must see every frame.
             let every = match events {
                 Events::Off => (args.frames / FULL_RUNS).max(1),
                 _ => 1,
@@ -163,14 +164,14 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     })
 }
 
-/// The verifier that is measured, and the one that computes everything.
+/// The incremental verifier that is measured, and the one that computes every frame in full.
 struct Verifiers {
     incremental: Verifier,
     full: Verifier,
 }
 
 impl Verifiers {
-    /// Both have seen frame 0, which is their baseline.
+    /// Creates both verifiers. Both have seen frame 0, which is their baseline.
     fn of(set: &mut CurveSet, frames: &mut Frames, events: Events) -> Result<Verifiers> {
         let mut verifiers = Verifiers {
             incremental: Verifier::new(AbortOn::Never),
@@ -186,34 +187,34 @@ impl Verifiers {
     }
 }
 
-/// What the frames of one motion and amplitude took. Times are in milliseconds.
+/// Measurements of one motion and amplitude. Times are in milliseconds.
 struct Row {
     motion: String,
-    /// In diameters.
+    /// Amplitude in diameters.
     amplitude: f64,
     read: Vec<f64>,
     update: Vec<f64>,
     frame: Vec<f64>,
     full: Vec<f64>,
-    /// Frames that went the full, the quiet and the partial way.
+    /// Number of frames on the full, the quiet and the partial route.
     routes: [u64; 3],
     /// Sums over all frames.
     blocks: u64,
     marked: u64,
     recertified: u64,
     recomputed: u64,
-    /// Pull-throughs told.
+    /// Number of reported pull-throughs.
     events: u64,
-    /// Full runs that said the same.
+    /// Number of full runs with an equal result.
     equal: u64,
-    /// Full runs whose verdict was not intact.
+    /// Number of full runs whose verdict was not intact.
     broken: u64,
 }
 
 const HEADER: &str = "motion             amplitude     read    full   frame   /read     p95  marked  \
                       recertified  recomputed  full/quiet/partial %  verdicts";
 
-/// First frames, after each of which work beside the stream is waited for.
+/// Number of first frames after each of which the background work is awaited.
 const SETTLED: u64 = 3;
 
 impl Row {
@@ -236,7 +237,7 @@ impl Row {
         }
     }
 
-    /// Measures one frame. Says what differs, where the full run comes to another result.
+    /// Measures one frame. Returns the difference if the full run has another result.
     fn measure(
         &mut self,
         verifiers: &mut Verifiers,
@@ -255,14 +256,15 @@ impl Row {
         self.recertified += work.recertified;
         self.recomputed += work.recomputed;
         self.events += report.events.len() as u64;
-        // A simulation gives the first reference the time that it needs; frames follow at once here.
+        // A simulation leaves enough time for the first reference frame; here frames follow at
+        // once.
         if frame < SETTLED {
             verifier.settle();
         }
         if !full {
             return Ok(None);
         }
-        // Once more, so that both verifiers come after the same work of one thread.
+        // Updated again, so that both verifiers run after the same single-threaded work.
         set.update(black_box(positions))?;
         let expected = timed(&mut self.full, || verifiers.full.step(frame, 0.0, set))?;
         self.broken += u64::from(expected.verdict != linkwatch::Verdict::Intact);
@@ -283,7 +285,7 @@ impl Row {
         self.full.len() as u64
     }
 
-    /// The share of frames that took a route.
+    /// Returns the share of frames that took a route.
     fn share(&self, route: usize) -> f64 {
         self.routes[route] as f64 / self.frame.len() as f64
     }
@@ -292,7 +294,7 @@ impl Row {
         self.marked as f64 / self.blocks.max(1) as f64
     }
 
-    /// The mean of a sum over the frames.
+    /// Returns the mean of a sum over the frames.
     fn each(&self, sum: u64) -> f64 {
         sum as f64 / self.frame.len() as f64
     }
@@ -351,7 +353,7 @@ impl Row {
     }
 }
 
-/// Whether two reports say the same about the topology of a frame.
+/// Returns true if two reports agree on the topology of a frame.
 fn same(a: &Report, b: &Report) -> bool {
     (a.verdict, &a.changes) == (b.verdict, &b.changes)
         && (&a.events, &a.defects) == (&b.events, &b.defects)
@@ -365,9 +367,9 @@ fn timed<T>(times: &mut Vec<f64>, work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// The largest coordinate: the least that can be done with a frame, by one thread.
+/// Returns the largest coordinate: the minimum work that reads a whole frame, by one thread.
 fn largest(positions: Positions<'_>) -> f64 {
-    // Many maxima side by side, so that the compiler uses vectors.
+    // Computes several maxima in parallel, so that the compiler uses vectors.
     fn of<T: Copy + PartialOrd>(values: &[T], least: T) -> T {
         let larger = |a: T, b: T| if a > b { a } else { b };
         let mut lanes = [least; 32];
@@ -390,12 +392,13 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     median_of(&values.collect::<Vec<f64>>())
 }
 
-/// The median of some values. There is one.
+/// Returns the median of some values, of which there is at least one.
 pub fn median_of(values: &[f64]) -> f64 {
     percentile(values, 50)
 }
 
-/// The nearest value at or above a share of all of them, in percent. There is one.
+/// Returns the nearest value at or above a percentile of some values, of which there is at least
+/// one.
 fn percentile(values: &[f64], percent: usize) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -407,7 +410,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_plain_read_reads_everything() {
+    fn the_plain_read_covers_all_coordinates() {
         let mut v: Vec<f32> = (0..1000).map(|k| -(k as f32)).collect();
         assert_eq!(largest(Positions::F32(&v)), 0.0);
         for at in [1, 500, 999] {
@@ -419,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_of_few_and_many() {
+    fn computes_percentiles_of_few_and_many_values() {
         assert_eq!((median_of(&[5.0]), percentile(&[5.0], 95)), (5.0, 5.0));
         let v: Vec<f64> = (0..100).rev().map(f64::from).collect();
         assert_eq!((median_of(&v), percentile(&v, 95)), (50.0, 95.0));

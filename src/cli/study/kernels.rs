@@ -1,11 +1,12 @@
 //! `linkwatch study kernels`: speed against error of every kernel, on one scene.
 //!
-//! The exact certificate comes first; every sum is compared with it. Whatever the error of a sum, the certificate must be
-//! the exact one, since only what the proven bound decides is taken from the sum.
+//! The exact certificate is computed first, and every sum is compared with it. Each certificate
+//! must be the exact one whatever the error of its sums, because only sums that their proven bound
+//! decides are used.
 
 use super::csv::{Csv, create_folder};
 use super::figures;
-use super::row::{Effort, FIELDS, HEADER, Row, Subject};
+use super::row::{Effort, FIELDS, HEADER, Row, StudyModel};
 use super::setting::Setting;
 use super::sizes;
 use super::slopes::Slope;
@@ -22,8 +23,8 @@ use std::path::{Path, PathBuf};
 
 /// Measure the kernels: speed against error
 ///
-/// Counting crossings, the direct sums, interval arithmetic, and Barnes-Hut by beta, by the proven bound and as
-/// published. The exit code is 1 where a certificate is not the exact one.
+/// Measures counting crossings, direct sums, interval arithmetic, and Barnes-Hut by beta, by the
+/// proven bound and as published. The exit code is 1 if a certificate is not the exact one.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// A model (.bcc, .obj, .vect), or a scene as `linkwatch generate` takes it
@@ -38,7 +39,7 @@ pub struct Args {
         value_parser = beta
     )]
     betas: Vec<f64>,
-    /// Measure a generated scene at these sizes, too: numbers of segments, separated by commas
+    /// Also measure a generated scene at these sizes: numbers of segments, separated by commas
     /// [default with --plot: a 64th, a 16th and a 4th of its own]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = sizes::size)]
     sizes: Vec<u64>,
@@ -49,13 +50,14 @@ pub struct Args {
     /// Number of runs of each kernel; the median is printed
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
-    /// Skip sums over all pairs of segments that would take longer than this; repeat nothing beyond it
+    /// Skip sums over all pairs of segments that would take longer than this; run anything longer
+    /// only once
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
     limit: f64,
     /// Write the table to a file
     #[arg(long, value_name = "FILE", help_heading = crate::cli::WRITE)]
     csv: Option<PathBuf>,
-    /// Write plots into a folder, as PNG and SVG: error against time and against beta, time against size
+    /// Write plots to a folder, as PNG and SVG: error against time and beta, time against size
     #[arg(long, value_name = "DIR", help_heading = crate::cli::WRITE)]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -81,12 +83,12 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             }
         }
     }
-    // Open from here on, so that no run pays for it.
+    // Opened before the measurements, so that no run includes it.
     let mut on_device = Verifier::new(AbortOn::Never);
     on_device.set_device(&args.device)?;
     let device = on_device.device();
-    let subject = Subject::new(input::read(Path::new(&args.input))?)?;
-    // What could be read is no scene only where it is a file.
+    let subject = StudyModel::new(input::read(Path::new(&args.input))?)?;
+    // An input that could be read and parses as a scene is a scene, unless it is a file.
     let scene = args.input.parse::<Scene>().ok();
     let own = subject.set.segments() as u64;
     let others = match scene {
@@ -131,7 +133,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         (settings.len() + others.len() * at_sizes.len()) as u64,
         "rows",
     );
-    let mut measure = |subject: &Subject, settings: &[Setting], rows: &mut Vec<Row>| {
+    let mut measure = |subject: &StudyModel, settings: &[Setting], rows: &mut Vec<Row>| {
         for &setting in settings {
             bar.set_message(setting.to_string());
             let row = Row::measure(setting, subject, &effort)?;
@@ -150,7 +152,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     }
     let mut resized = Vec::new();
     for scene in others {
-        let subject = Subject::new(scene.build()?.curves)?;
+        let subject = StudyModel::new(scene.build()?.curves)?;
         let segments = subject.set.segments() as u64;
         bar.suspend(|| say(&format_args!("{} segments:", count(segments))));
         measure(&subject, &at_sizes, &mut resized)?;
@@ -185,7 +187,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     for row in rows.iter().chain(&resized).filter(|row| row.differs()) {
         let segments = plural(row.segments as u64, "segment");
         tracing::error!(
-            "{}, {segments}: the certificate is not the exact one",
+            "{}, {segments}: the certificate differs from the exact one",
             row.setting
         );
         outcome = Outcome::Changed;

@@ -1,4 +1,5 @@
-//! `linkwatch study`: measurements that alternate, in one run, what is measured with what it is compared to.
+//! `linkwatch study`: measures alternatives alternately in one run, so that their times are
+//! comparable.
 
 mod csv;
 mod figures;
@@ -16,7 +17,7 @@ use super::Outcome;
 use clap::Subcommand;
 use linkwatch::Result;
 
-/// Measure what verification costs, beside what it is compared with
+/// Measure the cost of verification, compared with alternatives
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]

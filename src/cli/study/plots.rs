@@ -1,4 +1,4 @@
-//! Plots with two logarithmic axes, as PNG and SVG. The font comes with the command.
+//! Plots with two logarithmic axes, as PNG and SVG. The font is embedded.
 
 use linkwatch::Result;
 use plotters::coord::Shift;
@@ -12,25 +12,25 @@ use std::sync::Once;
 
 /// A plot.
 pub struct Plot {
-    /// What stands above it.
+    /// Title above the plot.
     pub title: String,
-    /// What the axes measure, with units.
+    /// Quantities of the axes, with units.
     pub x: String,
     pub y: String,
     pub series: Vec<Series>,
 }
 
-/// Points of one colour, all of them above 0.
+/// Points of one colour, all coordinates above 0.
 pub struct Series {
     /// Its name in the legend.
     pub name: String,
     pub points: Vec<(f64, f64)>,
-    /// Whether it is a dashed line to compare with.
+    /// True for a dashed reference line.
     guide: bool,
 }
 
 impl Series {
-    /// Measured points, joined by a line.
+    /// Creates a series of measured points, joined by a line.
     pub fn marks(name: String, points: Vec<(f64, f64)>) -> Series {
         let guide = false;
         Series {
@@ -40,7 +40,7 @@ impl Series {
         }
     }
 
-    /// A dashed line.
+    /// Creates a dashed reference line.
     pub fn guide(name: String, points: Vec<(f64, f64)>) -> Series {
         let guide = true;
         Series {
@@ -52,11 +52,12 @@ impl Series {
 }
 
 const SIZE: (u32, u32) = (1280, 760);
-/// Beside the data, so that it covers none.
+/// Width of the legend beside the data.
 const LEGEND: u32 = 240;
 const FONT: &str = "sans-serif";
 
-/// Colours that most people can tell apart (Okabe & Ito 2008), without the yellow, which is pale on white.
+/// Colours that most people can tell apart (Okabe & Ito 2008), without the yellow, which is pale on
+/// white.
 const COLORS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -94,7 +95,7 @@ impl Plot {
     }
 
     fn draw<B: DrawingBackend>(&self, root: &DrawingArea<B, Shift>) -> Result<()> {
-        // The errors of backends differ; all of them are of writing.
+        // The error types of backends differ; all of them are failures to write.
         self.try_draw(root)
             .map_err(|e| Error::other(e.to_string()).into())
     }
@@ -154,7 +155,7 @@ impl Plot {
         root.present()
     }
 
-    /// From the least to the largest value, with some room. Never empty.
+    /// Returns the range of the values, with a margin. Never empty.
     fn range(&self, of: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
         let values = || self.series.iter().flat_map(|s| &s.points).map(&of);
         let (lo, hi) = (
@@ -171,21 +172,22 @@ impl Plot {
     }
 }
 
-/// A logarithmic axis whose labels are round numbers.
+/// Creates a logarithmic axis whose labels are round numbers.
 fn axis((lo, hi): (f64, f64)) -> WithKeyPoints<LogCoord<f64>> {
     let axis: LogCoord<f64> = (lo..hi).log_scale().into();
     let (bold, light) = ticks(lo, hi);
     axis.with_key_points(bold).with_light_points(light)
 }
 
-/// Round numbers from one value to another, both above 0: those with a label, ten at most, and those with a line.
+/// Returns round numbers between two values above 0: at most ten with a label, and those with a
+/// line.
 fn ticks(lo: f64, hi: f64) -> (Vec<f64>, Vec<f64>) {
     let (first, last) = (lo.log10().floor() as i32, hi.log10().ceil() as i32);
     let decades = (hi / lo).log10();
     let at = |digits: &[f64], each: i32| -> Vec<f64> {
         let powers = (first..=last).filter(|power| power % each == 0);
         let values = powers.flat_map(|power| {
-            // Parsed, since a power of ten that is computed is not the nearest number.
+            // Parsed, because a computed power of ten is not the nearest number.
             let unit: f64 = format!("1e{power}").parse().unwrap_or(f64::NAN);
             digits.iter().map(move |d| d * unit)
         });
@@ -200,7 +202,7 @@ fn ticks(lo: f64, hi: f64) -> (Vec<f64>, Vec<f64>) {
     }
 }
 
-/// A value at an axis: powers of ten where it is far from 1.
+/// Formats a value at an axis, as a power of ten if it is far from 1.
 fn label(v: f64) -> String {
     if (0.01..10_000.0).contains(&v) {
         return format!("{}", (v * 1e4).round() / 1e4);
@@ -228,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_hold_their_values_and_are_never_empty() {
+    fn ranges_contain_their_values_and_are_not_empty() {
         let of = |points: &[(f64, f64)]| Plot {
             title: String::new(),
             x: String::new(),

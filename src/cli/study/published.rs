@@ -1,35 +1,35 @@
-//! Table 1 of Qu & James 2021 (*Fast Linking Numbers for Topology Verification of Loopy Structures*, ACM Transactions on
-//! Graphics 40(4)), as published.
+//! Table 1 of Qu & James 2021 (*Fast Linking Numbers for Topology Verification of Loopy
+//! Structures*, ACM Transactions on Graphics 40(4)), as published.
 
 use serde::Serialize;
 
-/// What the published times were measured on (section 4.1).
+/// Machine of the published times (section 4.1).
 pub const MACHINE: &str = "18-core Intel Xeon E5-2697 v4 at 2.3 GHz; GPU: NVIDIA GeForce GTX 1080";
 
-/// A row of the table. Times are in seconds; errors are absolute. None is "N/A": longer than half an hour, or too large
-/// for the memory.
+/// Row of the table. Times are in seconds; errors are absolute. `None` stands for "N/A": longer
+/// than half an hour, or too large for the memory.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Published {
-    /// Its name; lambda and nu are spelled out.
+    /// Name of the model; lambda and nu are spelled out.
     pub model: &'static str,
-    /// Where it comes from here.
+    /// Source of the model in this project.
     #[serde(skip)]
     pub source: Source,
     pub segments: u64,
     pub curves: u64,
     pub potential_links: u64,
-    /// Potential link search.
+    /// Time of the search for potential links.
     pub search_s: f64,
     pub discretization_s: f64,
-    /// Direct summation.
+    /// Time of direct summation.
     pub direct_s: Option<f64>,
-    /// Counting crossings, with a direction chosen by approximate nearest neighbours.
+    /// Time of counting crossings, with a direction chosen by approximate nearest neighbours.
     pub crossings_ann_s: Option<f64>,
-    /// Counting crossings, with a random direction.
+    /// Time of counting crossings, with a random direction.
     pub crossings_s: Option<f64>,
-    /// Barnes-Hut: beta from 2 to 10, target 0.2.
+    /// Time of Barnes-Hut: beta from 2 to 10, target 0.2.
     pub barnes_hut_s: Option<f64>,
-    /// Fast multipole method.
+    /// Time of the fast multipole method.
     pub fmm_s: Option<f64>,
     pub gpu_direct_s: Option<f64>,
     pub gpu_barnes_hut_s: Option<f64>,
@@ -38,12 +38,12 @@ pub struct Published {
     pub fmm_error: Option<f64>,
 }
 
-/// Where a model comes from here.
+/// Source of a model in this project.
 #[derive(Clone, Copy, Debug)]
 pub enum Source {
     /// A generated scene.
     Scene(&'static str),
-    /// A file in the folder of models: what cannot be generated.
+    /// A file in the folder of models, for models that cannot be generated.
     File(&'static str),
 }
 
@@ -88,8 +88,8 @@ const fn row(
     }
 }
 
-/// The rows, in their order. The periods of the torus of linking number 0 and the shapes of the rubber bands were not
-/// published.
+/// Rows in the published order. The periods of the torus of linking number 0 and the shapes of the
+/// rubber bands were not published.
 #[rustfmt::skip]
 pub const TABLE_1: [Published; 21] = [
     row(("Alien Sweater (Initial)", File("aliensweaterinit.bcc")), [139_506, 146, 1335], [0.013, 0.059],
@@ -140,7 +140,7 @@ pub const TABLE_1: [Published; 21] = [
 mod tests {
     use super::*;
 
-    /// Those of a few hundred thousand segments or fewer; the others have the same parameters.
+    /// Models of up to a few hundred thousand segments; the others have the same parameters.
     #[test]
     fn generated_models_have_the_published_sizes() {
         for p in TABLE_1 {

@@ -1,4 +1,4 @@
-//! A kernel on a model: what it took, and how well it summed.
+//! Measurement of a kernel on a model: its time and the error of its sums.
 
 use super::frames::median_of;
 use super::setting::Setting;
@@ -8,18 +8,19 @@ use linkwatch::{AbortOn, Certificate, CurveSet, Ladder, Result, Verifier, homoto
 use serde_json::{Value, json};
 use std::time::Instant;
 
-/// What kernels are measured on, with the exact certificate that they are compared with.
-pub struct Subject {
+/// A model to measure, with the exact certificate as the reference.
+pub struct StudyModel {
     pub set: CurveSet,
     pub exact: Certificate,
     pub potential_links: u64,
-    /// Pairs of segments in the potential links, of the polylines: what sums without trees go through.
+    /// Number of segment pairs in the potential links, of the polylines: the work of sums without
+    /// trees.
     pub segment_pairs: u64,
 }
 
-impl Subject {
-    /// Certifies curves.
-    pub fn new(set: CurveSet) -> Result<Subject> {
+impl StudyModel {
+    /// Certifies curves as a reference.
+    pub fn new(set: CurveSet) -> Result<StudyModel> {
         let mut verifier = Verifier::new(AbortOn::Never);
         let (certificate, stats) = verifier.certify(&set);
         let exact = certificate.clone();
@@ -27,7 +28,7 @@ impl Subject {
             true => verifier.segment_pairs(&set),
             false => verifier.segment_pairs(&homotopic_polylines(&set)?.curves),
         };
-        Ok(Subject {
+        Ok(StudyModel {
             set,
             exact,
             potential_links: stats.potential_links,
@@ -35,7 +36,7 @@ impl Subject {
         })
     }
 
-    /// Seconds that a sum over all pairs of segments would take, about; 0 for other kernels.
+    /// Returns the predicted seconds of a sum over all pairs of segments; 0 for other kernels.
     fn expected_s(&self, setting: Setting, effort: &Effort) -> f64 {
         let threads = rayon::current_num_threads() as f64;
         let ns = setting.ns_a_pair(effort.fast_device).unwrap_or(0.0);
@@ -43,53 +44,55 @@ impl Subject {
     }
 }
 
-/// How long to measure.
+/// Limits of a measurement.
 #[derive(Clone, Debug)]
 pub struct Effort {
-    /// Where kernels run.
+    /// Device that runs the kernels.
     pub device: Device,
-    /// Whether that is a graphics processor, a fast one.
+    /// True if the device is a GPU, and not a software renderer.
     pub fast_device: bool,
-    /// Runs, for a median.
+    /// Number of runs, for a median.
     pub repeat: u32,
-    /// Seconds beyond which a sum over all pairs of segments is skipped, and nothing is run once more.
+    /// Seconds beyond which a sum over all pairs of segments is skipped, and other runs are not
+    /// repeated.
     pub limit: f64,
 }
 
-/// What a kernel took, and how well it summed.
+/// Measurement of a kernel on a model.
 pub struct Row {
     pub setting: Setting,
-    /// Of the model.
+    /// Number of segments of the model.
     pub segments: usize,
     segment_pairs: u64,
-    /// Or the seconds that it would take.
+    /// The measurement, or the predicted seconds if it was skipped.
     pub measured: Result<Measured, f64>,
 }
 
 /// Times are medians, in milliseconds.
 pub struct Measured {
-    /// The sums alone, discretization included; for crossings all.
+    /// Time of the sums alone, discretization included; for crossings the total time.
     pub ms: f64,
-    /// Boxes, potential links and counting included.
+    /// Total time, with boxes, potential links and counting.
     pub total_ms: f64,
-    /// Of all processors, for all of it.
+    /// CPU time of all threads, for all stages.
     pub cpu_ms: f64,
-    /// Boxes and the search for potential links.
+    /// Time of boxes and of the search for potential links.
     pub search_ms: f64,
-    /// Splines to polylines, for all pairs at once; 0 for crossings, which do so on the way.
+    /// Time to convert splines to polylines, for all pairs at once; 0 for crossings, which include
+    /// it.
     pub discretizing_ms: f64,
-    /// What follows: the sums, or the counting.
+    /// Time of the linking numbers: the sums, or the counting.
     pub linking_ms: f64,
     pub ladder: Ladder,
-    /// Whether the certificate was the exact one.
+    /// True if the certificate was the exact one.
     pub equal: bool,
 }
 
-/// Of the table that [`Row::line`] prints.
+/// Header of the table that [`Row::line`] prints.
 pub const HEADER: &str = "kernel                              sums ms   total ms     cpu ms    \
                           mean error largest error  proven bound   decided   counted  certificate";
 
-/// Of the file: names of [`Row::json`].
+/// Fields of the file: names of [`Row::json`].
 pub const FIELDS: &[&str] = &[
     "segments",
     "segment_pairs",
@@ -111,7 +114,7 @@ pub const FIELDS: &[&str] = &[
 
 impl Row {
     /// Runs a kernel, unless that would take too long.
-    pub fn measure(setting: Setting, subject: &Subject, effort: &Effort) -> Result<Row> {
+    pub fn measure(setting: Setting, subject: &StudyModel, effort: &Effort) -> Result<Row> {
         let measured = match subject.expected_s(setting, effort) {
             s if s > effort.limit => Err(s),
             _ => Ok(Measured::run(setting, subject, effort)?),
@@ -124,23 +127,23 @@ impl Row {
         })
     }
 
-    /// What was measured, of a kernel that sums some pair.
+    /// Returns the measurement if the kernel summed some pair.
     fn sums(&self) -> Option<&Measured> {
         let measured = self.measured.as_ref().ok();
         measured.filter(|m| m.ladder.known > 0)
     }
 
-    /// The largest error of the sums, where there are any.
+    /// Returns the largest error of the sums, if there are any.
     pub fn largest_error(&self) -> Option<f64> {
         self.sums().map(|m| m.ladder.largest_error)
     }
 
-    /// The mean error of the sums, where there are any.
+    /// Returns the mean error of the sums, if there are any.
     pub fn mean_error(&self) -> Option<f64> {
         self.sums().map(|m| m.ladder.mean_error)
     }
 
-    /// The largest bound of the sums that decided, where some did.
+    /// Returns the largest bound of the sums that decided a pair, if any did.
     pub fn bound(&self) -> Option<f64> {
         let measured = self.measured.as_ref().ok();
         measured
@@ -148,7 +151,7 @@ impl Row {
             .map(|m| m.ladder.largest_bound)
     }
 
-    /// Whether it made a certificate that is not the exact one.
+    /// Returns true if the certificate differs from the exact one.
     pub fn differs(&self) -> bool {
         self.measured.as_ref().is_ok_and(|m| !m.equal)
     }
@@ -198,14 +201,14 @@ impl Row {
 }
 
 impl Measured {
-    fn run(setting: Setting, subject: &Subject, effort: &Effort) -> Result<Measured> {
+    fn run(setting: Setting, subject: &StudyModel, effort: &Effort) -> Result<Measured> {
         let Setting { method, accuracy } = setting;
         let began = Instant::now();
         let mut runs: Vec<Measured> = Vec::new();
-        // An adapter compiles its programs once.
+        // An adapter compiles its shaders once, so the first run is not measured.
         let mut warm = effort.device == Device::Cpu;
         loop {
-            // Each run meets the model for the first time.
+            // Each run starts with a new verifier.
             let mut verifier = Verifier::new(AbortOn::Never);
             verifier.set_device(&effort.device)?;
             let (start, cpu) = (Instant::now(), cpu_ms());
@@ -254,7 +257,7 @@ impl Measured {
     }
 }
 
-/// Two digits, or a dash.
+/// Formats a number with two digits, or a dash.
 pub fn brief(x: Option<f64>) -> String {
     x.map_or("-".into(), |x| format!("{x:.1e}"))
 }

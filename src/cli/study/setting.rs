@@ -1,4 +1,4 @@
-//! What is measured: a kernel at some accuracy.
+//! Kernels and accuracies to measure.
 
 use linkwatch::kernels::{Accuracy, Method};
 
@@ -9,11 +9,11 @@ pub struct Setting {
     pub accuracy: Accuracy,
 }
 
-/// Orders of the fast multipole method that are measured beside the one that it takes by itself.
+/// Orders of the fast multipole method to measure, in addition to its default.
 const ORDERS: [u32; 4] = [3, 6, 10, 16];
 
 impl Setting {
-    /// Barnes-Hut as published: from this beta, with this target (Qu & James 2021, section 4.1).
+    /// Barnes-Hut as published: with this initial beta and target (Qu & James 2021, section 4.1).
     pub const PUBLISHED: Setting = Setting {
         method: Method::BarnesHut,
         accuracy: Accuracy {
@@ -24,7 +24,7 @@ impl Setting {
         },
     };
 
-    /// A kernel as it is by default.
+    /// Returns a kernel with its default accuracy.
     pub fn of(method: Method) -> Setting {
         let accuracy = Accuracy::default();
         Setting { method, accuracy }
@@ -42,7 +42,7 @@ impl Setting {
         }
     }
 
-    /// Every kernel; Barnes-Hut by these betas, by the bound, and as published.
+    /// Returns every kernel; Barnes-Hut by these betas, by the bound, and as published.
     pub fn all(betas: &[f64]) -> Vec<Setting> {
         let exactly = Method::ALL
             .into_iter()
@@ -67,8 +67,8 @@ impl Setting {
             .collect()
     }
 
-    /// What is worth measuring at several sizes. Interval arithmetic is left out: it is the direct sum, some hundred
-    /// times slower; and what is one of the others by itself.
+    /// Returns the kernels to measure at several sizes. Skips interval arithmetic, which is the
+    /// direct sum some hundred times slower, and methods that choose one of the others.
     pub fn for_sizes() -> Vec<Setting> {
         let kernels = Method::ALL.into_iter();
         let left_out = |m: &Method| matches!(m, Method::Auto | Method::Interval);
@@ -76,7 +76,8 @@ impl Setting {
         default.chain([Setting::by_beta(4.0, false)]).collect()
     }
 
-    /// About what a pair of segments costs a kernel that goes through all of them, in nanoseconds of one thread.
+    /// Returns the approximate cost per pair of segments, in nanoseconds of one thread, of a kernel
+    /// that visits all of them.
     pub fn ns_a_pair(&self, fast_device: bool) -> Option<f64> {
         match self.method {
             Method::Direct | Method::AngleSum if fast_device => Some(0.1),
@@ -87,7 +88,7 @@ impl Setting {
         }
     }
 
-    /// Where expansions stop.
+    /// Returns the order of the expansions, in words.
     pub fn order(&self) -> Option<String> {
         match (self.method, self.accuracy.dipole) {
             (Method::BarnesHut, true) => Some("dipole".into()),
@@ -96,7 +97,7 @@ impl Setting {
         }
     }
 
-    /// What rows of the same curve in a plot over accuracies share.
+    /// Returns the name of the curve in a plot that joins several accuracies of a kernel.
     pub fn series(&self) -> String {
         match (self.order(), self.accuracy) {
             (None, _) => self.method.to_string(),
@@ -107,7 +108,7 @@ impl Setting {
         }
     }
 
-    /// Whether expansions are accepted by beta alone.
+    /// Returns true if expansions are accepted by beta alone.
     pub fn is_by_beta(&self) -> bool {
         self.accuracy.beta.is_some() && self.accuracy.target.is_none()
     }

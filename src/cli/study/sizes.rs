@@ -3,17 +3,17 @@
 use linkwatch::scenes::Scene;
 use linkwatch::{Error, Result};
 
-/// A scene like this one with about so many segments. Garments and mails keep their stitches and rings and have
-/// fewer or more of them; other curves get shorter or longer segments.
+/// Returns a similar scene with about this number of segments. Garments and chainmail keep their
+/// stitches and rings and have fewer or more of them; other curves get shorter or longer segments.
 ///
-/// Errors: a size that the scene cannot have.
+/// Errors: the scene cannot have this size.
 pub fn resized(scene: &Scene, segments: u64) -> Result<Scene> {
     let value = |name| scene.value(name).unwrap_or(0.0);
     let segments = segments as f64;
     let changes = match scene.kind().name {
         "chainmail" => {
             let (rows, columns) = (value("rows"), value("columns"));
-            // Three rings of 15 segments each for a row and column.
+            // Three rings of 15 segments each per row and column.
             let factor = (segments / (45.0 * rows * columns)).sqrt();
             vec![("rows", rows * factor), ("columns", columns * factor)]
         }
@@ -38,12 +38,12 @@ pub fn resized(scene: &Scene, segments: u64) -> Result<Scene> {
     format!("{}:{}", scene.kind().name, parameters.join(",")).parse()
 }
 
-/// Scenes of these sizes, its own left out; without any, of a 64th of its own, a 16th and a 4th, as far as it can have
-/// them.
+/// Returns scenes of these sizes, without its own size. If none are given: a 64th, a 16th and a 4th
+/// of its own, as far as the scene can have them.
 ///
-/// Errors: a size that the scene cannot have.
+/// Errors: the scene cannot have a given size.
 pub fn scenes(scene: &Scene, own: u64, sizes: &[u64]) -> Result<Vec<Scene>> {
-    // Some sizes are refused only where the scene is built.
+    // Some sizes are rejected only when the scene is built.
     let built = |segments| {
         let resized = resized(scene, segments)?;
         resized.build().map(|_| resized)
@@ -63,7 +63,7 @@ pub fn scenes(scene: &Scene, own: u64, sizes: &[u64]) -> Result<Vec<Scene>> {
     Ok(scenes)
 }
 
-/// A number of segments, perhaps as `2e5`.
+/// Parses a number of segments, possibly written as `2e5`.
 pub fn size(text: &str) -> Result<u64, String> {
     match text.parse::<f64>() {
         Ok(x) if (1.0..=f64::from(i32::MAX)).contains(&x) && x.fract() == 0.0 => Ok(x as u64),
@@ -74,10 +74,10 @@ pub fn size(text: &str) -> Result<u64, String> {
     }
 }
 
-/// What to say of a model file.
+/// Returns the error for a model file.
 pub fn refuse(name: &str) -> Error {
     Error::Usage(format!(
-        "--sizes: {name} is no generated scene, its size is what it is"
+        "--sizes: {name} is not a generated scene, so its size cannot be changed"
     ))
 }
 
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scenes_get_the_size_that_is_asked_for() {
+    fn scenes_get_the_requested_size() {
         for (name, size, near) in [
             ("ribbon", 1000, 0),
             ("woundball", 50_000, 0),

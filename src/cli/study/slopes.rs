@@ -1,25 +1,26 @@
-//! How fast errors fall with beta.
+//! Rate at which errors fall with beta.
 
 use super::row::Row;
 use serde_json::{Map, Value};
 
-/// Errors of this size are of rounding, and fall no further.
+/// Errors of this size are rounding errors, and fall no further.
 const ROUNDING: f64 = 1e-12;
 
-/// The power of beta that the mean error of an expansion goes with.
+/// Power of beta to which the mean error of an expansion is proportional.
 pub struct Slope {
-    /// Where the expansion stops.
+    /// Name of the order of the expansion.
     pub order: &'static str,
-    /// As fitted.
+    /// Fitted power.
     pub power: f64,
-    /// As published (Qu & James 2021, section 4.1.1).
+    /// Published power (Qu & James 2021, section 4.1.1).
     pub published: i32,
-    /// Betas that it is fitted to.
+    /// Number of betas of the fit.
     betas: usize,
 }
 
 impl Slope {
-    /// Those of both orders; of each only where three betas or more have an error above rounding.
+    /// Returns the slopes of both orders, each only if at least three betas have an error above
+    /// rounding.
     pub fn all(rows: &[Row]) -> Vec<Slope> {
         let of = |(order, published)| {
             let points = points(rows, order);
@@ -37,7 +38,7 @@ impl Slope {
             .collect()
     }
 
-    /// By the name of the order.
+    /// Returns the slopes by the name of the order.
     pub fn json(slopes: &[Slope]) -> Value {
         let field = |s: &Slope| (s.order.to_owned(), s.power.into());
         Value::Object(slopes.iter().map(field).collect::<Map<_, _>>())
@@ -48,13 +49,14 @@ impl std::fmt::Display for Slope {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{}: the mean error goes as beta^{:.1} (least squares over {} betas; published: beta^{})",
+            "{}: the mean error is proportional to beta^{:.1} (least squares over {} betas; \
+             published: beta^{})",
             self.order, self.power, self.betas, self.published
         )
     }
 }
 
-/// Betas of an expansion, and its mean errors.
+/// Returns the betas of an expansion, and its mean errors.
 pub fn points(rows: &[Row], order: &str) -> Vec<(f64, f64)> {
     let point = |row: &Row| {
         let fits = row.setting.is_by_beta() && row.setting.order().as_deref() == Some(order);
@@ -64,8 +66,8 @@ pub fn points(rows: &[Row], order: &str) -> Vec<(f64, f64)> {
     rows.iter().filter_map(point).collect()
 }
 
-/// The power of x that y goes with, by least squares over the logarithms; none of fewer than three points, or of points
-/// that all have the same x.
+/// Returns the power of x to which y is proportional, by least squares over the logarithms. `None`
+/// for fewer than three points, or if all have the same x.
 fn fitted(points: &[(f64, f64)]) -> Option<f64> {
     if points.len() < 3 {
         return None;
@@ -83,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn powers_are_found() {
+    fn fits_the_power_of_a_power_law() {
         let points = |power| [1.5, 2.0, 4.0, 8.0].map(|x: f64| (x, 0.1 * x.powi(power)));
         for power in [-4, -3, 0, 2] {
             let found = fitted(&points(power)).unwrap();

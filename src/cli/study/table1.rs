@@ -1,8 +1,9 @@
-//! `linkwatch study table1`: the models of a published table, measured here, next to what was published.
+//! `linkwatch study table1`: measures the models of a published table, and prints the published
+//! values next to them.
 
 use super::csv::Csv;
 use super::published::{MACHINE, Published, Source, TABLE_1};
-use super::row::{Effort, Measured, Row, Subject, brief};
+use super::row::{Effort, Measured, Row, StudyModel, brief};
 use super::setting::Setting;
 use crate::cli::Outcome;
 use crate::cli::files::{Content, Files, Overwrite};
@@ -14,11 +15,12 @@ use linkwatch::{Error, Result, model};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
-/// Measure the models of a published table: here, and as published
+/// Measure the models of a published table, next to the published values
 ///
-/// Table 1 of Qu & James 2021: generated models of the published sizes; the others where --models has their files. Two
-/// lines a model, what was measured here and what was published, on another machine. Times are in seconds. The exit code
-/// is 1 where a certificate is not the one that follows from the construction.
+/// Table 1 of Qu & James 2021. Models that can be generated have the published sizes; the others
+/// are read from the folder of --models. Each model has two lines: measured here, and published, on
+/// another machine. Times are in seconds. The exit code is 1 if a certificate is not the one that
+/// follows from the construction.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Only models whose names contain one of these, separated by commas
@@ -32,17 +34,18 @@ pub struct Args {
         default_value = "angle-sum,barnes-hut,fmm"
     )]
     kernels: Vec<Method>,
-    /// A folder with files of the models that cannot be generated, such as glove.bcc
+    /// Folder with files of the models that cannot be generated, such as glove.bcc
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
     /// Skip models of more segments: on some of them Barnes-Hut takes minutes, which --limit does
-    /// not stop, and gigabytes of memory
+    /// not prevent, and gigabytes of memory
     #[arg(long, value_name = "N", default_value = "6e5", value_parser = super::sizes::size)]
     segments: u64,
     /// Number of runs of each kernel; the median is printed
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
-    /// Skip sums over all pairs of segments that would take longer than this; repeat nothing beyond it
+    /// Skip sums over all pairs of segments that would take longer than this; run anything longer
+    /// only once
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = positive)]
     limit: f64,
     /// Write the table to a file, a line for each model and kernel
@@ -52,7 +55,7 @@ pub struct Args {
     overwrite: Overwrite,
 }
 
-/// A kernel, with what was published of it.
+/// A kernel, with its published values.
 struct Column {
     setting: Setting,
     title: &'static str,
@@ -60,12 +63,12 @@ struct Column {
     error: fn(&Published) -> Option<f64>,
 }
 
-/// What is published of no such kernel.
+/// Returns `None`, for kernels without a published value.
 fn none(_: &Published) -> Option<f64> {
     None
 }
 
-/// All kernels that may be asked for. Counting crossings is the first.
+/// Returns all selectable kernels. Counting crossings is the first.
 fn columns() -> Vec<Column> {
     let column = |method, title, time, error| Column {
         setting: Setting::of(method),
@@ -89,7 +92,7 @@ fn columns() -> Vec<Column> {
     ]
 }
 
-/// Of the file: names of [`Measurement::kernels`].
+/// Fields of the file: names of [`Measurement::kernels`].
 const FIELDS: &[&str] = &[
     "model",
     "input",
@@ -115,14 +118,14 @@ const FIELDS: &[&str] = &[
     "published_error",
 ];
 
-/// A model, measured here.
+/// Measurement of a model.
 struct Measurement<'a> {
     published: &'a Published,
     input: String,
-    subject: Subject,
-    /// Whether the certificate is the one of the construction, where there is one.
+    subject: StudyModel,
+    /// True if the certificate is the one of the construction, or there is none.
     as_constructed: bool,
-    /// In the order of the columns.
+    /// Rows in the order of the columns.
     rows: Vec<Row>,
 }
 
@@ -154,7 +157,8 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         "published (Qu & James 2021, table 1): {MACHINE}"
     ));
     say(
-        &"other machines, other programs: compare orders of magnitude. Times in seconds; errors are the largest of a linking number",
+        &"other machines, other programs: compare orders of magnitude. Times in seconds; each \
+           error is the largest of a linking number",
     );
     say(&header(&columns));
     let effort = Effort {
@@ -179,7 +183,10 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
                 }
                 bar.suspend(|| say(&m.line(&columns)));
                 if !m.as_constructed || m.rows.iter().any(Row::differs) {
-                    tracing::error!("{}: a certificate is not the exact one", published.model);
+                    tracing::error!(
+                        "{}: a certificate differs from the exact one",
+                        published.model
+                    );
                     outcome = Outcome::Changed;
                 }
                 let kernels = m.kernels(&columns);
@@ -213,7 +220,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     Ok(outcome)
 }
 
-/// The models whose names contain one of these words, or all.
+/// Returns the models whose names contain one of these words, or all.
 fn chosen(only: &[String]) -> Result<Vec<&'static Published>> {
     let says = |p: &Published, word: &String| {
         let name = p.model.to_lowercase();
@@ -222,7 +229,7 @@ fn chosen(only: &[String]) -> Result<Vec<&'static Published>> {
     if let Some(word) = only.iter().find(|w| !TABLE_1.iter().any(|p| says(p, w))) {
         let names: Vec<&str> = TABLE_1.iter().map(|p| p.model).collect();
         return Err(Error::Usage(format!(
-            "--only: no model is called '{word}' (known: {})",
+            "--only: no model has '{word}' in its name (known: {})",
             names.join("; ")
         )));
     }
@@ -230,13 +237,12 @@ fn chosen(only: &[String]) -> Result<Vec<&'static Published>> {
     Ok(TABLE_1.iter().filter(fits).collect())
 }
 
-/// Where a model comes from, as a scene or a file, with the path of the file; or why it is left out.
+/// Returns the source of a model, as a scene or a file, with the path of the file, or the reason
+/// why it is skipped.
 fn input(p: &Published, args: &Args) -> Result<(String, Option<PathBuf>), String> {
     if p.segments > args.segments {
         let segments = count(p.segments);
-        return Err(format!(
-            "left out: {segments} segments are above --segments"
-        ));
+        return Err(format!("skipped: {segments} segments are above --segments"));
     }
     match (p.source, &args.models) {
         (Source::Scene(scene), _) => Ok((scene.into(), None)),
@@ -252,10 +258,10 @@ impl<'a> Measurement<'a> {
     /// Reads a file or builds a scene, and certifies it.
     fn new(published: &'a Published, input: String, file: Option<&Path>) -> Result<Self> {
         let (subject, as_constructed) = match file {
-            Some(path) => (Subject::new(model::read(path)?)?, true),
+            Some(path) => (StudyModel::new(model::read(path)?)?, true),
             None => {
                 let scene = input.parse::<Scene>()?.build()?;
-                let subject = Subject::new(scene.curves)?;
+                let subject = StudyModel::new(scene.curves)?;
                 let same = subject.exact == scene.certificate;
                 (subject, same)
             }
@@ -269,13 +275,14 @@ impl<'a> Measurement<'a> {
         })
     }
 
-    /// Boxes and the search for potential links, of the runs that count crossings.
+    /// Returns the time of boxes and of the search for potential links, from the runs that count
+    /// crossings.
     fn search_s(&self) -> Option<f64> {
         let measured = self.rows.iter().filter_map(|r| r.measured.as_ref().ok());
         measured.map(|m| m.search_ms * 1e-3).next()
     }
 
-    /// Splines to polylines, where some kernel needs that.
+    /// Returns the time to convert splines to polylines, if some kernel needs that.
     fn discretization_s(&self) -> Option<f64> {
         let measured = self.rows.iter().filter_map(|r| r.measured.as_ref().ok());
         let mut s = measured.map(|m| m.discretizing_ms * 1e-3);
@@ -308,13 +315,13 @@ impl<'a> Measurement<'a> {
         text
     }
 
-    /// The rows of kernels that sum.
+    /// Returns the rows of kernels that sum.
     fn sums<'b>(&'b self, columns: &'b [Column]) -> impl Iterator<Item = (&'b Row, &'b Column)> {
         let pairs = self.rows.iter().zip(columns);
         pairs.filter(|(_, c)| c.setting.method != Method::Crossings)
     }
 
-    /// An object for each kernel.
+    /// Returns an object for each kernel.
     fn kernels(&self, columns: &[Column]) -> Vec<Value> {
         let object = |(row, column): (&Row, &Column)| {
             let m = row.measured.as_ref().ok();
@@ -353,7 +360,7 @@ impl<'a> Measurement<'a> {
     }
 }
 
-/// Seconds of the linking numbers alone, as they were published.
+/// Returns the seconds of the linking numbers alone, as published.
 fn linking_s(m: &Measured) -> f64 {
     m.linking_ms * 1e-3
 }
@@ -400,7 +407,7 @@ fn cell(s: Option<f64>) -> String {
     format!(" {:>10}", s.map_or("-".into(), seconds))
 }
 
-/// Three digits.
+/// Formats seconds with three digits.
 fn seconds(s: f64) -> String {
     match s {
         s if s < 0.1 => format!("{s:.4}"),

@@ -1,4 +1,4 @@
-//! The queue with sinks that are slow, fail or hang.
+//! Tests of the queue with sinks that are slow, fail or block.
 
 use super::*;
 use crate::error::Error;
@@ -6,7 +6,7 @@ use crate::verdict::Report;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::SystemTime;
 
-/// Takes a frame for every permit; reports what it saw.
+/// A sink that takes a frame for every permit, and reports its calls.
 struct Probe {
     permits: Receiver<()>,
     seen: Sender<(u64, bool)>,
@@ -46,7 +46,7 @@ impl Sink for Probe {
         Ok(())
     }
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
-        // The receiver is gone when a test is over; then nothing is to be waited for.
+        // The receiver has ended when a test is over; then the sink waits for nothing.
         self.permits.recv().ok();
         let seq = record.report.seq;
         if self.fail_at == Some(seq) {
@@ -102,7 +102,7 @@ fn spawn(sink: Box<Probe>, capacity: usize, overflow: Overflow) -> SinkQueue {
     SinkQueue::spawn("probe", capacity, overflow, move || Ok(sink)).unwrap()
 }
 
-/// Waits until the sink holds the first frame, so that the queue behind it is empty.
+/// Waits until the sink holds the first frame, so that the queue is empty.
 fn hold(queue: &SinkQueue, verdict: Verdict) {
     queue.frame(frame(1, verdict));
     while queue.shared.lock().frames > 0 {
@@ -111,7 +111,7 @@ fn hold(queue: &SinkQueue, verdict: Verdict) {
 }
 
 #[test]
-fn the_oldest_frames_give_way_and_are_counted_but_turns_stay() {
+fn drops_and_counts_the_oldest_frames_but_keeps_changes_of_the_verdict() {
     let (sink, handle) = probe(None);
     let queue = spawn(sink, 3, Overflow::DropOldest);
     hold(&queue, Verdict::Intact);
@@ -135,7 +135,7 @@ fn the_oldest_frames_give_way_and_are_counted_but_turns_stay() {
 }
 
 #[test]
-fn a_recording_waits_and_loses_nothing() {
+fn a_recording_waits_and_loses_no_frame() {
     let (sink, handle) = probe(None);
     let queue = spawn(sink, 2, WAIT);
     for _ in 0..100 {
@@ -151,7 +151,7 @@ fn a_recording_waits_and_loses_nothing() {
 }
 
 #[test]
-fn a_failed_sink_stays_failed_and_holds_nobody_up() {
+fn a_failed_sink_stays_closed_and_delays_no_caller() {
     let (sink, handle) = probe(Some(3));
     drop(handle.permits);
     let queue = spawn(sink, 1, WAIT);
@@ -165,7 +165,7 @@ fn a_failed_sink_stays_failed_and_holds_nobody_up() {
 }
 
 #[test]
-fn a_sink_that_hangs_is_left_behind() {
+fn a_blocked_sink_is_abandoned() {
     let (sink, handle) = probe(None);
     let queue = spawn(sink, 4, Overflow::DropOldest);
     hold(&queue, Verdict::Intact);
@@ -177,21 +177,21 @@ fn a_sink_that_hangs_is_left_behind() {
 }
 
 #[test]
-fn a_broken_frame_is_flushed_at_once() {
+fn a_changed_frame_is_flushed_at_once() {
     let (sink, handle) = probe(None);
     drop(handle.permits);
     let queue = spawn(sink, 4, WAIT);
     queue.frame(frame(1, Verdict::Changed));
     assert!(handle.flushes.recv_timeout(LONG).is_ok());
-    // And an intact one within about a second, with no frame after it.
+    // An intact one is flushed within about a second, without a later frame.
     queue.frame(frame(2, Verdict::Intact));
     assert!(handle.flushes.recv_timeout(LONG).is_ok());
     queue.finish(LONG);
 }
 
-/// Regression test: the caller waited as long as the sink took nothing.
+/// Regression test: the caller waited as long as the sink took no frame.
 #[test]
-fn a_frozen_sink_holds_the_caller_up_once_and_for_a_limited_time() {
+fn a_frozen_sink_delays_the_caller_once_and_for_a_limited_time() {
     let (sink, handle) = probe(None);
     let limit = Duration::from_millis(100);
     let queue = spawn(sink, 4, Overflow::Wait(limit));
@@ -203,7 +203,7 @@ fn a_frozen_sink_holds_the_caller_up_once_and_for_a_limited_time() {
     let took = start.elapsed();
     assert!(took >= limit, "{took:?}");
     assert!(took < 20 * limit, "199 frames waited {took:?} together");
-    // The disk thaws: the newest frames arrive, and the patience is restored.
+    // When the disk works again, the newest frames arrive, and the time limit is restored.
     let dropped = queue.summary().dropped;
     assert_eq!(dropped, 195);
     (0..6).for_each(|_| handle.permits.send(()).unwrap());
@@ -232,12 +232,12 @@ fn small_frames_wait_beyond_the_capacity() {
 }
 
 #[test]
-fn a_replay_waits_for_a_slow_sink_and_not_for_a_frozen_one() {
+fn a_replay_waits_for_a_slow_sink_but_not_for_a_frozen_one() {
     let limit = Duration::from_millis(200);
     let (sink, handle) = probe(None);
     let queue = spawn(sink, 1, Overflow::WaitForProgress(limit));
     let slow = std::thread::spawn(move || {
-        // Each frame takes half of the limit; together they take far longer.
+        // Each frame takes half of the limit; all together they take much longer.
         for _ in 0..12 {
             std::thread::sleep(limit / 2);
             handle.permits.send(()).unwrap();
@@ -259,7 +259,7 @@ fn a_replay_waits_for_a_slow_sink_and_not_for_a_frozen_one() {
 }
 
 #[test]
-fn a_sink_is_opened_on_its_own_thread_and_only_when_something_comes() {
+fn a_sink_is_opened_on_its_own_thread_at_the_first_event() {
     let (sink, handle) = probe(None);
     drop(handle.permits);
     let (opened, open) = channel::<()>();
@@ -268,7 +268,7 @@ fn a_sink_is_opened_on_its_own_thread_and_only_when_something_comes() {
         Ok(sink)
     })
     .unwrap();
-    // Opening hangs, but the caller does not wait, neither before the first event nor after.
+    // Opening blocks, but the caller does not wait, neither before the first event nor after it.
     let start = Instant::now();
     (1..=3).for_each(|seq| queue.frame(frame(seq, Verdict::Intact)));
     assert!(start.elapsed() < LONG / 2);
@@ -276,7 +276,7 @@ fn a_sink_is_opened_on_its_own_thread_and_only_when_something_comes() {
     assert_eq!(queue.finish(LONG).written, 3);
 
     let queue = SinkQueue::spawn("probe", 4, Overflow::Wait(LONG), || {
-        panic!("opened for nothing")
+        panic!("opened without an event")
     })
     .unwrap();
     let summary = queue.finish(LONG);
@@ -284,9 +284,9 @@ fn a_sink_is_opened_on_its_own_thread_and_only_when_something_comes() {
 }
 
 #[test]
-fn an_error_of_opening_goes_to_the_one_who_waits_for_it_or_else_into_the_summary() {
+fn an_error_of_opening_goes_to_the_waiting_caller_or_into_the_summary() {
     let fails = || {
-        let what = "nobody there".into();
+        let what = "no viewer".into();
         Err(Error::Sink {
             sink: "probe",
             what,
@@ -294,12 +294,12 @@ fn an_error_of_opening_goes_to_the_one_who_waits_for_it_or_else_into_the_summary
     };
     let queue = SinkQueue::spawn("probe", 4, Overflow::DropOldest, fails).unwrap();
     let e = queue.open(LONG).unwrap_err().to_string();
-    assert_eq!(e, "probe: nobody there");
+    assert_eq!(e, "probe: no viewer");
     let queue = SinkQueue::spawn("probe", 4, Overflow::DropOldest, fails).unwrap();
     queue.frame(frame(1, Verdict::Intact));
     let summary = queue.finish(LONG);
     assert_eq!((summary.written, summary.dropped), (0, 1));
-    assert_eq!(summary.failed.as_deref(), Some("probe: nobody there"));
+    assert_eq!(summary.failed.as_deref(), Some("probe: no viewer"));
     // A slow viewer continues to open in the background.
     let (sink, handle) = probe(None);
     drop(handle.permits);
@@ -315,7 +315,7 @@ fn an_error_of_opening_goes_to_the_one_who_waits_for_it_or_else_into_the_summary
     assert_eq!(queue.finish(LONG).written, 1);
 }
 
-/// Behaviour of a disk at a frame.
+/// Behaviour of a disk at one frame.
 #[derive(Clone, Copy, Debug)]
 enum Disk {
     Quick,
@@ -361,10 +361,10 @@ impl Sink for Recording {
     }
 }
 
-/// Full, slow and frozen disks: the caller never waits beyond its patience, every frame is written
-/// or counted, the order is kept, and the baseline comes first.
+/// Full, slow and frozen disks: the caller never waits longer than its limit, every frame is
+/// written or counted, the order is kept, and the baseline comes first.
 #[test]
-fn no_disk_delays_the_caller_or_loses_a_frame_in_silence() {
+fn no_disk_delays_the_caller_or_loses_an_uncounted_frame() {
     use proptest::prelude::*;
     let disk = prop_oneof![
         8 => Just(Disk::Quick),
@@ -399,8 +399,8 @@ fn no_disk_delays_the_caller_or_loses_a_frame_in_silence() {
             let verdict = [Verdict::Intact, Verdict::Changed][(seq / 7 % 2) as usize];
             queue.frame(frame(seq, verdict));
         }
-        // The patience is restored each time that the sink catches up; a frozen disk uses it
-        // up only once.
+        // The limit is restored each time that the sink catches up; a frozen disk uses it up only
+        // once.
         prop_assert!(start.elapsed() < frames as u32 * patience + Duration::from_secs(2));
         let summary = queue.finish(LONG);
         let seen: Vec<String> = seen.iter().collect();

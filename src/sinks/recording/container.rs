@@ -1,18 +1,18 @@
-//! The MCAP container: records out of a file of any size, in bounded memory.
+//! MCAP container: reads records from a file of any size, in bounded memory.
 //!
-//! A record is an opcode, a length and its bytes; a chunk is a record of records. The reader of the crate is not
-//! used for this: on a chunk whose inner lengths lie it subtracts below zero (mcap 0.26,
-//! `sans_io/linear_reader.rs`), which panics where overflow is checked, and it does not tell a file that was cut
-//! from one that is corrupt. It still unpacks compressed chunks, which linkwatch does not write but other
-//! tools do.
+//! A record is an opcode, a length and its bytes; a chunk is a record of records. The reader of the
+//! `mcap` crate is not used for this. In a chunk whose inner lengths are wrong it subtracts below
+//! zero (mcap 0.26, `sans_io/linear_reader.rs`), which panics if overflow is checked. It also does
+//! not distinguish a truncated file from a corrupt one. It is used to unpack compressed chunks,
+//! which linkwatch does not write, but other tools do.
 //!
-//! Truncation and corruption: a finished file ends with the magic bytes. In such a file, any
-//! mismatch is corruption. In any other file, a record that extends past the end marks the point at
-//! which the writer was stopped or the disk was full; nothing is lost before it. Records of a
-//! complete chunk are returned after its checksum has been verified. The checksum of a truncated
-//! chunk cannot be verified; its complete records are returned all the same.
+//! A finished file ends with the magic bytes. In such a file, any mismatch is corruption. In any
+//! other file, a record that extends past the end marks the point at which the writer was stopped
+//! or the disk was full; nothing before it is lost. Records of a complete chunk are returned after
+//! its checksum has been verified. The checksum of a truncated chunk cannot be verified; its
+//! complete records are returned nevertheless.
 //!
-//! Memory: the largest chunk. Room is made only for what the file was seen to hold.
+//! Memory: the size of the largest chunk. Buffers are allocated only for bytes that the file has.
 
 use super::messages::invalid;
 use crate::error::{Error, Result};
@@ -21,61 +21,62 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use prost::bytes::{Buf, Bytes};
 use std::io::{Read, Seek, SeekFrom};
 
-/// Opcode and length.
+/// Bytes of the opcode and the length.
 const RECORD_HEADER: u64 = 9;
 
-/// Largest record: a message of protobuf has at most 2 GiB, a chunk of ours holds one of them.
+/// Maximum size of a record: a protobuf message has at most 2 GiB, and a chunk written by linkwatch
+/// holds one of them.
 const RECORD_BYTES: u64 = 3 << 30;
 
-/// Records that are skipped are read in blocks of this size.
+/// Size of the blocks in which skipped records are read.
 const SKIP_BYTES: u64 = 1 << 20;
 
-/// A compressed chunk may unpack to the size of its file, or to this.
+/// Maximum size of an unpacked chunk, unless its file is larger.
 const UNPACKED_BYTES: u64 = 64 << 20;
 
-/// How a recording ended.
+/// End of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// It was finished: everything that was recorded is there.
+    /// The recording was finished: everything that was recorded is present.
     Finished,
     /// The file was not finished: the writer was stopped, or could not write (a full disk). The
-    /// records that were returned are valid; later ones are lost.
+    /// returned records are valid; later ones are lost.
     Cut {
-        /// The first byte of what is incomplete.
+        /// First byte of the incomplete part.
         at: u64,
-        /// What is incomplete, in words.
+        /// Name of the incomplete part.
         what: &'static str,
     },
 }
 
-/// A record that matters to a recording.
+/// A record that the recording reader uses.
 pub(super) struct Record {
     pub opcode: u8,
     pub body: Bytes,
-    /// Where it (or its chunk) starts in the file.
+    /// Position of the record (or its chunk) in the file.
     pub at: u64,
 }
 
-/// Reads records. After the first error, or the end, there are no more.
+/// Reads records. Returns no more after the first error or the end.
 pub(super) struct Container<R> {
     input: R,
     length: u64,
     /// First byte that was not read yet.
     at: u64,
-    /// Whether the file ends as a finished one does.
+    /// True if the end of the file is that of a finished one.
     closed: bool,
-    /// Records of the chunk read last, with its place.
+    /// Records of the last chunk, and its position.
     chunk: Vec<Bytes>,
     chunk_at: u64,
     ending: Option<Ending>,
     failed: bool,
-    /// Of everything read so far: the data section ends with the checksum of all of it, which is what finds
-    /// damage between chunks.
+    /// Checksum of all bytes read so far. The data section ends with the expected one, which
+    /// detects damage between chunks.
     checksum: crc32fast::Hasher,
 }
 
 impl<R: Read + Seek> Container<R> {
-    /// Takes a file as long as it is now.
+    /// Opens a file with its current length.
     pub fn new(mut input: R) -> Result<Self> {
         let length = input.seek(SeekFrom::End(0))?;
         let magic = mcap::MAGIC.len() as u64;
@@ -107,12 +108,12 @@ impl<R: Read + Seek> Container<R> {
         Ok(container)
     }
 
-    /// How the file ended, once there are no more records; none after damage.
+    /// Returns the end of the file once there are no more records; `None` after damage.
     pub fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
     }
 
-    /// The next record, chunks opened.
+    /// Returns the next record. The records of chunks are returned one by one.
     pub fn next(&mut self) -> Result<Option<Record>> {
         loop {
             if let Some(body) = self.chunk.pop() {
@@ -137,7 +138,7 @@ impl<R: Read + Seek> Container<R> {
         }
     }
 
-    /// Gives out nothing more: after damage, the very length that leads on may be wrong.
+    /// Returns no more records, because after damage the length of a record may be wrong.
     pub fn fail(&mut self) {
         self.chunk.clear();
         (self.failed, self.ending) = (true, None);
@@ -147,7 +148,7 @@ impl<R: Read + Seek> Container<R> {
         self.ending.get_or_insert(Ending::Cut { at, what });
     }
 
-    /// Reads one record of the file; a chunk is put aside for [`Container::next`].
+    /// Reads one record of the file. The records of a chunk are stored for [`Container::next`].
     fn step(&mut self) -> Result<Option<Record>> {
         let at = self.at;
         let left = self.length - at;
@@ -190,7 +191,7 @@ impl<R: Read + Seek> Container<R> {
                 let what = format!("a record with opcode {opcode} and {length} bytes");
                 return Err(invalid(&format!("byte {at}"), what));
             }
-            // Indexes, attachments, private records: not ours, read for the checksum.
+            // Indexes, attachments and private records are not used, but read for the checksum.
             _ => {
                 let mut left = length;
                 while left > 0 {
@@ -203,11 +204,11 @@ impl<R: Read + Seek> Container<R> {
         Ok(None)
     }
 
-    /// Enters the chunk in which a cut file ends: its records are then read like those outside of chunks, up to
-    /// the first that is not complete.
+    /// Enters the chunk in which a truncated file ends. Its records are then read like those
+    /// outside of chunks, up to the first incomplete one.
     fn open_tail(&mut self, at: u64) -> Result<()> {
-        // Start and end time, length and checksum of the records, length of the name of the compression; the
-        // length as stored.
+        // Start and end time, length and checksum of the records, length of the name of the
+        // compression; length as stored.
         const FIXED: u64 = 8 + 8 + 8 + 4 + 4;
         const STORED: u64 = 8;
         if self.length - self.at < FIXED + STORED {
@@ -217,14 +218,14 @@ impl<R: Read + Seek> Container<R> {
         let mut head = self.take(FIXED)?;
         head.advance(FIXED as usize - 4);
         if head.get_u32_le() > 0 {
-            // What there is of compressed records may end in the middle of any of them.
+            // Truncated compressed data may end in the middle of any record.
             self.cut(at, "a compressed chunk");
             return Ok(());
         }
         self.take(STORED).map(drop)
     }
 
-    /// A record that reaches past the end of the file.
+    /// Handles a record that extends past the end of the file.
     fn overrun(&mut self, at: u64, length: u64, what: &'static str) -> Result<()> {
         if self.closed {
             let left = self.length - at;
@@ -235,7 +236,7 @@ impl<R: Read + Seek> Container<R> {
         Ok(())
     }
 
-    /// Reads `n` bytes that the file was seen to have.
+    /// Reads `n` bytes, which the file has by its length.
     fn take(&mut self, n: u64) -> Result<Bytes> {
         let mut bytes = Vec::with_capacity(usize::try_from(n).unwrap_or(usize::MAX));
         let got = (&mut self.input).take(n).read_to_end(&mut bytes)? as u64;
@@ -251,7 +252,7 @@ impl<R: Read + Seek> Container<R> {
         Ok(bytes.into())
     }
 
-    /// Puts the records of a chunk aside, last first.
+    /// Stores the records of a chunk, last first.
     fn open_chunk(&mut self, body: Bytes, at: u64) -> Result<()> {
         self.chunk_at = at;
         let place = || format!("chunk at byte {at}");
@@ -282,7 +283,7 @@ impl<R: Read + Seek> Container<R> {
         }
         rest.truncate(stored as usize);
         let found = crc32fast::hash(&rest);
-        // 0 says that the writer computed none.
+        // The value 0 means that the writer computed no checksum.
         if checksum != 0 && checksum != found {
             let what = format!("checksum {found:08x}, expected {checksum:08x}");
             return Err(invalid(&place(), what));
@@ -312,7 +313,8 @@ impl<R: Read + Seek> Container<R> {
     }
 }
 
-/// Unpacks a compressed chunk with the reader of the crate, checksum first.
+/// Unpacks a compressed chunk with the reader of the `mcap` crate, which verifies the checksum
+/// first.
 fn unpack(body: &Bytes, limit: u64) -> Result<Vec<Bytes>, mcap::McapError> {
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
@@ -327,7 +329,7 @@ fn unpack(body: &Bytes, limit: u64) -> Result<Vec<Bytes>, mcap::McapError> {
     while let Some(event) = reader.next_event() {
         match event? {
             LinearReadEvent::ReadRequest(n) => {
-                // The chunk is all there is: a request for more is answered by what is left of it.
+                // The chunk is the whole input: a request for more gets the rest of it.
                 let n = n.min(body.len() + header.len());
                 let read = input.read(reader.insert(n))?;
                 reader.notify_read(read);
@@ -344,7 +346,7 @@ fn unpack(body: &Bytes, limit: u64) -> Result<Vec<Bytes>, mcap::McapError> {
     Ok(records)
 }
 
-/// A string with its length in front, or none where the bytes end before it does.
+/// Reads a string with a length prefix. `None` if the bytes end before the string.
 pub(super) fn string(bytes: &mut Bytes) -> Option<String> {
     let n = bytes.try_get_u32_le().ok()? as usize;
     if n > bytes.len() {

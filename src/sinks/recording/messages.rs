@@ -1,7 +1,8 @@
-//! The messages of `schemas/linkwatch.proto` as structs, and their way from and to the types of the library.
+//! Messages of `schemas/linkwatch.proto` as structs, and their conversions from and to library
+//! types.
 //!
-//! Written by hand, so that no build needs `protoc`; the tests hold them against the compiled schema, field by
-//! field.
+//! Written by hand, so that no build needs `protoc`. The tests compare them with the compiled
+//! schema, field by field.
 
 use crate::certificate::{Certificate, Change, Link};
 use crate::curve::{Basis, Precision};
@@ -12,10 +13,10 @@ use crate::verdict::{Defect, DefectKind, Place, Report, Stats, Verdict};
 use prost::bytes::Bytes;
 use std::sync::Arc;
 
-/// `schemas/linkwatch.proto`, compiled: the schema that every recording carries.
+/// Compiled form of `schemas/linkwatch.proto`: the schema that every recording carries.
 pub(super) const DESCRIPTORS: &[u8] = include_bytes!("../../../schemas/linkwatch.binpb");
 
-/// The package of the messages. Its last part is the version of the format.
+/// Package of the messages. Its last part is the version of the format.
 pub(super) const PACKAGE: &str = "linkwatch.v1";
 
 #[derive(Clone, PartialEq, prost::Message)]
@@ -224,7 +225,8 @@ pub(super) struct LinkMessage {
     pub lambda: i64,
 }
 
-/// Codes on disk: the place in `all`, from 1. Code 0 is what protobuf reads where nothing was written.
+/// Returns the code of a value on disk: its index in `all`, from 1. Code 0 is the value that
+/// protobuf reads for a missing field.
 fn code<T: PartialEq>(all: &[T], value: T) -> i32 {
     all.iter()
         .position(|v| *v == value)
@@ -244,7 +246,7 @@ fn from_code<T: Copy>(all: &[T], code: i32, what: &'static str) -> Result<T> {
         })
 }
 
-/// A message that decodes and makes no sense.
+/// Creates the error of a message that decodes, but has invalid content.
 pub(super) fn invalid(place: &str, what: impl std::fmt::Display) -> Error {
     Error::format("recording", place, what)
 }
@@ -497,7 +499,7 @@ impl From<&BaselineRecord> for BaselineMessage {
 
 impl TryFrom<BaselineMessage> for BaselineRecord {
     type Error = Error;
-    /// Checks what the comparison of certificates relies on: pairs in range, sorted, no number 0.
+    /// Checks the preconditions of comparing certificates: pairs in range and sorted, no number 0.
     fn try_from(b: BaselineMessage) -> Result<Self> {
         let links: Vec<Link> = b.links.into_iter().map(Into::into).collect();
         let bad = |l: &&Link| l.i >= l.j || u64::from(l.j) >= b.curves || l.lambda == 0;
@@ -509,7 +511,10 @@ impl TryFrom<BaselineMessage> for BaselineRecord {
             .windows(2)
             .find(|w| (w[0].i, w[0].j) >= (w[1].i, w[1].j))
         {
-            let what = format!("{},{} does not come after the one before", w[1].i, w[1].j);
+            let what = format!(
+                "{},{} is not sorted after the previous pair",
+                w[1].i, w[1].j
+            );
             return Err(invalid("link of the baseline", what));
         }
         let mut undefined: Vec<Defect> = collect(b.undefined)?;

@@ -1,7 +1,8 @@
 //! Recordings: MCAP files with every frame, every verdict and the baseline.
 //!
-//! A recording is complete evidence: [`RecordingReader`] gives back the same bits that were verified and the same
-//! report, so that a replay can be held against it. The schema is `schemas/linkwatch.proto`.
+//! A recording is complete evidence: [`RecordingReader`] returns the same bits that were verified
+//! and the same report, so that a replay can be compared with it. The schema is
+//! `schemas/linkwatch.proto`.
 //!
 //! Only this module knows the crates `mcap` and `prost`.
 
@@ -21,7 +22,7 @@ const FRAMES: (&str, &str) = ("/linkwatch/frames", "CurveFrame");
 const VERDICTS: (&str, &str) = ("/linkwatch/verdicts", "Verdict");
 const BASELINE: (&str, &str) = ("/linkwatch/baseline", "Baseline");
 
-/// Name of the metadata record: who recorded what, and how.
+/// Name of the metadata record, which describes the recorder and its settings.
 const METADATA: &str = "linkwatch";
 
 /// Message encoding and schema encoding of every channel.

@@ -1,4 +1,4 @@
-//! Reads a recording back: the same bits that were verified, the same reports.
+//! Reads a recording: the same bits that were verified, and the same reports.
 
 use super::container::{Container, Ending, string};
 use super::messages::{
@@ -20,45 +20,46 @@ use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 use std::time::Duration;
 
-/// What a recording holds, one after the other.
+/// An item of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RecordedItem {
-    /// What frames were compared with; comes before the first of them.
+    /// The baseline; precedes the first frame that is compared with it.
     Baseline(BaselineRecord),
     /// The curves of a frame.
     Frame(RecordedFrame),
-    /// What was found; comes after the curves of its frame, or alone where the frame was rejected.
+    /// The verdict on a frame; follows the curves of its frame, or stands alone if the frame was
+    /// rejected.
     Verdict(Box<RecordedVerdict>),
 }
 
-/// What was said about a frame when it was recorded.
+/// The verdict on a frame when it was recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedVerdict {
-    /// The report: a replay of the frame must give an equal one.
+    /// The report. A replay of the frame must give an equal one.
     pub report: Report,
-    /// How that run stood.
+    /// State of the recorded run.
     pub progress: RecordedProgress,
 }
 
-/// What depends on the run that made the recording, not on its frames.
+/// Data that depends on the recorded run, not on its frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordedProgress {
-    /// Frames verified, this one included.
+    /// Number of frames verified, this one included.
     pub verified: u64,
-    /// Frames that nobody verified.
+    /// Number of frames that were not verified.
     pub skipped: u64,
-    /// Frames rejected.
+    /// Number of frames rejected.
     pub rejected: u64,
-    /// How long the verification of this frame took.
+    /// Duration of the verification of this frame.
     pub check: Duration,
-    /// What it took.
+    /// Work of the verification.
     pub work: Work,
 }
 
-/// The curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
+/// Curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedFrame {
-    /// As the simulator counted.
+    /// Sequence number given by the simulator.
     pub seq: u64,
     /// Simulation time in seconds.
     pub time: f64,
@@ -66,19 +67,19 @@ pub struct RecordedFrame {
     pub basis: Basis,
     /// Precision of the coordinates.
     pub precision: Precision,
-    /// Control points of each curve, negative where it is closed.
+    /// Number of control points of each curve, negative if the curve is closed.
     pub counts: Vec<i32>,
     /// Number of cuts that the simulator made before this frame; 0 in recordings of earlier
     /// versions. If it differs from that of the previous frame, this frame does not continue that
     /// one ([`crate::Verifier::cut`]).
     pub cuts: u32,
-    /// Little-endian coordinates; as long as `counts` says or not.
+    /// Coordinates, little-endian. Their number may contradict `counts`.
     positions: Bytes,
 }
 
 impl RecordedFrame {
-    /// Checks the frame and puts it into `set`: a new one where there is none, otherwise in place of the frame
-    /// before it, which must have had the same curves.
+    /// Checks the frame and copies it into `set`: into a new one if there is none, else in place of
+    /// the previous frame, which must have had the same curves.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
         let bytes = self.precision.bytes();
         let promised: u64 = self
@@ -125,20 +126,20 @@ impl RecordedFrame {
     }
 }
 
-/// What a channel carries.
+/// Content of a channel.
 #[derive(Clone, Copy)]
 enum Channel {
     Baseline,
     Frames,
     Verdicts,
-    /// Something else: skipped and counted.
+    /// Other content: skipped and counted.
     Foreign,
 }
 
-/// Reads a recording, item by item, in the order in which it was written.
+/// Reads a recording, item by item, in the order of writing.
 ///
-/// After the last item, [`RecordingReader::ending`] says whether the recording was finished or cut. An error
-/// means that the file is damaged: nothing more is read from it.
+/// After the last item, [`RecordingReader::ending`] reports if the recording was finished or
+/// truncated. An error means that the file is damaged; nothing more is read from it.
 pub struct RecordingReader<R> {
     container: Container<R>,
     /// Full names of the messages, by the number of their schema.
@@ -149,9 +150,9 @@ pub struct RecordingReader<R> {
 }
 
 impl RecordingReader<BufReader<File>> {
-    /// Opens a file. One that is still being written is read up to its present end.
+    /// Opens a file. A file that is still being written is read up to its current end.
     pub fn open(path: &Path) -> Result<Self> {
-        // Checked before opening, since opening a pipe waits for its writer.
+        // Checked before opening, because opening a pipe waits for its writer.
         let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
         if !metadata.is_file() {
             let why = "a recording is read from a regular file";
@@ -163,7 +164,7 @@ impl RecordingReader<BufReader<File>> {
 }
 
 impl<R: Read + Seek> RecordingReader<R> {
-    /// Reads a recording from anything with a length.
+    /// Reads a recording from any input with a length.
     pub fn new(input: R) -> Result<Self> {
         Ok(RecordingReader {
             container: Container::new(input)?,
@@ -174,23 +175,23 @@ impl<R: Read + Seek> RecordingReader<R> {
         })
     }
 
-    /// What the recorder said about its run, as far as it was read: it stands before the first item.
+    /// Returns the metadata of the recorded run. Complete once the first item was read.
     pub fn metadata(&self) -> &BTreeMap<String, String> {
         &self.metadata
     }
 
-    /// Messages of other topics or schemas, skipped so far.
+    /// Returns the number of messages of other topics or schemas, skipped so far.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// Returns how the recording ended, once it has: finished or cut. Returns `None` if it is
-    /// damaged.
+    /// Returns the end of the recording, finished or truncated, once it is reached. `None` if the
+    /// file is damaged.
     pub fn ending(&self) -> Option<&Ending> {
         self.container.ending()
     }
 
-    /// The next item; none at the end, whole or cut.
+    /// Returns the next item, or `None` at the end, finished or truncated.
     pub fn next_item(&mut self) -> Result<Option<RecordedItem>> {
         let item = self.read_item();
         if item.is_err() {
@@ -206,44 +207,45 @@ impl<R: Read + Seek> RecordingReader<R> {
             let bad = |what| invalid(&place, what);
             match record.opcode {
                 op::SCHEMA => {
-                    let (id, name) = schema(&mut body).ok_or_else(|| bad("a broken schema"))?;
+                    let (id, name) = schema(&mut body).ok_or_else(|| bad("an invalid schema"))?;
                     self.schemas.insert(id, name);
                 }
                 op::CHANNEL => {
                     let (id, channel) = self
                         .channel(&mut body)
-                        .ok_or_else(|| bad("a broken channel"))?;
+                        .ok_or_else(|| bad("an invalid channel"))?;
                     self.channels.insert(id, channel?);
                 }
                 op::METADATA => {
                     let (name, map) =
-                        metadata(&mut body).ok_or_else(|| bad("a broken metadata record"))?;
+                        metadata(&mut body).ok_or_else(|| bad("an invalid metadata record"))?;
                     if name == METADATA {
                         self.metadata.extend(map);
                     }
                 }
                 op::MESSAGE => {
                     let id = body.try_get_u16_le().ok();
-                    // Sequence, time logged, time published: the message has its own.
+                    // Sequence number, time logged and time published: the message has its own.
                     let Some(id) = id.filter(|_| body.len() >= 20) else {
                         return Err(bad("a message without a header"));
                     };
                     body.advance(20);
                     let channel = self.channels.get(&id).copied();
-                    let channel = channel.ok_or_else(|| bad("a message of no known channel"))?;
+                    let channel = channel.ok_or_else(|| bad("a message of an unknown channel"))?;
                     if let Some(item) = item(channel, body).map_err(|e| invalid(&place, e))? {
                         return Ok(Some(item));
                     }
                     self.skipped += 1;
                 }
-                // Opcodes that the container passes on inside of chunks.
+                // Other opcodes that the container returns from chunks.
                 _ => {}
             }
         }
         Ok(None)
     }
 
-    /// Number of a channel and what it carries; an error for our topic in a version that is not ours.
+    /// Returns the number of a channel and its content, or an error for a linkwatch topic of
+    /// another version.
     fn channel(&self, body: &mut Bytes) -> Option<(u16, Result<Channel>)> {
         let id = body.try_get_u16_le().ok()?;
         let schema = body.try_get_u16_le().ok()?;
@@ -275,12 +277,12 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 }
 
-/// The version in the name of a package of ours.
+/// Returns the version in the name of a linkwatch package.
 fn version(package: &str) -> Option<u64> {
     package.strip_prefix("linkwatch.v")?.parse().ok()
 }
 
-/// Decodes a message; none where it is not ours.
+/// Decodes a message. `None` if it is not a linkwatch message.
 fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
     let broken = |e: prost::DecodeError| invalid("message", e);
     Ok(Some(match channel {
@@ -304,7 +306,7 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
         Channel::Verdicts => {
             let m = VerdictMessage::decode(body).map_err(broken)?;
             let report: Option<ReportMessage> = m.report;
-            let report = report.ok_or_else(|| invalid("verdict", "without a report"))?;
+            let report = report.ok_or_else(|| invalid("verdict", "the report is missing"))?;
             let p = m.progress.unwrap_or_default();
             RecordedItem::Verdict(Box::new(RecordedVerdict {
                 report: report.try_into()?,
@@ -313,7 +315,7 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
                     skipped: p.skipped,
                     rejected: p.rejected,
                     check: Duration::from_nanos(p.check_ns),
-                    // Recordings of earlier versions have none.
+                    // Recordings of earlier versions lack it.
                     work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
                 },
             }))
@@ -321,12 +323,13 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
     }))
 }
 
-/// Number and name of a schema. Its text is not needed: the name has the version.
+/// Returns the number and the name of a schema. Its text is not needed, because the name has the
+/// version.
 fn schema(body: &mut Bytes) -> Option<(u16, String)> {
     Some((body.try_get_u16_le().ok()?, string(body)?))
 }
 
-/// Name and entries of a metadata record.
+/// Returns the name and the entries of a metadata record.
 fn metadata(body: &mut Bytes) -> Option<(String, BTreeMap<String, String>)> {
     let name = string(body)?;
     let bytes = body.try_get_u32_le().ok()? as usize;

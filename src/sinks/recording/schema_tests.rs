@@ -1,4 +1,4 @@
-//! The schema text, its compiled form and the structs say the same.
+//! Compares the schema text, its compiled form and the structs.
 
 use super::messages::*;
 use prost::Message;
@@ -6,14 +6,15 @@ use prost::bytes::Bytes;
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, ReflectMessage, Value};
 use std::path::Path;
 
-/// Set to anything to write the compiled schema anew: `LINKWATCH_WRITE_SCHEMA=1 cargo test --lib schema`.
+/// Name of the variable that requests to write the compiled schema: `LINKWATCH_WRITE_SCHEMA=1 cargo
+/// test --lib schema`.
 const WRITE: &str = "LINKWATCH_WRITE_SCHEMA";
 
 #[test]
-fn the_compiled_schema_is_that_of_the_text() {
+fn the_compiled_schema_equals_the_text() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("schemas");
     let set = protox::compile([folder.join("linkwatch.proto")], [&folder]).unwrap();
-    // Comments and positions in the text are no part of the schema.
+    // Comments and positions in the text are not part of the schema.
     let mut set = set;
     set.file.iter_mut().for_each(|f| f.source_code_info = None);
     let compiled = set.encode_to_vec();
@@ -23,12 +24,13 @@ fn the_compiled_schema_is_that_of_the_text() {
     }
     assert!(
         compiled == DESCRIPTORS,
-        "schemas/linkwatch.binpb is not schemas/linkwatch.proto; set {WRITE}=1 to write it anew"
+        "schemas/linkwatch.binpb differs from schemas/linkwatch.proto; {WRITE}=1 writes it again"
     );
 }
 
-/// Encodes a struct in which no field is a default, and reads it by the schema alone: every field of the schema
-/// must be there, nothing else, and encoding what was read must give the same bytes.
+/// Encodes a struct in which no field has its default, and decodes it by the schema alone. Every
+/// field of the schema must be present, without unknown fields, and encoding the result must give
+/// the same bytes.
 fn agrees<M>(name: &str, full: &M) -> DynamicMessage
 where
     M: Message + Default + PartialEq + std::fmt::Debug,
@@ -42,7 +44,7 @@ where
     complete(&read);
     assert_eq!(read.encode_to_vec(), bytes, "{name}");
     assert!(M::decode(bytes.as_slice()).unwrap() == *full);
-    // The names: a derived struct prints `field: value` for each, in order.
+    // Compares the names: a derived struct prints `field: value` for each, in order.
     let debug = format!("{full:?}");
     for field in read.descriptor().fields() {
         assert!(
@@ -54,7 +56,7 @@ where
     read
 }
 
-/// Every field is set, down to the last message, and no field is unknown.
+/// Asserts that every field is set, in nested messages too, and that no field is unknown.
 fn complete(message: &DynamicMessage) {
     let name = message.descriptor().full_name().to_owned();
     assert_eq!(message.unknown_fields().count(), 0, "{name}");
@@ -96,7 +98,7 @@ fn defect() -> DefectMessage {
 }
 
 #[test]
-fn the_structs_are_those_of_the_schema() {
+fn the_structs_equal_the_schema() {
     let frame = FrameMessage {
         seq: 1,
         time: 2.5,
@@ -209,7 +211,7 @@ fn the_structs_are_those_of_the_schema() {
 }
 
 #[test]
-fn the_codes_are_those_of_the_schema() {
+fn the_codes_equal_the_schema() {
     use crate::curve::{Basis, Precision};
     use crate::incremental::Route;
     use crate::verdict::{DefectKind, Verdict};

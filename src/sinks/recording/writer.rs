@@ -1,14 +1,15 @@
 //! Writes a recording.
 //!
 //! A chunk is built in memory and written as a whole, and nothing is written after the first error.
-//! So the file is at any moment a prefix of the finished one, after a kill and after a full disk
-//! alike, and the reader accepts it up to the last complete record. (A chunk that is written in
-//! pieces gets its length afterwards, by seeking back. The crate also does this when a writer is
-//! dropped after an error; then the length covers half a record.)
+//! Therefore the file is a prefix of the finished one at any moment, also after a kill or on a full
+//! disk, and the reader accepts it up to the last complete record. (A chunk written in pieces would
+//! get its length afterwards, by seeking back. The `mcap` crate also does this when a writer is
+//! dropped after an error; the length then includes an incomplete record.)
 //!
-//! Chunks are closed at 768 KiB, so that with one small message on top they stay below 1 MiB; one frame that is
-//! larger makes its chunk larger. They are not compressed: LZ4 was measured to save nothing on coordinates and to
-//! cost 1.4 ms for a frame of 2.5 MB. Each chunk has a checksum, so damage is found all the same.
+//! Chunks are closed at 768 KiB, so that they stay below 1 MiB with one more small message. A
+//! single larger frame makes its chunk larger. They are not compressed: LZ4 was measured to save
+//! nothing on coordinates and to cost 1.4 ms for a frame of 2.5 MB. Each chunk has a checksum, so
+//! damage is still detected.
 
 use super::messages::{self, BaselineMessage, DESCRIPTORS, FrameMessage, PACKAGE, VerdictMessage};
 use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
@@ -28,23 +29,23 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 const CHUNK_BYTES: u64 = 768 << 10;
 
-/// A protobuf message must stay below 2 GiB: its decoders count bytes as `int32`.
+/// Maximum size of a protobuf message, because decoders count bytes as `int32`.
 const MESSAGE_BYTES: usize = i32::MAX as usize;
 
-/// Writes an MCAP recording; see [`crate::RecordingReader`] for the way back.
+/// Writes an MCAP recording. [`crate::RecordingReader`] reads it.
 pub struct RecordingSink {
     path: PathBuf,
     writer: Writer<NoSeek<BufWriter<Prefix>>>,
     frames: u16,
     verdicts: u16,
     baseline: u16,
-    /// Kept from frame to frame, so that a frame allocates nothing.
+    /// Reused for every frame, so that a frame allocates nothing.
     positions: Vec<u8>,
     encoded: Vec<u8>,
 }
 
 impl RecordingSink {
-    /// Creates the file, or truncates it; it must be a regular file. `metadata` describes the run
+    /// Creates the file, or truncates it. It must be a regular file. `metadata` describes the run
     /// for a later reader: the service, the abort policy. The version of linkwatch is added.
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingSink> {
         let file = crate::sinks::create_file(path)?;
@@ -106,7 +107,7 @@ impl RecordingSink {
             cuts: record.cuts,
         };
         let outcome = self.write(self.frames, &message, report.seq, time_ns);
-        // The message was the only owner of the bytes: this gives the buffer back, not a copy.
+        // The message was the only owner of the bytes, so this returns the buffer without a copy.
         self.positions = message.positions.into();
         outcome
     }
@@ -121,11 +122,11 @@ impl RecordingSink {
             });
         }
         self.encoded.clear();
-        // Cannot fail: a vector grows.
+        // Cannot fail, because a vector grows.
         message.encode(&mut self.encoded).ok();
         let header = MessageHeader {
             channel_id: channel,
-            // MCAP has 32 bits for it; the message has all 64.
+            // MCAP has 32 bits for the sequence number; the message has all 64.
             sequence: seq as u32,
             log_time: ns,
             publish_time: ns,
@@ -214,7 +215,7 @@ impl Write for Prefix {
     }
 }
 
-/// Since 1970; a clock set before that reads 0.
+/// Returns the nanoseconds since 1970, or 0 if the clock is set before that.
 fn nanoseconds(time: SystemTime) -> u64 {
     let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
     since.as_nanos().try_into().unwrap_or(u64::MAX)

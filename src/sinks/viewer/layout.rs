@@ -1,4 +1,4 @@
-//! What a viewer shows when it opens: the layout of its views, and the status in words.
+//! Layout of the viewer's views, and the status in words.
 
 use super::passed::{Passed, name};
 use super::{Findings, entity};
@@ -18,7 +18,7 @@ use rerun::{
     AsComponents, Color, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
 };
 
-/// Timelines: the number of the frame, and the time of the simulation.
+/// Timelines: the number of the frame, and the simulation time.
 pub(super) const FRAME: &str = "frame";
 pub(super) const SIM_TIME: &str = "sim_time";
 
@@ -26,7 +26,7 @@ pub(super) const SIM_TIME: &str = "sim_time";
 /// cursor, but a viewer that follows a timeline opens at its end.
 pub(super) const UNTIL: &str = "until_violation";
 
-/// The colours of everything, in words: legends would cover a third of the plots.
+/// Legend in words, because legends in the plots would cover a third of them.
 pub(super) const KEY: &str = "\
 **Curves** red: changed; orange: no verdict
 
@@ -38,26 +38,26 @@ curves are closest
 **Check** red: full; orange: partial; green: quiet
 ";
 
-/// Dark and even, so that muted curves are seen and red ones stand out.
+/// Dark and uniform, so that muted curves are visible and red ones stand out.
 const BACKGROUND: u32 = 0x0f1318ff;
 
-/// Distance of the eye from the middle of the scene, in radii of the scene.
+/// Distance of the eye from the centre of the scene, in radii of the scene.
 const EYE_DISTANCE: f64 = 2.0;
 
 /// Distance of the eye from a violation, in sizes of the feature there (see
-/// [`super::local::feature`]). A ring takes a third of the height.
+/// [`super::local::feature`]). A ring fills a third of the height.
 const EYE_DISTANCE_NEAR: f64 = 4.0;
 
-/// Mean length of a segment from which on curves are drawn as large as they are, and segments
-/// that the mean is taken of.
+/// Mean length of a segment from which on curves are drawn at their size, and number of segments of
+/// that mean.
 const SMALL: f64 = 0.05;
 const SAMPLED: usize = 100_000;
 
-/// Digits by which curves are enlarged at most: single precision has 38.
+/// Maximum number of digits by which curves are enlarged: single precision has 38.
 const MOST_DIGITS: f64 = 36.0;
 
-/// Directions from which a scene is looked at, by the axis along which it is thinnest: cloth is seen face on, a
-/// little from the side, z upwards.
+/// Directions of view, by the axis along which the scene is thinnest: cloth is seen from the front,
+/// a little from the side, with z upwards.
 const LOOK_FROM: [Point; 3] = [[1.0, -0.3, 0.4], [-0.3, -1.0, 0.4], [-0.25, -0.65, 1.0]];
 
 /// Sends the layout. It opens at the end of `timeline`. Without an eye, the viewer follows the
@@ -94,13 +94,13 @@ pub(super) fn send(
         }
     }
     if let ContainerLike::View(view) = &log {
-        // All lines come from one entity: a column for its name would only take room.
+        // All lines come from one entity, so a column for its name is not needed.
         let columns =
             [TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(|kind| TextLogColumn {
                 visible: true.into(),
                 kind,
             });
-        // The frame on every timeline: a click on it goes there.
+        // The frame on every timeline, so that a click jumps to it.
         let frame = TimelineColumn {
             visible: true.into(),
             timeline: FRAME.into(),
@@ -122,7 +122,7 @@ pub(super) fn send(
     let [links, check, marked, recomputed, skipped] = plots;
     let words = Vertical::new([status.into(), key.into()]).with_row_shares([2.4, 1.0]);
     let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
-    // What made checks take their time, one above the other; counts of frames and pairs share no axis.
+    // Work counters, one above the other, because counts of frames and pairs share no axis.
     let work = Vertical::new([marked, recomputed]).with_name("work");
     let costs = Tabs::new([check, work.into(), skipped]);
     let bottom = Horizontal::new([log, links, costs.into()]);
@@ -141,8 +141,8 @@ pub(super) fn send(
     send_with(rec, &blueprint, &properties)
 }
 
-/// Sends a blueprint together with properties of its views, for which the blueprint API of rerun 0.36 has no
-/// methods: they are logged into the store of the same blueprint, ahead of its activation.
+/// Sends a blueprint together with properties of its views for which the blueprint API of rerun
+/// 0.36 has no methods. They are logged into the store of the same blueprint before its activation.
 fn send_with(
     rec: &RecordingStream,
     blueprint: &Blueprint,
@@ -177,17 +177,17 @@ fn send_with(
     Ok(())
 }
 
-/// The box around all control points, and the direction from which it is looked at.
+/// Bounding box of all control points, and the direction of view.
 pub(super) struct Scene {
     center: Point,
     /// Half the diagonal.
     pub radius: f64,
-    /// From the scene to the eye; of length 1.
+    /// Unit vector from the scene to the eye.
     from: Point,
 }
 
 impl Scene {
-    /// Returns `None` if there is no extent.
+    /// Returns `None` if the scene has no extent.
     pub fn of(set: &CurveSet) -> Option<Scene> {
         let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for (i, curve) in set.curves().iter().enumerate() {
@@ -208,14 +208,14 @@ impl Scene {
         })
     }
 
-    /// Returns the direction that points down on the screen, of length 1.
+    /// Returns the unit vector that points down on the screen.
     pub fn down(&self) -> Point {
         let [x, y, z] = self.from;
         unit([z * x, z * y, z * z - 1.0])
     }
 
-    /// Returns an eye that sees all curves, or those around a place if there is one. Viewers draw
-    /// curves `scale` times as large as they are.
+    /// Returns an eye that sees all curves, or those around a place if one is given. Viewers draw
+    /// curves enlarged by `scale`.
     pub fn eye(&self, place: Option<(Point, f64)>, scale: f64) -> EyeControls3D {
         let far = EYE_DISTANCE * self.radius;
         let (target, away) = match place {
@@ -236,10 +236,10 @@ fn unit(v: Point) -> Point {
     v.map(|x| x / length)
 }
 
-/// Returns how many times as large as they are curves are drawn: a power of ten, 1 for most.
+/// Returns the factor by which curves are enlarged: a power of ten, 1 for most scenes.
 ///
-/// The viewer draws nothing that is closer to the eye than 0.01, and the eye comes no closer to
-/// what it looks at than 0.02, whatever the size of the scene.
+/// The viewer draws nothing closer to the eye than 0.01, and the eye comes no closer to its target
+/// than 0.02, for scenes of any size.
 pub(super) fn scale(set: &CurveSet) -> f64 {
     let segments = set.curves().iter().enumerate().flat_map(|(i, curve)| {
         let knots = (0..=curve.segments as usize).map(move |s| set.knot(i, s));
@@ -258,15 +258,16 @@ pub(super) fn scale(set: &CurveSet) -> f64 {
     }
 }
 
-/// What tells a finding that lasts from another: the curves, and the number found or the kind of the defect.
+/// Identity of a finding that lasts over several frames: the curves, and the number found or the
+/// kind of the defect.
 pub(super) type Key = (u32, Option<u32>, i64);
 
-/// The key of each finding, in the order of [`Report::findings`]; none for an event: it does not last, and is news
-/// whenever it comes.
+/// Returns the key of each finding, in the order of [`Report::findings`]. Events have the key
+/// `None`, because they do not last: each one is new.
 pub(super) fn keys(report: &Report) -> impl Iterator<Item = Option<Key>> + '_ {
     let changes = report.changes.iter().map(|c| (c.i, Some(c.j), c.found));
     let events = report.events.iter().map(|_| None);
-    // Above every linking number that a frame can have.
+    // Larger than every linking number of a frame.
     let kind = |d: &Defect| i64::MAX - d.kind as i64;
     let defects = report.defects.iter().map(move |d| (d.i, d.j, kind(d)));
     let unresolved = report.unresolved.iter().map(|_| None);
@@ -278,7 +279,8 @@ pub(super) fn keys(report: &Report) -> impl Iterator<Item = Option<Key>> + '_ {
         .chain(unresolved)
 }
 
-/// The status as markdown: the answer, since when, the pairs, and what was pulled through in this frame and so far.
+/// Returns the status as markdown: the verdict, its first frame, the pairs, and the pull-throughs
+/// in this frame and so far.
 pub(super) fn status(
     report: &Report,
     since: u64,
@@ -286,7 +288,7 @@ pub(super) fn status(
     passed: &Passed,
     shown: usize,
 ) -> String {
-    // The linking numbers may be as expected: then it is about this frame only.
+    // If the linking numbers are as expected, the status concerns this frame only.
     let only_events = !report.events.is_empty() && report.changes.is_empty();
     let title = match report.verdict {
         Verdict::Intact => "Intact",
@@ -304,7 +306,7 @@ pub(super) fn status(
     let s = &report.stats;
     let detail = report.rejected.clone().unwrap_or_else(|| {
         match s.potential_links {
-            // Not counted where the frame was compared with a reference.
+            // Not counted if the frame was compared with a reference frame.
             0 => format!("{} curves", s.curves),
             pairs => format!("{} curves, {pairs} pairs that could be linked", s.curves),
         }
@@ -389,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn the_status_names_what_broke_and_since_when() {
+    fn the_status_names_the_broken_pairs_and_the_first_frame() {
         let report = report(5);
         let seen = keys(&report).flatten().zip(3..).collect();
         let text = status(&report, 2, &seen, &Passed::default(), 4);
@@ -428,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn the_eye_is_near_a_violation_and_sees_everything_otherwise() {
+    fn the_eye_is_near_a_violation_or_sees_all_curves() {
         let points = [0.0, 0.0, 0.0, 200.0, 0.0, 0.0, 0.0, 200.0, 40.0];
         let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&points)).unwrap();
         let scene = Scene::of(&set).unwrap();
@@ -486,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn the_status_of_an_event_alone_says_that_numbers_are_as_expected() {
+    fn the_status_of_an_event_alone_reports_the_expected_numbers() {
         let mut report = report(0);
         report.events = vec![event(18, 19), event(7, 7)];
         let mut passed = Passed::default();
@@ -507,7 +509,7 @@ mod tests {
         assert!(text.contains("| **7 through itself** |"), "{text}");
         let so_far = "\n2 pull-throughs so far, the last in frame 9\n";
         assert!(text.ends_with(so_far), "{text}");
-        // Later it is history.
+        // In later frames the status is intact.
         (report.verdict, report.events) = (Verdict::Intact, Vec::new());
         let text = status(&report, 10, &Findings::new(), &passed, 4);
         assert!(text.starts_with("# Intact\n"), "{text}");
@@ -515,7 +517,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_without_extent_has_no_eye_of_its_own() {
+    fn a_scene_without_extent_has_no_eye() {
         let point = [1.0_f32; 9];
         let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F32(&point)).unwrap();
         assert!(Scene::of(&set).is_none());

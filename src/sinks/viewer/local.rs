@@ -1,18 +1,19 @@
-//! The surroundings of a place on a curve: their size, and the point of the curve next to it. Marks
-//! and the eye take their size from there, since a scene of thousands of rings says nothing about
-//! the size of one.
+//! Surroundings of a place on a curve: their size, and the nearest point of the curve. The size of
+//! marks and the distance of the eye follow from them, because the size of a scene of thousands of
+//! rings says nothing about the size of one.
 
 use crate::curve::{CurveSet, Point};
 use crate::verdict::Report;
 
-/// Segments on each side of a place that belong to its surroundings at least. A chain of beads
-/// turns at every bead.
+/// Minimum number of segments on each side of a place that belong to its surroundings. A chain of
+/// beads turns at every bead.
 const LEAST: usize = 3;
 
-/// Segments on each side that are visited at most.
+/// Maximum number of segments on each side that are visited.
 const MOST: usize = 2000;
 
-/// Samples of a spline segment in the search for its nearest point. Display needs no more.
+/// Number of samples of a spline segment in the search for its nearest point, sufficient for
+/// display.
 const SAMPLES: usize = 16;
 
 /// Returns the size of the feature of curve `i` to which segment `s` belongs: the distance to the
@@ -59,7 +60,7 @@ pub(super) fn nearest(set: &CurveSet, i: u32, s: u32, point: Point) -> Option<f6
         let (start, end) = (set.knot(i, s), set.knot(i, s + 1));
         let along = sub(end, start);
         let t = dot(sub(point, start), along) / dot(along, along);
-        // A segment without length has no parameter that is better than another.
+        // All parameters of a segment without length are equivalent.
         return Some(if t.is_finite() {
             t.clamp(0.0, 1.0)
         } else {
@@ -74,7 +75,7 @@ pub(super) fn nearest(set: &CurveSet, i: u32, s: u32, point: Point) -> Option<f6
     samples.min_by(|&a, &b| dist_sq(a).total_cmp(&dist_sq(b)))
 }
 
-/// A place of a finding, as the picture needs it.
+/// Place of a finding, for the picture.
 pub(super) struct Spot {
     /// Points to mark, one on each curve; the place itself if there is no curve to mark.
     pub marks: Vec<Point>,
@@ -98,8 +99,9 @@ pub(super) fn spot(set: &CurveSet, curves: [u32; 2], segments: [u32; 2], point: 
     Spot { marks, size }
 }
 
-/// Returns the place of the first finding of a report, and the size of its surroundings. The moment
-/// of a pull-through says more than the closest approach after it.
+/// Returns the place of the first finding of a report, and the size of its surroundings. A
+/// pull-through is preferred, because its place is more specific than the closest approach after
+/// it.
 pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
     let events = report.events.iter().chain(&report.unresolved);
     let events = events.map(|e| ([e.i, e.j], e.segments, e.point));

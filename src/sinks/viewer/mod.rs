@@ -1,16 +1,17 @@
-//! Shows frames in the rerun viewer: a running one, one that is started here, or a file for later.
+//! Shows frames in the rerun viewer: in a running viewer, in one that is started here, or in a file
+//! for later.
 //!
-//! The picture answers three questions at a glance: is the topology whole, which curves broke,
-//! since when. Intact curves are thin and muted; curves of a change are thick and red, those
-//! without a verdict orange, each group an entity of its own; marks say which pair and what its
-//! number was and is. A pull-through is marked where it happened, in a colour of its own; a small
-//! mark stays on the curve from then on. Widths are in points of the screen, so that a scene of any
-//! size looks the same; stars and the distance of labels take their size from the curves around
+//! The picture answers three questions at a glance: is the topology intact, which curves broke, and
+//! since which frame. Intact curves are thin and muted, curves of a change are thick and red, and
+//! those without a verdict are orange; each group is a separate entity. Marks name the pair, its
+//! expected number and its current one. A pull-through is marked at its place, in its own colour; a
+//! small mark stays on the curve from then on. Widths are in screen points, so that scenes of any
+//! size look the same. The size of stars and the distance of labels follow from the curves around
 //! them.
 //!
-//! The eye goes to the first violation, once: later it is where the user puts it.
+//! The eye moves to the first violation, once; later the user controls it.
 //!
-//! One strip a curve: a strip a segment was measured to cost seven times as much.
+//! Curves are one strip each: one strip per segment was measured to cost seven times as much.
 //!
 //! Only this module knows the crate `rerun`.
 
@@ -72,7 +73,8 @@ const APPLICATION: &str = "linkwatch";
 const QUIET: u32 = 0x6f809cff;
 const RED: u32 = 0xff3b30ff;
 const ORANGE: u32 = 0xff9f0aff;
-/// Marks are paler than the curves that they lie on, and labels, which have their colour, can be read.
+/// Marks are paler than the curves below them, and labels, which have the same colour, stay
+/// readable.
 const PALE_RED: u32 = 0xffe3dfff;
 const PALE_ORANGE: u32 = 0xfff0d2ff;
 const VIOLET: u32 = 0xbf5af2ff;
@@ -80,47 +82,50 @@ const GREEN: u32 = 0x30d158ff;
 const CYAN: u32 = 0x40d8ffff;
 const DARK_GREEN: u32 = 0x1d6b33ff;
 
-/// Findings of a kind that get a mark and a table row each, and findings that get a log line; more would hide one
-/// another.
+/// Maximum number of findings of a kind with a mark and a table row, and of findings with a log
+/// line, because more would hide one another.
 const SHOWN: usize = 20;
 
 /// Marks closer than this, in radii of the scene, share a label.
 const NEAR: f64 = 0.12;
 
-/// Length of the rays of a pull-through's star, and distance of a label from what it names: in
-/// sizes of the feature there (see [`local::feature`]). A ray is a fifth of the radius of a ring.
+/// Length of the rays of a pull-through's star, and distance of a label from its place, in sizes of
+/// the feature there (see [`local::feature`]). A ray is a fifth of the radius of a ring.
 const STAR: f64 = 0.14;
 const DROP: f64 = 0.4;
 
 /// Size of a feature without extent, in radii of the scene.
 const DOT: f64 = 0.05;
 
-/// From this many curves on, intact ones are drawn thinner: they would merge into a surface.
+/// Number of curves from which on intact ones are drawn thinner, because they would merge into a
+/// surface.
 const MANY: usize = 2000;
 
-/// Frames between log lines while nothing changes.
+/// Number of frames between log lines while nothing changes.
 const QUIET_FRAMES: u64 = 200;
 
-/// Splines are drawn with up to this many points a segment, and about this many points in all.
+/// Maximum number of points per segment of a spline, and approximate number of points in all.
 const POINTS_PER_SEGMENT: usize = 6;
 const POINTS: usize = 400_000;
 
-/// How long the viewer may take to accept what was sent, at the end.
+/// Time limit of the viewer to accept all data at the end.
 const FLUSH_LIMIT: Duration = Duration::from_secs(10);
 
-/// Logs to rerun. Put it behind a [`crate::SinkQueue`] that drops the oldest: a viewer that stops reading blocks it.
+/// Logs frames to rerun. Use it behind a [`crate::SinkQueue`] that drops the oldest frames, because
+/// a viewer that stops reading blocks it.
 pub struct ViewerSink {
     rec: RecordingStream,
-    /// Told with the first frame: before it there is no time to tell it at.
+    /// Message about the baseline. Logged with the first frame, because before it there is no time
+    /// on the timelines.
     greeting: Option<String>,
-    /// What the log said last, to say only what is new.
-    told: Option<Told>,
+    /// State of the log at the last frame, to log only what is new.
+    logged: Option<Logged>,
     is_file: bool,
     /// Pull-throughs of the frames so far.
     passed: Passed,
     /// The newest curves.
     last: Option<Arc<CurveSet>>,
-    /// How many times as large as they are curves are drawn. Known with the first curves.
+    /// Factor by which curves are enlarged. Known with the first curves.
     scale: Option<f64>,
     /// The newest status.
     status: String,
@@ -130,23 +135,23 @@ pub struct ViewerSink {
 /// The first violation.
 struct First {
     frame: i64,
-    /// Near the place of the violation, if it has one.
+    /// Eye near the place of the violation, if it has one.
     eye: Option<EyeControls3D>,
     status: String,
-    /// Frames since then.
+    /// Number of frames since then.
     later: u64,
 }
 
-/// Findings that last, and the frame since which each has been there without a break.
+/// Findings that last, each with the frame since which it has persisted.
 type Findings = BTreeMap<layout::Key, u64>;
 
-/// State of the log: a frame that differs in it is worth a line.
-struct Told {
+/// State of the log. A frame that differs in it gets a log line.
+struct Logged {
     verdict: Verdict,
     /// First frame of this verdict.
     since: u64,
     findings: Findings,
-    /// Whether the status has pull-throughs of that very frame.
+    /// True if the status lists pull-throughs of its frame.
     events: bool,
     /// Frame of the last line.
     at: u64,
@@ -159,13 +164,13 @@ impl ViewerSink {
     }
 
     fn log_to(rec: RecordingStream, is_file: bool) -> Result<ViewerSink> {
-        // Time is that of the simulation; when a line was logged tells a reader nothing.
+        // The timelines have the simulation time; the time of logging is useless to a reader.
         rec.set_log_tick_enabled(false);
         rec.set_log_time_enabled(false);
         let sink = ViewerSink {
             rec,
             greeting: None,
-            told: None,
+            logged: None,
             is_file,
             passed: Passed::default(),
             last: None,
@@ -186,7 +191,7 @@ impl ViewerSink {
             (entity::SKIPPED, ORANGE, "frames skipped so far"),
         ];
         for (path, color, name) in series {
-            // Counts jump; times are measured here and there.
+            // Counts change in steps; times are measured at single frames.
             let mode = match path {
                 entity::CHECK => InterpolationMode::Linear,
                 _ => InterpolationMode::StepAfter,
@@ -214,9 +219,9 @@ impl ViewerSink {
         self.rec.log(path, what).map_err(failed)
     }
 
-    /// Logs a line. Those of later frames are at the end of the timeline of the first violation,
-    /// too: a file opens with the whole log.
-    fn say(&self, line: &TextLog) -> Result<()> {
+    /// Logs a line. In a file, the lines of later frames are also at the end of the timeline of the
+    /// first violation, so that the file opens with the whole log.
+    fn log_line(&self, line: &TextLog) -> Result<()> {
         match &self.first {
             Some(first) if self.is_file => {
                 self.rec.set_time_sequence(layout::UNTIL, first.frame);
@@ -232,13 +237,13 @@ impl ViewerSink {
         layout::send(&self.rec, timeline, eye).map_err(failed)
     }
 
-    /// Returns an eye that sees all of the newest curves, or those around a place if there is one.
+    /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
     fn eye(&self, place: Option<(Point, f64)>) -> Option<EyeControls3D> {
         let scene = Scene::of(self.last.as_deref()?)?;
         Some(scene.eye(place, self.scale.unwrap_or(1.0)))
     }
 
-    /// Remembers the first violation, and sends the eye there.
+    /// Records the first violation, and moves the eye there.
     fn note_first(&mut self, frame: i64, record: &FrameRecord) -> Result<()> {
         let report = record.report.as_ref();
         if let Some(first) = &mut self.first {
@@ -289,8 +294,8 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
         self.layout(timeline, eye.as_ref())
     }
 
-    /// All curves, each in the group that it belongs to. Empty groups are logged too: they wipe the marks of
-    /// the frame before.
+    /// Logs all curves, each in its group. Empty groups are logged too, which clears those of the
+    /// previous frame.
     fn curves(&self, set: &CurveSet, report: &Report) -> Result<()> {
         let mut groups: Vec<u8> = vec![0; set.len()];
         let mut mark = |i: u32, group| {
@@ -331,9 +336,9 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
         Ok(())
     }
 
-    /// A dot on each curve of a finding, a star at each pull-through of this frame, and a label
-    /// beside each place, broken pairs first. Findings close together share a label: labels would
-    /// cover one another.
+    /// Logs a dot on each curve of a finding, a star at each pull-through of this frame, and a
+    /// label beside each place, broken pairs first. Findings close together share a label, because
+    /// labels would cover one another.
     fn places(&self, set: &CurveSet, report: &Report) -> Result<()> {
         let changes = report.changes.iter().filter_map(|c| {
             let (numbers, place) = ((c.expected, c.found), c.place?);
@@ -414,7 +419,7 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
             }
         }
         let colors: Vec<u32> = labels.iter().map(|(.., color)| *color).collect();
-        // From the mark to the label, which hangs below its point.
+        // From the mark to the label, which is below its point.
         let leaders = labels.iter().map(|(spot, ..)| {
             let (start, drop) = (spot.marks[0], DROP * size(spot));
             [start, [0, 1, 2].map(|x| start[x] + drop * down[x])].map(narrow)
@@ -428,7 +433,7 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
         self.log(entity::LEADERS, &lines(leaders, 0.6).with_colors(colors))
     }
 
-    /// A small mark on the curves for the pull-throughs of earlier frames.
+    /// Logs a small mark on the curves for each pull-through of earlier frames.
     fn passed(&self, set: &CurveSet) -> Result<()> {
         let before = self.passed.points(set).map(narrow);
         self.log(entity::PASSED, &points(before, 5.0).with_colors([CYAN]))
@@ -443,7 +448,7 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
             let count = record.report.count(kind) as f64;
             self.log(path, &Scalars::single(count))?;
         }
-        // A point a frame that has some: a line would lie on that of the links.
+        // A point for each frame that has some, because a line would cover that of the links.
         if !record.report.events.is_empty() {
             let events = record.report.events.len() as f64;
             self.log(entity::EVENT_COUNT, &Scalars::single(events))?;
@@ -454,7 +459,7 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
             let work = &record.work;
             let route = entity::ROUTES[work.route as usize];
             self.log(route, &Scalars::single(check_ms))?;
-            // A frame that was not compared with a reference has no blocks to mark.
+            // A frame that was not compared with a reference frame has no blocks to mark.
             if work.blocks > 0 {
                 let marked = 100.0 * work.marked as f64 / work.blocks as f64;
                 self.log(entity::MARKED, &Scalars::single(marked))?;
@@ -464,11 +469,11 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
         self.log(entity::SKIPPED, &Scalars::single(record.skipped as f64))
     }
 
-    /// A line for every frame that says something new, with a sentence for each new finding, and now and then
-    /// one for a frame that does not; the status beside the picture is rewritten where it is not true any more.
+    /// Logs a line for every frame with news, a sentence for each new finding, and occasionally a
+    /// line for a frame without news. Updates the status if it is outdated.
     fn words(&mut self, record: &FrameRecord) -> Result<()> {
         let report = record.report.as_ref();
-        let before = self.told.take();
+        let before = self.logged.take();
         let turned = before.as_ref().is_none_or(|t| t.verdict != report.verdict);
         let since = match &before {
             Some(t) if !turned => t.since,
@@ -481,12 +486,12 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
             .flatten()
             .map(|key| (key, known.get(&key).copied().unwrap_or(report.seq)))
             .collect();
-        // Both have the first frame of each finding: a finding that comes back is news.
+        // The findings contain the first frame of each, so a finding that returns is new.
         let has_events = !report.events.is_empty();
         let news = turned || has_events || findings != known;
         let due = news || report.seq.abs_diff(last) >= QUIET_FRAMES;
         if due {
-            self.say(&line(report.verdict, report.headline()))?;
+            self.log_line(&line(report.verdict, report.headline()))?;
         }
         if news {
             let sentences = layout::keys(report).zip(report.findings());
@@ -494,16 +499,16 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
             let mut new = sentences.filter(|(key, _)| is_new(key));
             for (key, text) in new.by_ref().take(SHOWN) {
                 let line = line(report.verdict, text);
-                // As its mark.
+                // In the colour of its mark.
                 let line = match key {
                     None => line.with_color(Color::from_u32(CYAN)),
                     Some(_) => line,
                 };
-                self.say(&line)?;
+                self.log_line(&line)?;
             }
             let more = new.count();
             if more > 0 {
-                self.say(&line(report.verdict, format!("and {more} more")))?;
+                self.log_line(&line(report.verdict, format!("and {more} more")))?;
             }
         }
         if news || had_events {
@@ -511,7 +516,7 @@ This is the first violation. {} {frames} {follow}: click on a frame of the \
             let status = TextDocument::from_markdown(self.status.clone());
             self.log(entity::STATUS, &status)?;
         }
-        self.told = Some(Told {
+        self.logged = Some(Logged {
             verdict: report.verdict,
             since,
             findings,
@@ -553,7 +558,7 @@ impl Sink for ViewerSink {
             self.rec.set_duration_secs(layout::SIM_TIME, report.time);
         }
         if let Some(text) = self.greeting.take() {
-            self.say(&line(Verdict::Intact, text))?;
+            self.log_line(&line(Verdict::Intact, text))?;
         }
         if let Some(set) = &record.curves {
             if self.scale.is_none() {
@@ -570,7 +575,8 @@ impl Sink for ViewerSink {
             self.last = Some(Arc::clone(set));
         }
         if self.passed.words().is_none() && !report.events.is_empty() {
-            // Not before there is one: the viewer reports an error for a series without data.
+            // Not before the first event, because the viewer reports an error for a series without
+            // data.
             let style = series_points(CYAN, "pull-throughs", MarkerShape::Diamond, 6.0);
             self.rec
                 .log_static(entity::EVENT_COUNT, &style)
@@ -594,7 +600,7 @@ impl Sink for ViewerSink {
     }
 }
 
-/// Style of a series of points.
+/// Returns the style of a series of points.
 fn series_points(color: u32, name: &str, shape: MarkerShape, size: f32) -> SeriesPoints {
     SeriesPoints::new()
         .with_colors([color])
@@ -603,12 +609,12 @@ fn series_points(color: u32, name: &str, shape: MarkerShape, size: f32) -> Serie
         .with_marker_sizes([size])
 }
 
-/// Points of a size on the screen.
+/// Returns points with a size on the screen.
 fn points(points: impl IntoIterator<Item = [f32; 3]>, size: f32) -> Points3D {
     Points3D::new(points).with_radii([Radius::new_ui_points(size)])
 }
 
-/// Lines of a width on the screen.
+/// Returns lines with a width on the screen.
 fn lines(lines: impl IntoIterator<Item = [[f32; 3]; 2]>, width: f32) -> LineStrips3D {
     LineStrips3D::new(lines).with_radii([Radius::new_ui_points(width)])
 }
@@ -651,7 +657,7 @@ mod tests {
     use rerun::sink::MemorySinkStorage;
     use std::time::SystemTime;
 
-    /// A triangle, moved; one that was not read has no curves.
+    /// A triangle at height `z`; `None` for a frame without curves.
     fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> FrameRecord {
         let set = |z| {
             let points = [0.0, 0.0, z, 2.0, 0.0, z, 0.0, 2.0, z];
@@ -700,7 +706,7 @@ mod tests {
         }
     }
 
-    /// What was logged for an entity.
+    /// Returns the chunks logged for an entity.
     fn chunks(messages: &[LogMsg], path: &str) -> impl Iterator<Item = Chunk> {
         let chunks = messages.iter().filter_map(|message| match message {
             LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
@@ -709,7 +715,7 @@ mod tests {
         chunks.filter(move |c| *c.entity_path() == path.into())
     }
 
-    /// Points of an entity, a row for each time that they were logged, and their labels.
+    /// Points of an entity with their labels, a row for each time that they were logged.
     type Points = Vec<(Vec<[f32; 3]>, Vec<String>)>;
 
     fn points(messages: &[LogMsg], path: &str) -> Points {
@@ -737,7 +743,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pull_through_is_marked_and_its_mark_stays_and_moves() {
+    fn a_pull_through_keeps_a_mark_that_moves_with_the_curve() {
         let messages = logged(&[
             record(1, Some(0.0), Vec::new()),
             record(
@@ -767,7 +773,7 @@ mod tests {
         assert_eq!(broken, [0, 1, 0]);
     }
 
-    /// The messages of a file.
+    /// Returns the messages of a file.
     fn written(frames: &[FrameRecord]) -> Vec<LogMsg> {
         let (rec, storage): (_, MemorySinkStorage) =
             RecordingStreamBuilder::new(APPLICATION).memory().unwrap();
@@ -779,7 +785,8 @@ mod tests {
         storage.take()
     }
 
-    /// The timelines of the layouts, in the order in which they were sent, and the number of eyes.
+    /// Returns the timelines of the layouts, in the order in which they were sent, and the number
+    /// of eyes.
     fn layouts(messages: &[LogMsg]) -> (Vec<String>, usize) {
         let chunks = messages.iter().filter_map(|message| match message {
             LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
@@ -821,7 +828,7 @@ mod tests {
         let lines = chunks(&messages, entity::LOG).filter(is_until);
         let lines: usize = lines.map(|c| c.num_rows()).sum();
         assert_eq!(lines, texts(&messages, entity::LOG).len());
-        // Chunks of different timelines come in any order; the note is on the one timeline only.
+        // Chunks of different timelines may come in any order; the note is on one timeline only.
         let mut noted = chunks(&messages, entity::STATUS).filter(|c| c.timelines().len() == 1);
         let text = TextDocument::descriptor_text().component;
         let note = noted.next().unwrap();
@@ -848,7 +855,7 @@ mod tests {
         assert_eq!(eyes, 1);
     }
 
-    /// Curves of an entity, a number for each time that they were logged.
+    /// Returns the number of curves of an entity, for each time that it was logged.
     fn strips(messages: &[LogMsg], path: &str) -> Vec<usize> {
         let component = LineStrips3D::descriptor_strips().component;
         let mut counts = Vec::new();
@@ -860,12 +867,12 @@ mod tests {
     }
 
     #[test]
-    fn every_pull_through_is_news() {
+    fn every_pull_through_is_logged() {
         let frame = |seq| record(seq, Some(0.0), vec![event([0.0; 3])]);
         let messages = logged(&[frame(1), frame(2), frame(3)]);
         let texts = texts(&messages, entity::LOG);
-        let told = texts.iter().filter(|t| t.contains("passed through itself"));
-        assert_eq!(told.count(), 3, "{texts:?}");
+        let logged = texts.iter().filter(|t| t.contains("passed through itself"));
+        assert_eq!(logged.count(), 3, "{texts:?}");
     }
 
     fn texts(messages: &[LogMsg], path: &str) -> Vec<String> {

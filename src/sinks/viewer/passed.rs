@@ -1,5 +1,5 @@
-//! Pull-throughs told so far: their marks stay and move with the curves, so that whoever looks at a later frame still
-//! sees where strands went through one another.
+//! Marks of earlier pull-throughs. They stay and move with the curves, so that later frames still
+//! show the place where strands passed through one another.
 
 use super::local;
 use crate::curve::{CurveSet, Point};
@@ -7,26 +7,26 @@ use crate::incremental::PullThrough;
 use crate::verdict::Report;
 use std::collections::VecDeque;
 
-/// Marks that stay, the newest; more would hide the curves.
+/// Maximum number of marks, the newest; more would hide the curves.
 pub(super) const KEPT: usize = 300;
 
-/// What is remembered of the pull-throughs of a run.
+/// Pull-throughs of a run so far.
 #[derive(Debug, Default)]
 pub(super) struct Passed {
-    /// Curve, segment and parameter of the newest.
+    /// Curve, segment and parameter of the newest ones.
     marks: VecDeque<(u32, u32, f64)>,
-    /// All so far, and the frame of the last.
-    told: Option<(u64, u64)>,
+    /// Number of all so far, and the frame of the last.
+    total: Option<(u64, u64)>,
 }
 
 impl Passed {
-    /// Takes note of those of a frame, and of the points of its curves that are next to them.
+    /// Adds those of a frame, with the nearest points of its curves.
     pub fn add(&mut self, report: &Report, set: Option<&CurveSet>) {
         if report.events.is_empty() {
             return;
         }
-        let count = self.told.map_or(0, |(count, _)| count) + report.events.len() as u64;
-        self.told = Some((count, report.seq));
+        let count = self.total.map_or(0, |(count, _)| count) + report.events.len() as u64;
+        self.total = Some((count, report.seq));
         let marks = report.events.iter().map(|e| {
             let (i, s) = (e.i, e.segments[0]);
             let t = set.and_then(|set| local::nearest(set, i, s, e.point));
@@ -36,7 +36,7 @@ impl Passed {
         self.marks.drain(..self.marks.len().saturating_sub(KEPT));
     }
 
-    /// Returns the points of the curves where strands passed, as they lie in this frame.
+    /// Returns the points of the curves where strands passed, at their positions in this frame.
     pub fn points<'a>(&'a self, set: &'a CurveSet) -> impl Iterator<Item = Point> + 'a {
         let place = |&(i, s, t): &(u32, u32, f64)| {
             let (i, s) = (i as usize, s as usize);
@@ -47,9 +47,9 @@ impl Passed {
         self.marks.iter().filter_map(place)
     }
 
-    /// How many, and the frame of the last; none where there were none.
+    /// Returns their number and the frame of the last, or `None` if there are none.
     pub fn words(&self) -> Option<String> {
-        let (count, last) = self.told?;
+        let (count, last) = self.total?;
         Some(match count {
             1 => format!("1 pull-through so far, in frame {last}"),
             n => format!("{n} pull-throughs so far, the last in frame {last}"),
@@ -57,7 +57,7 @@ impl Passed {
     }
 }
 
-/// An event as its mark and the status name it.
+/// Returns the name of an event for its mark and the status.
 pub(super) fn name(e: &PullThrough) -> String {
     if e.i == e.j {
         format!("{} through itself", e.i)
@@ -100,7 +100,7 @@ mod tests {
         }
     }
 
-    /// A triangle, moved.
+    /// A triangle at height `z`.
     fn triangle(z: f32) -> CurveSet {
         let points = [0.0, 0.0, z, 2.0, 0.0, z, 0.0, 2.0, z];
         CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F32(&points)).unwrap()
@@ -116,7 +116,7 @@ mod tests {
             let z = f64::from(z);
             assert_eq!(points, [[1.0, 0.0, z], [1.0, 1.0, z]]);
         }
-        // Next to where the strands passed, if the curves of that frame are there.
+        // At the nearest point of the curve, if the curves of that frame are present.
         let mut beside = event(0, 0);
         beside.point = [0.5, 1.0, 0.0];
         let mut passed_beside = Passed::default();

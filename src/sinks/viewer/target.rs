@@ -1,4 +1,4 @@
-//! Where the viewer is: a file for later, a running viewer, or one to start.
+//! Destinations of the viewer sink: a file for later, a running viewer, or one to start.
 
 use super::{APPLICATION, failed};
 use crate::error::Result;
@@ -7,16 +7,16 @@ use std::net::{TcpStream, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Where viewers listen unless they are told otherwise.
+/// Default port of viewers.
 const PORT: u16 = 9876;
 
-/// How long a running viewer may take to accept a connection.
+/// Time limit of a running viewer to accept a connection.
 const PROBE_LIMIT: Duration = Duration::from_secs(2);
 
-/// The program to start.
+/// Program to start.
 const PROGRAM: &str = "rerun";
 
-/// Where frames are shown.
+/// Destination of frames to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ViewerTarget {
     /// A file (`.rrd`) to open later.
@@ -32,7 +32,7 @@ impl ViewerTarget {
         let builder = RecordingStreamBuilder::new(APPLICATION).recording_name(title);
         match self {
             ViewerTarget::File(path) => {
-                // Created here first: an error of ours names the file.
+                // Created here first, so that our error names the file.
                 crate::sinks::create_file(path)?;
                 builder.save(path).map_err(failed)
             }
@@ -51,8 +51,8 @@ impl ViewerTarget {
                 let running = TcpStream::connect_timeout(&options.connect_addr(), PROBE_LIMIT);
                 if running.is_err() && !std::env::split_paths(&path).any(|d| has_program(&d)) {
                     return Err(failed(format_args!(
-                        "no program `{PROGRAM}` in PATH to show frames with; \
-                         `pip install rerun-sdk` brings one"
+                        "no program `{PROGRAM}` in PATH to show frames; \
+                         `pip install rerun-sdk` installs it"
                     )));
                 }
                 builder.spawn_opts(&options).map_err(failed)
@@ -61,11 +61,11 @@ impl ViewerTarget {
     }
 }
 
-/// `host:port` to probe, and the URL to connect to.
+/// Returns the `host:port` to probe, and the URL to connect to.
 fn address_of(address: &str) -> (String, String) {
     let (scheme, rest) = address.split_once("://").unwrap_or(("rerun+http", address));
     let (host, path) = rest.split_once('/').unwrap_or((rest, "proxy"));
-    // An IPv6 address has colons of its own, within brackets.
+    // An IPv6 address contains colons, within brackets.
     let has_port = host
         .rsplit_once(':')
         .is_some_and(|(_, port)| !port.contains(']'));
@@ -78,7 +78,8 @@ fn address_of(address: &str) -> (String, String) {
     (host, url)
 }
 
-/// Asks whether anybody listens. Without it, rerun would take frames into memory, and hang when that is full.
+/// Fails unless a viewer listens. Without this check, rerun would buffer frames in memory, and
+/// block when the buffer is full.
 fn probe(host: &str) -> Result<()> {
     let unreachable = |e: std::io::Error| failed(format_args!("no viewer at {host}: {e}"));
     let mut last = std::io::Error::other("the name has no address");
@@ -119,8 +120,8 @@ mod tests {
     }
 
     #[test]
-    fn nobody_at_home_is_an_error_and_not_a_hang() {
-        // Bound and not listening any more: the port is free and refuses.
+    fn a_missing_viewer_is_an_error_and_does_not_block() {
+        // Bound, then closed: the port is free and refuses connections.
         let port = std::net::TcpListener::bind("127.0.0.1:0")
             .and_then(|l| l.local_addr())
             .map(|a| a.port())
@@ -131,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_created_is_named() {
+    fn the_error_of_a_file_that_cannot_be_created_names_it() {
         let target = ViewerTarget::File("/no/such/folder/a.rrd".into());
         let e = target.open("test").err().unwrap().to_string();
         assert!(e.starts_with("/no/such/folder/a.rrd: "), "{e}");
