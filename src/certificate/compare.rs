@@ -176,6 +176,7 @@ impl Certificate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verdict::ChangeKind;
 
     fn certificate(links: &[(u32, u32, i64)], undefined: &[(u32, Option<u32>)]) -> Certificate {
         Certificate {

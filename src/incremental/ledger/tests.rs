@@ -6,7 +6,7 @@ use super::pair::{Part, Step};
 use super::planted::{Plant, Random, planted_step};
 use super::*;
 use crate::certificate::Certificate;
-use crate::curve::{Basis, Positions};
+use crate::curve::{Basis, Point, Positions};
 use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 use std::f64::consts::TAU;
