@@ -3,7 +3,7 @@
 use super::ladder::{Ladder, Sums};
 use super::{Progress, Timings};
 use crate::certificate::{Certificate, Comparison, Link};
-use crate::curve::{Box3, CurveSet};
+use crate::curve::{Box3, CurveSet, pow2};
 use crate::error::Result;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
 use crate::kernels::interval::noise::linking_number as noisy_linking_number;
@@ -119,7 +119,7 @@ impl FullRun {
     pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Stats {
         let stats = self.find_pairs(set);
         // Curves may become linked only if their boxes, grown by the noise, overlap.
-        let rounding = set.max_abs() * f64::from_bits((1023 - 22) << 52);
+        let rounding = set.max_abs() * pow2(-22);
         let reach = (noise + rounding) as f32;
         let roots = self.trees.roots().iter();
         let dilated: Vec<Box3> = roots.map(|b| b.dilated(reach.next_up())).collect();
