@@ -379,7 +379,7 @@ fn bad_studies_of_the_table_exit_with_2() {
             &["--only", "rope"][..],
             "no model has 'rope' in its name (known: Alien",
         ),
-        (&["--only", ""], "no model is called ''"),
+        (&["--only", ""], "no model has '' in its name"),
         (&["--kernels", "fast"], "expected auto, crossings"),
         (&["--segments", "0"], "expected numbers of segments"),
         (
