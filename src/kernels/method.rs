@@ -1,9 +1,9 @@
 //! Choice of the kernel that computes linking numbers, and its accuracy.
 
-use super::barnes_hut::{Accept, BarnesHut, Options, Order};
-use super::direct::{Direct, Formula};
-use super::fmm::{self, Fmm};
-use super::interval::{Interval, enclose};
+use super::sums::barnes_hut::{Accept, BarnesHut, Options, Order};
+use super::sums::direct::{Direct, Formula};
+use super::sums::fmm::{self, Fmm};
+use super::sums::interval::{Interval, enclose};
 use super::{Accelerator, Estimate, Summation};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;

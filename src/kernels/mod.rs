@@ -1,7 +1,7 @@
 //! Kernels: compute the linking number of two closed curves.
 //!
-//! `crossings` counts crossings, exactly. The other kernels sum the Gauss integral and return a
-//! value with a proven error bound ([`Estimate`]). The verifier accepts a sum if its bound proves
+//! `crossings` counts crossings, exactly. Those in `sums` sum the Gauss integral and return a value
+//! with a proven error bound ([`Estimate`]). The verifier accepts a sum if its bound proves
 //! the integer, and counts crossings otherwise ([`crate::Ladder`]). So the choice of a kernel
 //! changes the time, never the result.
 //!
@@ -21,21 +21,17 @@
 //!    and the place.
 
 mod accelerator;
-pub(crate) mod barnes_hut;
 mod calibration;
 #[cfg(test)]
 mod conformance;
 mod counted;
 pub(crate) mod crossings;
 pub(crate) mod device;
-pub(crate) mod direct;
-mod estimate;
-pub(crate) mod fmm;
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
-pub(crate) mod interval;
 mod method;
 pub mod oracle;
+pub(crate) mod sums;
 
 pub use accelerator::Offload;
 pub(crate) use accelerator::{Accelerator, Offer};
@@ -45,11 +41,11 @@ pub use calibration::{Calibration, CountingCost, SumCost};
 pub(crate) use calibration::{CountingWork, segment_pairs};
 pub(crate) use counted::Counted;
 pub use device::{Device, DeviceInfo, devices};
-pub use estimate::Estimate;
-pub(crate) use estimate::Summation;
 #[cfg(feature = "gpu")]
 pub use gpu::{DeviceTimes, Precision, measure as measure_device};
 pub use method::{Accuracy, Method};
+pub use sums::Estimate;
+pub(crate) use sums::Summation;
 
 use crate::verdict::{DefectKind, Place};
 

@@ -6,7 +6,7 @@ use crate::certificate::{Certificate, Comparison, Link};
 use crate::curve::{Box3, CurveSet, pow2};
 use crate::error::Result;
 use crate::kernels::crossings::{Scene, Workspaces, linking_number};
-use crate::kernels::interval::noise::linking_number as noisy_linking_number;
+use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accelerator, Accuracy, Counted, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
 use crate::plan::{Way, goes_to_adapter};

@@ -1,7 +1,7 @@
 //! Barnes-Hut for all pairs of curves at once. Both trees are descended level by level, all node
 //! pairs of a level in parallel.
 //!
-//! The expansion and its remainder are those of [`crate::kernels::barnes_hut`]. The trees are its
+//! The expansion and its remainder are those of [`crate::kernels::sums::barnes_hut`]. The trees are its
 //! trees, built from the uploaded vertices, with leaves of 16 segments. The difference is single
 //! precision: moments are divided by the length and by powers of the radius of their node, and the
 //! distance is the unit of length, so that no product underflows. Pairs of leaves that are not
@@ -22,7 +22,7 @@
 //! for the squared sine between tangents, to which [`PARALLEL`] is added. [`OUTWARD`] covers the
 //! rest.
 //!
-//! [`bound`]: crate::kernels::barnes_hut
+//! [`bound`]: crate::kernels::sums::barnes_hut
 //!
 //! # Passes
 //!
@@ -38,7 +38,7 @@ use super::frame::Frame;
 use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
 use super::{State, direct};
 use crate::kernels::Estimate;
-use crate::kernels::barnes_hut::{PackedNode, pack};
+use crate::kernels::sums::barnes_hut::{PackedNode, pack};
 use crate::pairs::Pair;
 use rayon::prelude::*;
 use std::f64::consts::PI;

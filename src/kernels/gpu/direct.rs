@@ -3,7 +3,7 @@
 //!
 //! # Formula
 //!
-//! The terms are those of [`crate::kernels::direct`], divided by the distances, so that no product
+//! The terms are those of [`crate::kernels::sums::direct`], divided by the distances, so that no product
 //! of lengths underflows. Let `a = l0 - k0`, `b = l0 - k1`, `c = l1 - k1`, `d = l1 - k0`, let
 //! `a^ ..` be their unit vectors, and let `e = k1 - k0`, `f = l1 - l0`. Then
 //!
@@ -35,7 +35,7 @@
 //!   are above that.
 //! * Let `m = min(max(D1, |P1|), max(D2, |P2|))`. If `(delta_P1 + delta_P2 + 2 delta_D) / m <= 1/8`
 //!   ([`DOUBT`] is less), the computed and the true `z1` are on the same side of the negative axis,
-//!   as in [`crate::kernels::direct::block`], and with `|z1| >= max(D1, |P1|)` their arguments
+//!   as in [`crate::kernels::sums::direct::block`], and with `|z1| >= max(D1, |P1|)` their arguments
 //!   differ by
 //!   `asin((|D1| delta_P1 + |P1| delta_D) / (|z1| |z1'|))`, which is at most
 //!   `1.15 (delta_P1 + delta_D |P1| / m) / m`. The same holds for `z2`.
@@ -120,7 +120,7 @@ use super::layout::{AngleSum, Tile, word};
 use super::precision::{Precision, Real};
 use super::tiles::{Shape, cut};
 use crate::kernels::Estimate;
-use crate::kernels::barnes_hut::LEAF_SEGMENTS;
+use crate::kernels::sums::barnes_hut::LEAF_SEGMENTS;
 use crate::pairs::Pair;
 use std::f64::consts::{PI, TAU};
 

@@ -3,7 +3,7 @@
 
 use super::precision::Real;
 use crate::curve::{Axes, CurveSet};
-use crate::kernels::direct::Scale;
+use crate::kernels::sums::direct::Scale;
 use crate::pairs::Pair;
 use rayon::prelude::*;
 use std::ops::Range;

@@ -89,7 +89,7 @@ pub(crate) struct Undecided {
     pub lower: u32,
 }
 
-/// A tree node; see [`crate::kernels::barnes_hut::PackedNode`].
+/// A tree node; see [`crate::kernels::sums::barnes_hut::PackedNode`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Node {

@@ -9,7 +9,7 @@ use super::*;
 use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
-use crate::kernels::direct::{Direct, Formula};
+use crate::kernels::sums::direct::{Direct, Formula};
 use crate::kernels::{
     Accelerator, Accuracy, Calibration, Estimate, Method, Offload, Summation, oracle,
 };

@@ -1,7 +1,7 @@
 use super::*;
-use crate::kernels::barnes_hut::{self, BarnesHut};
 use crate::kernels::conformance::polygons::{Random, check, exact_set_of, hopf, polylines, scene};
 use crate::kernels::oracle;
+use crate::kernels::sums::barnes_hut::{self, BarnesHut};
 
 fn options(order: Option<u32>, accept: Accept) -> Options {
     Options {
@@ -361,7 +361,7 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
 }
 
 /// Returns a random node below the root.
-fn some_node(random: &mut Random, tree: &Tree) -> crate::kernels::barnes_hut::Node {
+fn some_node(random: &mut Random, tree: &Tree) -> crate::kernels::sums::barnes_hut::Node {
     let mut node = tree.root();
     while !node.is_leaf() {
         node = node.children()[random.next(2) as usize];

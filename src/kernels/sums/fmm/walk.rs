@@ -7,7 +7,7 @@ use super::interact::{BATCH, Buffers, Side, interact};
 use super::tree::{Ball, LEAF, Tree};
 use crate::curve::Point;
 use crate::kernels::Estimate;
-use crate::kernels::barnes_hut::{Angles, Node};
+use crate::kernels::sums::barnes_hut::{Angles, Node};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

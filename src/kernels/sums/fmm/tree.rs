@@ -13,7 +13,7 @@
 
 use crate::curve::pow2;
 use crate::curve::{CurveSet, Point};
-use crate::kernels::barnes_hut::Node;
+use crate::kernels::sums::barnes_hut::Node;
 
 /// Number of segments of a leaf.
 pub(super) const LEAF: usize = 16;

@@ -6,7 +6,7 @@
 //! to its true one. On the way every point of a segment stays within `R` of its initial position
 //! along each axis, and so within the segment dilated by `R` in the maximum norm. If no dilated
 //! segment of one curve meets one of the other, the curves do not meet on the way. So the linking
-//! number is that of the given curves, which is counted exactly ([`super::super::crossings`]).
+//! number is that of the given curves, which is counted exactly ([`crate::kernels::crossings`]).
 //! Dilated segments are disjoint exactly if the segments are more than `2 R` apart in the maximum
 //! norm.
 //!

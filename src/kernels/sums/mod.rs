@@ -1,0 +1,17 @@
+//! Kernels that sum the Gauss integral: a value with a proven error bound ([`Estimate`]).
+//!
+//! | kernel | terms | cost for n segments |
+//! |---|---|---|
+//! | [`direct`] | all segment pairs | n^2 |
+//! | [`barnes_hut`] | node pairs of two trees | n log n |
+//! | [`fmm`] | expansions of nodes about nodes | n |
+//! | [`interval`] | all segment pairs, in interval arithmetic | n^2, some hundred times `direct` |
+
+pub(crate) mod barnes_hut;
+pub(crate) mod direct;
+mod estimate;
+pub(crate) mod fmm;
+pub(crate) mod interval;
+
+pub use estimate::Estimate;
+pub(crate) use estimate::Summation;
