@@ -4,49 +4,56 @@
 
 mod common;
 
-use common::{Cell, Options, Pools, Table, measure, median, ns_each, time};
+use common::{Cell, Options, Pools, Rows, measure, ns_each};
+use linkwatch::lab::{Run, median, timed};
 use linkwatch::{AbortOn, Polylines, Verifier, homotopic_polylines};
 
 fn main() {
     let (options, pools) = (Options::parse(), Pools::new());
-    let mut table = Table::new("discretize", &options, &pools);
+    let mut rows = Rows::new("discretize", &options, &pools);
     for case in options.cases().filter(|case| case.is_spline()) {
         let m = measure(&case, &pools, options.repeat);
         let [one, all] = m.later;
-        let made = homotopic_polylines(&case.curves).expect("fewer points than can be counted");
+        let subject = &case.subject;
+        let name = &subject.name;
+        let made = homotopic_polylines(&subject.curves).expect("fewer points than can be counted");
         let Polylines {
             curves,
             overlaps,
             too_close,
             ..
         } = &made;
-        assert!(too_close.is_empty(), "{}: {too_close:?}", case.name);
+        assert!(too_close.is_empty(), "{name}: {too_close:?}");
         let counts = (*overlaps, curves.segments());
         assert!(
             case.algorithm_3.is_none_or(|known| known == counts),
-            "{}: {counts:?}",
-            case.name
+            "{name}: {counts:?}"
         );
         // Wall-clock and CPU time of the discretization, and of certifying its polylines.
         let runs = pools.alternate(options.repeat, || {
-            let (made, wall, cpu) = time(|| homotopic_polylines(&case.curves).expect("as before"));
+            let (made, elapsed) = timed(|| homotopic_polylines(&subject.curves));
+            let curves = made.expect("as before").curves;
             let mut verifier = Verifier::new(AbortOn::Never);
-            case.check(verifier.certify(&made.curves).0);
-            verifier.certify(&made.curves);
-            [wall, cpu, verifier.timings().total.as_secs_f64() * 1e3]
+            let [first, later] =
+                [(); 2].map(|()| Run::of(&mut verifier, &curves, Some(&subject.exact)));
+            assert!(
+                first.equal && later.equal,
+                "{name}: the polylines have other links"
+            );
+            [elapsed.wall_ms, elapsed.cpu_ms, later.times.total_ms]
         });
         let [[made_one, cpu_one, count_one], [made_all, _, count_all]] =
             runs.map(|runs| [0, 1, 2].map(|k| median(runs.iter().map(|r| r[k]))));
         let segments = m.stats.segments;
         let ms = |x| Cell::Real(x, 3);
-        table.row(
+        rows.row(
             &case,
             vec![
                 ("\nsegments", "segments", Cell::Count(segments)),
                 ("by pair\nadded", "refined", Cell::Count(m.stats.refined)),
-                ("1 thread\nlinks, ms", "links_ms_1", ms(one.links)),
-                ("1 thread\nin all, ms", "wall_ms_1", ms(one.total)),
-                ("N threads\nms", "wall_ms_all", ms(all.total)),
+                ("1 thread\nlinks, ms", "links_ms_1", ms(one.links_ms)),
+                ("1 thread\nin all, ms", "wall_ms_1", ms(one.total_ms)),
+                ("N threads\nms", "wall_ms_all", ms(all.total_ms)),
                 (
                     "Algorithm 3\noverlaps",
                     "overlaps",
@@ -75,5 +82,4 @@ fn main() {
             ],
         );
     }
-    table.finish();
 }

@@ -3,16 +3,16 @@
 
 mod common;
 
-use common::{Cell, Options, Pools, Table, measure, ns_each, ratio};
+use common::{Cell, Options, Pools, Rows, measure, ns_each, on_cpu, ratio};
 
 fn main() {
     let (options, pools) = (Options::parse(), Pools::new());
-    let mut table = Table::new("links", &options, &pools);
+    let mut rows = Rows::new("links", &options, &pools);
     for case in options.cases() {
         let m = measure(&case, &pools, options.repeat);
         let [one, all] = m.later;
         let s = m.stats;
-        table.row(
+        rows.row(
             &case,
             vec![
                 (
@@ -30,26 +30,25 @@ fn main() {
                 ),
                 ("\nexact", "exact", Cell::Count(s.exact)),
                 ("\nshare", "exact_share", Cell::Percent(s.exact_share())),
-                ("1 thread\nms", "ms_1", Cell::Real(one.links, 3)),
+                ("1 thread\nms", "ms_1", Cell::Real(one.links_ms, 3)),
                 (
                     "a link\nns",
                     "ns_link_1",
-                    Cell::Real(ns_each(one.links, s.potential_links), 0),
+                    Cell::Real(ns_each(one.links_ms, s.potential_links), 0),
                 ),
                 (
                     "a test\nns",
                     "ns_test_1",
-                    Cell::Real(ns_each(one.links, s.tests), 1),
+                    Cell::Real(ns_each(one.links_ms, s.tests), 1),
                 ),
-                ("N threads\nms", "ms_all", Cell::Real(all.links, 3)),
+                ("N threads\nms", "ms_all", Cell::Real(all.links_ms, 3)),
                 (
                     "faster\ntimes",
                     "faster",
-                    Cell::Real(one.links / all.links, 2),
+                    Cell::Real(one.links_ms / all.links_ms, 2),
                 ),
-                ("cpu\n/ wall", "on_cpu_1", Cell::Real(one.on_cpu(), 2)),
+                ("cpu\n/ wall", "on_cpu_1", Cell::Real(on_cpu(one), 2)),
             ],
         );
     }
-    table.finish();
 }

@@ -48,8 +48,8 @@
 //!
 //! # Features
 //!
-//! All are on by default. A feature turns on those that it needs: `cli`, `bus`, `gpu`, `mcap` and
-//! `rerun` turn on `verify`. Without any feature the library has only the vocabulary that all
+//! All are on by default. A feature turns on those that it needs: `cli`, `lab`, `bus`, `gpu`,
+//! `mcap` and `rerun` turn on `verify`. Without any feature the library has only the vocabulary that all
 //! features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
 //!
 //! | feature | adds | main dependency |
@@ -58,6 +58,7 @@
 //! | `verify` | the exact core: `Verifier`, which computes every linking number | rayon |
 //! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
 //! | `cli` | the command `linkwatch`; nothing in the library | clap |
+//! | `lab` | measurements: `lab`; `study` and `devices --measure` of the command | plotters |
 //! | `gpu` | kernels on a GPU: `Verifier::set_device` | wgpu |
 //! | `mcap` | recordings: `RecordingSink`, `RecordingReader` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
@@ -98,6 +99,8 @@ mod incremental;
 mod ingest;
 #[cfg(feature = "verify")]
 pub mod kernels;
+#[cfg(feature = "lab")]
+pub mod lab;
 #[cfg(feature = "verify")]
 pub mod model;
 #[cfg(feature = "verify")]

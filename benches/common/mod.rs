@@ -1,16 +1,15 @@
-//! Parts shared by the benches of the stages: scenes with their exact certificates, runs that
-//! alternate between one thread and all, medians, and a table.
+//! Parts shared by the benches of the stages: options, scenes with their expected counts, and runs
+//! that alternate between one thread and all. The laboratory ([`linkwatch::lab`]) measures.
 
 // Every bench is a separate program and uses a part of this module.
 #![allow(dead_code)]
 
-use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Certificate, CurveSet, Stats, Verifier, model};
+use linkwatch::kernels::Device;
+use linkwatch::lab::{Run, StageTimes, Subject, Table};
+use linkwatch::{Certificate, Stats, model};
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// A generated scene: its description, and its number of potential links if that follows from its
 /// construction.
@@ -175,11 +174,9 @@ impl Options {
     }
 }
 
-/// Curves with known linking numbers.
+/// A subject with the counts that follow from its construction.
 pub struct Case {
-    pub name: String,
-    pub curves: CurveSet,
-    certificate: Certificate,
+    pub subject: Subject,
     potential_links: Option<u64>,
     /// Numbers of overlaps and segments of Algorithm 3, if they are known.
     pub algorithm_3: Option<(usize, usize)>,
@@ -187,79 +184,60 @@ pub struct Case {
 
 impl Case {
     fn scene((text, potential_links): Text) -> Case {
-        let scene: Scene = text.parse().expect("a scene of the table");
-        let generated = scene.build().expect("a scene that can be built");
         Case {
-            name: text.to_owned(),
-            curves: generated.curves,
-            certificate: generated.certificate,
+            subject: Subject::scene(text).expect("a scene of the table"),
             potential_links,
             algorithm_3: None,
         }
+        .checked()
     }
 
     /// Reads the model, if it exists.
     fn model(model: &Model, options: &Options) -> Option<Case> {
-        let name = model.name;
-        let path = options.models.join(format!("{name}.bcc"));
+        let path = options.models.join(format!("{}.bcc", model.name));
         if !path.exists() {
             eprintln!("skipped: {} does not exist", path.display());
             return None;
         }
-        let certificate = path.with_file_name(format!("{name}.certificate.txt"));
-        Some(Case {
-            name: name.to_owned(),
-            curves: model::read(&path).expect("a readable model"),
-            certificate: Certificate::read(&certificate).expect("its certificate"),
+        let certificate = path.with_file_name(format!("{}.certificate.txt", model.name));
+        let certificate = Certificate::read(&certificate).expect("its certificate");
+        let curves = model::read(&path).expect("a readable model");
+        let subject = Subject::new(model.name, curves).expect("a model that can be discretized");
+        let case = Case {
+            subject: subject.expecting(&certificate),
             potential_links: Some(model.potential_links),
             algorithm_3: model.algorithm_3,
-        })
+        };
+        Some(case.checked())
     }
 
-    /// Returns true if its curves need discretization.
-    pub fn is_spline(&self) -> bool {
-        !self.curves.basis().is_polyline()
-    }
-
-    /// Panics unless a certificate of these curves equals the expected one.
-    pub fn check(&self, certificate: &Certificate) {
-        assert!(
-            *certificate == self.certificate,
-            "{}: {} links found, {} expected; {} pairs undefined",
-            self.name,
-            certificate.links.len(),
-            self.certificate.links.len(),
-            certificate.undefined.len(),
-        );
-    }
-
-    /// Panics unless the counts follow from the curves and their certificate.
-    fn check_stats(&self, stats: &Stats) {
-        let links = &self.certificate.links;
+    /// Panics unless the certificate is the known one and the counts follow from it.
+    fn checked(self) -> Case {
+        let (subject, stats) = (&self.subject, &self.subject.stats);
+        let (name, links) = (&subject.name, &subject.exact.links);
+        assert!(subject.as_expected, "{name}: {} links found", links.len());
         let twists: u64 = links.iter().map(|l| l.lambda.unsigned_abs()).sum();
-        let Stats {
-            curves,
-            segments,
-            potential_links,
-            ..
-        } = *stats;
-        let name = &self.name;
-        assert_eq!(curves as usize, self.curves.len(), "{name}");
-        assert_eq!(segments as usize, self.curves.segments(), "{name}");
+        let found = stats.potential_links;
+        assert_eq!(stats.curves as usize, subject.curves.len(), "{name}");
+        assert_eq!(stats.segments as usize, subject.curves.segments(), "{name}");
         assert_eq!(stats.open_curves, 0, "{name}");
-        if let Some(n) = self.potential_links {
-            assert_eq!(potential_links, n, "{name}");
-        }
         assert!(
-            potential_links - stats.separated >= links.len() as u64,
-            "{name}"
+            self.potential_links.is_none_or(|n| n == found),
+            "{name}: {found}"
         );
+        assert!(found - stats.separated >= links.len() as u64, "{name}");
         assert!(
             twists <= stats.crossings && stats.crossings <= stats.tests,
             "{name}"
         );
         assert!(stats.exact <= stats.tests, "{name}");
         assert!(self.is_spline() || stats.refined == 0, "{name}");
+        self
+    }
+
+    /// Returns true if its curves need discretization.
+    pub fn is_spline(&self) -> bool {
+        !self.subject.curves.basis().is_polyline()
     }
 }
 
@@ -294,103 +272,49 @@ impl Pools {
     }
 }
 
-/// Milliseconds of one run, or medians of several.
-#[derive(Clone, Copy, Debug)]
-pub struct Cost {
-    pub boxes: f64,
-    pub pairs: f64,
-    pub links: f64,
-    pub total: f64,
-    /// CPU time of all threads, of the whole run.
-    pub cpu: f64,
-}
-
-impl Cost {
-    /// Returns the median of each number separately.
-    fn median(costs: &[Cost]) -> Cost {
-        let of = |f: fn(&Cost) -> f64| median(costs.iter().map(f));
-        Cost {
-            boxes: of(|c| c.boxes),
-            pairs: of(|c| c.pairs),
-            links: of(|c| c.links),
-            total: of(|c| c.total),
-            cpu: of(|c| c.cpu),
-        }
-    }
-
-    /// Returns the share of the time in which the single thread ran on a CPU.
-    pub fn on_cpu(&self) -> f64 {
-        self.cpu / self.total
-    }
-}
-
 /// Cost of certifying a case, with one thread and with all.
 pub struct Measured {
     pub stats: Stats,
     /// Cost of a new verifier, which allocates its buffers.
-    pub first: [Cost; 2],
+    pub first: [StageTimes; 2],
     /// Cost of the same verifier again.
-    pub later: [Cost; 2],
+    pub later: [StageTimes; 2],
 }
 
 /// Certifies a case. Panics if anything except the cost differs between runs, or from the expected
 /// result.
 pub fn measure(case: &Case, pools: &Pools, repeat: usize) -> Measured {
+    let Subject {
+        name,
+        curves,
+        exact,
+        stats,
+        ..
+    } = &case.subject;
     let runs = pools.alternate(repeat, || {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        let mut certify = || {
-            let start = cpu_ms();
-            let (certificate, stats) = verifier.certify(&case.curves);
-            let cpu = cpu_ms() - start;
-            case.check(certificate);
-            case.check_stats(&stats);
-            let t = verifier.timings();
-            let [boxes, pairs, links, total] =
-                [t.boxes, t.pairs, t.links, t.total].map(|d| d.as_secs_f64() * 1e3);
-            let cost = Cost {
-                boxes,
-                pairs,
-                links,
-                total,
-                cpu,
-            };
-            (stats, cost)
-        };
-        let (first, later) = (certify(), certify());
-        assert_eq!(first.0, later.0, "{}", case.name);
-        (first.0, first.1, later.1)
+        let runs = Run::first_and_later(&Device::Cpu, curves, Some(exact)).expect("the CPU");
+        for run in &runs {
+            assert!(
+                run.equal && run.stats == *stats,
+                "{name}: a run differs: {run:?}"
+            );
+        }
+        runs.map(|run| run.times)
     });
-    let stats = runs[0][0].0;
-    let same = runs.iter().flatten().all(|run| run.0 == stats);
-    assert!(same, "{}: counts depend on the run", case.name);
-    let medians = |of: fn(&(Stats, Cost, Cost)) -> Cost| {
-        runs.each_ref()
-            .map(|runs| Cost::median(&runs.iter().map(of).collect::<Vec<_>>()))
+    let medians = |k: usize| {
+        let each = runs.each_ref();
+        each.map(|runs| StageTimes::median(&runs.iter().map(|r| r[k]).collect::<Vec<_>>()))
     };
     Measured {
-        stats,
-        first: medians(|r| r.1),
-        later: medians(|r| r.2),
+        stats: *stats,
+        first: medians(0),
+        later: medians(1),
     }
 }
 
-/// Returns the wall-clock and CPU time of some work, in milliseconds.
-pub fn time<T>(work: impl FnOnce() -> T) -> (T, f64, f64) {
-    let (start, cpu) = (Instant::now(), cpu_ms());
-    let out = work();
-    (out, start.elapsed().as_secs_f64() * 1e3, cpu_ms() - cpu)
-}
-
-/// Returns the CPU time of this process.
-fn cpu_ms() -> f64 {
-    let t = clock_gettime(ClockId::ProcessCPUTime);
-    t.tv_sec as f64 * 1e3 + t.tv_nsec as f64 * 1e-6
-}
-
-pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+/// Returns the share of the time in which a single thread ran on a CPU.
+pub fn on_cpu(times: StageTimes) -> f64 {
+    times.cpu_ms / times.total_ms
 }
 
 /// Returns nanoseconds per item, of this many milliseconds; NaN if there are no items.
@@ -405,7 +329,6 @@ pub fn ratio(x: f64, n: u64) -> f64 {
 
 /// Content of a column.
 pub enum Cell {
-    Text(String),
     Count(u64),
     /// A number, and its number of decimals.
     Real(f64, usize),
@@ -415,7 +338,6 @@ pub enum Cell {
 impl Cell {
     fn text(&self) -> String {
         match self {
-            Cell::Text(text) => text.clone(),
             Cell::Count(n) => separated(*n),
             Cell::Real(x, _) | Cell::Percent(x) if x.is_nan() => "-".to_owned(),
             Cell::Real(x, digits) => format!("{x:.digits$}"),
@@ -425,7 +347,6 @@ impl Cell {
 
     fn json(&self) -> Value {
         match self {
-            Cell::Text(text) => json!(text),
             Cell::Count(n) => json!(n),
             // JSON has null for NaN.
             Cell::Real(x, _) | Cell::Percent(x) => json!(x),
@@ -445,31 +366,33 @@ fn separated(n: u64) -> String {
 /// content.
 pub type Column = (&'static str, &'static str, Cell);
 
-/// A table with columns as wide as their content, or lines of JSON.
-pub struct Table {
+/// Rows of a bench: a table, or lines of JSON.
+pub struct Rows {
     bench: &'static str,
     json: bool,
     repeat: usize,
     threads: usize,
-    rows: Vec<Vec<String>>,
+    table: Option<Table>,
 }
 
-impl Table {
-    pub fn new(bench: &'static str, options: &Options, pools: &Pools) -> Table {
-        Table {
+impl Rows {
+    pub fn new(bench: &'static str, options: &Options, pools: &Pools) -> Rows {
+        Rows {
             bench,
             json: options.json,
             repeat: options.repeat,
             threads: pools.threads(),
-            rows: Vec::new(),
+            table: None,
         }
     }
 
+    /// Prints a row.
     pub fn row(&mut self, case: &Case, columns: Vec<Column>) {
+        let name = &case.subject.name;
         if self.json {
             let mut line = json!({
                 "bench": self.bench,
-                "case": case.name,
+                "case": name,
                 "repeat": self.repeat,
                 "threads": self.threads,
             });
@@ -478,42 +401,30 @@ impl Table {
             }
             return println!("{line}");
         }
-        if self.rows.is_empty() {
-            for line in 0..2 {
-                let titles = columns.iter().map(|(title, ..)| {
-                    let part = title.split('\n').nth(line).unwrap_or_default();
-                    part.replace('N', &self.threads.to_string())
-                });
-                let first = ["case", ""][line].to_owned();
-                self.rows.push([first].into_iter().chain(titles).collect());
-            }
-        }
+        let table = self.table.get_or_insert_with(|| {
+            let titles = columns.iter().map(|(title, ..)| {
+                let title = title.replace('N', &self.threads.to_string());
+                let width = title.lines().map(str::len).max().unwrap_or(0);
+                (title, width.max(9) as isize)
+            });
+            let table = Table::new([("case".to_owned(), -24)].into_iter().chain(titles));
+            println!(
+                "{}, median of {}\n{}",
+                self.bench,
+                self.repeat,
+                table.header()
+            );
+            table
+        });
         let cells = columns.iter().map(|(_, _, cell)| cell.text());
-        let first = case.name.clone();
-        self.rows.push([first].into_iter().chain(cells).collect());
-        if self.repeat > 1 {
-            // The table is printed last, and this may take minutes.
-            eprintln!("{} {}", self.bench, case.name);
-        }
+        println!("{}", table.row([name.clone()].into_iter().chain(cells)));
     }
+}
 
-    /// Prints the table, unless its lines were printed before.
-    pub fn finish(self) {
-        if self.json {
-            return;
-        }
-        println!("{}, median of {}", self.bench, self.repeat);
-        let Some(first) = self.rows.first() else {
-            return println!("no case is selected");
-        };
-        let width = |k: usize| self.rows.iter().map(|row| row[k].len()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..first.len()).map(width).collect();
-        for row in &self.rows {
-            let mut line = format!("{:w$}", row[0], w = widths[0]);
-            for (cell, w) in row.iter().zip(&widths).skip(1) {
-                line += &format!("  {cell:>w$}");
-            }
-            println!("{}", line.trim_end());
+impl Drop for Rows {
+    fn drop(&mut self) {
+        if self.table.is_none() && !self.json {
+            println!("{}: no case is selected", self.bench);
         }
     }
 }

@@ -3,7 +3,9 @@
 use super::files::{Content, Files, Overwrite, write_text};
 use super::kernel::KernelArgs;
 use super::output::{self, count, millis, percent, plural, plural_of};
-use super::{Outcome, input, measure, output::with_progress};
+#[cfg(feature = "lab")]
+use super::repeat;
+use super::{Outcome, input, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::{
@@ -32,6 +34,7 @@ pub struct Args {
     /// axis (polylines)
     #[arg(long, value_name = "R", help_heading = super::KERNELS, conflicts_with_all = ["discretize", "method"])]
     noise: Option<f64>,
+    #[cfg(feature = "lab")]
     /// Certify each model N times and print the median times of all stages, not the certificate
     #[arg(long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "method", "noise", "output"])]
     repeat: Option<u32>,
@@ -135,8 +138,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
     let mut outcome = Outcome::Fine;
     for path in &args.models {
+        #[cfg(feature = "lab")]
         if let Some(n) = args.repeat {
-            outcome = outcome.max(measure::run(path, n, &args.kernel.device, json)?);
+            outcome = outcome.max(repeat::run(path, n, &args.kernel.device, json)?);
             continue;
         }
         let c = certify(path, args)?;

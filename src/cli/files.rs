@@ -24,6 +24,7 @@ pub enum Content {
     Recording,
     #[cfg(feature = "rerun")]
     Viewer,
+    #[cfg(feature = "lab")]
     Plot,
 }
 

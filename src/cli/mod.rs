@@ -11,11 +11,12 @@ mod input;
 mod kernel;
 mod live;
 mod man;
-mod measure;
 mod number;
 mod order;
 mod output;
 mod plan;
+#[cfg(feature = "lab")]
+mod repeat;
 #[cfg(feature = "mcap")]
 mod replay;
 #[cfg(feature = "bus")]
@@ -28,6 +29,10 @@ mod signals;
     expect(dead_code, reason = "no command detaches its streams")
 )]
 mod stream;
+#[cfg(feature = "lab")]
+mod study;
+#[cfg(not(feature = "lab"))]
+#[path = "no_study.rs"]
 mod study;
 #[cfg(feature = "bus")]
 mod watch;

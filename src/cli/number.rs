@@ -11,6 +11,18 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Parses a number of segments, possibly written as `2e5`.
+#[cfg(feature = "lab")]
+pub fn segments(text: &str) -> Result<u64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if (1.0..=f64::from(i32::MAX)).contains(&x) && x.fract() == 0.0 => Ok(x as u64),
+        _ => Err(format!(
+            "expected numbers of segments, from 1 to {}",
+            i32::MAX
+        )),
+    }
+}
+
 /// Parses a time in seconds.
 #[cfg(feature = "bus")]
 pub fn seconds(text: &str) -> Result<Duration, String> {
@@ -31,5 +43,17 @@ pub fn share(text: &str) -> Result<f64, String> {
     match number.parse::<f64>() {
         Ok(x) if (0.0..=unit).contains(&x) => Ok(x / unit),
         _ => Err("expected a number from 0 to 1, or from 0% to 100%".into()),
+    }
+}
+
+#[cfg(all(test, feature = "lab"))]
+mod tests {
+    use super::segments;
+
+    #[test]
+    fn numbers_of_segments_are_whole_and_in_range() {
+        assert_eq!(segments("2e5"), Ok(200_000));
+        let bad = ["0", "-1", "nan", "1.5", "", "1e99"];
+        assert!(bad.iter().all(|s| segments(s).is_err()));
     }
 }

@@ -1,6 +1,7 @@
 //! `linkwatch plan`: the methods and the predicted cost of every stage, with reasons.
 
-use super::measure::{self, Measured};
+#[cfg(feature = "lab")]
+use super::repeat;
 use super::{Outcome, input, output};
 use linkwatch::kernels::Device;
 use linkwatch::{Plan, Result};
@@ -13,6 +14,7 @@ pub struct Args {
     /// Models (.bcc, .obj or .vect), or scenes as `linkwatch generate` takes them
     #[arg(required = true, value_name = "MODEL|SCENE")]
     inputs: Vec<PathBuf>,
+    #[cfg(feature = "lab")]
     /// Also run it N times, and print the measured medians beside the plan
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     repeat: Option<u32>,
@@ -27,12 +29,14 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     for name in &args.inputs {
         let set = input::read(name)?;
         let plan = Plan::on(&set, &args.device)?;
-        let measured = args
-            .repeat
-            .map(|n| measure::measure(&set, n, &args.device))
-            .transpose()?;
+        #[cfg(feature = "lab")]
+        let measured = match args.repeat {
+            Some(n) => Some(repeat::measure(&set, n, &args.device)?.1[1]),
+            None => None,
+        };
+        #[cfg(not(feature = "lab"))]
+        let measured: Option<&str> = None;
         if as_json {
-            let measured = measured.map(|m| m.later.to_json());
             output::json(&json!({ "model": name, "plan": plan, "measured": measured }));
             continue;
         }
@@ -40,7 +44,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         for line in plan.to_string().lines() {
             output::line(format_args!("  {line}"));
         }
-        if let Some(Measured { later, .. }) = measured {
+        if let Some(later) = measured {
             output::line(format_args!("  measured: {later}"));
         }
     }

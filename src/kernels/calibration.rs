@@ -1,7 +1,7 @@
 //! Measured cost of the kernels on an adapter and on the CPU, from which the faster one is chosen.
 //!
 //! A calibration belongs to an adapter, a driver and a number of threads. It is stored in a file in
-//! the user's cache folder. It is made on request only ([`crate::plan::calibrate`]), never during
+//! the user's cache folder. It is made on request only (`lab::calibrate`), never during
 //! verification. Without a calibration the CPU is chosen.
 
 use super::device::DeviceInfo;

@@ -21,7 +21,7 @@
 //!    and the place.
 
 mod accelerator;
-mod calibration;
+pub(crate) mod calibration;
 #[cfg(test)]
 mod conformance;
 mod counted;
@@ -35,14 +35,10 @@ pub(crate) mod sums;
 
 pub use accelerator::Offload;
 pub(crate) use accelerator::{Accelerator, Offer};
-#[cfg(feature = "gpu")]
-pub(crate) use calibration::segments;
 pub use calibration::{Calibration, CountingCost, SumCost};
 pub(crate) use calibration::{CountingWork, segment_pairs};
 pub(crate) use counted::Counted;
 pub use device::{Device, DeviceInfo, devices};
-#[cfg(feature = "gpu")]
-pub use gpu::{DeviceTimes, Precision, measure as measure_device};
 pub use method::{Accuracy, Method};
 pub use sums::Estimate;
 pub(crate) use sums::Summation;

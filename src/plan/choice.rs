@@ -140,7 +140,7 @@ impl Forecast {
 
 /// Returns the predicted time of the linking numbers on the CPU of the cost table, with the current
 /// number of threads, in milliseconds.
-pub(super) fn on_cpu(scene: Scene<'_>, links: &[Pair], long: &[LongLink], sample: &Sample) -> f64 {
+pub(crate) fn on_cpu(scene: Scene<'_>, links: &[Pair], long: &[LongLink], sample: &Sample) -> f64 {
     let threads = rayon::current_num_threads();
     let (_, busy) = parallelism(links.len(), threads, sample.shared);
     let read = 3 * scene.set.points() * scene.set.precision().bytes() + scene.trees.bytes();

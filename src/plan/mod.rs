@@ -16,7 +16,7 @@
 //! scene; those of the linking numbers are extrapolated from a sample (see [`Plan::of`]).
 //!
 //! With a device ([`Plan::on`]), a plan also reports if crossings are counted on a GPU. The time on
-//! the GPU follows from the same counts and from measurements of the adapter (`calibrate`). The
+//! the GPU follows from the same counts and from measurements of the adapter ([`Calibration`]). The
 //! time on the CPU is scaled by one factor from the same measurements.
 //!
 //! The table was measured on one machine; other machines are faster or slower by a factor. A
@@ -48,16 +48,12 @@
 //! The model ignores caches except the last, and CPUs without AVX2, where all stages take longer.
 //! If more than 64 potential links differ much, the sample may miss a rare one of much work.
 
-#[cfg(feature = "gpu")]
-mod calibrate;
-mod choice;
+pub(crate) mod choice;
 mod costs;
 mod message;
 #[cfg(test)]
 mod tests;
 
-#[cfg(feature = "gpu")]
-pub use calibrate::calibrate;
 pub(crate) use choice::{LongLink, Way, goes_to_adapter};
 
 use self::choice::{Forecast, worth_summing};
@@ -454,7 +450,7 @@ fn parallelism(links: usize, threads: usize, shared: bool) -> (Parallelism, usiz
 
 /// Estimate of the work of all potential links from a sample.
 #[derive(Clone, Copy, Debug)]
-struct Sample {
+pub(crate) struct Sample {
     /// Number of sampled potential links.
     links: usize,
     /// Estimated work of all links.
@@ -466,7 +462,7 @@ struct Sample {
 }
 
 impl Sample {
-    fn of(scene: Scene<'_>, links: &[Pair]) -> Sample {
+    pub fn of(scene: Scene<'_>, links: &[Pair]) -> Sample {
         let drawn = draw(links.len(), |k| {
             let (i, j) = links[k];
             [i, j]

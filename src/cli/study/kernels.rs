@@ -5,20 +5,16 @@
 //! decides are used.
 
 use super::csv::{Csv, create_folder};
-use super::figures;
-use super::row::{Effort, FIELDS, HEADER, Row, StudyModel};
-use super::setting::Setting;
-use super::sizes;
-use super::slopes::Slope;
 use crate::cli::files::{Content, Files, Overwrite};
 use crate::cli::kernel::beta;
-use crate::cli::number::positive;
+use crate::cli::number::{positive, segments};
 use crate::cli::output::{self, count, plural, plural_of};
 use crate::cli::{Outcome, input};
-use linkwatch::kernels::Device;
+use linkwatch::kernels::{Accuracy, Device};
+use linkwatch::lab::{self, KernelEffort, KernelRow, Setting, Slope, Subject, Table};
 use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Result, Verifier};
-use serde_json::json;
+use linkwatch::{AbortOn, Error, Result, Verifier};
+use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
 /// Measure the kernels: speed against error
@@ -41,7 +37,7 @@ pub struct Args {
     betas: Vec<f64>,
     /// Also measure a generated scene at these sizes: numbers of segments, separated by commas
     /// [default with --plot: a 64th, a 16th and a 4th of its own]
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = sizes::size)]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = segments)]
     sizes: Vec<u64>,
     /// Device that runs the kernels: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
     /// devices`)
@@ -87,14 +83,19 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     let mut on_device = Verifier::new(AbortOn::Never);
     on_device.set_device(&args.device)?;
     let device = on_device.device();
-    let subject = StudyModel::new(input::read(Path::new(&args.input))?)?;
+    let subject = Subject::new(&args.input, input::read(Path::new(&args.input))?)?;
     // An input that could be read and parses as a scene is a scene, unless it is a file.
     let scene = args.input.parse::<Scene>().ok();
-    let own = subject.set.segments() as u64;
+    let own = subject.curves.segments() as u64;
     let others = match scene {
-        None if !args.sizes.is_empty() => return Err(sizes::refuse(&args.input)),
+        None if !args.sizes.is_empty() => {
+            return Err(Error::Usage(format!(
+                "--sizes: {} is not a generated scene, so its size cannot be changed",
+                args.input
+            )));
+        }
         Some(scene) if !args.sizes.is_empty() || args.plot.is_some() => {
-            sizes::scenes(&scene, own, &args.sizes)?
+            lab::at_sizes(&scene, own, &args.sizes)?
         }
         _ => Vec::new(),
     };
@@ -107,9 +108,9 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     say(&format_args!(
         "{}: {} of {}, {} of {}, {}{}; median of {}",
         args.input,
-        plural(subject.set.len() as u64, "curve"),
+        plural(subject.curves.len() as u64, "curve"),
         plural(own, "segment"),
-        plural(subject.potential_links, "potential link"),
+        plural(subject.stats.potential_links, "potential link"),
         plural_of(
             subject.segment_pairs,
             "pair of segments",
@@ -121,25 +122,26 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             .map_or(String::new(), |d| format!(", {}", d.name)),
         args.repeat,
     ));
-    say(&HEADER);
+    let table = table();
+    say(&table.header());
     let (settings, at_sizes) = (Setting::all(&args.betas), Setting::for_sizes());
-    let effort = Effort {
+    let effort = KernelEffort {
         device: args.device.clone(),
         fast_device: device.as_ref().is_some_and(|d| !d.software),
         repeat: args.repeat,
-        limit: args.limit,
+        limit_s: args.limit,
     };
     let bar = output::bar(
         (settings.len() + others.len() * at_sizes.len()) as u64,
         "rows",
     );
-    let mut measure = |subject: &StudyModel, settings: &[Setting], rows: &mut Vec<Row>| {
+    let mut measure = |subject: &Subject, settings: &[Setting], rows: &mut Vec<KernelRow>| {
         for &setting in settings {
             bar.set_message(setting.to_string());
-            let row = Row::measure(setting, subject, &effort)?;
+            let row = KernelRow::measure(setting, subject, &effort)?;
             bar.inc(1);
-            bar.suspend(|| say(&row.line()));
-            csv.row(&row.json())?;
+            bar.suspend(|| say(&line(&table, &row)));
+            csv.row(&row_json(&row))?;
             rows.push(row);
         }
         Ok::<(), linkwatch::Error>(())
@@ -152,8 +154,8 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     }
     let mut resized = Vec::new();
     for scene in others {
-        let subject = StudyModel::new(scene.build()?.curves)?;
-        let segments = subject.set.segments() as u64;
+        let subject = Subject::new(&scene.to_string(), scene.build()?.curves)?;
+        let segments = subject.curves.segments() as u64;
         bar.suspend(|| say(&format_args!("{} segments:", count(segments))));
         measure(&subject, &at_sizes, &mut resized)?;
     }
@@ -161,25 +163,25 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     if as_json {
         output::json(&json!({
             "model": args.input,
-            "curves": subject.set.len(),
+            "curves": subject.curves.len(),
             "segments": own,
-            "potential_links": subject.potential_links,
+            "potential_links": subject.stats.potential_links,
             "segment_pairs": subject.segment_pairs,
             "threads": threads,
             "repeat": args.repeat,
-            "rows": rows.iter().map(Row::json).collect::<Vec<_>>(),
+            "rows": rows.iter().map(row_json).collect::<Vec<_>>(),
             "device": device,
-            "slopes": Slope::json(&slopes),
-            "sizes": resized.iter().map(Row::json).collect::<Vec<_>>(),
+            "slopes": slopes.iter().map(power).collect::<Map<_, _>>(),
+            "sizes": resized.iter().map(row_json).collect::<Vec<_>>(),
         }));
     }
     if let Some(folder) = &args.plot {
         let [error_time, error_beta, time_size] = PLOTS.map(|name| folder.join(name));
-        figures::error_against_time(&args.input, &rows).write(&error_time)?;
-        figures::error_against_beta(&args.input, &rows).write(&error_beta)?;
+        lab::error_against_time(&args.input, &rows).write(&error_time)?;
+        lab::error_against_beta(&args.input, &rows).write(&error_beta)?;
         if !resized.is_empty() {
             let own = rows.iter().filter(|row| at_sizes.contains(&row.setting));
-            let plot = figures::time_against_size(&args.input, own.chain(&resized));
+            let plot = lab::time_against_size(&args.input, own.chain(&resized));
             plot.write(&time_size)?;
         }
     }
@@ -193,4 +195,93 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         outcome = Outcome::Changed;
     }
     Ok(outcome)
+}
+
+/// Fields of the file: names of [`row_json`].
+const FIELDS: &[&str] = &[
+    "segments",
+    "segment_pairs",
+    "kernel",
+    "order",
+    "beta",
+    "target",
+    "ms",
+    "total_ms",
+    "cpu_ms",
+    "mean_error",
+    "largest_error",
+    "largest_bound",
+    "summed",
+    "counted",
+    "equal",
+    "skipped_s",
+];
+
+/// Returns the measurement of a kernel as an object.
+pub fn row_json(row: &KernelRow) -> Value {
+    let run = row.run();
+    let Accuracy { beta, target, .. } = row.setting.accuracy;
+    json!({
+        "segments": row.segments,
+        "segment_pairs": row.segment_pairs,
+        "kernel": row.setting.method,
+        "order": row.setting.order(),
+        "beta": beta,
+        "target": target,
+        "ms": row.ms(),
+        "total_ms": run.map(|run| run.times.total_ms),
+        "cpu_ms": run.map(|run| run.times.cpu_ms),
+        "mean_error": row.mean_error(),
+        "largest_error": row.largest_error(),
+        "largest_bound": row.largest_bound(),
+        "summed": run.map(|run| run.ladder.summed),
+        "counted": run.map(|run| run.ladder.counted),
+        "equal": run.map(|run| run.equal),
+        "skipped_s": row.measured.as_ref().err(),
+    })
+}
+
+/// Returns the field of a slope.
+fn power(slope: &Slope) -> (String, Value) {
+    (slope.order.to_owned(), slope.power.into())
+}
+
+fn table() -> Table {
+    Table::new([
+        ("kernel", -33),
+        ("sums ms", 9),
+        ("total ms", 10),
+        ("cpu ms", 10),
+        ("mean error", 13),
+        ("largest error", 13),
+        ("proven bound", 13),
+        ("decided", 9),
+        ("counted", 9),
+        ("certificate", 12),
+    ])
+}
+
+fn line(table: &Table, row: &KernelRow) -> String {
+    let run = match &row.measured {
+        Ok(run) => run,
+        Err(s) => return format!("{:33} skipped: about {s:.0} s", row.setting),
+    };
+    let ms = |ms: f64| format!("{ms:.2}");
+    table.row([
+        row.setting.to_string(),
+        ms(row.ms().unwrap_or(f64::NAN)),
+        ms(run.times.total_ms),
+        ms(run.times.cpu_ms),
+        brief(row.mean_error()),
+        brief(row.largest_error()),
+        brief(row.largest_bound()),
+        run.ladder.summed.to_string(),
+        run.ladder.counted.to_string(),
+        if run.equal { "equal" } else { "DIFFERS" }.into(),
+    ])
+}
+
+/// Formats a number with two digits, or a dash.
+pub fn brief(x: Option<f64>) -> String {
+    x.map_or("-".into(), |x| format!("{x:.1e}"))
 }

@@ -2,15 +2,8 @@
 //! comparable.
 
 mod csv;
-mod figures;
 mod frames;
 mod kernels;
-mod plots;
-mod published;
-mod row;
-mod setting;
-mod sizes;
-mod slopes;
 mod table1;
 
 use super::Outcome;

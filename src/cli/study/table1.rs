@@ -2,18 +2,18 @@
 //! values next to them.
 
 use super::csv::Csv;
-use super::published::{MACHINE, Published, Source, TABLE_1};
-use super::row::{Effort, Measured, Row, StudyModel, brief};
-use super::setting::Setting;
+use super::kernels::{brief, row_json};
 use crate::cli::Outcome;
 use crate::cli::files::{Content, Files, Overwrite};
-use crate::cli::number::positive;
+use crate::cli::number::{positive, segments};
 use crate::cli::output::{self, count, plural};
 use linkwatch::kernels::{Device, Method};
-use linkwatch::scenes::Scene;
+use linkwatch::lab::{
+    KernelEffort, KernelRow, MACHINE, Published, Setting, Source, Subject, TABLE_1, Table,
+};
 use linkwatch::{Error, Result, model};
 use serde_json::{Map, Value, json};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Measure the models of a published table, next to the published values
 ///
@@ -39,7 +39,7 @@ pub struct Args {
     models: Option<PathBuf>,
     /// Skip models of more segments: on some of them Barnes-Hut takes minutes, which --limit does
     /// not prevent, and gigabytes of memory
-    #[arg(long, value_name = "N", default_value = "6e5", value_parser = super::sizes::size)]
+    #[arg(long, value_name = "N", default_value = "6e5", value_parser = segments)]
     segments: u64,
     /// Number of runs of each kernel; the median is printed
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
@@ -63,9 +63,11 @@ struct Column {
     error: fn(&Published) -> Option<f64>,
 }
 
-/// Returns `None`, for kernels without a published value.
-fn none(_: &Published) -> Option<f64> {
-    None
+impl Column {
+    /// Returns true if the kernel sums.
+    fn sums(&self) -> bool {
+        self.setting.method != Method::Crossings
+    }
 }
 
 /// Returns all selectable kernels. Counting crossings is the first.
@@ -76,6 +78,7 @@ fn columns() -> Vec<Column> {
         time,
         error,
     };
+    let none = |_: &Published| None;
     vec![
         column(Method::Crossings, "crossings", |p| p.crossings_s, none),
         column(Method::Direct, "direct", |p| p.direct_s, none),
@@ -121,12 +124,9 @@ const FIELDS: &[&str] = &[
 /// Measurement of a model.
 struct Measurement<'a> {
     published: &'a Published,
-    input: String,
-    subject: StudyModel,
-    /// True if the certificate is the one of the construction, or there is none.
-    as_constructed: bool,
+    subject: Subject,
     /// Rows in the order of the columns.
-    rows: Vec<Row>,
+    rows: Vec<KernelRow>,
 }
 
 /// Runs the command.
@@ -160,12 +160,13 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         &"other machines, other programs: compare orders of magnitude. Times in seconds; each \
            error is the largest of a linking number",
     );
-    say(&header(&columns));
-    let effort = Effort {
+    let table = table(&columns);
+    say(&table.header());
+    let effort = KernelEffort {
         device: Device::Cpu,
         fast_device: false,
         repeat: args.repeat,
-        limit: args.limit,
+        limit_s: args.limit,
     };
     let bar = output::bar((chosen.len() * columns.len()) as u64, "rows");
     let mut outcome = Outcome::Fine;
@@ -174,15 +175,23 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         bar.set_message(published.model);
         let (mut object, left_out) = match input(published, args) {
             Ok((input, path)) => {
-                let mut m = Measurement::new(published, input, path.as_deref())?;
+                let subject = match path {
+                    Some(path) => Subject::new(&input, model::read(&path)?)?,
+                    None => Subject::scene(&input)?,
+                };
+                let mut m = Measurement {
+                    published,
+                    subject,
+                    rows: Vec::new(),
+                };
                 for column in &columns {
                     bar.set_message(format!("{}, {}", published.model, column.title));
-                    m.rows
-                        .push(Row::measure(column.setting, &m.subject, &effort)?);
+                    let row = KernelRow::measure(column.setting, &m.subject, &effort)?;
+                    m.rows.push(row);
                     bar.inc(1);
                 }
-                bar.suspend(|| say(&m.line(&columns)));
-                if !m.as_constructed || m.rows.iter().any(Row::differs) {
+                bar.suspend(|| say(&table.row(m.cells(&columns))));
+                if !m.subject.as_expected || m.rows.iter().any(KernelRow::differs) {
                     tracing::error!(
                         "{}: a certificate differs from the exact one",
                         published.model
@@ -197,12 +206,12 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             }
             Err(why) => {
                 bar.inc(columns.len() as u64);
-                let text = format!("{:38}here: {why}", published.model);
+                let text = format!("{:38} here: {why}", published.model);
                 bar.suspend(|| say(&text));
                 (Map::new(), Some(why))
             }
         };
-        bar.suspend(|| say(&published_line(published, &columns)));
+        bar.suspend(|| say(&table.row(published_cells(published, &columns))));
         object.insert("model".into(), published.model.into());
         object.insert("left_out".into(), json!(left_out));
         object.insert("published".into(), json!(published));
@@ -254,87 +263,54 @@ fn input(p: &Published, args: &Args) -> Result<(String, Option<PathBuf>), String
     }
 }
 
-impl<'a> Measurement<'a> {
-    /// Reads a file or builds a scene, and certifies it.
-    fn new(published: &'a Published, input: String, file: Option<&Path>) -> Result<Self> {
-        let (subject, as_constructed) = match file {
-            Some(path) => (StudyModel::new(model::read(path)?)?, true),
-            None => {
-                let scene = input.parse::<Scene>()?.build()?;
-                let subject = StudyModel::new(scene.curves)?;
-                let same = subject.exact == scene.certificate;
-                (subject, same)
-            }
-        };
-        Ok(Measurement {
-            published,
-            input,
-            subject,
-            as_constructed,
-            rows: Vec::new(),
-        })
-    }
-
+impl Measurement<'_> {
     /// Returns the time of boxes and of the search for potential links, from the runs that count
     /// crossings.
     fn search_s(&self) -> Option<f64> {
-        let measured = self.rows.iter().filter_map(|r| r.measured.as_ref().ok());
-        measured.map(|m| m.search_ms * 1e-3).next()
+        let times = self.rows.iter().find_map(KernelRow::run)?.times;
+        Some((times.boxes_ms + times.pairs_ms) * 1e-3)
     }
 
     /// Returns the time to convert splines to polylines, if some kernel needs that.
     fn discretization_s(&self) -> Option<f64> {
-        let measured = self.rows.iter().filter_map(|r| r.measured.as_ref().ok());
-        let mut s = measured.map(|m| m.discretizing_ms * 1e-3);
+        let runs = self.rows.iter().filter_map(KernelRow::run);
+        let mut s = runs.map(|run| run.times.discretizing_ms * 1e-3);
         s.find(|&s| s > 0.0)
     }
 
-    fn line(&self, columns: &[Column]) -> String {
-        let set = &self.subject.set;
+    fn cells(&self, columns: &[Column]) -> Vec<String> {
+        let curves = &self.subject.curves;
+        let potential_links = self.subject.stats.potential_links;
         let sizes = [
-            set.segments() as u64,
-            set.len() as u64,
-            self.subject.potential_links,
+            curves.segments() as u64,
+            curves.len() as u64,
+            potential_links,
         ];
-        let mut text = start(self.published.model, "here", sizes);
-        text += &cell(self.search_s());
-        text += &cell(self.discretization_s());
-        for (row, _) in self.rows.iter().zip(columns) {
-            text += &match &row.measured {
-                Ok(m) => cell(Some(linking_s(m))),
-                Err(s) => format!(" {:>10}", format!("~{}", seconds(*s))),
-            };
+        let mut cells = start(self.published.model, "here", sizes);
+        cells.extend([self.search_s(), self.discretization_s()].map(dash_or_seconds));
+        cells.extend(self.rows.iter().map(|row| match &row.measured {
+            Ok(_) => dash_or_seconds(linking_s(row)),
+            Err(s) => format!("~{}", seconds(*s)),
+        }));
+        for (row, _) in self.rows.iter().zip(columns).filter(|(_, c)| c.sums()) {
+            cells.extend([row.largest_error(), row.largest_bound()].map(brief));
         }
-        for (row, _) in self.sums(columns) {
-            text += &format!(
-                " {:>10} {:>8}",
-                brief(row.largest_error()),
-                brief(row.bound())
-            );
-        }
-        text
-    }
-
-    /// Returns the rows of kernels that sum.
-    fn sums<'b>(&'b self, columns: &'b [Column]) -> impl Iterator<Item = (&'b Row, &'b Column)> {
-        let pairs = self.rows.iter().zip(columns);
-        pairs.filter(|(_, c)| c.setting.method != Method::Crossings)
+        cells
     }
 
     /// Returns an object for each kernel.
     fn kernels(&self, columns: &[Column]) -> Vec<Value> {
-        let object = |(row, column): (&Row, &Column)| {
-            let m = row.measured.as_ref().ok();
-            let mut object = row.json();
+        let object = |(row, column): (&KernelRow, &Column)| {
+            let mut object = row_json(row);
             object["model"] = self.published.model.into();
-            object["input"] = self.input.as_str().into();
-            object["curves"] = self.subject.set.len().into();
-            object["potential_links"] = self.subject.potential_links.into();
+            object["input"] = self.subject.name.as_str().into();
+            object["curves"] = self.subject.curves.len().into();
+            object["potential_links"] = self.subject.stats.potential_links.into();
             object["threads"] = rayon::current_num_threads().into();
             object["search_s"] = json!(self.search_s());
             object["discretization_s"] = json!(self.discretization_s());
-            object["s"] = json!(m.map(linking_s));
-            object["cpu_s"] = json!(m.map(|m| m.cpu_ms * 1e-3));
+            object["s"] = json!(linking_s(row));
+            object["cpu_s"] = json!(row.run().map(|run| run.times.cpu_ms * 1e-3));
             object["published_s"] = json!((column.time)(self.published));
             object["published_error"] = json!((column.error)(self.published));
             object
@@ -344,13 +320,13 @@ impl<'a> Measurement<'a> {
 
     fn json(&self, kernels: Vec<Value>) -> Map<String, Value> {
         let fields = [
-            ("input", self.input.as_str().into()),
-            ("segments", self.subject.set.segments().into()),
-            ("curves", self.subject.set.len().into()),
-            ("potential_links", self.subject.potential_links.into()),
+            ("input", self.subject.name.as_str().into()),
+            ("segments", self.subject.curves.segments().into()),
+            ("curves", self.subject.curves.len().into()),
+            ("potential_links", self.subject.stats.potential_links.into()),
             ("search_s", json!(self.search_s())),
             ("discretization_s", json!(self.discretization_s())),
-            ("as_constructed", self.as_constructed.into()),
+            ("as_constructed", self.subject.as_expected.into()),
             ("kernels", kernels.into()),
         ];
         fields
@@ -361,50 +337,49 @@ impl<'a> Measurement<'a> {
 }
 
 /// Returns the seconds of the linking numbers alone, as published.
-fn linking_s(m: &Measured) -> f64 {
-    m.linking_ms * 1e-3
+fn linking_s(row: &KernelRow) -> Option<f64> {
+    row.linking_ms().map(|ms| ms * 1e-3)
 }
 
-fn header(columns: &[Column]) -> String {
-    let mut text = format!(
-        "{:38}{:9} {:>10} {:>7} {:>9} {:>10} {:>10}",
-        "model", "", "segments", "curves", "pairs", "search", "splines"
+fn table(columns: &[Column]) -> Table {
+    let mut all = vec![
+        ("model", -37),
+        ("", -9),
+        ("segments", 10),
+        ("curves", 7),
+        ("pairs", 9),
+        ("search", 10),
+        ("splines", 10),
+    ];
+    all.extend(columns.iter().map(|column| (column.title, 10)));
+    for column in columns.iter().filter(|c| c.sums()) {
+        all.extend([(column.title, 10), ("bound", 8)]);
+    }
+    Table::new(all)
+}
+
+fn published_cells(p: &Published, columns: &[Column]) -> Vec<String> {
+    let mut cells = start("", "published", [p.segments, p.curves, p.potential_links]);
+    cells.extend([p.search_s, p.discretization_s].map(|s| dash_or_seconds(Some(s))));
+    cells.extend(
+        columns
+            .iter()
+            .map(|column| dash_or_seconds((column.time)(p))),
     );
-    for column in columns {
-        text += &format!(" {:>10}", column.title);
+    for column in columns.iter().filter(|c| c.sums()) {
+        cells.extend([brief((column.error)(p)), String::new()]);
     }
-    for column in columns
-        .iter()
-        .filter(|c| c.setting.method != Method::Crossings)
-    {
-        text += &format!(" {:>10} {:>8}", column.title, "bound");
-    }
-    text
+    cells
 }
 
-fn published_line(p: &Published, columns: &[Column]) -> String {
-    let mut text = start("", "published", [p.segments, p.curves, p.potential_links]);
-    text += &cell(Some(p.search_s));
-    text += &cell(Some(p.discretization_s));
-    for column in columns {
-        text += &cell((column.time)(p));
-    }
-    for column in columns
-        .iter()
-        .filter(|c| c.setting.method != Method::Crossings)
-    {
-        text += &format!(" {:>10} {:>8}", brief((column.error)(p)), "");
-    }
-    text
+fn start(model: &str, by: &str, sizes: [u64; 3]) -> Vec<String> {
+    let mut cells = vec![model.to_owned(), by.to_owned()];
+    cells.extend(sizes.map(count));
+    cells
 }
 
-fn start(model: &str, by: &str, [segments, curves, pairs]: [u64; 3]) -> String {
-    let [segments, curves, pairs] = [segments, curves, pairs].map(count);
-    format!("{model:38}{by:9} {segments:>10} {curves:>7} {pairs:>9}")
-}
-
-fn cell(s: Option<f64>) -> String {
-    format!(" {:>10}", s.map_or("-".into(), seconds))
+fn dash_or_seconds(s: Option<f64>) -> String {
+    s.map_or("-".into(), seconds)
 }
 
 /// Formats seconds with three digits.

@@ -117,7 +117,7 @@ const BUDGET: f64 = 0.8;
 
 /// Trees of a frame.
 #[derive(Debug)]
-pub(super) struct Forest {
+pub(crate) struct Forest {
     nodes: Vec<Node>,
     /// Root, number of levels and number of leaves of each curve.
     roots: Vec<(u32, u32, u32)>,

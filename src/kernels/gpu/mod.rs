@@ -32,7 +32,7 @@
 //! failure (adapter lost, out of memory, frame too large) is a [`Trouble`]; the caller logs it and
 //! computes on the CPU.
 
-mod barnes_hut;
+pub(crate) mod barnes_hut;
 mod boxes;
 mod capacity;
 mod commands;
@@ -48,8 +48,7 @@ mod frame;
 #[cfg(test)]
 mod hostile_tests;
 mod layout;
-mod measure;
-mod precision;
+pub(crate) mod precision;
 mod self_test;
 mod summations;
 #[cfg(test)]
@@ -61,10 +60,9 @@ pub(super) use tests::direct_in_double;
 
 pub(crate) use error::Trouble;
 pub(super) use fallback::WithFallback;
-pub use measure::{DeviceTimes, measure};
-pub use precision::Precision;
 pub(super) use summations::{BarnesHutSum, DirectSum};
 
+use self::barnes_hut::Forest;
 use self::boxes::Hierarchy;
 use self::capacity::Capacity;
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
@@ -216,19 +214,26 @@ impl Gpu {
         Ok((counts, sent))
     }
 
-    /// Computes direct sums over polylines in single precision; uploads the vertices.
-    pub fn sum_directly(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
-        // Built before the lock is taken: the rayon threads that build it may steal tasks that need
-        // the lock.
-        let frame = Frame::<f32>::new(set);
-        direct::linking_numbers(&mut self.lock(), &frame, pairs)
+    /// Computes direct sums over polylines, in the precision of their frame. Build the frame first:
+    /// the rayon threads that build it may steal tasks that need the lock.
+    pub fn sum_directly<R: Real>(
+        &self,
+        frame: &Frame<R>,
+        pairs: &[Pair],
+    ) -> Result<Vec<Estimate>, Trouble> {
+        direct::linking_numbers(&mut self.lock(), frame, pairs)
     }
 
-    /// Computes Barnes-Hut sums with the proven error bound; uploads vertices and trees.
-    pub fn sum_by_trees(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
-        let frame = Frame::new(set);
-        let forest = barnes_hut::Forest::new(&frame);
-        barnes_hut::linking_numbers(&mut self.lock(), &frame, &forest, pairs, None)
+    /// Computes Barnes-Hut sums over the trees of a frame. With `beta` the kernel makes one pass and
+    /// accepts node pairs by distance, else by the proven error bound.
+    pub fn sum_by_trees(
+        &self,
+        frame: &Frame,
+        forest: &Forest,
+        pairs: &[Pair],
+        beta: Option<f64>,
+    ) -> Result<Vec<Estimate>, Trouble> {
+        barnes_hut::linking_numbers(&mut self.lock(), frame, forest, pairs, beta)
     }
 }
 

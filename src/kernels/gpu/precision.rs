@@ -3,23 +3,12 @@
 use bytemuck::Pod;
 
 /// Precision in which an adapter computes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Precision {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Precision {
     /// 32 bits; supported by every adapter.
     Single,
     /// 64 bits; used if the adapter supports them and its arithmetic passed the test.
     Double,
-}
-
-impl Precision {
-    /// Returns the name of the precision.
-    pub fn word(self) -> &'static str {
-        match self {
-            Precision::Single => "single",
-            Precision::Double => "double",
-        }
-    }
 }
 
 /// A floating-point type that shaders compute in; they call it `real`.

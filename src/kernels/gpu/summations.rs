@@ -1,8 +1,8 @@
 //! Summation kernels on an adapter, prepared for a set of polylines.
 
-use super::barnes_hut::{self, Forest};
+use super::barnes_hut::Forest;
 use super::fallback::{AdapterSum, Lazy};
-use super::{Frame, Gpu, Trouble, direct};
+use super::{Frame, Gpu, Trouble};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
 use crate::pairs::Pair;
@@ -37,7 +37,7 @@ impl<'a> DirectSum<'a> {
         // the lock.
         let frame = self.finer.get();
         let again: Vec<Pair> = open.iter().map(|&k| pairs[k]).collect();
-        let finer = direct::linking_numbers(&mut self.gpu.lock(), frame, &again)?;
+        let finer = self.gpu.sum_directly(frame, &again)?;
         for (k, finer) in open.into_iter().zip(finer) {
             // Both bounds are proven, so the smaller one holds.
             if finer.bound < found[k].bound {
@@ -50,7 +50,7 @@ impl<'a> DirectSum<'a> {
 
 impl AdapterSum for DirectSum<'_> {
     fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
-        let mut found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs)?;
+        let mut found = self.gpu.sum_directly(&self.frame, pairs)?;
         // After a failure the single-precision bounds are larger, but still proven.
         if let Err(trouble) = self.refine(pairs, &mut found) {
             tracing::warn!(
@@ -87,7 +87,7 @@ impl AdapterSum for BarnesHutSum<'_> {
     fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
         // The lock ends before a fallback sums on the CPU, because rayon threads may steal tasks
         // that need the lock.
-        let state = &mut self.gpu.lock();
-        barnes_hut::linking_numbers(state, &self.frame, &self.forest, pairs, self.beta)
+        self.gpu
+            .sum_by_trees(&self.frame, &self.forest, pairs, self.beta)
     }
 }

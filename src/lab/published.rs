@@ -15,11 +15,15 @@ pub struct Published {
     /// Source of the model in this project.
     #[serde(skip)]
     pub source: Source,
+    /// Number of segments.
     pub segments: u64,
+    /// Number of curves.
     pub curves: u64,
+    /// Number of potential links.
     pub potential_links: u64,
     /// Time of the search for potential links.
     pub search_s: f64,
+    /// Time to convert splines to polylines.
     pub discretization_s: f64,
     /// Time of direct summation.
     pub direct_s: Option<f64>,
@@ -31,10 +35,15 @@ pub struct Published {
     pub barnes_hut_s: Option<f64>,
     /// Time of the fast multipole method.
     pub fmm_s: Option<f64>,
+    /// Time of direct summation on a GPU.
     pub gpu_direct_s: Option<f64>,
+    /// Time of Barnes-Hut on a GPU.
     pub gpu_barnes_hut_s: Option<f64>,
+    /// Error of Barnes-Hut.
     pub barnes_hut_error: Option<f64>,
+    /// Error of Barnes-Hut on a GPU.
     pub gpu_barnes_hut_error: Option<f64>,
+    /// Error of the fast multipole method.
     pub fmm_error: Option<f64>,
 }
 
@@ -145,7 +154,7 @@ mod tests {
     fn generated_models_have_the_published_sizes() {
         for p in TABLE_1 {
             let Scene(text) = p.source else { continue };
-            let scene: linkwatch::scenes::Scene = text.parse().unwrap();
+            let scene: crate::scenes::Scene = text.parse().unwrap();
             if p.segments > 600_000 {
                 assert_eq!(
                     scene.value("segments"),

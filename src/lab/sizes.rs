@@ -1,13 +1,13 @@
 //! The same scene at other sizes.
 
-use linkwatch::scenes::Scene;
-use linkwatch::{Error, Result};
+use crate::error::Result;
+use crate::scenes::Scene;
 
 /// Returns a similar scene with about this number of segments. Garments and chainmail keep their
 /// stitches and rings and have fewer or more of them; other curves get shorter or longer segments.
 ///
 /// Errors: the scene cannot have this size.
-pub fn resized(scene: &Scene, segments: u64) -> Result<Scene> {
+fn resized(scene: &Scene, segments: u64) -> Result<Scene> {
     let value = |name| scene.value(name).unwrap_or(0.0);
     let segments = segments as f64;
     let changes = match scene.kind().name {
@@ -42,7 +42,7 @@ pub fn resized(scene: &Scene, segments: u64) -> Result<Scene> {
 /// of its own, as far as the scene can have them.
 ///
 /// Errors: the scene cannot have a given size.
-pub fn scenes(scene: &Scene, own: u64, sizes: &[u64]) -> Result<Vec<Scene>> {
+pub fn at_sizes(scene: &Scene, own: u64, sizes: &[u64]) -> Result<Vec<Scene>> {
     // Some sizes are rejected only when the scene is built.
     let built = |segments| {
         let resized = resized(scene, segments)?;
@@ -61,24 +61,6 @@ pub fn scenes(scene: &Scene, own: u64, sizes: &[u64]) -> Result<Vec<Scene>> {
     scenes.dedup();
     scenes.retain(|s| s != scene);
     Ok(scenes)
-}
-
-/// Parses a number of segments, possibly written as `2e5`.
-pub fn size(text: &str) -> Result<u64, String> {
-    match text.parse::<f64>() {
-        Ok(x) if (1.0..=f64::from(i32::MAX)).contains(&x) && x.fract() == 0.0 => Ok(x as u64),
-        _ => Err(format!(
-            "expected numbers of segments, from 1 to {}",
-            i32::MAX
-        )),
-    }
-}
-
-/// Returns the error for a model file.
-pub fn refuse(name: &str) -> Error {
-    Error::Usage(format!(
-        "--sizes: {name} is not a generated scene, so its size cannot be changed"
-    ))
 }
 
 #[cfg(test)]
@@ -102,12 +84,6 @@ mod tests {
         }
         let ribbon: Scene = "ribbon".parse().unwrap();
         assert!(resized(&ribbon, 3).is_err());
-        assert_eq!(scenes(&ribbon, 200_000, &[]).unwrap().len(), 3);
-        assert_eq!(size("2e5"), Ok(200_000));
-        assert!(
-            ["0", "-1", "nan", "1.5", "", "1e99"]
-                .iter()
-                .all(|s| size(s).is_err())
-        );
+        assert_eq!(at_sizes(&ribbon, 200_000, &[]).unwrap().len(), 3);
     }
 }

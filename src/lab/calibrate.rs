@@ -1,28 +1,22 @@
 //! Measures kernels on an adapter and on the CPU, and fits the costs of the automatic choice
 //! ([`Calibration`]).
 
-use super::{Sample, choice};
-use crate::curve::CurveSet;
-use crate::discretize::homotopic_polylines;
+use super::adapter::{Prepared, failed};
+use super::statistics::Effort;
 use crate::error::{Error, Result};
-use crate::kernels::crossings::{Scene, Workspaces};
-use crate::kernels::gpu::{Frame, Gpu, Trouble};
-use crate::kernels::{
-    Accelerator, Accuracy, Calibration, CountingCost, CountingWork, Device, Estimate, Method,
-    SumCost, segment_pairs, segments,
-};
-use crate::pairs::{LinkSearch, Pair, Trees};
-use crate::scenes::Scene as Model;
-use crate::verdict::AbortOn;
-use crate::verifier::{Verifier, degenerate_curves, potential_links};
+use crate::kernels::gpu::{Gpu, Trouble};
+use crate::kernels::{Calibration, CountingCost, CountingWork, Device, Method, SumCost};
+use crate::plan::{Sample, choice};
+use crate::scenes::Scene;
 use nalgebra::{DMatrix, DVector};
-use std::time::{Duration, Instant};
+use std::borrow::Cow;
+use std::time::Duration;
 
-/// Maximum number of runs of a median.
-const RUNS: usize = 5;
-
-/// Time after which no further run starts.
-const ENOUGH: Duration = Duration::from_millis(500);
+/// Limits of each median.
+const EFFORT: Effort = Effort {
+    runs: 5,
+    limit: Duration::from_millis(500),
+};
 
 /// Scenes that measure sums: the smallest, which gives the round trip, and one that gives the
 /// speed, for a hardware adapter and for a software renderer.
@@ -71,32 +65,33 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
     let gpu = Gpu::shared(device).map_err(failed)?;
     let info = gpu.info();
     let software = usize::from(info.software);
-    let subject = |text: &str| MeasuredScene::new(text);
-    let direct = |s: &MeasuredScene| s.adapter_ms(|| gpu.sum_directly(&s.set, &s.links));
-    let smallest = subject(SMALLEST)?;
-    let (large, here) = (subject(DIRECT[software])?, subject(DIRECT_HERE)?);
+    let direct = |scene: &Prepared<'_>| adapter_ms(|| scene.sum_directly::<f32>(&gpu));
+    let by_trees = |scene: &Prepared<'_>| adapter_ms(|| scene.sum_by_trees(&gpu));
+    let smallest = prepared(SMALLEST)?;
+    let (large, here) = (prepared(DIRECT[software])?, prepared(DIRECT_HERE)?);
     let direct = sum_cost(
         [direct(&smallest)?, direct(&large)?],
-        segment_pairs(&large.set, &large.links),
-        here.sum_ms(Method::Direct)?,
-        segment_pairs(&here.set, &here.links),
+        large.segment_pairs(),
+        here.cpu_ms(Method::Direct, EFFORT),
+        here.segment_pairs(),
     );
-    let by_trees = |s: &MeasuredScene| s.adapter_ms(|| gpu.sum_by_trees(&s.set, &s.links));
-    let large = subject(BARNES_HUT[software])?;
-    let work = segments(&large.set, &large.links);
+    let large = prepared(BARNES_HUT[software])?;
+    let work = large.segments();
     let barnes_hut = sum_cost(
         [by_trees(&smallest)?, by_trees(&large)?],
         work,
-        large.sum_ms(Method::BarnesHut)?,
+        large.cpu_ms(Method::BarnesHut, EFFORT),
         work,
     );
-    let (_, round_trip_ms) = subject(COUNTED_FIRST)?.count(&gpu)?;
+    let (_, round_trip_ms) = count(&prepared(COUNTED_FIRST)?, &gpu)?;
     let mut rows = Vec::new();
     let mut factors = 0.0;
     for text in COUNTED[software] {
-        let subject = subject(text)?;
-        rows.push(subject.count(&gpu)?);
-        factors += (subject.processor_ms()? / subject.predicted_ms()).ln();
+        let scene = prepared(text)?;
+        rows.push(count(&scene, &gpu)?);
+        let sample = Sample::of(scene.scene(), &scene.links);
+        let predicted_ms = choice::on_cpu(scene.scene(), &scene.links, &[], &sample);
+        factors += (scene.cpu_ms(Method::Crossings, EFFORT) / predicted_ms).ln();
     }
     usable(Calibration {
         adapter: info.name,
@@ -126,10 +121,6 @@ fn usable(c: Calibration) -> Result<Calibration> {
 /// Minimum of a measured time after the round trip is subtracted.
 const SHORTEST_MS: f64 = 1e-3;
 
-fn failed(trouble: Trouble) -> Error {
-    Error::Device(trouble.to_string())
-}
-
 fn sum_cost(
     [smallest_ms, large_ms]: [f64; 2],
     work: u64,
@@ -143,103 +134,32 @@ fn sum_cost(
     }
 }
 
-/// A generated scene of polylines, prepared for measurements.
-struct MeasuredScene {
-    set: CurveSet,
-    trees: Trees,
-    links: Vec<Pair>,
-    workspaces: Workspaces,
+/// Builds a scene and prepares it for the kernels.
+fn prepared(text: &str) -> Result<Prepared<'static>> {
+    Prepared::new(Cow::Owned(text.parse::<Scene>()?.build()?.curves))
 }
 
-impl MeasuredScene {
-    fn new(text: &str) -> Result<MeasuredScene> {
-        let mut set = text.parse::<Model>()?.build()?.curves;
-        if !set.basis().is_polyline() {
-            set = homotopic_polylines(&set)?.curves;
-        }
-        let mut trees = Trees::default();
-        trees.refit(&set);
-        let degenerate: Vec<_> = degenerate_curves(&set).collect();
-        let links = potential_links(&trees, &mut LinkSearch::default(), &degenerate).clone();
-        Ok(MeasuredScene {
-            set,
-            trees,
-            links,
-            workspaces: Workspaces::default(),
-        })
-    }
-
-    fn scene(&self) -> Scene<'_> {
-        Scene {
-            set: &self.set,
-            trees: &self.trees,
-            workspaces: &self.workspaces,
-        }
-    }
-
-    /// Measures a kernel on an adapter, in wall-clock time.
-    fn adapter_ms(&self, run: impl Fn() -> Result<Vec<Estimate>, Trouble>) -> Result<f64> {
-        median_ms(|start| {
-            run().map_err(failed)?;
-            Ok(start.elapsed().as_secs_f64() * 1e3)
-        })
-    }
-
-    /// Measures a sum on the CPU.
-    fn sum_ms(&self, method: Method) -> Result<f64> {
-        let none = Accelerator::default();
-        median_ms(|start| {
-            let sum = method.summation(&self.set, Accuracy::default(), &none, &self.links);
-            sum.map(|sum| sum.linking_numbers(&self.links));
-            Ok(start.elapsed().as_secs_f64() * 1e3)
-        })
-    }
-
-    /// Measures counting on an adapter, from vertices in memory. Returns the work and the time.
-    fn count(&self, gpu: &Gpu) -> Result<(CountingWork, f64)> {
-        let mut work = CountingWork {
-            segments: self.set.segments() as u64,
-            links: self.links.len() as u64,
-            tests: 0,
-        };
-        let ms = median_ms(|start| {
-            let frame = Frame::new(&self.set);
-            gpu.send(&frame).map_err(failed)?;
-            let counted = gpu.count(&frame, self.scene(), &self.links, None);
-            let ((parts, _), _) = counted.map_err(failed)?;
-            work.tests = parts.iter().map(|part| part.stats.tests).sum();
-            Ok(start.elapsed().as_secs_f64() * 1e3)
-        })?;
-        Ok((work, ms))
-    }
-
-    /// Measures counting on the CPU.
-    fn processor_ms(&self) -> Result<f64> {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_kernel(Method::Crossings, Accuracy::default());
-        median_ms(|_| {
-            verifier.certify(&self.set);
-            Ok(verifier.timings().links.as_secs_f64() * 1e3)
-        })
-    }
-
-    /// Returns the predicted time of counting on the CPU.
-    fn predicted_ms(&self) -> f64 {
-        let sample = Sample::of(self.scene(), &self.links);
-        choice::on_cpu(self.scene(), &self.links, &[], &sample)
-    }
+/// Returns the median time of a kernel on an adapter, in milliseconds, after a run that compiles
+/// shaders and allocates buffers.
+fn adapter_ms<T>(mut run: impl FnMut() -> Result<T, Trouble>) -> Result<f64> {
+    let measured = run().and_then(|_| EFFORT.median_ms(run));
+    Ok(measured.map_err(failed)?.0)
 }
 
-/// Returns the median time of some runs, after one that compiles shaders and allocates buffers.
-/// Long runs are repeated less often.
-fn median_ms(mut run: impl FnMut(Instant) -> Result<f64>) -> Result<f64> {
-    run(Instant::now())?;
-    let (begun, mut times) = (Instant::now(), Vec::new());
-    while times.len() < RUNS && (times.is_empty() || begun.elapsed() < ENOUGH) {
-        times.push(run(Instant::now())?);
-    }
-    times.sort_by(f64::total_cmp);
-    Ok(times[times.len() / 2])
+/// Measures counting on an adapter, from vertices in memory. Returns the work and the time.
+fn count(scene: &Prepared<'_>, gpu: &Gpu) -> Result<(CountingWork, f64)> {
+    let mut tests = 0;
+    let ms = adapter_ms(|| {
+        let (parts, _) = scene.count(gpu)?;
+        tests = parts.iter().map(|part| part.stats.tests).sum();
+        Ok(())
+    })?;
+    let work = CountingWork {
+        segments: scene.set.segments() as u64,
+        links: scene.links.len() as u64,
+        tests,
+    };
+    Ok((work, ms))
 }
 
 /// Returns the costs that fit the measured times of counting best, by least squares of the

@@ -1,11 +1,13 @@
 //! Kernels and accuracies to measure.
 
-use linkwatch::kernels::{Accuracy, Method};
+use crate::kernels::{Accuracy, Method};
 
 /// A kernel at some accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setting {
+    /// The kernel.
     pub method: Method,
+    /// Its accuracy.
     pub accuracy: Accuracy,
 }
 

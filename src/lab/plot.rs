@@ -1,6 +1,6 @@
 //! Plots with two logarithmic axes, as PNG and SVG. The font is embedded.
 
-use linkwatch::Result;
+use crate::Result;
 use plotters::coord::Shift;
 use plotters::coord::combinators::{BindKeyPoints, LogCoord, WithKeyPoints};
 use plotters::prelude::*;
@@ -10,20 +10,25 @@ use std::io::{BufWriter, Error};
 use std::path::Path;
 use std::sync::Once;
 
-/// A plot.
+/// A plot with two logarithmic axes.
+#[derive(Clone, Debug)]
 pub struct Plot {
     /// Title above the plot.
     pub title: String,
-    /// Quantities of the axes, with units.
+    /// Quantity of the horizontal axis, with its unit.
     pub x: String,
+    /// Quantity of the vertical axis, with its unit.
     pub y: String,
+    /// Points and reference lines.
     pub series: Vec<Series>,
 }
 
 /// Points of one colour, all coordinates above 0.
+#[derive(Clone, Debug)]
 pub struct Series {
     /// Its name in the legend.
     pub name: String,
+    /// The points.
     pub points: Vec<(f64, f64)>,
     /// True for a dashed reference line.
     guide: bool,
@@ -32,21 +37,19 @@ pub struct Series {
 impl Series {
     /// Creates a series of measured points, joined by a line.
     pub fn marks(name: String, points: Vec<(f64, f64)>) -> Series {
-        let guide = false;
         Series {
             name,
             points,
-            guide,
+            guide: false,
         }
     }
 
     /// Creates a dashed reference line.
     pub fn guide(name: String, points: Vec<(f64, f64)>) -> Series {
-        let guide = true;
         Series {
             name,
             points,
-            guide,
+            guide: true,
         }
     }
 }
@@ -72,6 +75,8 @@ const GUIDES: [RGBColor; 2] = [RGBColor(60, 60, 60), RGBColor(150, 150, 150)];
 
 impl Plot {
     /// Writes `PATH.png` and `PATH.svg`.
+    ///
+    /// Errors: a file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         static REGISTERED: Once = Once::new();
         REGISTERED.call_once(|| {

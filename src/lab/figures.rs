@@ -1,9 +1,9 @@
 //! Plots of rows: error against time, error against beta, time against size.
 
-use super::plots::{Plot, Series};
-use super::row::Row;
+use super::kernels::KernelRow;
+use super::plot::{Plot, Series};
 use super::slopes;
-use linkwatch::kernels::Method;
+use crate::kernels::Method;
 
 /// Errors below this are drawn here, because the axis is logarithmic.
 const LEAST_ERROR: f64 = 1e-16;
@@ -25,19 +25,19 @@ fn series(points: impl Iterator<Item = (String, (f64, f64))>) -> Vec<Series> {
 
 /// Plots error against time. Counting has no error that a logarithmic axis could show, so it is
 /// drawn as a line at its time.
-pub fn error_against_time(model: &str, rows: &[Row]) -> Plot {
-    let point = |row: &Row| {
-        let ms = row.measured.as_ref().ok()?.ms.max(LEAST_TIME);
+pub fn error_against_time(model: &str, rows: &[KernelRow]) -> Plot {
+    let point = |row: &KernelRow| {
+        let ms = row.ms()?.max(LEAST_TIME);
         let error = row.largest_error()?.max(LEAST_ERROR);
         Some((row.setting.series(), (ms, error)))
     };
     let mut series = series(rows.iter().filter_map(point));
     let counted = rows.iter().find(|r| r.setting.method == Method::Crossings);
-    if let Some(Ok(m)) = counted.map(|r| &r.measured) {
+    if let Some(ms) = counted.and_then(KernelRow::ms) {
         let errors = || series.iter().flat_map(|s| &s.points).map(|p| p.1);
         let lo = errors().fold(LEAST_ERROR, f64::min);
         let hi = errors().fold(1.0, f64::max);
-        let ms = m.ms.max(LEAST_TIME);
+        let ms = ms.max(LEAST_TIME);
         let name = "crossings (exact)".into();
         series.push(Series::guide(name, vec![(ms, lo), (ms, hi)]));
     }
@@ -50,7 +50,7 @@ pub fn error_against_time(model: &str, rows: &[Row]) -> Plot {
 }
 
 /// Plots the mean error against beta, with the published estimate beside it.
-pub fn error_against_beta(model: &str, rows: &[Row]) -> Plot {
+pub fn error_against_beta(model: &str, rows: &[KernelRow]) -> Plot {
     let mut series = Vec::new();
     let mut guides = Vec::new();
     for (order, name, power) in [("dipole", "β⁻³", -3), ("quadrupole", "β⁻⁴", -4)] {
@@ -82,12 +82,12 @@ pub fn error_against_beta(model: &str, rows: &[Row]) -> Plot {
 }
 
 /// Plots the total time, from points to proven linking numbers, against the number of segments.
-pub fn time_against_size<'a>(model: &str, rows: impl Iterator<Item = &'a Row>) -> Plot {
-    let mut rows: Vec<&Row> = rows.filter(|row| row.segments > 0).collect();
+pub fn time_against_size<'a>(model: &str, rows: impl Iterator<Item = &'a KernelRow>) -> Plot {
+    let mut rows: Vec<&KernelRow> = rows.filter(|row| row.segments > 0).collect();
     rows.sort_by_key(|row| row.segments);
     // Names in the order of the smallest size, which has all of them.
-    let point = |row: &&Row| {
-        let ms = row.measured.as_ref().ok()?.total_ms.max(LEAST_TIME);
+    let point = |row: &&KernelRow| {
+        let ms = row.run()?.times.total_ms.max(LEAST_TIME);
         let name = match row.setting.accuracy.beta {
             Some(beta) => format!("{} β {beta}", row.setting.method),
             None => row.setting.series(),

@@ -1,12 +1,12 @@
 //! Rate at which errors fall with beta.
 
-use super::row::Row;
-use serde_json::{Map, Value};
+use super::kernels::KernelRow;
 
 /// Errors of this size are rounding errors, and fall no further.
 const ROUNDING: f64 = 1e-12;
 
 /// Power of beta to which the mean error of an expansion is proportional.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slope {
     /// Name of the order of the expansion.
     pub order: &'static str,
@@ -21,7 +21,7 @@ pub struct Slope {
 impl Slope {
     /// Returns the slopes of both orders, each only if at least three betas have an error above
     /// rounding.
-    pub fn all(rows: &[Row]) -> Vec<Slope> {
+    pub fn all(rows: &[KernelRow]) -> Vec<Slope> {
         let of = |(order, published)| {
             let points = points(rows, order);
             let points: Vec<_> = points.into_iter().filter(|p| p.1 > ROUNDING).collect();
@@ -37,12 +37,6 @@ impl Slope {
             .filter_map(of)
             .collect()
     }
-
-    /// Returns the slopes by the name of the order.
-    pub fn json(slopes: &[Slope]) -> Value {
-        let field = |s: &Slope| (s.order.to_owned(), s.power.into());
-        Value::Object(slopes.iter().map(field).collect::<Map<_, _>>())
-    }
 }
 
 impl std::fmt::Display for Slope {
@@ -57,8 +51,8 @@ impl std::fmt::Display for Slope {
 }
 
 /// Returns the betas of an expansion, and its mean errors.
-pub fn points(rows: &[Row], order: &str) -> Vec<(f64, f64)> {
-    let point = |row: &Row| {
+pub(super) fn points(rows: &[KernelRow], order: &str) -> Vec<(f64, f64)> {
+    let point = |row: &KernelRow| {
         let fits = row.setting.is_by_beta() && row.setting.order().as_deref() == Some(order);
         let beta = row.setting.accuracy.beta.filter(|_| fits)?;
         Some((beta, row.mean_error()?))

@@ -1,0 +1,267 @@
+//! `linkwatch devices --measure` and `--calibrate`: time of the kernels on an adapter and on the
+//! CPU.
+
+use super::MeasureArgs;
+use crate::cli::{Outcome, input, output};
+use linkwatch::kernels::{Device, Method, SumCost};
+use linkwatch::lab::{self, AdapterTimes, Effort, Table};
+use linkwatch::{AbortOn, Error, Result, Verifier};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// A scene in growing sizes, for a kernel.
+struct Sizes {
+    kernel: Method,
+    /// Name of the scene.
+    scene: &'static str,
+    /// Parameters for a hardware adapter, and smaller ones for a software renderer.
+    sizes: [[&'static str; 3]; 2],
+}
+
+const SIZES: [Sizes; 5] = [
+    Sizes {
+        kernel: Method::Crossings,
+        scene: "chainmail",
+        sizes: [
+            [
+                "rows=14,columns=21",
+                "rows=56,columns=84",
+                "rows=224,columns=336",
+            ],
+            [
+                "rows=7,columns=10",
+                "rows=20,columns=30",
+                "rows=56,columns=84",
+            ],
+        ],
+    },
+    Sizes {
+        kernel: Method::Crossings,
+        scene: "square_link",
+        sizes: [
+            [
+                "loops=60,segments=6000",
+                "loops=300,segments=100000",
+                "loops=1250,segments=500000",
+            ],
+            [
+                "loops=20,segments=2000",
+                "loops=60,segments=6000",
+                "loops=200,segments=40000",
+            ],
+        ],
+    },
+    Sizes {
+        kernel: Method::Crossings,
+        scene: "torus_link",
+        sizes: [
+            [
+                "segments=20000,toroidal=50,poloidal=50",
+                "segments=400000,toroidal=200,poloidal=200",
+                "segments=4000000,toroidal=500,poloidal=500",
+            ],
+            [
+                "segments=2000,toroidal=10,poloidal=10",
+                "segments=10000,toroidal=50,poloidal=50",
+                "segments=40000,toroidal=100,poloidal=100",
+            ],
+        ],
+    },
+    Sizes {
+        kernel: Method::Direct,
+        scene: "ribbon",
+        sizes: [
+            ["segments=2000", "segments=20000", "segments=200000"],
+            ["segments=500", "segments=2000", "segments=10000"],
+        ],
+    },
+    Sizes {
+        kernel: Method::BarnesHut,
+        scene: "knit",
+        sizes: [
+            [
+                "rows=10,stitches=40,segments=4000",
+                "rows=40,stitches=100,segments=48000",
+                "rows=250,stitches=90,segments=270000",
+            ],
+            [
+                "rows=3,stitches=16,segments=480",
+                "rows=10,stitches=40,segments=4000",
+                "rows=20,stitches=60,segments=14400",
+            ],
+        ],
+    },
+];
+
+/// Measures an adapter and stores the costs that the automatic choice uses.
+pub fn calibrate(device: &Device, json: bool) -> Result<()> {
+    let c = lab::calibrate(device)?;
+    let file = c.keep()?;
+    if json {
+        output::json(&json!({ "calibration": c, "file": file }));
+        return Ok(());
+    }
+    output::line(format_args!(
+        "{}, compared with the CPU on {}; stored in {}",
+        c.adapter,
+        output::plural(c.threads as u64, "thread"),
+        file.display(),
+    ));
+    let sum = |name: &str, unit: &str, cost: SumCost| {
+        let from = match cost.break_even() {
+            Some(n) => format!("faster from {} on", output::count(n)),
+            None => "never faster".into(),
+        };
+        output::line(format_args!(
+            "  {name}: {:.3} ms and {:.4} ns per {unit}; CPU {:.4} ns; {from}",
+            cost.round_trip_ms, cost.adapter_ns, cost.processor_ns,
+        ));
+    };
+    sum("direct sums", "pair of segments", c.direct);
+    sum("Barnes-Hut", "segment of a pair of curves", c.barnes_hut);
+    let k = c.crossings;
+    output::line(format_args!(
+        "  counting crossings: {:.3} ms and {:.2} ns per segment, {:.1} ns per potential link, \
+         {:.2} ns per test, within a factor of {:.1}; CPU {:.2} times its prediction",
+        k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.misfit, k.processor_factor,
+    ));
+    Ok(())
+}
+
+/// Measures the given scenes, or else each kernel on scenes of growing size.
+pub fn measure(args: &MeasureArgs, inputs: &[PathBuf], json: bool) -> Result<Outcome> {
+    // Opened once for all measurements.
+    let mut keeper = Verifier::new(AbortOn::Never);
+    keeper.set_device(&args.device)?;
+    let Some(device) = keeper.device() else {
+        return Err(Error::Device("--device must name an adapter".into()));
+    };
+    if !json {
+        let threads = output::plural(rayon::current_num_threads() as u64, "thread");
+        for line in [
+            format!(
+                "{}: median milliseconds, without boxes and potential links",
+                device.name
+            ),
+            "  whole frame: upload of vertices and lists, the kernel, download of the results"
+                .into(),
+            "  resident:    the same with the vertices already uploaded".into(),
+            format!("  CPU:         the same kernel on {threads}"),
+        ] {
+            output::line(line);
+        }
+        output::line(format_args!("  {}", table().header()));
+    }
+    let mut outcome = Outcome::Fine;
+    let mut measure = |input: &Path, kernels: &[Method]| {
+        let (segments, times) = measure_one(args, input, kernels, json)?;
+        if times.iter().any(|t| !t.equal) {
+            outcome = Outcome::Changed;
+        }
+        Ok::<_, Error>((segments, times))
+    };
+    if !inputs.is_empty() {
+        for input in inputs {
+            measure(
+                input,
+                &[Method::Crossings, Method::Direct, Method::BarnesHut],
+            )?;
+        }
+        return Ok(outcome);
+    }
+    let mut found = Vec::new();
+    for Sizes {
+        kernel,
+        scene,
+        sizes,
+    } in &SIZES
+    {
+        let mut from = None;
+        for parameters in sizes[usize::from(device.software)] {
+            let input = PathBuf::from(format!("{scene}:{parameters}"));
+            let (segments, times) = measure(&input, &[*kernel])?;
+            // If a larger scene is slower again, the size found so far is discarded.
+            let mut single = times.iter().filter(|t| t.precision == "single");
+            let faster = single.all(AdapterTimes::is_faster);
+            from = from.filter(|_| faster).or(faster.then_some(segments));
+        }
+        found.push((kernel, scene, from));
+    }
+    for (kernel, scene, from) in found {
+        if json {
+            output::json(
+                &json!({ "kernel": kernel, "scene": scene, "faster_from_segments": from }),
+            );
+            continue;
+        }
+        output::line(match from {
+            Some(n) => format!(
+                "{kernel}: the adapter is faster from {scene} of {} on",
+                output::plural(n, "segment")
+            ),
+            None => {
+                format!("{kernel}: the adapter is never faster among these sizes of {scene}")
+            }
+        });
+    }
+    Ok(outcome)
+}
+
+fn table() -> Table {
+    Table::new([
+        ("kernel", -12),
+        ("precision", -9),
+        ("whole frame", 12),
+        ("resident", 10),
+        ("CPU", 10),
+        ("largest error", 14),
+        ("undecided", 10),
+        ("", 8),
+    ])
+}
+
+/// Measures kernels on a model or a scene, and prints the times. Returns the number of segments.
+fn measure_one(
+    args: &MeasureArgs,
+    input: &Path,
+    kernels: &[Method],
+    json: bool,
+) -> Result<(u64, Vec<AdapterTimes>)> {
+    let set = input::read(input)?;
+    let effort = Effort::runs(args.repeat);
+    let times = lab::measure_adapter(&args.device, &set, kernels, effort, args.limit)?;
+    let segments = set.segments() as u64;
+    for t in times.iter().filter(|t| !t.equal) {
+        tracing::error!(
+            "{}, {}: the linking numbers differ from the exact ones",
+            t.kernel,
+            t.precision
+        );
+    }
+    if json {
+        output::json(&json!({ "model": input, "segments": segments, "kernels": times }));
+        return Ok((segments, times));
+    }
+    let links = times.first().map_or(0, |t| t.links as u64);
+    output::line(format_args!(
+        "{}: {}, {}",
+        input.display(),
+        output::plural(segments, "segment"),
+        output::plural(links, "potential link"),
+    ));
+    let ms = |ms: f64| format!("{ms:.2}");
+    for t in &times {
+        let row = table().row([
+            t.kernel.to_string(),
+            t.precision.into(),
+            ms(t.whole_ms),
+            ms(t.resident_ms),
+            t.processor_ms.map_or("-".into(), ms),
+            format!("{:.1e}", t.largest_error),
+            t.undecided.to_string(),
+            if t.equal { "equal" } else { "DIFFERS" }.into(),
+        ]);
+        output::line(format_args!("  {row}"));
+    }
+    Ok((segments, times))
+}

@@ -1,0 +1,208 @@
+//! Measurement of moving frames: incremental verification, compared with a plain read of the frame
+//! and a full run.
+//!
+//! Every frame is read once, copied into the curve set, and verified incrementally. Every few
+//! frames a second verifier computes the frame in full, for its time and its verdict. All
+//! measurements alternate frame by frame, so that a busy machine slows all of them equally.
+
+use super::clock::timed;
+use crate::curve::{CurveSet, Positions};
+use crate::error::Result;
+use crate::incremental::Events;
+use crate::scenes::{Frames, Motion};
+use crate::verdict::{AbortOn, Report, Verdict};
+use crate::verifier::Verifier;
+use std::hint::black_box;
+
+/// Number of full runs of a row: enough for a median.
+const FULL_RUNS: u64 = 25;
+
+/// Number of first frames after each of which the background work is awaited.
+const SETTLED: u64 = 3;
+
+/// Curves that move, and the frames to measure.
+#[derive(Debug)]
+pub struct MotionStudy {
+    /// The curves. Their positions are those of the last frame.
+    pub curves: CurveSet,
+    /// Generator of the frames.
+    pub frames: Frames,
+    /// Diameter of the curves: the unit of amplitudes.
+    pub diameter: f64,
+    /// Number of frames of each motion and amplitude.
+    pub count: u64,
+    /// Pull-throughs that both verifiers search for.
+    pub events: Events,
+}
+
+impl MotionStudy {
+    /// Creates the incremental verifier that is measured, and the one that computes frames in full.
+    /// Both have seen frame 0, which is their baseline.
+    fn verifiers(&mut self) -> Result<[Verifier; 2]> {
+        let mut verifiers = [AbortOn::Never; 2].map(Verifier::new);
+        verifiers[0].set_incremental(true);
+        let first = self.frames.at(&Motion::new([]), 0.0, 0);
+        self.curves.update(first)?;
+        for verifier in &mut verifiers {
+            verifier.set_events(self.events);
+            verifier.step(0, 0.0, &self.curves)?;
+        }
+        Ok(verifiers)
+    }
+
+    /// Measures all frames of a motion. The amplitude is in diameters. `on_frame` gets the number of
+    /// each frame, and the full and the incremental report if they disagree.
+    ///
+    /// Errors: a frame whose coordinates overflow.
+    pub fn measure(
+        &mut self,
+        motion: &Motion,
+        amplitude: f64,
+        mut on_frame: impl FnMut(u64, Option<[&Report; 2]>),
+    ) -> Result<MotionRow> {
+        let mut row = MotionRow {
+            motion: motion.to_string(),
+            amplitude,
+            ..MotionRow::default()
+        };
+        // The search for pull-throughs must see every frame.
+        let every = match self.events {
+            Events::Off => (self.count / FULL_RUNS).max(1),
+            _ => 1,
+        };
+        let [mut incremental, mut full] = self.verifiers()?;
+        for frame in 1..=self.count {
+            let curves = &mut self.curves;
+            let length = amplitude * self.diameter;
+            let positions = self.frames.at(motion, length, frame);
+            record(&mut row.read, || largest(black_box(positions)));
+            record(&mut row.update, || curves.update(black_box(positions)))?;
+            let report = record(&mut row.frame, || incremental.step(frame, 0.0, curves))?;
+            let work = incremental.work();
+            row.routes[work.route as usize] += 1;
+            row.blocks += work.blocks;
+            row.marked += work.marked;
+            row.recertified += work.recertified;
+            row.recomputed += work.recomputed;
+            row.events += report.events.len() as u64;
+            // A simulation leaves enough time for the first reference frame; here frames follow at
+            // once.
+            if frame < SETTLED {
+                incremental.settle();
+            }
+            if frame % every != 0 {
+                on_frame(frame, None);
+                continue;
+            }
+            // Updated again, so that both verifiers run after the same single-threaded work.
+            curves.update(black_box(positions))?;
+            let expected = record(&mut row.full, || full.step(frame, 0.0, curves))?;
+            row.not_intact += u64::from(expected.verdict != Verdict::Intact);
+            let equal = same(&expected, &report);
+            row.equal += u64::from(equal);
+            on_frame(frame, (!equal).then_some([&expected, &report]));
+        }
+        Ok(row)
+    }
+}
+
+/// Measurements of one motion and amplitude. Times are in milliseconds, one for each frame.
+#[derive(Clone, Debug, Default)]
+pub struct MotionRow {
+    /// Name of the motion.
+    pub motion: String,
+    /// Amplitude in diameters.
+    pub amplitude: f64,
+    /// Times of a plain read of the frame by one thread.
+    pub read: Vec<f64>,
+    /// Times to copy the frame into the curve set.
+    pub update: Vec<f64>,
+    /// Times of the incremental verification.
+    pub frame: Vec<f64>,
+    /// Times of the full runs.
+    pub full: Vec<f64>,
+    /// Number of frames on the full, the quiet and the partial route.
+    pub routes: [u64; 3],
+    /// Number of blocks of all frames.
+    pub blocks: u64,
+    /// Number of marked blocks.
+    pub marked: u64,
+    /// Number of pairs that were certified again.
+    pub recertified: u64,
+    /// Number of pairs that were recomputed.
+    pub recomputed: u64,
+    /// Number of reported pull-throughs.
+    pub events: u64,
+    /// Number of full runs with an equal result.
+    pub equal: u64,
+    /// Number of full runs whose verdict was not intact.
+    pub not_intact: u64,
+}
+
+impl MotionRow {
+    /// Returns the number of full runs.
+    pub fn compared(&self) -> u64 {
+        self.full.len() as u64
+    }
+
+    /// Returns the share of the blocks that were marked.
+    pub fn marked_share(&self) -> f64 {
+        self.marked as f64 / self.blocks.max(1) as f64
+    }
+
+    /// Returns the mean over the frames of a sum over all of them.
+    pub fn per_frame(&self, sum: u64) -> f64 {
+        sum as f64 / self.frame.len() as f64
+    }
+}
+
+/// Runs `work` and appends the milliseconds that it took.
+fn record<T>(times: &mut Vec<f64>, work: impl FnOnce() -> T) -> T {
+    let (found, elapsed) = timed(|| black_box(work()));
+    times.push(elapsed.wall_ms);
+    found
+}
+
+/// Returns true if two reports agree on the topology of a frame.
+fn same(a: &Report, b: &Report) -> bool {
+    (a.verdict, &a.changes) == (b.verdict, &b.changes)
+        && (&a.events, &a.defects) == (&b.events, &b.defects)
+}
+
+/// Returns the largest coordinate: the minimum work that reads a whole frame, by one thread.
+fn largest(positions: Positions<'_>) -> f64 {
+    // Computes several maxima in parallel, so that the compiler uses vectors.
+    fn of<T: Copy + PartialOrd>(values: &[T], least: T) -> T {
+        let larger = |a: T, b: T| if a > b { a } else { b };
+        let mut lanes = [least; 32];
+        let mut chunks = values.chunks_exact(lanes.len());
+        for chunk in &mut chunks {
+            for (lane, &x) in lanes.iter_mut().zip(chunk) {
+                *lane = larger(*lane, x);
+            }
+        }
+        let rest = chunks.remainder().iter().copied();
+        lanes.into_iter().chain(rest).fold(least, larger)
+    }
+    match positions {
+        Positions::F32(v) => of(v, f32::NEG_INFINITY).into(),
+        Positions::F64(v) => of(v, f64::NEG_INFINITY),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_plain_read_covers_all_coordinates() {
+        let mut v: Vec<f32> = (0..1000).map(|k| -(k as f32)).collect();
+        assert_eq!(largest(Positions::F32(&v)), 0.0);
+        for at in [1, 500, 999] {
+            v[at] = 7.0;
+            assert_eq!(largest(Positions::F32(&v)), 7.0);
+            v[at] = -1.0;
+        }
+        assert_eq!(largest(Positions::F64(&[-3.0, -2.0, -5.0])), -2.0);
+    }
+}
