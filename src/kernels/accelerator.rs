@@ -1,7 +1,7 @@
 //! GPU adapter in use by the kernels: chosen, opened, replaced by the CPU after a failure.
 
 use super::calibration::Calibration;
-use super::crossings::Scene;
+use super::crossings::Input;
 use super::device::{Device, DeviceInfo};
 use super::{Counted, Summation};
 use crate::curve::CurveSet;
@@ -265,14 +265,14 @@ impl Accelerator {
     /// pairs, or `None` if the CPU has to count: without an adapter, for splines, and after a
     /// failure, which is logged.
     #[cfg(feature = "gpu")]
-    pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<Vec<Counted>> {
-        if pairs.is_empty() || !scene.set.basis().is_polyline() {
+    pub fn count(&mut self, input: Input<'_>, pairs: &[Pair]) -> Option<Vec<Counted>> {
+        if pairs.is_empty() || !input.set.basis().is_polyline() {
             return None;
         }
         let gpu = self.gpu()?.clone();
-        let frame = self.frame(scene.set);
+        let frame = self.frame(input.set);
         let next = self.next.take();
-        match gpu.count(&frame, scene, pairs, next.as_deref()) {
+        match gpu.count(&frame, input, pairs, next.as_deref()) {
             Ok(((parts, undecided), ahead)) => {
                 // Keeps the upload that an earlier part of the frame made.
                 if let Some(ahead) = next.zip(ahead.map(Arc::new)) {
@@ -291,7 +291,7 @@ impl Accelerator {
 
     /// Returns `None`: this build supports the CPU only.
     #[cfg(not(feature = "gpu"))]
-    pub fn count(&mut self, _: Scene<'_>, _: &[Pair]) -> Option<Vec<Counted>> {
+    pub fn count(&mut self, _: Input<'_>, _: &[Pair]) -> Option<Vec<Counted>> {
         None
     }
 

@@ -5,7 +5,7 @@ use super::{Sample, choice};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
-use crate::kernels::crossings::{Scene, Workspaces};
+use crate::kernels::crossings::{Input, Workspaces};
 use crate::kernels::gpu::{Frame, Gpu, Trouble};
 use crate::kernels::{
     Accelerator, Accuracy, Calibration, CountingCost, CountingWork, Device, Estimate, Method,
@@ -169,8 +169,8 @@ impl MeasuredScene {
         })
     }
 
-    fn scene(&self) -> Scene<'_> {
-        Scene {
+    fn input(&self) -> Input<'_> {
+        Input {
             set: &self.set,
             trees: &self.trees,
             workspaces: &self.workspaces,
@@ -205,7 +205,7 @@ impl MeasuredScene {
         let ms = median_ms(|start| {
             let frame = Frame::new(&self.set);
             gpu.send(&frame).map_err(failed)?;
-            let counted = gpu.count(&frame, self.scene(), &self.links, None);
+            let counted = gpu.count(&frame, self.input(), &self.links, None);
             let ((parts, _), _) = counted.map_err(failed)?;
             work.tests = parts.iter().map(|part| part.stats.tests).sum();
             Ok(start.elapsed().as_secs_f64() * 1e3)
@@ -225,8 +225,8 @@ impl MeasuredScene {
 
     /// Returns the predicted time of counting on the CPU.
     fn predicted_ms(&self) -> f64 {
-        let sample = Sample::of(self.scene(), &self.links);
-        choice::on_cpu(self.scene(), &self.links, &[], &sample)
+        let sample = Sample::of(self.input(), &self.links);
+        choice::on_cpu(self.input(), &self.links, &[], &sample)
     }
 }
 

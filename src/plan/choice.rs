@@ -13,7 +13,7 @@
 
 use super::costs::{self, Time};
 use super::{Sample, parallelism};
-use crate::kernels::crossings::{Scene, sample};
+use crate::kernels::crossings::{Input, sample};
 use crate::kernels::{Calibration, CountingWork, KernelWork, Method, Offer, segment_pairs};
 use crate::pairs::Pair;
 use rayon::prelude::*;
@@ -34,13 +34,13 @@ pub(crate) enum Way {
 impl Way {
     /// Returns the way for some potential links: counting, or with [`Method::Auto`] the one
     /// predicted to be fastest.
-    pub fn of(scene: Scene<'_>, links: &[Pair], method: Method, offer: Option<Offer<'_>>) -> Way {
-        let asked_for = offer.is_some_and(|o| o.asked_for && counts(scene));
+    pub fn of(input: Input<'_>, links: &[Pair], method: Method, offer: Option<Offer<'_>>) -> Way {
+        let asked_for = offer.is_some_and(|o| o.asked_for && counts(input));
         let long = match method {
-            Method::Auto if !asked_for => worth_summing(scene, links),
+            Method::Auto if !asked_for => worth_summing(input, links),
             _ => Vec::new(),
         };
-        match adapter_wins(scene, links, &long, offer) {
+        match adapter_wins(input, links, &long, offer) {
             false if !long.is_empty() => Way::Fmm(long),
             on_adapter => Way::Count { on_adapter },
         }
@@ -48,32 +48,32 @@ impl Way {
 }
 
 /// Returns true if an adapter counts the crossings of these potential links.
-pub(crate) fn goes_to_adapter(scene: Scene<'_>, links: &[Pair], offer: Option<Offer<'_>>) -> bool {
-    adapter_wins(scene, links, &[], offer)
+pub(crate) fn goes_to_adapter(input: Input<'_>, links: &[Pair], offer: Option<Offer<'_>>) -> bool {
+    adapter_wins(input, links, &[], offer)
 }
 
 /// Returns true if adapters can count the crossings of these curves.
-fn counts(scene: Scene<'_>) -> bool {
-    scene.set.basis().is_polyline()
+fn counts(input: Input<'_>) -> bool {
+    input.set.basis().is_polyline()
 }
 
 /// Returns true if an adapter counts the crossings, given that the CPU would sum the `long` links.
 ///
 /// Cost: linear in the links; if that does not rule the adapter out, a sample of them ([`Sample`]).
 fn adapter_wins(
-    scene: Scene<'_>,
+    input: Input<'_>,
     links: &[Pair],
     long: &[LongLink],
     offer: Option<Offer<'_>>,
 ) -> bool {
-    let Some(offer) = offer.filter(|_| counts(scene) && !links.is_empty()) else {
+    let Some(offer) = offer.filter(|_| counts(input) && !links.is_empty()) else {
         return false;
     };
     match offer.calibration {
         _ if offer.asked_for => true,
-        Some(calibration) if !cannot_win(scene, links, calibration) => {
-            let sample = Sample::of(scene, links);
-            Forecast::of(scene, links, long, &sample, calibration).adapter_wins()
+        Some(calibration) if !cannot_win(input, links, calibration) => {
+            let sample = Sample::of(input, links);
+            Forecast::of(input, links, long, &sample, calibration).adapter_wins()
         }
         _ => false,
     }
@@ -81,9 +81,9 @@ fn adapter_wins(
 
 /// Returns true if an adapter takes longer for no tests at all than the CPU for all possible tests
 /// on one thread.
-fn cannot_win(scene: Scene<'_>, links: &[Pair], calibration: &Calibration) -> bool {
+fn cannot_win(input: Input<'_>, links: &[Pair], calibration: &Calibration) -> bool {
     let cost = calibration.crossings;
-    let tests = segment_pairs(scene.set, links);
+    let tests = segment_pairs(input.set, links);
     let most = KernelWork {
         tests,
         exact: tests,
@@ -92,13 +92,13 @@ fn cannot_win(scene: Scene<'_>, links: &[Pair], calibration: &Calibration) -> bo
         ..KernelWork::default()
     };
     let most = costs::direction(links.len(), most) + costs::crossings(0, most, usize::MAX);
-    let least = cost.adapter_ms(counting_work(scene, links, 0));
+    let least = cost.adapter_ms(counting_work(input, links, 0));
     cost.processor_factor * most.ms() <= least
 }
 
-fn counting_work(scene: Scene<'_>, links: &[Pair], tests: u64) -> CountingWork {
+fn counting_work(input: Input<'_>, links: &[Pair], tests: u64) -> CountingWork {
     CountingWork {
-        segments: scene.set.segments() as u64,
+        segments: input.set.segments() as u64,
         links: links.len() as u64,
         tests,
     }
@@ -118,7 +118,7 @@ pub(super) struct Forecast {
 impl Forecast {
     /// Predicts the times from a sample of the links, given that the CPU would sum the `long` ones.
     pub fn of(
-        scene: Scene<'_>,
+        input: Input<'_>,
         links: &[Pair],
         long: &[LongLink],
         sample: &Sample,
@@ -126,9 +126,9 @@ impl Forecast {
     ) -> Forecast {
         let cost = calibration.crossings;
         Forecast {
-            adapter_ms: cost.adapter_ms(counting_work(scene, links, sample.work.tests)),
+            adapter_ms: cost.adapter_ms(counting_work(input, links, sample.work.tests)),
             misfit: cost.misfit,
-            processor_ms: cost.processor_factor * on_cpu(scene, links, long, sample),
+            processor_ms: cost.processor_factor * on_cpu(input, links, long, sample),
         }
     }
 
@@ -140,10 +140,10 @@ impl Forecast {
 
 /// Returns the predicted time of the linking numbers on the CPU of the cost table, with the current
 /// number of threads, in milliseconds.
-pub(super) fn on_cpu(scene: Scene<'_>, links: &[Pair], long: &[LongLink], sample: &Sample) -> f64 {
+pub(super) fn on_cpu(input: Input<'_>, links: &[Pair], long: &[LongLink], sample: &Sample) -> f64 {
     let threads = rayon::current_num_threads();
     let (_, busy) = parallelism(links.len(), threads, sample.shared);
-    let read = 3 * scene.set.points() * scene.set.precision().bytes() + scene.trees.bytes();
+    let read = 3 * input.set.points() * input.set.precision().bytes() + input.trees.bytes();
     let counting = costs::crossings(0, sample.work, read).with_sums(long);
     let time = costs::direction(links.len(), sample.work) + counting;
     time.on(busy.max(1)).ms
@@ -185,10 +185,10 @@ const SHORTER: f64 = 2.5;
 ///
 /// Cost: nothing for links of short curves; some tenths of a millisecond for each of the others
 /// ([`sample`]).
-pub(super) fn worth_summing(scene: Scene<'_>, links: &[Pair]) -> Vec<LongLink> {
-    let segments = |i: u32| scene.set.curve(i as usize).segments;
-    let mut all = 0..scene.set.len() as u32;
-    if !scene.set.basis().is_polyline() || all.all(|i| segments(i) < LONG / 2) {
+pub(super) fn worth_summing(input: Input<'_>, links: &[Pair]) -> Vec<LongLink> {
+    let segments = |i: u32| input.set.curve(i as usize).segments;
+    let mut all = 0..input.set.len() as u32;
+    if !input.set.basis().is_polyline() || all.all(|i| segments(i) < LONG / 2) {
         return Vec::new();
     }
     let look = |at: usize| {
@@ -197,10 +197,10 @@ pub(super) fn worth_summing(scene: Scene<'_>, links: &[Pair]) -> Vec<LongLink> {
         if segments < LONG {
             return None;
         }
-        let mut workspace = scene.workspaces.take();
-        let work = sample(scene, (i, j), &mut workspace);
+        let mut workspace = input.workspaces.take();
+        let work = sample(input, (i, j), &mut workspace);
         workspace.take_stats();
-        scene.workspaces.put(workspace);
+        input.workspaces.put(workspace);
         decide(at, segments, work)
     };
     match links.len() {

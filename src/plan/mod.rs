@@ -63,7 +63,7 @@ pub(crate) use choice::{LongLink, Way, goes_to_adapter};
 use self::choice::{Forecast, worth_summing};
 use crate::curve::CurveSet;
 use crate::error::Result;
-use crate::kernels::crossings::{Scene, Workspaces, by_formula, sample, shares_out};
+use crate::kernels::crossings::{Input, Workspaces, by_formula, sample, shares_out};
 use crate::kernels::{Accelerator, Calibration, Device, KernelWork, Method, Offer, SumCost};
 use crate::pairs::{CurveTree, LinkSearch, Pair, Trees};
 use crate::verifier::{degenerate_curves, links_per_task, potential_links};
@@ -308,18 +308,18 @@ impl Plan {
         let degenerate: Vec<_> = degenerate_curves(set).collect();
         let links = &*potential_links(&trees, &mut search, &degenerate);
         let workspaces = Workspaces::default();
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &trees,
             workspaces: &workspaces,
         };
-        let sample = Sample::of(scene, links);
-        let mut long = worth_summing(scene, links);
-        let way = Way::of(scene, links, Method::Auto, offer);
+        let sample = Sample::of(input, links);
+        let mut long = worth_summing(input, links);
+        let way = Way::of(input, links, Method::Auto, offer);
         let on_adapter = matches!(way, Way::Count { on_adapter: true });
         let device = offer.map(|offer| {
             let forecast = (offer.calibration).filter(|_| set.basis().is_polyline());
-            let forecast = forecast.map(|c| Forecast::of(scene, links, &long, &sample, c));
+            let forecast = forecast.map(|c| Forecast::of(input, links, &long, &sample, c));
             DevicePlan::of(offer, on_adapter, forecast)
         });
         if on_adapter {
@@ -466,22 +466,22 @@ struct Sample {
 }
 
 impl Sample {
-    fn of(scene: Scene<'_>, links: &[Pair]) -> Sample {
+    fn of(input: Input<'_>, links: &[Pair]) -> Sample {
         let drawn = draw(links.len(), |k| {
             let (i, j) = links[k];
             [i, j]
-                .map(|i| u64::from(scene.set.curve(i as usize).segments))
+                .map(|i| u64::from(input.set.curve(i as usize).segments))
                 .iter()
                 .sum()
         });
         let works: Vec<(KernelWork, f64)> = drawn
             .par_iter()
             .map(|&(k, factor)| {
-                let mut workspace = scene.workspaces.take();
-                let work = sample(scene, links[k], &mut workspace);
+                let mut workspace = input.workspaces.take();
+                let work = sample(input, links[k], &mut workspace);
                 // Sampling does not count as verification work.
                 workspace.take_stats();
-                scene.workspaces.put(workspace);
+                input.workspaces.put(workspace);
                 (work, factor)
             })
             .collect();

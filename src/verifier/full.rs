@@ -5,7 +5,7 @@ use super::{Progress, Timings};
 use crate::certificate::{Certificate, Comparison, Link};
 use crate::curve::{Box3, CurveSet, pow2};
 use crate::error::Result;
-use crate::kernels::crossings::{Scene, Workspaces, linking_number};
+use crate::kernels::crossings::{Input, Workspaces, linking_number};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accelerator, Accuracy, Counted, Linking, Method};
 use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
@@ -51,8 +51,8 @@ impl FullRun {
         let mut stats = self.find_pairs(set);
         match self.kernel {
             (method @ (Method::Auto | Method::Crossings), _) => {
-                let (scene, offer) = (self.scene(set), self.accelerator.offer());
-                match Way::of(scene, self.search.pairs(), method, offer) {
+                let (input, offer) = (self.input(set), self.accelerator.offer());
+                match Way::of(input, self.search.pairs(), method, offer) {
                     Way::Fmm(long) => {
                         let pairs = self.search.pairs().to_vec();
                         self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
@@ -81,8 +81,8 @@ impl FullRun {
         self.workspaces.cancel = heed.then(|| self.progress.cancel.clone());
     }
 
-    fn scene<'a>(&'a self, set: &'a CurveSet) -> Scene<'a> {
-        Scene {
+    fn input<'a>(&'a self, set: &'a CurveSet) -> Input<'a> {
+        Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
@@ -98,15 +98,15 @@ impl FullRun {
         self.progress
             .done
             .fetch_add(summed as u64, Ordering::Relaxed);
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
-        let on_adapter = goes_to_adapter(scene, &undecided, self.accelerator.offer());
+        let on_adapter = goes_to_adapter(input, &undecided, self.accelerator.offer());
         let accelerator = on_adapter.then_some(&mut self.accelerator);
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, &undecided, accelerator, to);
+        compute_links(input, &undecided, accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         stats.potential_links += summed as u64;
         self.certificate.links.extend(links);
@@ -129,7 +129,7 @@ impl FullRun {
         };
         let pairs = self.search.find(&dilated);
         pairs.retain(|&(i, j)| whole(i) && whole(j));
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
@@ -137,9 +137,9 @@ impl FullRun {
         let found: Vec<(Pair, Linking)> = pairs
             .par_iter()
             .map(|&pair| {
-                let mut workspace = scene.workspaces.take();
-                let linking = noisy_linking_number(scene, pair, noise, &mut workspace);
-                scene.workspaces.put(workspace);
+                let mut workspace = input.workspaces.take();
+                let linking = noisy_linking_number(input, pair, noise, &mut workspace);
+                input.workspaces.put(workspace);
                 (pair, linking)
             })
             .collect();
@@ -163,14 +163,14 @@ impl FullRun {
         let roots = self.trees.roots();
         let meet = |&(i, j): &Pair| roots[i as usize].overlaps(&roots[j as usize]);
         let meeting: Vec<Pair> = pairs.iter().copied().filter(meet).collect();
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
         // Too few to be worth a transfer to the GPU.
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, &meeting, None, to);
+        compute_links(input, &meeting, None, to);
         let mut anew = Certificate {
             curves: set.len(),
             ..Certificate::default()
@@ -249,7 +249,7 @@ impl FullRun {
         stats: &mut Stats,
     ) {
         let start = Instant::now();
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
@@ -257,7 +257,7 @@ impl FullRun {
         let pairs = &self.search.pairs()[range];
         let accelerator = on_adapter.then_some(&mut self.accelerator);
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, pairs, accelerator, to);
+        compute_links(input, pairs, accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         self.timings.links += start.elapsed();
     }
@@ -289,8 +289,8 @@ impl FullRun {
                 return Ok((comparison, stats));
             }
             let next = (done + block).min(count);
-            let (scene, block_pairs) = (self.scene(set), &self.search.pairs()[done..next]);
-            let on_adapter = goes_to_adapter(scene, block_pairs, self.accelerator.offer());
+            let (input, block_pairs) = (self.input(set), &self.search.pairs()[done..next]);
+            let on_adapter = goes_to_adapter(input, block_pairs, self.accelerator.offer());
             self.compute_pairs(set, done..next, on_adapter, &mut stats);
             self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
             (done, block) = (next, 2 * block);
@@ -300,12 +300,12 @@ impl FullRun {
 
 /// Computes the linking numbers of these pairs, in parts that follow the order of the pairs.
 fn compute_links(
-    scene: Scene<'_>,
+    input: Input<'_>,
     pairs: &[Pair],
     accelerator: Option<&mut Accelerator>,
     (parts, progress): (&mut Vec<Counted>, &Progress),
 ) {
-    if let Some(found) = accelerator.and_then(|a| a.count(scene, pairs)) {
+    if let Some(found) = accelerator.and_then(|a| a.count(input, pairs)) {
         *parts = found;
         let done = pairs.len() as u64;
         progress.done.fetch_add(done, Ordering::Relaxed);
@@ -320,15 +320,15 @@ fn compute_links(
             return;
         }
         let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
-        let mut workspace = scene.workspaces.take();
+        let mut workspace = input.workspaces.take();
         for &pair in pairs {
-            if scene.cancelled() {
+            if input.cancelled() {
                 break;
             }
-            part.add(pair, linking_number(scene, pair, None, &mut workspace));
+            part.add(pair, linking_number(input, pair, None, &mut workspace));
         }
         part.stats = workspace.take_stats();
-        scene.workspaces.put(workspace);
+        input.workspaces.put(workspace);
         progress
             .done
             .fetch_add(pairs.len() as u64, Ordering::Relaxed);

@@ -38,7 +38,7 @@ use super::fixed;
 use super::frame::Frame;
 use super::layout::{Parameters, Undecided};
 use super::{Counts, Gpu, State, directions};
-use crate::kernels::crossings::{Direction, Scene, conclude, linking_number};
+use crate::kernels::crossings::{Direction, Input, conclude, linking_number};
 use crate::kernels::{Counted, Linking};
 use crate::pairs::Pair;
 use crate::verdict::Stats;
@@ -111,7 +111,7 @@ pub(super) type Meanwhile<'a> = dyn FnMut(&mut State) -> Result<(), Trouble> + '
 pub(super) fn linking_numbers(
     gpu: &Gpu,
     frame: &Frame,
-    scene: Scene<'_>,
+    input: Input<'_>,
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
 ) -> Result<Counts, Trouble> {
@@ -142,24 +142,24 @@ pub(super) fn linking_numbers(
                     .par_sort_unstable_by_key(|u| (number(u), u.upper, u.lower));
                 left += found.undecided.len() as u64;
                 parts.push(found.work(count));
-                parts.extend(found.conclude(frame, scene, own));
+                parts.extend(found.conclude(frame, input, own));
             }
             // The capacity is too small even for one pair.
-            None => parts.push(on_cpu(scene, own)),
+            None => parts.push(on_cpu(input, own)),
         }
     }
     Ok((parts, left))
 }
 
 /// Counts the crossings of pairs that exceed the capacity of the adapter.
-fn on_cpu(scene: Scene<'_>, pairs: &[Pair]) -> Counted {
-    let mut workspace = scene.workspaces.take();
+fn on_cpu(input: Input<'_>, pairs: &[Pair]) -> Counted {
+    let mut workspace = input.workspaces.take();
     let mut part = Counted::default();
     for &pair in pairs {
-        part.add(pair, linking_number(scene, pair, None, &mut workspace));
+        part.add(pair, linking_number(input, pair, None, &mut workspace));
     }
     part.stats = workspace.take_stats();
-    scene.workspaces.put(workspace);
+    input.workspaces.put(workspace);
     part
 }
 
@@ -190,11 +190,11 @@ impl Found {
     }
 
     /// Decides the undecided tests, which are sorted, and returns the linking numbers.
-    fn conclude(&self, frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<Counted> {
+    fn conclude(&self, frame: &Frame, input: Input<'_>, pairs: &[Pair]) -> Vec<Counted> {
         let task = |(task, signs): (usize, &[[u32; 2]])| {
             let first = task * TASK;
             let mut rest = &self.undecided[self.undecided.partition_point(|u| number(u) < first)..];
-            let mut workspace = scene.workspaces.take();
+            let mut workspace = input.workspaces.take();
             let (mut part, mut tests) = (Counted::default(), Vec::new());
             for (at, &signs) in (first..).zip(signs) {
                 let (own, others) = rest.split_at(rest.partition_point(|u| number(u) == at));
@@ -213,11 +213,11 @@ impl Found {
                 let [upper, lower] = [upper, lower].map(|curve| frame.first(curve));
                 tests.clear();
                 tests.extend(own.iter().map(|u| (u.upper - upper, u.lower - lower)));
-                let linking = conclude(scene, pair, direction, sum, &tests, &mut workspace);
+                let linking = conclude(input, pair, direction, sum, &tests, &mut workspace);
                 part.add(pair, linking);
             }
             part.stats = workspace.take_stats();
-            scene.workspaces.put(workspace);
+            input.workspaces.put(workspace);
             part
         };
         let tasks = self.signs.par_chunks(TASK).enumerate().map(task);

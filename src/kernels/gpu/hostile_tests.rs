@@ -29,12 +29,12 @@ fn counted(
 ) -> (Counted, Option<Frame>) {
     let mut trees = Trees::default();
     trees.refit(set);
-    let scene = Scene {
+    let input = Input {
         set,
         trees: &trees,
         workspaces: &Workspaces::default(),
     };
-    let ((parts, _), sent) = gpu.count(frame, scene, &pairs_of(set), next).unwrap();
+    let ((parts, _), sent) = gpu.count(frame, input, &pairs_of(set), next).unwrap();
     (Counted::joined(parts), sent)
 }
 
@@ -363,7 +363,7 @@ fn incomplete_work_is_an_error() {
     counts_agree(&gpu, &set);
     let mut trees = Trees::default();
     trees.refit(&set);
-    let scene = Scene {
+    let input = Input {
         set: &set,
         trees: &trees,
         workspaces: &Workspaces::default(),
@@ -371,7 +371,7 @@ fn incomplete_work_is_an_error() {
     let frame = Frame::new(&set);
     drop(boxes::fit(&mut gpu.lock(), &frame));
     gpu.lock().boxes_of = Some(frame.id);
-    let found = gpu.count(&frame, scene, &pairs_of(&set), None);
+    let found = gpu.count(&frame, input, &pairs_of(&set), None);
     assert!(matches!(found, Err(Trouble::Failed(_))));
     let state = &mut gpu.lock();
     let zeros = [256, 24, 12, 4].map(|n| vec![0; n]);
@@ -419,7 +419,7 @@ fn an_uploaded_next_frame_stays_uploaded_until_its_turn() {
     let mut accelerator = crate::kernels::Accelerator::open(&Choice::Gpu).unwrap();
     let mut trees = Trees::default();
     trees.refit(&*now);
-    let scene = Scene {
+    let input = Input {
         set: &now,
         trees: &trees,
         workspaces: &Workspaces::default(),
@@ -428,7 +428,7 @@ fn an_uploaded_next_frame_stays_uploaded_until_its_turn() {
     accelerator.announce(&next);
     // Block by block, as with an early exit.
     for block in pairs.chunks(64) {
-        accelerator.count(scene, block).unwrap();
+        accelerator.count(input, block).unwrap();
         assert!(accelerator.has_sent(&next));
     }
 }

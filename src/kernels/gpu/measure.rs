@@ -8,7 +8,7 @@ use super::{Choice, Gpu, Trouble, direct};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
-use crate::kernels::crossings::{Scene, Workspaces, linking_number};
+use crate::kernels::crossings::{Input, Workspaces, linking_number};
 use crate::kernels::{Accelerator, Accuracy, Counted, Estimate, Method};
 use crate::pairs::{LinkSearch, Pair, Trees};
 use crate::verifier::links_per_task;
@@ -73,14 +73,14 @@ pub fn measure(
     let pairs = search.find(trees.roots());
     let whole = |i: u32| set.has_three_distinct_points(i as usize);
     pairs.retain(|&(i, j)| whole(i) && whole(j));
-    let scene = Scene {
+    let input = Input {
         set,
         trees: &trees,
         workspaces: &Workspaces::default(),
     };
     let measurement = Measurement {
         gpu: &gpu,
-        scene,
+        input,
         pairs,
         repeat: repeat.max(1),
         limit_s,
@@ -101,7 +101,7 @@ pub fn measure(
 
 struct Measurement<'a> {
     gpu: &'a Gpu,
-    scene: Scene<'a>,
+    input: Input<'a>,
     pairs: &'a [Pair],
     repeat: u32,
     limit_s: f64,
@@ -123,7 +123,7 @@ impl Measurement<'_> {
     }
 
     fn segment_pairs(&self) -> u64 {
-        let segments = |i: u32| u64::from(self.scene.set.curve(i as usize).segments);
+        let segments = |i: u32| u64::from(self.input.set.curve(i as usize).segments);
         let each = self.pairs.iter().map(|&(i, j)| segments(i) * segments(j));
         each.sum()
     }
@@ -131,12 +131,12 @@ impl Measurement<'_> {
     /// Returns the exact linking numbers, counted on the CPU.
     fn count(&self) -> Counted {
         let part = |pairs: &[Pair]| {
-            let mut workspace = self.scene.workspaces.take();
+            let mut workspace = self.input.workspaces.take();
             let mut part = Counted::default();
             for &pair in pairs {
-                part.add(pair, linking_number(self.scene, pair, None, &mut workspace));
+                part.add(pair, linking_number(self.input, pair, None, &mut workspace));
             }
-            self.scene.workspaces.put(workspace);
+            self.input.workspaces.put(workspace);
             part
         };
         let size = links_per_task(self.pairs.len(), rayon::current_num_threads());
@@ -144,15 +144,15 @@ impl Measurement<'_> {
     }
 
     fn crossings(&self) -> Result<DeviceTimes, Trouble> {
-        let frame = Frame::new(self.scene.set);
-        let resident = || self.gpu.count(&frame, self.scene, self.pairs, None);
+        let frame = Frame::new(self.input.set);
+        let resident = || self.gpu.count(&frame, self.input, self.pairs, None);
         // The first run compiles the shaders and allocates the buffers.
         resident()?;
         let (resident_ms, _) = self.timed(resident)?;
         let (whole_ms, ((found, undecided), _)) = self.timed(|| {
-            let frame = Frame::new(self.scene.set);
+            let frame = Frame::new(self.input.set);
             self.gpu.send(&frame)?;
-            self.gpu.count(&frame, self.scene, self.pairs, None)
+            self.gpu.count(&frame, self.input, self.pairs, None)
         })?;
         let (processor_ms, exact) = self.timed(|| Ok(self.count()))?;
         let found = Counted::joined(found);
@@ -171,7 +171,7 @@ impl Measurement<'_> {
     }
 
     fn direct<R: Real>(&self) -> Result<DeviceTimes, Trouble> {
-        let (set, pairs) = (self.scene.set, self.pairs);
+        let (set, pairs) = (self.input.set, self.pairs);
         // The frame is built before the lock is taken.
         let run = |frame: &Frame<R>| direct::linking_numbers(&mut self.gpu.lock(), frame, pairs);
         let frame = Frame::<R>::new(set);
@@ -182,7 +182,7 @@ impl Measurement<'_> {
     }
 
     fn barnes_hut(&self) -> Result<DeviceTimes, Trouble> {
-        let (set, pairs) = (self.scene.set, self.pairs);
+        let (set, pairs) = (self.input.set, self.pairs);
         let run = |frame: &Frame, forest: &Forest| {
             barnes_hut::linking_numbers(&mut self.gpu.lock(), frame, forest, pairs, None)
         };
@@ -208,7 +208,7 @@ impl Measurement<'_> {
         let threads = rayon::current_num_threads() as f64;
         let seconds = self.segment_pairs() as f64 * PAIR_NS * 1e-9 / threads;
         let none = Accelerator::default();
-        let summation = || kernel.summation(self.scene.set, Accuracy::default(), &none, self.pairs);
+        let summation = || kernel.summation(self.input.set, Accuracy::default(), &none, self.pairs);
         let in_time = kernel == Method::BarnesHut || seconds < self.limit_s;
         let processor_ms = match in_time {
             true => {

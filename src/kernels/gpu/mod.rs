@@ -72,7 +72,7 @@ use self::device::{Device, Pending};
 pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
 use self::precision::Real;
-use super::crossings::Scene;
+use super::crossings::Input;
 use super::device::{Device as Choice, DeviceInfo};
 use super::{Counted, Estimate};
 use crate::curve::CurveSet;
@@ -196,7 +196,7 @@ impl Gpu {
     pub fn count(
         &self,
         frame: &Frame,
-        scene: Scene<'_>,
+        input: Input<'_>,
         pairs: &[Pair],
         next: Option<&CurveSet>,
     ) -> Result<(Counts, Option<Frame>), Trouble> {
@@ -212,7 +212,7 @@ impl Gpu {
             }
             Ok(())
         };
-        let counts = crossings::linking_numbers(self, frame, scene, pairs, &mut meanwhile)?;
+        let counts = crossings::linking_numbers(self, frame, input, pairs, &mut meanwhile)?;
         Ok((counts, sent))
     }
 

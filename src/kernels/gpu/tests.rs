@@ -303,19 +303,19 @@ pub(super) fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
     trees.refit(set);
     let pairs = pairs_of(set);
     let workspaces = Workspaces::default();
-    let scene = Scene {
+    let input = Input {
         set,
         trees: &trees,
         workspaces: &workspaces,
     };
     let frame = Frame::new(set);
     gpu.send(&frame).unwrap();
-    let ((found, undecided), _) = gpu.count(&frame, scene, &pairs, None).unwrap();
+    let ((found, undecided), _) = gpu.count(&frame, input, &pairs, None).unwrap();
     let found = Counted::joined(found);
     let mut want = Counted::default();
     let mut workspace = workspaces.take();
     for &pair in &pairs {
-        want.add(pair, linking_number(scene, pair, None, &mut workspace));
+        want.add(pair, linking_number(input, pair, None, &mut workspace));
     }
     assert_eq!(found.links, want.links);
     assert_eq!(found.undefined, want.undefined);
@@ -561,7 +561,7 @@ fn vertices_are_uploaded_once_and_during_the_previous_frame() {
     let [now, next] = two_frames();
     let mut trees = Trees::default();
     trees.refit(&*now);
-    let scene = Scene {
+    let input = Input {
         set: &now,
         trees: &trees,
         workspaces: &Workspaces::default(),
@@ -570,7 +570,7 @@ fn vertices_are_uploaded_once_and_during_the_previous_frame() {
         .find(trees.roots())
         .to_vec();
     let frame = Frame::new(&now);
-    let (_, sent) = gpu.count(&frame, scene, &pairs, Some(&next)).unwrap();
+    let (_, sent) = gpu.count(&frame, input, &pairs, Some(&next)).unwrap();
     let sent = sent.unwrap();
     let both = gpu.lock().vertices_of;
     assert!(both.contains(&Some(frame.id)) && both.contains(&Some(sent.id)));
