@@ -12,7 +12,7 @@ use std::sync::Arc;
 #[cfg(feature = "gpu")]
 use super::calibration::{segment_pairs, segments};
 #[cfg(feature = "gpu")]
-use super::gpu::{self, Frame, Gpu, Trouble};
+use super::gpu::{self, Frame, Gpu};
 #[cfg(feature = "gpu")]
 use std::sync::OnceLock;
 
@@ -56,7 +56,7 @@ pub(crate) struct Offer<'a> {
     /// Name of the adapter.
     pub adapter: &'a str,
     /// True if the user requested this adapter. It then gets all work that it supports.
-    pub asked_for: bool,
+    pub requested: bool,
     /// Measured cost of the kernels, if there is a calibration.
     pub calibration: Option<&'a Calibration>,
 }
@@ -72,7 +72,7 @@ impl Accelerator {
             Device::Cpu => Ok(Accelerator::default()),
             Device::Gpu | Device::Named(_) | Device::Index(_) => {
                 let opened = Gpu::shared(device);
-                let gpu = opened.map_err(|trouble| Error::Device(trouble.to_string()))?;
+                let gpu = opened.map_err(|error| Error::Device(error.to_string()))?;
                 let info = gpu.info();
                 Ok(Accelerator {
                     gpu: OnceLock::from(Some(gpu)),
@@ -125,10 +125,10 @@ impl Accelerator {
             };
             let opened = Gpu::shared(&device);
             opened
-                .inspect_err(|trouble| {
+                .inspect_err(|error| {
                     tracing::info!(
                         "cannot use the calibrated adapter {name}, \
-                         kernels run on the CPU: {trouble}"
+                         kernels run on the CPU: {error}"
                     );
                 })
                 .ok()
@@ -168,7 +168,7 @@ impl Accelerator {
         };
         Some(Offer {
             adapter,
-            asked_for: self.requested.is_some(),
+            requested: self.requested.is_some(),
             calibration,
         })
     }
@@ -224,8 +224,8 @@ impl Accelerator {
         }
         if let Some(gpu) = self.gpu().cloned() {
             let frame = self.frame(set);
-            if let Err(trouble) = gpu.send(&frame) {
-                self.fall_back_to_cpu(&trouble);
+            if let Err(error) = gpu.send(&frame) {
+                self.fall_back_to_cpu(&error);
             }
         }
     }
@@ -250,9 +250,9 @@ impl Accelerator {
     pub fn send_ahead(&mut self, _: &CurveSet) {}
 
     #[cfg(feature = "gpu")]
-    fn fall_back_to_cpu(&mut self, trouble: &Trouble) {
+    fn fall_back_to_cpu(&mut self, error: &gpu::Error) {
         tracing::warn!(
-            "the GPU failed; this and all further frames are computed on the CPU: {trouble}"
+            "the GPU failed; this and all further frames are computed on the CPU: {error}"
         );
         let offload = self.offload;
         *self = Accelerator {
@@ -282,8 +282,8 @@ impl Accelerator {
                 self.offload.undecided += undecided;
                 Some(parts)
             }
-            Err(trouble) => {
-                self.fall_back_to_cpu(&trouble);
+            Err(error) => {
+                self.fall_back_to_cpu(&error);
                 None
             }
         }

@@ -31,6 +31,7 @@ mod remainder;
 mod sample;
 #[cfg(test)]
 mod spline_tests;
+mod tasks;
 #[cfg(test)]
 mod tests;
 
@@ -40,6 +41,8 @@ pub(crate) use self::gather::shares_out;
 #[cfg(feature = "gpu")]
 pub(crate) use self::remainder::conclude;
 pub(crate) use self::sample::sample;
+pub use self::tasks::Parallelism;
+pub(crate) use self::tasks::{linking_numbers, parallelism};
 use super::Linking;
 use crate::cancel::Cancel;
 #[cfg(target_arch = "x86_64")]
@@ -86,7 +89,7 @@ impl Direction {
 }
 
 /// Input of the crossing kernel: the curves of a frame, their trees, and the buffers of tasks.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Input<'a> {
     pub set: &'a CurveSet,
     pub trees: &'a Trees,

@@ -33,7 +33,7 @@ use super::commands::{Binding, Buffer, Command, Stage};
 use super::descent::{
     self, AXIS, COUNTERS, CROSSINGS, DONE, OPEN, SEPARATED, TESTS, TILES, TILES_AT, TOO_MANY,
 };
-use super::error::Trouble;
+use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{Parameters, Undecided};
@@ -105,7 +105,7 @@ struct Found {
 }
 
 /// CPU work that runs while the adapter counts.
-pub(super) type Meanwhile<'a> = dyn FnMut(&mut State) -> Result<(), Trouble> + 'a;
+pub(super) type Meanwhile<'a> = dyn FnMut(&mut State) -> Result<(), Error> + 'a;
 
 /// Returns all linking numbers, in the order of the pairs, and the number of undecided tests.
 pub(super) fn linking_numbers(
@@ -114,12 +114,12 @@ pub(super) fn linking_numbers(
     input: Input<'_>,
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
-) -> Result<Counts, Trouble> {
+) -> Result<Counts, Error> {
     let passes = {
         // No rayon task is spawned under this lock: a thread that waits for tasks may steal one
         // that needs the lock.
         let state = &mut gpu.lock();
-        let fits = state.device.max_buffer_bytes() / size_of::<[u32; 2]>() as u64;
+        let fits = state.adapter.max_buffer_bytes() / size_of::<[u32; 2]>() as u64;
         let most = MOST_PAIRS.min(fits as usize);
         let mut pass = |state: &mut State, pairs: &[Pair]| pass(state, frame, pairs, meanwhile);
         in_batches(
@@ -315,7 +315,7 @@ pub(super) fn counters(
     state: &mut State,
     got: &[Vec<u8>],
     items: impl Fn(&[u32]) -> u32,
-) -> Result<Vec<u32>, Trouble> {
+) -> Result<Vec<u32>, Error> {
     let words = |k: usize| bytemuck::pod_collect_to_vec::<u8, u32>(&got[k]);
     let (counts, made) = (words(0), words(3));
     match counts[DONE as usize] == items(&counts) && made == [state.boxes_made] {
@@ -330,7 +330,7 @@ fn pass(
     frame: &Frame,
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
-) -> Result<Option<Found>, Trouble> {
+) -> Result<Option<Found>, Error> {
     let lists = Lists::new(state, pairs);
     let commands = lists.commands(state, frame, pairs);
     let pending = state.start(frame, commands)?;
@@ -356,7 +356,7 @@ fn pass(
     // Node pairs below the last level would be lost.
     if counts[levels - 1] > 0 {
         let what = "levels of boxes";
-        return Err(Trouble::limit(what, levels as u64 + 1, levels as u64));
+        return Err(Error::limit(what, levels as u64 + 1, levels as u64));
     }
     if tiles > lists.part {
         let mut commands = Vec::new();
@@ -371,10 +371,10 @@ fn pass(
     if open > state.undecided_capacity {
         // Repeats the pass with capacity for all of them. If the adapter does not allow that much,
         // later frames keep the old capacity.
-        let most = state.device.max_buffer_bytes() / ENTRY;
+        let most = state.adapter.max_buffer_bytes() / ENTRY;
         let most = most.min(u64::from(TOO_MANY) - 1) as u32;
         if open > most {
-            return Err(Trouble::limit("undecided tests", open.into(), most.into()));
+            return Err(Error::limit("undecided tests", open.into(), most.into()));
         }
         state.undecided_capacity = open.saturating_add(open / 4).min(most);
         return pass(state, frame, pairs, meanwhile);
