@@ -63,7 +63,7 @@ mod unresolved;
 pub(crate) use self::contact::Contacts;
 use self::contact::{Contact, Touching};
 use self::pair::{Part, Step, Workspace};
-use super::Cover;
+use super::coverage::Coverage;
 use crate::cancel::Cancel;
 use crate::certificate::{Comparison, Link};
 use crate::curve::{BoxGroup, Curve, CurveSet};
@@ -213,7 +213,7 @@ impl Ledger {
         &mut self,
         [before, after]: [&CurveSet; 2],
         contacts: &Contacts,
-        cover: Cover,
+        coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
         let pairs = pairs.map(|pairs| {
@@ -225,7 +225,7 @@ impl Ledger {
         if pairs.as_ref().is_some_and(Vec::is_empty) {
             return Outcome::default();
         }
-        let (mut outcome, found) = self.search([before, after], cover, pairs.as_deref());
+        let (mut outcome, found) = self.search([before, after], coverage, pairs.as_deref());
         let settled = contacts.settle(&found, [before, after]);
         outcome.events.extend(settled.events);
         sort(&mut outcome.events);
@@ -239,8 +239,8 @@ impl Ledger {
 
     /// Returns the contacts of a first frame, and the pairs of curves that touch. Their earlier
     /// passages are unknown.
-    pub fn first_frame(&mut self, set: &CurveSet, cover: Cover) -> (Contacts, Vec<Touching>) {
-        let (_, found) = self.search([set, set], cover, None);
+    pub fn first_frame(&mut self, set: &CurveSet, coverage: Coverage) -> (Contacts, Vec<Touching>) {
+        let (_, found) = self.search([set, set], coverage, None);
         Contacts::of_first_frame(&found, set)
     }
 
@@ -250,18 +250,18 @@ impl Ledger {
         &mut self,
         before: &CurveSet,
         after: &CurveSet,
-        cover: Cover,
+        coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
-        let (contacts, _) = self.first_frame(before, cover);
-        self.step([before, after], &contacts, cover, pairs)
+        let (contacts, _) = self.first_frame(before, coverage);
+        self.step([before, after], &contacts, coverage, pairs)
     }
 
     /// Finds passages within a step, and contacts at its ends, sorted by pair.
     fn search(
         &mut self,
         [before, after]: [&CurveSet; 2],
-        cover: Cover,
+        coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> (Outcome, Vec<Contact>) {
         assert!(
@@ -271,7 +271,7 @@ impl Ledger {
         let frames = [before, after];
         let swept = Swept {
             frames,
-            open: cover.open,
+            open: coverage.open_curves,
         };
         self.pairs.clear();
         match pairs {
@@ -282,7 +282,7 @@ impl Ledger {
             }
             None => {
                 self.trees.refit(swept);
-                self.find_pairs(swept, cover.own);
+                self.find_pairs(swept, coverage.self_crossings);
             }
         }
         let step = Step {
@@ -320,12 +320,12 @@ impl Ledger {
         (outcome, contacts)
     }
 
-    /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if `own` is
-    /// set, sorted.
-    fn find_pairs(&mut self, swept: Swept<'_>, own: bool) {
+    /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if
+    /// `self_crossings` is set, sorted.
+    fn find_pairs(&mut self, swept: Swept<'_>, self_crossings: bool) {
         self.pairs
             .extend_from_slice(self.search.find(self.trees.roots()));
-        if own {
+        if self_crossings {
             let selves = (0..swept.curves().len()).filter(|&i| swept.has_tree(i));
             self.pairs.extend(selves.map(|i| (i as u32, i as u32)));
             self.pairs.par_sort_unstable();
