@@ -2,7 +2,7 @@
 //! passages.
 
 use super::net::{Found, cancel};
-use super::pair::{Part, Step};
+use super::pair::Part;
 use super::planted::{Plant, Random, planted_step};
 use super::*;
 use crate::certificate::Certificate;
