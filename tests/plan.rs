@@ -2,7 +2,7 @@
 
 mod support;
 
-use support::command::{Run, command, linkwatch};
+use support::command::{Run, linkwatch};
 use tempfile::TempDir;
 
 #[test]
@@ -139,7 +139,7 @@ fn ignores_the_calibration_of_a_missing_adapter() {
     for (kept, is_said) in [(of_now, true), (of_old, false)] {
         let kept = serde_json::json!([kept]);
         std::fs::write(folder.join("devices.json"), kept.to_string()).unwrap();
-        let run: Run = command()
+        let run: Run = support::command::command()
             .args(["plan", "chainmail", "--threads", "1"])
             .env("XDG_CACHE_HOME", cache.path())
             .output()
