@@ -4,8 +4,9 @@ use super::sums::barnes_hut::{Accept, BarnesHut, Options, Order};
 use super::sums::direct::{Direct, Formula};
 use super::sums::fmm::{self, Fmm};
 use super::sums::interval::{Interval, enclose};
-use super::{Accelerator, Estimate, Summation};
+use super::{Estimate, GpuUse, Summation};
 use crate::curve::CurveSet;
+use crate::error::{Error, Result};
 use crate::pairs::Pair;
 use std::fmt;
 use std::str::FromStr;
@@ -82,13 +83,13 @@ impl Method {
         self,
         polylines: &'a CurveSet,
         accuracy: Accuracy,
-        accelerator: &'a Accelerator,
+        gpu: &'a GpuUse,
         pairs: &[Pair],
     ) -> Option<Box<dyn Summation + 'a>> {
         let direct = |formula| {
             let cpu =
                 move || -> Box<dyn Summation + 'a> { Box::new(Direct::new(polylines, formula)) };
-            accelerator.direct_sum(polylines, pairs, cpu)
+            gpu.direct_sum(polylines, pairs, cpu)
         };
         Some(match self {
             Method::Auto | Method::Crossings => return None,
@@ -123,7 +124,7 @@ impl Method {
                     }
                 };
                 match (target, accuracy.dipole) {
-                    (None, false) => accelerator.barnes_hut(polylines, pairs, beta, cpu),
+                    (None, false) => gpu.barnes_hut(polylines, pairs, beta, cpu),
                     _ => cpu(),
                 }
             }
@@ -146,11 +147,13 @@ impl fmt::Display for Method {
 }
 
 impl FromStr for Method {
-    type Err = String;
-    fn from_str(s: &str) -> Result<Self, String> {
+    type Err = Error;
+
+    fn from_str(s: &str) -> Result<Self> {
         let found = Self::ALL.into_iter().find(|m| m.word() == s);
         found.ok_or_else(|| {
-            "expected auto, crossings, direct, angle-sum, barnes-hut, fmm or interval".into()
+            let all = "expected auto, crossings, direct, angle-sum, barnes-hut, fmm or interval";
+            Error::Usage(all.into())
         })
     }
 }

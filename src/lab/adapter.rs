@@ -8,10 +8,10 @@ use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
 use crate::kernels::calibration::segments;
-use crate::kernels::crossings::{Scene, Workspaces};
+use crate::kernels::crossings::{Input, Workspaces};
 use crate::kernels::gpu::barnes_hut::Forest;
-use crate::kernels::gpu::precision::{Precision, Real};
-use crate::kernels::gpu::{Frame, Gpu, Trouble};
+use crate::kernels::gpu::precision::{GpuPrecision, Real};
+use crate::kernels::gpu::{self, Frame, Gpu};
 use crate::kernels::{Accuracy, Counted, Device, Estimate, Method, segment_pairs};
 use crate::pairs::{LinkSearch, Pair, Trees};
 use crate::verdict::AbortOn;
@@ -35,7 +35,7 @@ pub struct AdapterTimes {
     /// Time with the vertices (and trees) prepared and uploaded before.
     pub resident_ms: f64,
     /// Time of the same kernel on all CPU threads. `None` if it would take too long.
-    pub processor_ms: Option<f64>,
+    pub cpu_ms: Option<f64>,
     /// Largest difference between a sum and the linking number.
     pub largest_error: f64,
     /// Number of undecided results: sums that prove no integer; for crossings, tests of segments.
@@ -48,7 +48,7 @@ impl AdapterTimes {
     /// Returns true if a whole frame is faster than on the CPU, or if the CPU would take too long
     /// to measure.
     pub fn is_faster(&self) -> bool {
-        self.processor_ms.is_none_or(|ms| self.whole_ms < ms)
+        self.cpu_ms.is_none_or(|ms| self.whole_ms < ms)
     }
 }
 
@@ -96,8 +96,8 @@ pub fn measure_adapter(
 }
 
 /// Returns the error for a failure of the adapter.
-pub(super) fn failed(trouble: Trouble) -> Error {
-    Error::Device(trouble.to_string())
+pub(super) fn failed(error: gpu::Error) -> Error {
+    Error::Device(error.to_string())
 }
 
 /// Polylines with their trees and potential links, as the kernels on an adapter take them.
@@ -128,8 +128,8 @@ impl<'a> Prepared<'a> {
         })
     }
 
-    pub fn scene(&self) -> Scene<'_> {
-        Scene {
+    pub fn input(&self) -> Input<'_> {
+        Input {
             set: &self.set,
             trees: &self.trees,
             workspaces: &self.workspaces,
@@ -169,19 +169,19 @@ impl<'a> Prepared<'a> {
     }
 
     /// Counts crossings on an adapter: a whole frame.
-    pub fn count(&self, gpu: &Gpu) -> Result<(Vec<Counted>, u64), Trouble> {
+    pub fn count(&self, gpu: &Gpu) -> Result<(Vec<Counted>, u64), gpu::Error> {
         let frame = Frame::new(&self.set);
         gpu.send(&frame)?;
-        Ok(gpu.count(&frame, self.scene(), &self.links, None)?.0)
+        Ok(gpu.count(&frame, self.input(), &self.links, None)?.0)
     }
 
     /// Computes direct sums on an adapter: a whole frame.
-    pub fn sum_directly<R: Real>(&self, gpu: &Gpu) -> Result<Vec<Estimate>, Trouble> {
+    pub fn sum_directly<R: Real>(&self, gpu: &Gpu) -> Result<Vec<Estimate>, gpu::Error> {
         gpu.sum_directly(&Frame::<R>::new(&self.set), &self.links)
     }
 
     /// Computes Barnes-Hut sums on an adapter: a whole frame.
-    pub fn sum_by_trees(&self, gpu: &Gpu) -> Result<Vec<Estimate>, Trouble> {
+    pub fn sum_by_trees(&self, gpu: &Gpu) -> Result<Vec<Estimate>, gpu::Error> {
         let frame = Frame::new(&self.set);
         gpu.sum_by_trees(&frame, &Forest::new(&frame), &self.links, None)
     }
@@ -196,10 +196,10 @@ struct Measurement<'a> {
 }
 
 impl Measurement<'_> {
-    fn crossings(&self) -> Result<AdapterTimes, Trouble> {
+    fn crossings(&self) -> Result<AdapterTimes, gpu::Error> {
         let (gpu, prepared) = (self.gpu, self.prepared);
         let frame = Frame::new(&prepared.set);
-        let resident = || gpu.count(&frame, prepared.scene(), &prepared.links, None);
+        let resident = || gpu.count(&frame, prepared.input(), &prepared.links, None);
         // The first run compiles the shaders and allocates the buffers.
         resident()?;
         let (resident_ms, _) = self.effort.median_ms(resident)?;
@@ -213,14 +213,14 @@ impl Measurement<'_> {
             segment_pairs: prepared.segment_pairs(),
             whole_ms,
             resident_ms,
-            processor_ms: Some(prepared.cpu_ms(Method::Crossings, self.effort)),
+            cpu_ms: Some(prepared.cpu_ms(Method::Crossings, self.effort)),
             largest_error: 0.0,
             undecided,
             equal: found.links == self.exact.links && found.undefined.iter().eq(pairs),
         })
     }
 
-    fn direct<R: Real>(&self) -> Result<AdapterTimes, Trouble> {
+    fn direct<R: Real>(&self) -> Result<AdapterTimes, gpu::Error> {
         let (gpu, prepared) = (self.gpu, self.prepared);
         let frame = Frame::<R>::new(&prepared.set);
         let resident = || gpu.sum_directly(&frame, &prepared.links);
@@ -228,23 +228,23 @@ impl Measurement<'_> {
         self.sums(Method::Direct, R::PRECISION, resident, whole)
     }
 
-    fn barnes_hut(&self) -> Result<AdapterTimes, Trouble> {
+    fn barnes_hut(&self) -> Result<AdapterTimes, gpu::Error> {
         let (gpu, prepared) = (self.gpu, self.prepared);
         let frame = Frame::new(&prepared.set);
         let forest = Forest::new(&frame);
         let resident = || gpu.sum_by_trees(&frame, &forest, &prepared.links, None);
         let whole = || prepared.sum_by_trees(gpu);
-        self.sums(Method::BarnesHut, Precision::Single, resident, whole)
+        self.sums(Method::BarnesHut, GpuPrecision::Single, resident, whole)
     }
 
     /// Measures sums: with the vertices on the adapter, and of whole frames.
     fn sums(
         &self,
         kernel: Method,
-        precision: Precision,
-        mut resident: impl FnMut() -> Result<Vec<Estimate>, Trouble>,
-        whole: impl FnMut() -> Result<Vec<Estimate>, Trouble>,
-    ) -> Result<AdapterTimes, Trouble> {
+        precision: GpuPrecision,
+        mut resident: impl FnMut() -> Result<Vec<Estimate>, gpu::Error>,
+        whole: impl FnMut() -> Result<Vec<Estimate>, gpu::Error>,
+    ) -> Result<AdapterTimes, gpu::Error> {
         /// Approximate time of a segment pair on one CPU thread, in nanoseconds.
         const PAIR_NS: f64 = 5.0;
         // The first run compiles the shaders and allocates the buffers.
@@ -279,14 +279,14 @@ impl Measurement<'_> {
         Ok(AdapterTimes {
             kernel,
             precision: match precision {
-                Precision::Single => "single",
-                Precision::Double => "double",
+                GpuPrecision::Single => "single",
+                GpuPrecision::Double => "double",
             },
             links: prepared.links.len(),
             segment_pairs,
             whole_ms,
             resident_ms,
-            processor_ms: in_time.then(|| prepared.cpu_ms(kernel, self.effort)),
+            cpu_ms: in_time.then(|| prepared.cpu_ms(kernel, self.effort)),
             largest_error,
             undecided: undecided as u64,
             equal,

@@ -4,9 +4,9 @@
 use super::adapter::{Prepared, failed};
 use super::statistics::Effort;
 use crate::error::{Error, Result};
-use crate::kernels::gpu::{Gpu, Trouble};
+use crate::kernels::choice::Predictions;
+use crate::kernels::gpu::{self, Gpu};
 use crate::kernels::{Calibration, CountingCost, CountingWork, Device, Method, SumCost};
-use crate::plan::{Sample, choice};
 use crate::scenes::Scene;
 use nalgebra::{DMatrix, DVector};
 use std::borrow::Cow;
@@ -89,9 +89,8 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
     for text in COUNTED[software] {
         let scene = prepared(text)?;
         rows.push(count(&scene, &gpu)?);
-        let sample = Sample::of(scene.scene(), &scene.links);
-        let predicted_ms = choice::on_cpu(scene.scene(), &scene.links, &[], &sample);
-        factors += (scene.cpu_ms(Method::Crossings, EFFORT) / predicted_ms).ln();
+        let predictions = Predictions::new(scene.input(), &scene.links, Method::Crossings);
+        factors += (scene.cpu_ms(Method::Crossings, EFFORT) / predictions.on_cpu_ms()).ln();
     }
     usable(Calibration {
         adapter: info.name,
@@ -121,16 +120,11 @@ fn usable(c: Calibration) -> Result<Calibration> {
 /// Minimum of a measured time after the round trip is subtracted.
 const SHORTEST_MS: f64 = 1e-3;
 
-fn sum_cost(
-    [smallest_ms, large_ms]: [f64; 2],
-    work: u64,
-    processor_ms: f64,
-    processor_work: u64,
-) -> SumCost {
+fn sum_cost([smallest_ms, large_ms]: [f64; 2], work: u64, cpu_ms: f64, cpu_work: u64) -> SumCost {
     SumCost {
         round_trip_ms: smallest_ms,
         adapter_ns: (large_ms - smallest_ms).max(SHORTEST_MS) * 1e6 / work as f64,
-        processor_ns: processor_ms * 1e6 / processor_work as f64,
+        cpu_ns: cpu_ms * 1e6 / cpu_work as f64,
     }
 }
 
@@ -141,7 +135,7 @@ fn prepared(text: &str) -> Result<Prepared<'static>> {
 
 /// Returns the median time of a kernel on an adapter, in milliseconds, after a run that compiles
 /// shaders and allocates buffers.
-fn adapter_ms<T>(mut run: impl FnMut() -> Result<T, Trouble>) -> Result<f64> {
+fn adapter_ms<T>(mut run: impl FnMut() -> Result<T, gpu::Error>) -> Result<f64> {
     let measured = run().and_then(|_| EFFORT.median_ms(run));
     Ok(measured.map_err(failed)?.0)
 }
@@ -165,24 +159,20 @@ fn count(scene: &Prepared<'_>, gpu: &Gpu) -> Result<(CountingWork, f64)> {
 /// Returns the costs that fit the measured times of counting best, by least squares of the
 /// logarithms of the ratios, so that predictions are too low as often as too high. All costs are at
 /// least 0: with so few unknowns, every subset of nonzero costs is tried.
-fn fit(
-    measured: &[(CountingWork, f64)],
-    round_trip_ms: f64,
-    processor_factor: f64,
-) -> CountingCost {
+fn fit(measured: &[(CountingWork, f64)], round_trip_ms: f64, cpu_factor: f64) -> CountingCost {
     let start = CountingCost {
         round_trip_ms,
         segment_ns: 0.0,
         link_ns: 0.0,
         test_ns: 0.0,
-        misfit: f64::INFINITY,
-        processor_factor,
+        error_factor: f64::INFINITY,
+        cpu_factor,
     };
     let mut best = start;
     for chosen in 1..8u32 {
         let columns: Vec<usize> = (0..3).filter(|c| chosen >> c & 1 == 1).collect();
         let fitted = fit_some(measured, &columns, start);
-        if let Some(found) = fitted.filter(|f| f.misfit < best.misfit) {
+        if let Some(found) = fitted.filter(|f| f.error_factor < best.error_factor) {
             best = found;
         }
     }
@@ -243,7 +233,7 @@ fn fit_some(
         .iter()
         .zip(measured)
         .map(|(p, m)| (p / m.1).ln().powi(2));
-    cost.misfit = (squares.sum::<f64>() / measured.len() as f64).sqrt().exp();
+    cost.error_factor = (squares.sum::<f64>() / measured.len() as f64).sqrt().exp();
     Some(cost)
 }
 
@@ -267,8 +257,8 @@ mod tests {
             segment_ns: segment,
             link_ns: link,
             test_ns: test,
-            misfit: 1.0,
-            processor_factor: 1.0,
+            error_factor: 1.0,
+            cpu_factor: 1.0,
         };
         let row = |[segments, links, tests]: [u64; 3]| {
             let work = CountingWork {
@@ -293,11 +283,8 @@ mod tests {
             for (found, want) in costs.iter().zip(&cost[1..]) {
                 assert!((found - want).abs() <= 1e-6, "{found} {want}");
             }
-            assert!((found.misfit - 1.0).abs() < 1e-6);
-            assert_eq!(
-                (found.round_trip_ms, found.processor_factor),
-                (cost[0], 1.5)
-            );
+            assert!((found.error_factor - 1.0).abs() < 1e-6);
+            assert_eq!((found.round_trip_ms, found.cpu_factor), (cost[0], 1.5));
         }
     }
 
@@ -325,7 +312,7 @@ mod tests {
                 .iter()
                 .all(|&x| x >= 0.0)
         );
-        assert!((1.0..1.3).contains(&found.misfit), "{found:?}");
+        assert!((1.0..1.3).contains(&found.error_factor), "{found:?}");
         for (work, ms) in rows {
             let ratio = found.adapter_ms(work) / ms;
             assert!((0.6..1.6).contains(&ratio), "{ratio}");
@@ -342,7 +329,7 @@ mod tests {
         };
         let rows = [1.0, 9.0, 1.0, 9.0].map(|ms| (work, ms));
         let found = fit(&rows, 0.01, 1.0);
-        assert!((found.misfit - 3.0).abs() < 0.1, "{found:?}");
+        assert!((found.error_factor - 3.0).abs() < 0.1, "{found:?}");
         let ratios = rows
             .iter()
             .map(|(work, ms)| (found.adapter_ms(*work) / ms).ln());

@@ -114,7 +114,7 @@ pub fn calibrate(device: &Device, json: bool) -> Result<()> {
         };
         output::line(format_args!(
             "  {name}: {:.3} ms and {:.4} ns per {unit}; CPU {:.4} ns; {from}",
-            cost.round_trip_ms, cost.adapter_ns, cost.processor_ns,
+            cost.round_trip_ms, cost.adapter_ns, cost.cpu_ns,
         ));
     };
     sum("direct sums", "pair of segments", c.direct);
@@ -123,7 +123,7 @@ pub fn calibrate(device: &Device, json: bool) -> Result<()> {
     output::line(format_args!(
         "  counting crossings: {:.3} ms and {:.2} ns per segment, {:.1} ns per potential link, \
          {:.2} ns per test, within a factor of {:.1}; CPU {:.2} times its prediction",
-        k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.misfit, k.processor_factor,
+        k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.error_factor, k.cpu_factor,
     ));
     Ok(())
 }
@@ -256,7 +256,7 @@ fn measure_one(
             t.precision.into(),
             ms(t.whole_ms),
             ms(t.resident_ms),
-            t.processor_ms.map_or("-".into(), ms),
+            t.cpu_ms.map_or("-".into(), ms),
             format!("{:.1e}", t.largest_error),
             t.undecided.to_string(),
             if t.equal { "equal" } else { "DIFFERS" }.into(),

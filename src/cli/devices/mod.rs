@@ -129,9 +129,9 @@ fn lines(d: &DeviceInfo) -> Vec<String> {
             mib(d.max_binding_bytes),
             if d.double_precision { "yes" } else { "no" },
         ),
-        match &d.trouble {
+        match &d.unusable {
             None => "usable: its arithmetic passed the test".into(),
-            Some(trouble) => format!("not usable: {trouble}"),
+            Some(why) => format!("not usable: {why}"),
         },
     ]
 }

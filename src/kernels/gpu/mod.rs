@@ -29,7 +29,7 @@
 //! # Failures
 //!
 //! An adapter is trusted with single operations only, and after a test ([`self_test`]). Every other
-//! failure (adapter lost, out of memory, frame too large) is a [`Trouble`]; the caller logs it and
+//! failure (adapter lost, out of memory, frame too large) is an [`Error`]; the caller logs it and
 //! computes on the CPU.
 
 pub(crate) mod barnes_hut;
@@ -42,13 +42,13 @@ mod device;
 mod direct;
 mod directions;
 mod error;
-mod fallback;
 mod fixed;
 mod frame;
 #[cfg(test)]
 mod hostile_tests;
 mod layout;
 pub(crate) mod precision;
+mod select;
 mod self_test;
 mod summations;
 #[cfg(test)]
@@ -58,24 +58,23 @@ mod tiles;
 #[cfg(test)]
 pub(super) use tests::direct_in_double;
 
-pub(crate) use error::Trouble;
-pub(super) use fallback::WithFallback;
-pub(super) use summations::{BarnesHutSum, DirectSum};
+pub(crate) use error::Error;
 
 use self::barnes_hut::Forest;
 use self::boxes::Hierarchy;
 use self::capacity::Capacity;
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
-use self::device::{Device, Pending};
+use self::device::{Adapter, Pending};
 pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
 use self::precision::Real;
-use super::crossings::Scene;
-use super::device::{Device as Choice, DeviceInfo};
+use super::crossings::Input;
+use super::device::{Device, DeviceInfo};
 use super::{Counted, Estimate};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use std::fmt::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 const PARAMETERS: Buffer = Buffer("parameters", "all");
@@ -90,66 +89,72 @@ const STEP: usize = ALIGNMENT as usize / size_of::<Tile>();
 /// on a software adapter.
 const MAX_WORK: [u64; 2] = [1 << 31, 1 << 28];
 
-/// Returns all adapters. Opens and tests each of them.
-pub(super) fn devices() -> Vec<DeviceInfo> {
+/// True if the build has GPU kernels.
+pub(super) const SUPPORTED: bool = true;
+
+/// Returns all adapters. Opens each of them and tests its arithmetic.
+pub fn devices() -> Vec<DeviceInfo> {
     let mut all = device::list();
     for info in &mut all {
-        match Gpu::open(&Choice::Index(info.index)) {
+        match Gpu::open(&Device::Index(info.index)) {
             Ok(gpu) => info.double_precision = gpu.computes_in_double(),
-            Err(trouble) => info.trouble = Some(trouble.to_string()),
+            Err(error) => info.unusable = Some(error.to_string()),
         }
     }
     all
 }
 
 /// Returns the index of the first adapter for which `is_wanted` holds.
-pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Choice> {
+pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Device> {
     let found = device::list().into_iter().find(|info| is_wanted(info));
-    found.map(|info| Choice::Index(info.index))
+    found.map(|info| Device::Index(info.index))
 }
 
 /// Linking numbers, in parts, and the number of tests that the CPU decided.
 type Counts = (Vec<Counted>, u64);
 
 /// Open adapters, shared by all callers.
-static OPEN: Mutex<Vec<(Choice, Weak<Gpu>)>> = Mutex::new(Vec::new());
+static OPEN: Mutex<Vec<(Device, Weak<Gpu>)>> = Mutex::new(Vec::new());
 
 /// An adapter that is ready to compute, for one caller at a time.
 #[derive(Debug)]
 pub(crate) struct Gpu {
     state: Mutex<State>,
+    /// True after a failure in double precision alone.
+    only_single: AtomicBool,
 }
 
 impl Gpu {
     /// Opens an adapter and tests its arithmetic.
-    pub fn open(choice: &Choice) -> Result<Gpu, Trouble> {
-        let mut state = State::new(Device::open(choice, true)?);
+    pub fn open(device: &Device) -> Result<Gpu, Error> {
+        let mut state = State::new(Adapter::open(device, true)?);
         self_test::run::<f32>(&mut state)?;
-        if state.device.info().double_precision
-            && let Err(trouble) = self_test::run::<f64>(&mut state)
+        if state.adapter.info().double_precision
+            && let Err(error) = self_test::run::<f64>(&mut state)
         {
-            tracing::warn!("the adapter is used in single precision only: {trouble}");
+            tracing::warn!("the adapter is used in single precision only: {error}");
             // A shader that the adapter could not run may have lost the device.
-            state = State::new(Device::open(choice, false)?);
+            state = State::new(Adapter::open(device, false)?);
         }
         Ok(Gpu {
             state: Mutex::new(state),
+            only_single: AtomicBool::new(false),
         })
     }
 
     /// Returns an open adapter: the shared one if the same choice is open already, else a new one.
-    pub fn shared(choice: &Choice) -> Result<Arc<Gpu>, Trouble> {
+    pub fn shared(device: &Device) -> Result<Arc<Gpu>, Error> {
         let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
         open.retain(|(_, gpu)| gpu.strong_count() > 0);
-        let known = open.iter().find(|(known, _)| known == choice);
+        let known = open.iter().find(|(known, _)| known == device);
         if let Some(gpu) = known.and_then(|(_, gpu)| gpu.upgrade()) {
             if !gpu.is_lost() {
                 return Ok(gpu);
             }
-            open.retain(|(known, _)| known != choice);
+            open.retain(|(known, _)| known != device);
         }
-        let gpu = Arc::new(Gpu::open(choice)?);
-        open.push((choice.clone(), Arc::downgrade(&gpu)));
+        let gpu = Arc::new(Gpu::open(device)?);
+        open.push((device.clone(), Arc::downgrade(&gpu)));
         Ok(gpu)
     }
 
@@ -165,22 +170,22 @@ impl Gpu {
 
     /// Returns the properties of the adapter.
     pub fn info(&self) -> DeviceInfo {
-        self.lock().device.info().clone()
+        self.lock().adapter.info().clone()
     }
 
     /// Returns true if the adapter is lost or has failed once.
     pub fn is_lost(&self) -> bool {
-        self.lock().device.is_lost()
+        self.lock().adapter.is_lost()
     }
 
     /// Returns true if the adapter computes in double precision.
     pub fn computes_in_double(&self) -> bool {
-        self.lock().device.info().double_precision
+        !self.only_single.load(Ordering::Relaxed) && self.lock().adapter.info().double_precision
     }
 
     /// Uploads the vertices of a frame unless they are cached, and starts the bounding-box pass.
     /// Does not wait.
-    pub fn send(&self, frame: &Frame) -> Result<(), Trouble> {
+    pub fn send(&self, frame: &Frame) -> Result<(), Error> {
         let mut state = self.lock();
         let commands = boxes::fit(&mut state, frame).concat();
         state.run(frame, commands)?;
@@ -194,23 +199,23 @@ impl Gpu {
     pub fn count(
         &self,
         frame: &Frame,
-        scene: Scene<'_>,
+        input: Input<'_>,
         pairs: &[Pair],
         next: Option<&CurveSet>,
-    ) -> Result<(Counts, Option<Frame>), Trouble> {
+    ) -> Result<(Counts, Option<Frame>), Error> {
         let mut sent = None;
         let mut meanwhile = |state: &mut State| {
             if let (Some(next), None) = (next, &sent) {
                 let frame = Frame::alone(next);
                 // If the next frame is too large, it fails on its own turn, not now.
-                if size_of_val(&frame.vertices[..]) as u64 <= state.device.max_buffer_bytes() {
+                if size_of_val(&frame.vertices[..]) as u64 <= state.adapter.max_buffer_bytes() {
                     state.start(&frame, Vec::new())?;
                     sent = Some(frame);
                 }
             }
             Ok(())
         };
-        let counts = crossings::linking_numbers(self, frame, scene, pairs, &mut meanwhile)?;
+        let counts = crossings::linking_numbers(self, frame, input, pairs, &mut meanwhile)?;
         Ok((counts, sent))
     }
 
@@ -220,7 +225,7 @@ impl Gpu {
         &self,
         frame: &Frame<R>,
         pairs: &[Pair],
-    ) -> Result<Vec<Estimate>, Trouble> {
+    ) -> Result<Vec<Estimate>, Error> {
         direct::linking_numbers(&mut self.lock(), frame, pairs)
     }
 
@@ -232,7 +237,7 @@ impl Gpu {
         forest: &Forest,
         pairs: &[Pair],
         beta: Option<f64>,
-    ) -> Result<Vec<Estimate>, Trouble> {
+    ) -> Result<Vec<Estimate>, Error> {
         barnes_hut::linking_numbers(&mut self.lock(), frame, forest, pairs, beta)
     }
 }
@@ -240,7 +245,7 @@ impl Gpu {
 /// An adapter and the contents of its buffers.
 #[derive(Debug)]
 pub(super) struct State {
-    device: Device,
+    adapter: Adapter,
     /// Frames whose vertices are uploaded.
     vertices_of: [Option<u64>; 2],
     /// Slot of the latest upload.
@@ -265,10 +270,10 @@ pub(super) struct State {
 
 impl State {
     /// Creates the state of an adapter with no uploads.
-    fn new(device: Device) -> State {
-        let software = device.info().software;
+    fn new(adapter: Adapter) -> State {
+        let software = adapter.info().software;
         State {
-            device,
+            adapter,
             vertices_of: [None; 2],
             latest: 0,
             nodes_of: None,
@@ -288,7 +293,7 @@ impl State {
         &mut self,
         frame: &Frame<R>,
         commands: Vec<Command>,
-    ) -> Result<Vec<Vec<u8>>, Trouble> {
+    ) -> Result<Vec<Vec<u8>>, Error> {
         let pending = self.start(frame, commands)?;
         self.finish(pending)
     }
@@ -298,12 +303,12 @@ impl State {
         &mut self,
         frame: &Frame<R>,
         mut commands: Vec<Command>,
-    ) -> Result<Pending, Trouble> {
+    ) -> Result<Pending, Error> {
         let slot = self.slot(frame);
         if self.vertices_of[slot] != Some(frame.id) {
             commands.insert(0, Command::upload(VERTICES[slot], &frame.vertices));
         }
-        let started = self.device.start(&commands);
+        let started = self.adapter.start(&commands);
         let pending = started.inspect_err(|_| self.forget())?;
         self.vertices_of[slot] = Some(frame.id);
         self.latest = slot;
@@ -311,8 +316,8 @@ impl State {
     }
 
     /// Waits for the results of started commands.
-    fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
-        let done = self.device.finish(pending);
+    fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Error> {
+        let done = self.adapter.finish(pending);
         done.inspect_err(|_| self.forget())
     }
 
@@ -340,9 +345,9 @@ impl State {
     /// of an adapter, or a driver may leave a loop early, and not all report it: without a check it
     /// looks as if all work were done and nothing linked. So all shaders count the items that they
     /// processed.
-    fn incomplete(&mut self) -> Trouble {
+    fn incomplete(&mut self) -> Error {
         self.forget();
-        Trouble::Failed(
+        Error::Failed(
             "the adapter did not process all of its work; \
              the system or the driver may have aborted it"
                 .into(),
@@ -353,7 +358,7 @@ impl State {
     /// the adapter knows. Software adapters need many: Mesa's leaves a loop after 65535 rounds,
     /// including those of inner loops, and reports no error.
     fn strides(&self) -> u32 {
-        match self.device.info().software {
+        match self.adapter.info().software {
             true => 1024,
             false => 4096,
         }
@@ -369,9 +374,9 @@ impl State {
         tiles: &[Tile],
         per_group: u32,
         results: &[(Buffer, u64)],
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), Error> {
         let list = Buffer("tiles", stage.name);
-        let most = self.device.max_buffer_bytes();
+        let most = self.adapter.max_buffer_bytes();
         // The offsets of a batch and of its parameters must fit into a buffer and into 32 bits.
         let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
         for tiles in tiles.chunks(longest.max(STEP)) {

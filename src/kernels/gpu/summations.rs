@@ -1,15 +1,35 @@
 //! Summation kernels on an adapter, prepared for a set of polylines.
 
 use super::barnes_hut::Forest;
-use super::fallback::{AdapterSum, Lazy};
-use super::{Frame, Gpu, Trouble};
+use super::{Error, Frame, Gpu};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
+use crate::kernels::lazy::Lazy;
 use crate::pairs::Pair;
+use std::sync::atomic::Ordering;
+
+/// A summation kernel on an adapter: returns the linking numbers of several pairs, in their order.
+pub(in crate::kernels) type AdapterSum<'a> =
+    Box<dyn Fn(&[Pair]) -> Result<Vec<Estimate>, Error> + Send + Sync + 'a>;
+
+impl Gpu {
+    /// Returns the kernel of direct sums for a set of polylines.
+    pub fn direct_sum<'a>(&'a self, set: &'a CurveSet) -> AdapterSum<'a> {
+        let sum = DirectSum::new(self, set);
+        Box::new(move |pairs| sum.linking_numbers(pairs))
+    }
+
+    /// Returns the Barnes-Hut kernel for a set of polylines. With `beta` it makes one pass and
+    /// accepts node pairs by distance.
+    pub fn barnes_hut<'a>(&'a self, set: &CurveSet, beta: Option<f64>) -> AdapterSum<'a> {
+        let sum = BarnesHutSum::new(self, set, beta);
+        Box::new(move |pairs| sum.linking_numbers(pairs))
+    }
+}
 
 /// The Gauss sum: in single precision, then in double precision for the pairs that single precision
 /// leaves undecided, if the adapter supports it.
-pub(crate) struct DirectSum<'a> {
+pub(super) struct DirectSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
     pub(super) finer: Lazy<'a, Frame<f64>>,
@@ -27,7 +47,7 @@ impl<'a> DirectSum<'a> {
 
     /// Sums the undecided pairs again, in double precision. For curves that touch this does not
     /// help, but they are not known in advance.
-    fn refine(&self, pairs: &[Pair], found: &mut [Estimate]) -> Result<(), Trouble> {
+    fn refine(&self, pairs: &[Pair], found: &mut [Estimate]) -> Result<(), Error> {
         let open = |&k: &usize| found[k].integer().is_none() && self.frame.has_numbers(pairs[k]);
         let open: Vec<usize> = (0..pairs.len()).filter(open).collect();
         if open.is_empty() || !self.gpu.computes_in_double() {
@@ -46,15 +66,16 @@ impl<'a> DirectSum<'a> {
         }
         Ok(())
     }
-}
 
-impl AdapterSum for DirectSum<'_> {
-    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+    /// Returns the linking numbers of several pairs, in their order.
+    pub fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
         let mut found = self.gpu.sum_directly(&self.frame, pairs)?;
         // After a failure the single-precision bounds are larger, but still proven.
-        if let Err(trouble) = self.refine(pairs, &mut found) {
+        if let Err(error) = self.refine(pairs, &mut found)
+            && !self.gpu.only_single.swap(true, Ordering::Relaxed)
+        {
             tracing::warn!(
-                "double precision failed on the GPU; the single-precision sums are kept: {trouble}"
+                "double precision failed on the GPU; the single-precision sums are kept: {error}"
             );
         }
         Ok(found)
@@ -62,7 +83,7 @@ impl AdapterSum for DirectSum<'_> {
 }
 
 /// Barnes-Hut.
-pub(crate) struct BarnesHutSum<'a> {
+struct BarnesHutSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
     forest: Forest,
@@ -72,7 +93,7 @@ pub(crate) struct BarnesHutSum<'a> {
 impl<'a> BarnesHutSum<'a> {
     /// Builds the trees of a set of polylines. With `beta` the kernel makes one pass and accepts
     /// node pairs by distance.
-    pub fn new(gpu: &'a Gpu, set: &CurveSet, beta: Option<f64>) -> BarnesHutSum<'a> {
+    fn new(gpu: &'a Gpu, set: &CurveSet, beta: Option<f64>) -> BarnesHutSum<'a> {
         let frame = Frame::new(set);
         BarnesHutSum {
             gpu,
@@ -81,10 +102,9 @@ impl<'a> BarnesHutSum<'a> {
             beta,
         }
     }
-}
 
-impl AdapterSum for BarnesHutSum<'_> {
-    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+    /// Returns the linking numbers of several pairs, in their order.
+    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
         // The lock ends before a fallback sums on the CPU, because rayon threads may steal tasks
         // that need the lock.
         self.gpu
