@@ -58,10 +58,8 @@ impl Bounds {
     };
 
     fn add(&mut self, p: Point) {
-        for x in 0..3 {
-            self.low[x] = self.low[x].min(p[x]);
-            self.high[x] = self.high[x].max(p[x]);
-        }
+        self.low = [0, 1, 2].map(|x| self.low[x].min(p[x]));
+        self.high = [0, 1, 2].map(|x| self.high[x].max(p[x]));
     }
 
     /// Returns the sides of the box. An infinite side counts as the largest number.

@@ -42,9 +42,10 @@ mod woundball;
 pub use motion::{Frames, Motion, MotionKind};
 pub use pull_through::{PullThrough, pull_throughs};
 
-use crate::certificate::{Certificate, Link};
+use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
+use crate::verdict::Link;
 use std::fmt;
 use std::str::FromStr;
 

@@ -3,9 +3,9 @@
 
 use super::pen::{Pen, share};
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene};
-use crate::certificate::Link;
 use crate::curve::Basis;
 use crate::error::Result;
+use crate::verdict::Link;
 
 pub(super) const KIND: Kind = Kind {
     name: "square_link",

@@ -8,9 +8,8 @@ use super::passages::Findings;
 use super::pieces::Cuts;
 use super::task::{Step, Task};
 use super::unresolved::far_and_cancelling;
-use crate::certificate::Link;
 use crate::pairs::{Pair, closest_of_segments};
-use crate::verdict::{Defect, DefectKind, PullThrough};
+use crate::verdict::{Defect, DefectKind, Link, PullThrough};
 
 /// Results of one task.
 #[derive(Debug, Default)]

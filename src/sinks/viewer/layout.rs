@@ -361,10 +361,8 @@ pub(super) fn status(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::certificate::Change;
     use crate::curve::{Basis, Positions};
-    use crate::verdict::PullThrough;
-    use crate::verdict::{DefectKind, Place};
+    use crate::verdict::{Change, DefectKind, Place, PullThrough};
     use rerun::Loggable;
 
     fn report(changes: u32) -> Report {
