@@ -315,10 +315,10 @@ impl Client {
         let publisher = self.publisher.as_ref().expect("`describe` created it");
         let sample = publisher.loan_slice_uninit(bytes).map_err(bus("loan"))?;
         #[expect(unsafe_code, reason = "shared memory is lent as uninitialised")]
-        // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system (zeros)
-        // or by an earlier frame of this publisher, all of whose bytes were initialised; the
-        // compiler can assume nothing else of memory that it did not allocate. Every bit pattern is
-        // a valid `u8`.
+        // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system
+        // (zeros) or by an earlier frame of this publisher, all of whose bytes were initialised;
+        // the compiler can assume nothing else of memory that it did not allocate. Every bit
+        // pattern is a valid `u8`.
         let mut sample = unsafe { sample.assume_init() };
         *sample.user_header_mut() = header;
         let payload = sample.payload_mut();

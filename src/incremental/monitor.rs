@@ -94,7 +94,8 @@ impl Survey {
 }
 
 impl Monitor {
-    /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip pairs.
+    /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip
+    /// pairs.
     pub fn new(coverage: Coverage) -> Self {
         Monitor {
             coverage,

@@ -10,7 +10,7 @@
 //! | 8 | u64: number of curves |
 //! | 16 | u64: control points of all curves |
 //! | 24 | 40 bytes of text; some writers leave them undefined |
-//! | 64 | curve after curve: i32 number of control points, negative if closed; f32 `x y z` of each |
+//! | 64 | for each curve: i32 number of control points, negative if closed; f32 `x y z` of each |
 
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
