@@ -4,11 +4,11 @@ use super::names::APPLICATION;
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::incremental::Work;
-use crate::verdict::PullThrough;
-use rerun::RecordingStreamBuilder;
+use crate::verdict::{PullThrough, Report};
 use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
 use rerun::log::{Chunk, LogMsg};
 use rerun::sink::MemorySinkStorage;
+use rerun::{LineStrips3D, Points3D, RecordingStreamBuilder};
 use std::time::SystemTime;
 
 /// A triangle at height `z`; `None` for a frame without curves.
@@ -171,7 +171,7 @@ fn a_file_opens_at_the_first_violation_and_has_the_whole_log() {
     let (timelines, eyes) = layouts(&messages);
     assert_eq!(timelines, ["frame", "frame", "until_violation"]);
     assert_eq!(eyes, 2, "at the violation, and at the end");
-    let until = layout::UNTIL.into();
+    let until = UNTIL.into();
     let ends = messages.iter().filter_map(|message| match message {
         LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
         _ => None,
