@@ -1,8 +1,8 @@
 //! Passages of one pair of curves, or of a curve and itself.
 
+use super::cancellation::cancel;
 use super::candidates::Gathered;
 use super::contact::Contact;
-use super::net::cancel;
 use super::outcome::Counts;
 use super::passages::Findings;
 use super::pieces::Cuts;
