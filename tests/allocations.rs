@@ -5,7 +5,7 @@
 #![expect(unsafe_code, reason = "an allocator that counts")]
 
 use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Basis, CurveSet, Positions, Verifier};
+use linkwatch::{Basis, CurveSet, Positions, Verifier};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::backtrace::Backtrace;
 use std::cell::Cell;
@@ -97,7 +97,7 @@ fn tangle(basis: Basis) -> (String, CurveSet) {
     };
     let xyz: Vec<f32> = (0..3 * 8 * 60).map(|_| next()).collect();
     let set = CurveSet::from_counts(basis, &[-60; 8], Positions::F32(&xyz)).unwrap();
-    let (_, stats) = Verifier::new(AbortOn::Never).certify(&set);
+    let (_, stats) = Verifier::default().certify(&set);
     assert!(stats.refined > 100, "{stats:?}");
     (format!("tangle of {basis:?}"), set)
 }
@@ -132,7 +132,7 @@ fn touching() -> (String, CurveSet) {
     });
     let xyz: Vec<f32> = rings.flatten().collect();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4; 200], Positions::F32(&xyz)).unwrap();
-    let mut verifier = Verifier::new(AbortOn::Never);
+    let mut verifier = Verifier::default();
     let undefined = verifier.certify(&set).0.undefined.len();
     assert!(undefined > 100, "{undefined}");
     ("touching rings".to_owned(), set)
@@ -149,11 +149,11 @@ fn measure(threads: usize, set: &CurveSet) -> [[u64; COUNTED_RUNS]; 2] {
     // All frames run in one call into the pool. A call from outside uses rayon's queue, which
     // allocates for every few dozen calls; within the pool rayon allocates nothing.
     let frames = || {
-        let mut verifier = Verifier::new(AbortOn::Any);
+        let mut verifier = Verifier::default();
         let certify = allocations(|| {
             verifier.certify(set);
         });
-        let mut verifier = Verifier::new(AbortOn::Any);
+        let mut verifier = Verifier::default();
         let step = allocations(|| {
             verifier.step(0, 0.0, set).unwrap();
         });

@@ -12,8 +12,8 @@
 
 use linkwatch::scenes::{Frames, Motion, MotionKind, Scene, pull_throughs};
 use linkwatch::{
-    AbortOn, Basis, CurveSet, Defect, DefectKind, Events, Point, Positions, Precision, Report,
-    Route, Verdict, Verifier,
+    Basis, CurveSet, Defect, DefectKind, Events, Point, Positions, Precision, Report, Route,
+    Strategy, Verdict, Verifier, VerifierOptions,
 };
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -392,7 +392,7 @@ struct Since {
 impl Balance {
     fn new() -> Balance {
         Balance {
-            numbers: Verifier::new(AbortOn::Never),
+            numbers: Verifier::default(),
             pairs: BTreeMap::new(),
             through_contact: [0; 2],
         }
@@ -481,10 +481,14 @@ impl Tally {
 
 impl Both {
     fn new(events: Events) -> Both {
-        let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::default()));
-        incremental.set_incremental(true);
-        incremental.set_events(events);
-        full.set_events(events);
+        let [incremental, full] = [Strategy::Incremental, Strategy::Full].map(|strategy| {
+            Verifier::new(VerifierOptions {
+                strategy,
+                events,
+                ..VerifierOptions::default()
+            })
+            .unwrap()
+        });
         Both {
             incremental,
             full,

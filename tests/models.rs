@@ -1,7 +1,7 @@
 //! Compares the certificates of real models with the expected ones. The models are large and not
 //! part of the project. Without their files, these tests report that and pass.
 
-use linkwatch::{AbortOn, Basis, Certificate, Verifier, homotopic_polylines, model};
+use linkwatch::{Basis, Certificate, Verifier, homotopic_polylines, model};
 use std::path::PathBuf;
 
 /// Returns the path of a model beside the project, if it exists.
@@ -18,7 +18,7 @@ fn model_file(name: &str) -> Option<PathBuf> {
 
 fn certify(name: &str) -> Option<Certificate> {
     let set = model::read(&model_file(name)?).unwrap();
-    let mut verifier = Verifier::new(AbortOn::Any);
+    let mut verifier = Verifier::default();
     let (certificate, stats) = verifier.certify(&set);
     println!("{name}: {stats:?}");
     assert_eq!(certificate.undefined, []);
@@ -79,7 +79,7 @@ fn algorithm_3_gives_the_published_counts_and_the_same_certificates() {
         assert!(polylines.too_close.is_empty());
         assert!(overlaps.is_none_or(|n| n == polylines.overlaps));
         assert!(segments.is_none_or(|n| n == polylines.curves.segments()));
-        let mut verifier = Verifier::new(AbortOn::Any);
+        let mut verifier = Verifier::default();
         assert_eq!(
             verifier.certify(&polylines.curves).0.clone(),
             *verifier.certify(&set).0,

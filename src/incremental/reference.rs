@@ -604,7 +604,6 @@ mod tests {
     use super::*;
     use crate::curve::Positions;
     use crate::incremental::ledger::Ledger;
-    use crate::verdict::AbortOn;
     use crate::verifier::Verifier;
     use proptest::prelude::*;
 
@@ -762,7 +761,7 @@ mod tests {
             ])),
         ) {
             let set = curves.set(&curves.xyz);
-            let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
+            let certificate = Verifier::default().certify(&set).0.clone();
             let mut ledger = Ledger::default();
             let cover = Cover { own, open };
             // Pairs that are too close to decide remain so.

@@ -474,7 +474,7 @@ fn kernels_agree_and_report_how_pairs_were_decided() {
         ("direct", &[][..]),
         ("angle-sum", &[]),
         ("barnes-hut", &[]),
-        ("barnes-hut", &["--beta", "2", "--dipole"]),
+        ("barnes-hut", &["--beta", "2"]),
         ("barnes-hut", &["--beta", "2", "--target", "0.01"]),
         ("fmm", &[]),
         ("fmm", &["--order", "3"]),
@@ -841,7 +841,7 @@ fn rejects_options_that_exclude_one_another() {
         ([&early[..], &["--device", "gpu"]].concat(), "--device"),
         (vec!["certify", model, "--beta", "2"], "--kernel barnes-hut"),
         (
-            vec!["certify", model, "--kernel", "fmm", "--dipole"],
+            vec!["certify", model, "--kernel", "fmm", "--beta", "2"],
             "--kernel barnes-hut",
         ),
         (

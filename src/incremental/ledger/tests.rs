@@ -7,7 +7,6 @@ use super::planted::{Plant, Random, planted_step};
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Point, Positions};
-use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 use std::f64::consts::TAU;
 
@@ -17,7 +16,7 @@ const ALL: Cover = Cover {
 };
 
 fn certificate(set: &CurveSet) -> Certificate {
-    Verifier::new(AbortOn::Never).certify(set).0.clone()
+    Verifier::default().certify(set).0.clone()
 }
 
 /// Returns two frames of a few curves, with one of many kinds of motion.
@@ -476,7 +475,7 @@ fn speed() {
             for own in [false, true] {
                 let options = Cover { own, open: false };
                 let mut ledger = Ledger::default();
-                let mut verifier = Verifier::new(AbortOn::Never);
+                let mut verifier = Verifier::default();
                 let mut times = [Vec::new(), Vec::new(), Vec::new()];
                 let mut outcome = Outcome::default();
                 for _ in 0..31 {

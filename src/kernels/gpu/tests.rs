@@ -10,13 +10,10 @@ use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
 use crate::kernels::sums::direct::{Direct, Formula};
-use crate::kernels::{
-    Accelerator, Accuracy, Calibration, Estimate, Method, Offload, Summation, oracle,
-};
+use crate::kernels::{Accelerator, Calibration, Estimate, Method, Offload, Summation, oracle};
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
-use crate::verdict::AbortOn;
-use crate::verifier::Verifier;
+use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use layout::{BoxNode, Criterion, Node, NodePair, Roots, Undecided};
 use std::f64::consts::TAU;
 use std::mem::offset_of;
@@ -446,7 +443,7 @@ fn the_bound_of_a_pair_fits_into_fixed_point() {
         &[[0., 0., 0.], [0.9, 0., 0.], [0.6, 0., 0.3]],
         false,
     );
-    let mut verifier = Verifier::new(AbortOn::Never);
+    let mut verifier = Verifier::default();
     let want = verifier
         .certify(&set)
         .0
@@ -500,6 +497,15 @@ fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
 }
 
+fn on_gpu(kernel: Method) -> Verifier {
+    Verifier::new(VerifierOptions {
+        kernel,
+        device: Choice::Gpu,
+        ..VerifierOptions::default()
+    })
+    .expect("an adapter")
+}
+
 /// Certificates before and after the loss of the adapter are the same, and no adapter is used
 /// afterwards.
 #[test]
@@ -508,9 +514,7 @@ fn a_verifier_continues_without_its_adapter() {
     let model: Model = "chainmail:rows=5,columns=6".parse().unwrap();
     let built = model.build().unwrap();
     for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_kernel(method, Accuracy::default());
-        verifier.set_device(&Choice::Gpu).unwrap();
+        let mut verifier = on_gpu(method);
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         let counts = method == Method::Crossings;
         assert_eq!(verifier.offload().tests > 0, counts);
@@ -523,7 +527,7 @@ fn a_verifier_continues_without_its_adapter() {
             assert_eq!(verifier.offload(), Offload::default());
         }
         // A new request opens a working adapter.
-        verifier.set_device(&Choice::Gpu).unwrap();
+        let mut verifier = on_gpu(method);
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         assert_eq!(verifier.offload().tests > 0, counts);
         assert!(verifier.device().is_some());
@@ -586,8 +590,7 @@ fn announcing_frames_changes_no_verdict() {
     let [first, second] = two_frames();
     let order = [&first, &second, &second, &first];
     let reports = |announce: bool| {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_device(&Choice::Gpu).unwrap();
+        let mut verifier = on_gpu(Method::Auto);
         let step = |(k, set): (usize, &&Arc<CurveSet>)| {
             if announce {
                 // The last announced frame is never verified.
@@ -611,21 +614,27 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
         ..wins.clone()
     };
     for (calibration, want) in [(wins, true), (loses, false), (other, false)] {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_accelerator(Accelerator::choosing_by(Some(calibration)));
+        let accelerator = Accelerator::choosing_by(Some(calibration));
         for text in [
             "chainmail:rows=12,columns=12",
             "torus_link:segments=8000,toroidal=40,poloidal=40",
         ] {
             let built = text.parse::<Model>().unwrap().build().unwrap();
+            let verifier = |kernel: Method| {
+                let options = VerifierOptions {
+                    kernel,
+                    ..VerifierOptions::default()
+                };
+                Verifier::with_accelerator(options, accelerator.clone())
+            };
             for method in [Method::Auto, Method::Crossings] {
-                verifier.set_kernel(method, Accuracy::default());
+                let mut verifier = verifier(method);
                 assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
                 assert_eq!(verifier.offload().tests > 0, want, "{text}");
                 assert_eq!(verifier.device().is_some(), want);
             }
             for method in [Method::Direct, Method::BarnesHut] {
-                verifier.set_kernel(method, Accuracy::default());
+                let mut verifier = verifier(method);
                 assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
             }
         }
@@ -639,17 +648,20 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
 fn under_auto_the_adapter_counts_large_blocks_of_an_early_exit_and_no_quiet_frames() {
     let built = "chainmail:rows=24,columns=24".parse::<Model>().unwrap();
     let built = built.build().unwrap();
-    let baseline = || built.certificate.clone();
-    let chosen = || Accelerator::choosing_by(Some(made_up(0.05, 1e6)));
-    let mut early = Verifier::with_baseline(AbortOn::Never, baseline());
-    early.set_accelerator(chosen());
-    early.set_early_exit(true);
+    let verifier = |strategy| {
+        let options = VerifierOptions {
+            baseline: Some(built.certificate.clone()),
+            strategy,
+            ..VerifierOptions::default()
+        };
+        let chosen = Accelerator::choosing_by(Some(made_up(0.05, 1e6)));
+        Verifier::with_accelerator(options, chosen)
+    };
+    let mut early = verifier(Strategy::EarlyExit);
     let report = early.step(0, 0.0, &built.curves).unwrap();
     assert_eq!(report.verdict, crate::Verdict::Intact);
     assert!(early.offload().tests > 0);
-    let mut watch = Verifier::with_baseline(AbortOn::Never, baseline());
-    watch.set_accelerator(chosen());
-    watch.set_incremental(true);
+    let mut watch = verifier(Strategy::Incremental);
     for (seq, full) in [(0, true), (1, false)] {
         let report = watch.step(seq, 0.0, &built.curves).unwrap();
         assert_eq!(report.verdict, crate::Verdict::Intact);
