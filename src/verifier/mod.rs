@@ -10,7 +10,6 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use full::{degenerate_curves, links_per_task, potential_links};
 pub use ladder::Ladder;
 pub use options::{Strategy, VerifierOptions};
 
@@ -20,10 +19,10 @@ use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Events, Finding, Monitor, Outcome, PullThrough, Route, Work};
+use crate::incremental::{Events, Finding, Monitor, Outcome, Route, Work};
 use crate::kernels::{Accelerator, DeviceInfo, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
-use crate::verdict::{AbortOn, Defect, DefectKind, Report, Stats, Verdict};
+use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -128,7 +127,7 @@ impl Verifier {
             baseline: options.baseline,
             strategy: options.strategy,
             full,
-            monitor: Monitor::new(steps.cover()),
+            monitor: Monitor::new(steps.coverage()),
             steps,
             work: Work::default(),
             extent: None,
