@@ -199,7 +199,6 @@ pub(crate) fn segment_pairs(set: &CurveSet, pairs: &[Pair]) -> u64 {
 
 /// Returns the number of segments of some pairs of curves, counted once for each pair: the work of
 /// Barnes-Hut.
-#[cfg(feature = "gpu")]
 pub(crate) fn segments(set: &CurveSet, pairs: &[Pair]) -> u64 {
     let segments = |i: u32| u64::from(set.curve(i as usize).segments);
     pairs.iter().map(|&(i, j)| segments(i) + segments(j)).sum()

@@ -20,7 +20,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Finding, Monitor, Outcome, Route, Work};
-use crate::kernels::{Accelerator, DeviceInfo, Method, Offload, segment_pairs};
+use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
@@ -100,7 +100,7 @@ pub struct Verifier {
 impl Default for Verifier {
     /// Creates a verifier with the default options.
     fn default() -> Self {
-        Verifier::with_accelerator(VerifierOptions::default(), Accelerator::default())
+        Verifier::with_gpu(VerifierOptions::default(), GpuUse::default())
     }
 }
 
@@ -111,13 +111,13 @@ impl Verifier {
     /// [`Error::Device`] if no adapter matches, or it cannot be used.
     pub fn new(options: VerifierOptions) -> Result<Self> {
         options.check()?;
-        let accelerator = Accelerator::open(&options.device)?;
-        Ok(Verifier::with_accelerator(options, accelerator))
+        let gpu = GpuUse::open(&options.device)?;
+        Ok(Verifier::with_gpu(options, gpu))
     }
 
     /// Creates a verifier whose kernels run on an adapter that is open already.
-    pub(crate) fn with_accelerator(options: VerifierOptions, accelerator: Accelerator) -> Self {
-        let full = FullRun::new((options.kernel, options.accuracy), accelerator);
+    pub(crate) fn with_gpu(options: VerifierOptions, gpu: GpuUse) -> Self {
+        let full = FullRun::new((options.kernel, options.accuracy), gpu);
         let limit = options
             .motion_limit
             .unwrap_or(VerifierOptions::MOTION_LIMIT);
@@ -148,12 +148,12 @@ impl Verifier {
 
     /// Returns the GPU in use. With [`Device::Auto`], `None` until it was chosen.
     pub fn device(&self) -> Option<DeviceInfo> {
-        self.full.accelerator.info()
+        self.full.gpu.info()
     }
 
     /// Returns the work that the GPU did in the last frame.
     pub fn offload(&self) -> Offload {
-        self.full.accelerator.offload()
+        self.full.gpu.offload()
     }
 
     /// Returns the work of the last frame.
@@ -229,7 +229,7 @@ impl Verifier {
     /// differ from those of the previous frame; [`Error::Cancelled`] after [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         let verified = self.verify(seq, time, set);
-        self.full.accelerator.end_frame(set);
+        self.full.gpu.end_frame(set);
         let (report, comparison) = verified?;
         self.steps.remember_copy(set, comparison);
         Ok(report)
@@ -239,7 +239,7 @@ impl Verifier {
     /// verified.
     pub fn step_shared(&mut self, seq: u64, time: f64, set: &Arc<CurveSet>) -> Result<Report> {
         let verified = self.verify(seq, time, set);
-        self.full.accelerator.end_frame(set);
+        self.full.gpu.end_frame(set);
         let (report, comparison) = verified?;
         self.steps.remember(Arc::clone(set), comparison);
         Ok(report)
@@ -258,7 +258,7 @@ impl Verifier {
     /// vertices are uploaded while the next frame is verified. This is only a hint: the results are
     /// the same without it, or if another frame follows.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
-        self.full.accelerator.announce(next);
+        self.full.gpu.announce(next);
     }
 
     /// Returns the report on a frame, and the comparison of its linking numbers with the baseline.
@@ -278,7 +278,7 @@ impl Verifier {
         self.full.heed_cancel(true);
         self.work = Work::default();
         // Needed here, because a partial run does not start the frame.
-        self.full.accelerator.start_frame();
+        self.full.gpu.start_frame();
         let (mut comparison, stats) = self.compare(set)?;
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();

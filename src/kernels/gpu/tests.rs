@@ -4,13 +4,14 @@
 //! Tests that need an adapter are ignored, so that they never count as passed without one:
 //! `cargo test --release gpu:: -- --ignored`.
 
-use self::fallback::AdapterSum;
+use super::summations::DirectSum;
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
+use crate::kernels::gpu_use::fallback::WithFallback;
 use crate::kernels::sums::direct::{Direct, Formula};
-use crate::kernels::{Accelerator, Calibration, Estimate, Method, Offload, Summation, oracle};
+use crate::kernels::{Calibration, Estimate, GpuUse, Method, Offload, Summation, oracle};
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
@@ -479,6 +480,7 @@ fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
         &[[0., 0., -1.], [0., 0., 1.], [9., 7., 0.5]],
         true,
     );
+    let verifiers = [GpuUse::default(), GpuUse::default()];
     let cpu = || -> Box<dyn Summation> { Box::new(Direct::new(&set, Formula::Arctangent)) };
     let want = cpu().linking_number((0, 1)).integer();
     // Buffers that are too small.
@@ -486,14 +488,14 @@ fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
     gpu.lock().adapter.restrict(64);
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Error::Limit { .. })), "{found:?}");
-    let sum = WithFallback::new(DirectSum::new(&gpu, &set), cpu);
+    let sum = WithFallback::new(&verifiers[0], gpu.direct_sum(&set), cpu);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
     // A lost adapter.
     let gpu = adapter();
     gpu.lock().adapter.destroy();
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Error::Failed(_))), "{found:?}");
-    let sum = WithFallback::new(DirectSum::new(&gpu, &set), cpu);
+    let sum = WithFallback::new(&verifiers[1], gpu.direct_sum(&set), cpu);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
 }
 
@@ -614,7 +616,6 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
         ..wins.clone()
     };
     for (calibration, want) in [(wins, true), (loses, false), (other, false)] {
-        let accelerator = Accelerator::choosing_by(Some(calibration));
         for text in [
             "chainmail:rows=12,columns=12",
             "torus_link:segments=8000,toroidal=40,poloidal=40",
@@ -625,7 +626,7 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
                     kernel,
                     ..VerifierOptions::default()
                 };
-                Verifier::with_accelerator(options, accelerator.clone())
+                Verifier::with_gpu(options, GpuUse::automatic(calibration.clone()))
             };
             for method in [Method::Auto, Method::Crossings] {
                 let mut verifier = verifier(method);
@@ -654,8 +655,8 @@ fn under_auto_the_adapter_counts_large_blocks_of_an_early_exit_and_no_quiet_fram
             strategy,
             ..VerifierOptions::default()
         };
-        let chosen = Accelerator::choosing_by(Some(made_up(0.05, 1e6)));
-        Verifier::with_accelerator(options, chosen)
+        let chosen = GpuUse::automatic(made_up(0.05, 1e6));
+        Verifier::with_gpu(options, chosen)
     };
     let mut early = verifier(Strategy::EarlyExit);
     let report = early.step(0, 0.0, &built.curves).unwrap();
