@@ -1,10 +1,11 @@
 //! All curves of one frame, as a structure of arrays.
 
 use super::basis::{Real, bspline_knot, uniform_bounds};
-use super::boxes::{BoxGroup, LANES, above, below, larger, smaller};
+use super::boxes::{BoxGroup, above, below, larger, smaller};
 use super::coordinates::{Axes, Coordinates, Knots};
 use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
 use crate::error::{Error, Result};
+use crate::simd::LANES;
 use std::ops::Range;
 use std::sync::Arc;
 

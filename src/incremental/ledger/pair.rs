@@ -6,9 +6,7 @@ use super::unresolved::{far_and_cancelling, relative_motion};
 use super::{Counts, PullThrough};
 use crate::cancel::Cancel;
 use crate::certificate::Link;
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{Box3, BoxGroup, CurveSet, LANES, Lanes, Point, Portable, point_at};
+use crate::curve::{Box3, BoxGroup, CurveSet, Point, point_at};
 use crate::discretize::{
     Halving, MovingSeparation, Separation, Sieve, pieces_between, pieces_within,
 };
@@ -17,6 +15,7 @@ use crate::pairs::{
     Agenda, CurveTree, Node, Pair, Query, SegmentPairs, Trees, closest_of_segments, descend,
     overlapping,
 };
+use crate::simd::{LANES, Lanes, Portable, dispatch};
 use crate::verdict::{Defect, DefectKind};
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -327,22 +326,9 @@ impl<'a> Task<'a> {
         self.step.frames[0].curve(self.curves[0]).adjacent(s, t)
     }
 
-    /// Makes a part of the visits. Uses AVX2 if available.
+    /// Makes a part of the visits.
     fn visit(&self, visit: Visit, gathered: &mut Gathered) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::detect() {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token proves that the CPU has these instructions.
-            return unsafe { self.visit_avx2(avx2, visit, gathered) };
-        }
-        self.visit_with(Portable, visit, gathered);
-    }
-
-    /// [`Task::visit_with`], compiled with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn visit_avx2(&self, avx2: Avx2, visit: Visit, gathered: &mut Gathered) {
-        self.visit_with(avx2, visit, gathered);
+        dispatch!(simd => self.visit_with(simd, visit, gathered))
     }
 
     #[inline(always)]

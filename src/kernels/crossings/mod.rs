@@ -42,11 +42,10 @@ pub(crate) use self::remainder::conclude;
 pub(crate) use self::sample::sample;
 use super::Linking;
 use crate::cancel::Cancel;
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{CurveSet, Lanes, Portable};
+use crate::curve::CurveSet;
 use crate::discretize::Halving;
 use crate::pairs::{Agenda, Pair, Trees, closest_approach, closest_of_segments};
+use crate::simd::{Lanes, dispatch};
 use crate::verdict::{DefectKind, Stats};
 use std::sync::{Mutex, PoisonError};
 
@@ -159,26 +158,7 @@ pub(crate) fn linking_number(
     fixed: Option<Direction>,
     workspace: &mut Workspace,
 ) -> Linking {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = Avx2::detect() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token proves that the CPU supports these instructions.
-        return unsafe { with_avx2(avx2, scene, pair, fixed, workspace) };
-    }
-    compute(Portable, scene, pair, fixed, workspace)
-}
-
-/// [`compute`], compiled with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-fn with_avx2(
-    avx2: Avx2,
-    scene: Scene<'_>,
-    pair: Pair,
-    fixed: Option<Direction>,
-    workspace: &mut Workspace,
-) -> Linking {
-    compute(avx2, scene, pair, fixed, workspace)
+    dispatch!(simd => compute(simd, scene, pair, fixed, workspace))
 }
 
 #[inline(always)]
