@@ -1,10 +1,11 @@
 //! Monitor of the reference frame: compares later frames with it, and decides when a new one pays.
 
 use super::affine::Affine;
+use super::coverage::Coverage;
 use super::motion::{MovedSegments, Space};
 use super::reference::Reference;
 use super::stream::moved_chunks;
-use super::{Cover, Route, Work};
+use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::pairs::{LinkSearch, Pair};
@@ -33,7 +34,7 @@ const BACKOFF: u64 = 16;
 #[derive(Debug, Default)]
 pub(crate) struct Monitor {
     /// Pairs that a reference frame covers in addition to linking numbers.
-    cover: Cover,
+    coverage: Coverage,
     reference: Option<Known>,
     /// Thread that builds a reference frame.
     build: Option<JoinHandle<Option<Reference>>>,
@@ -93,10 +94,10 @@ impl Survey {
 }
 
 impl Monitor {
-    /// Returns a monitor whose reference frames cover `cover`, so that the ledger can skip pairs.
-    pub fn new(cover: Cover) -> Self {
+    /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip pairs.
+    pub fn new(coverage: Coverage) -> Self {
         Monitor {
-            cover,
+            coverage,
             ..Monitor::default()
         }
     }
@@ -210,7 +211,7 @@ impl Monitor {
             return;
         }
         let frame = self.frame;
-        let cover = self.cover;
+        let coverage = self.coverage;
         let build = move || {
             // A separate pool of one thread, because the pool of the stream works on the next
             // frames.
@@ -218,7 +219,7 @@ impl Monitor {
                 .num_threads(1)
                 .build()
                 .ok()?;
-            let reference = || Reference::build(set, certificate, frame, potential_links, cover);
+            let reference = || Reference::build(set, certificate, frame, potential_links, coverage);
             Some(pool.install(reference))
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());

@@ -2,7 +2,7 @@
 
 use super::affine::Affine;
 use super::reference::Reference;
-use super::stream::CHUNK;
+use super::slots::CHUNK;
 use crate::curve::{Bezier, Box3, CurveSet, Point};
 use crate::discretize::{Hull, MovingSeparation};
 use crate::pairs::{LinkSearch, Pair};
@@ -62,7 +62,9 @@ impl<'a> MovedSegments<'a> {
         let mut segments: Vec<(u32, u32)> = Vec::new();
         for &chunk in chunks {
             let slots = chunk as usize * CHUNK..(chunk as usize + 1) * CHUNK;
-            set.segments_at(slots, reference.cover.open, |i, s| segments.push((i, s)));
+            set.segments_at(slots, reference.coverage.open_curves, |i, s| {
+                segments.push((i, s))
+            });
         }
         segments.sort_unstable();
         segments.dedup();
@@ -183,7 +185,7 @@ impl<'a> MovedSegments<'a> {
                 let closed = |i: u32| reference.set.curve(i as usize).closed;
                 pairs.retain(|&(i, j)| closed(i) && closed(j));
             }
-            Space::World { .. } if reference.cover.own => {
+            Space::World { .. } if reference.coverage.self_crossings => {
                 let alone = (0..marked.len()).filter(|&i| marked[i]);
                 pairs.extend(alone.map(|i| (i as u32, i as u32)));
                 pairs.sort_unstable();

@@ -10,12 +10,9 @@
 //! frame.
 
 use super::affine::Affine;
-use super::stream::Real;
+use super::slots::{BLOCK, Real};
 use crate::curve::{CurveSet, Point};
 use crate::simd::{LANES, Simd};
-
-/// Number of slots in a block.
-pub(super) const BLOCK: usize = 64;
 
 /// Half a unit in the last place of 1, in single and in double precision.
 const U: f64 = f32::EPSILON as f64 / 2.0;

@@ -1,15 +1,13 @@
 //! One pass over a frame that finds the points that moved further than their allowances.
 
 use super::affine::Affine;
-use super::packed::{BLOCK, Packed, Quick};
+use super::packed::{Packed, Quick};
 use super::reference::Reference;
-use crate::curve::{Axes, CurveSet, pow2};
+use super::slots::{BLOCK, CHUNK, Real};
+use crate::curve::{Axes, CurveSet};
 use crate::simd::{Simd, dispatch, prefetch};
 use rayon::prelude::*;
-use std::ops::{Add, Mul, Range, Sub};
-
-/// Number of slots in a chunk, which is marked as a whole.
-pub(super) const CHUNK: usize = 8;
+use std::ops::Range;
 
 /// Number of slots per task, a multiple of the block size.
 const GRAIN: usize = 1 << 17;
@@ -33,68 +31,6 @@ struct Condition<T> {
     t: [T; 3],
     sigma: T,
     error: T,
-}
-
-/// Operations on a floating-point type of coordinates.
-pub(super) trait Real:
-    Copy
-    + PartialOrd
-    + Default
-    + Send
-    + Sync
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-{
-    /// Half a unit in the last place of 1.
-    const U: f64;
-    /// The largest finite number.
-    const MAX: Self;
-    /// Largest coordinate whose squares can be added without overflow.
-    const LARGEST: f64;
-    /// A number far above the square root of the smallest positive number.
-    const TINY: Self;
-    fn from_f64(x: f64) -> Self;
-    fn from_f32(x: f32) -> Self;
-    fn narrowed(self) -> f32;
-}
-
-impl Real for f32 {
-    const U: f64 = f32::EPSILON as f64 / 2.0;
-    const MAX: f32 = f32::MAX;
-    const LARGEST: f64 = 1e18;
-    const TINY: f32 = pow2(-70) as f32;
-    #[inline(always)]
-    fn from_f64(x: f64) -> f32 {
-        x as f32
-    }
-    #[inline(always)]
-    fn from_f32(x: f32) -> f32 {
-        x
-    }
-    #[inline(always)]
-    fn narrowed(self) -> f32 {
-        self
-    }
-}
-
-impl Real for f64 {
-    const U: f64 = f64::EPSILON / 2.0;
-    const MAX: f64 = f64::MAX;
-    const LARGEST: f64 = 1e150;
-    const TINY: f64 = pow2(-520);
-    #[inline(always)]
-    fn from_f64(x: f64) -> f64 {
-        x
-    }
-    #[inline(always)]
-    fn from_f32(x: f32) -> f64 {
-        x.into()
-    }
-    #[inline(always)]
-    fn narrowed(self) -> f32 {
-        self as f32
-    }
 }
 
 impl<T: Real> Condition<T> {
@@ -148,7 +84,7 @@ fn cut<T>(v: [&[T]; 3], range: Range<usize>) -> [&[T]; 3] {
 }
 
 /// Adds the chunks of slots that contain a point that moved further than its allowance, in order.
-/// May stop once more than `limit` chunks are found.
+/// Stops early if it has found more than `limit` chunks.
 pub(super) fn moved_chunks(
     reference: &Reference,
     affine: &Affine,
@@ -264,7 +200,7 @@ mod tests {
     use super::*;
     use crate::certificate::Certificate;
     use crate::curve::{Basis, Positions};
-    use crate::incremental::Cover;
+    use crate::incremental::Coverage;
     use crate::simd::Portable;
     use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
@@ -297,7 +233,8 @@ mod tests {
             xyz.extend(at.map(|x| scale * x));
         }
         let set = set(&xyz, single);
-        let mut reference = Reference::build(set, Certificate::default(), 0, 0, Cover::default());
+        let mut reference =
+            Reference::build(set, Certificate::default(), 0, 0, Coverage::default());
         let mut allowances = vec![f32::INFINITY; reference.set.slots()];
         for i in (0..COUNTS.len()).filter(|&i| reference.set.curve(i).closed) {
             for slot in reference.set.body(i) {

@@ -3,7 +3,7 @@
 
 use super::ledger::planted::{Plant, PlantedStep, Random, planted_step};
 use super::reference::Reference;
-use super::{Cover, Events, Route};
+use super::{Coverage, Events, Route};
 use crate::curve::{Basis, CurveSet};
 use crate::verdict::{AbortOn, Report};
 use crate::verifier::Verifier;
@@ -111,14 +111,16 @@ fn reference_speed() {
         };
         let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
         for all in [false, true] {
-            let (own, open) = (all, all);
-            let cover = Cover { own, open };
+            let coverage = Coverage {
+                self_crossings: all,
+                open_curves: all,
+            };
             let mut times = Vec::new();
             let mut allowances = Vec::new();
             for _ in 0..7 {
                 let (set, certificate) = (set.clone(), certificate.clone());
                 let start = Instant::now();
-                let build = || Reference::build(set, certificate, 0, 0, cover);
+                let build = || Reference::build(set, certificate, 0, 0, coverage);
                 allowances = pool.install(build).allowances;
                 times.push(start.elapsed().as_secs_f64() * 1e3);
             }
@@ -127,7 +129,7 @@ fn reference_speed() {
             allowances.sort_by(f32::total_cmp);
             let at = |percent: usize| allowances[(allowances.len() - 1) * percent / 100];
             println!(
-                "{input:15} {cover:?}: {:.1} ms; allowances {:.4} (1 %) {:.4} (10 %) {:.4} (50 %) \
+                "{input:15} {coverage:?}: {:.1} ms; allowances {:.4} (1 %) {:.4} (10 %) {:.4} (50 %) \
                  {:.4} (90 %)",
                 times[3],
                 at(1),

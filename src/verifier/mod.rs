@@ -18,12 +18,10 @@ use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{
-    Events, Finding, MOTION_LIMIT, Monitor, Outcome, PullThrough, Route, Work,
-};
+use crate::incremental::{Events, Finding, MOTION_LIMIT, Monitor, Outcome, Route, Work};
 use crate::kernels::{Accelerator, Accuracy, Device, DeviceInfo, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
-use crate::verdict::{AbortOn, Defect, DefectKind, Report, Stats, Verdict};
+use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -139,7 +137,7 @@ impl Verifier {
     pub fn set_incremental(&mut self, incremental: bool) {
         self.incremental = incremental;
         // The monitor must not draw conclusions from frames that it did not see.
-        self.monitor = Monitor::new(self.steps.cover());
+        self.monitor = Monitor::new(self.steps.coverage());
     }
 
     /// Sets if an incremental verifier also computes every frame in full and compares the results.
@@ -184,7 +182,7 @@ impl Verifier {
         let limit = self.steps.motion_limit();
         self.steps = Steps::new(events, self.full.progress.cancel.clone());
         self.steps.set_motion_limit(limit);
-        self.monitor = Monitor::new(self.steps.cover());
+        self.monitor = Monitor::new(self.steps.coverage());
     }
 
     /// Sets the motion between two frames, in segment lengths, up to which pull-throughs that

@@ -4,7 +4,7 @@ use crate::cancel::Cancel;
 use crate::certificate::Comparison;
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Contacts, Cover, Events, Ledger, Outcome};
+use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome};
 use crate::pairs::Pair;
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
@@ -54,10 +54,10 @@ impl Steps {
     }
 
     /// Returns the kinds of pull-throughs that the ledger finds.
-    pub fn cover(&self) -> Cover {
-        Cover {
-            own: self.events == Events::All,
-            open: self.events != Events::Off,
+    pub fn coverage(&self) -> Coverage {
+        Coverage {
+            self_crossings: self.events == Events::All,
+            open_curves: self.events != Events::Off,
         }
     }
 
@@ -147,9 +147,9 @@ impl Steps {
     /// # Panics
     /// If the previous frame has other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> (Outcome, u64) {
-        let cover = self.cover();
+        let coverage = self.coverage();
         let Some(last) = &self.last else {
-            let (contacts, touching) = self.ledger.first_frame(set, cover);
+            let (contacts, touching) = self.ledger.first_frame(set, coverage);
             self.contacts = contacts;
             let outcome = Outcome {
                 touching,
@@ -159,7 +159,7 @@ impl Steps {
             return (outcome, 0);
         };
         let frames = [&*last.set, set];
-        let mut outcome = self.ledger.step(frames, &last.contacts, cover, pairs);
+        let mut outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
         self.contacts = std::mem::take(&mut outcome.contacts);
         self.note_touching(&outcome);
         let searched = outcome.counts.pairs;

@@ -23,11 +23,10 @@
 //! reported as a contact. Passages during the motion of a joint are not counted: if a joint that
 //! formed during the run opens after it moved, the step is undecided.
 
-use super::PullThrough;
 use crate::curve::{Curve, CurveSet};
 use crate::exact::{Predicates, segments_touch};
 use crate::pairs::{Pair, closest_of_segments};
-use crate::verdict::{Defect, DefectKind};
+use crate::verdict::{Defect, DefectKind, PullThrough};
 use std::collections::BTreeMap;
 
 /// Two edges that touch in a frame of a step.

@@ -51,26 +51,31 @@
 //! same place of both curves, within the proven accuracy of times, cancel: nothing passed through.
 //! Two real passages that cancel are at different times or places.
 
+mod candidates;
 mod contact;
 mod net;
+mod outcome;
 mod pair;
+mod passages;
+mod pieces;
 #[cfg(test)]
 pub(super) mod planted;
+mod task;
 #[cfg(test)]
 mod tests;
 mod unresolved;
 
 pub(crate) use self::contact::Contacts;
 use self::contact::{Contact, Touching};
-use self::pair::{Part, Step, Workspace};
-use super::Cover;
+pub(crate) use self::outcome::Outcome;
+use self::pair::{Part, Workspace};
+use self::task::Step;
+use super::coverage::Coverage;
 use crate::cancel::Cancel;
-use crate::certificate::{Comparison, Link};
 use crate::curve::{BoxGroup, Curve, CurveSet};
 use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
-use crate::verdict::{Defect, PullThrough};
+use crate::verdict::PullThrough;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 #[cfg(doc)]
 use crate::discretize::MovingSeparation;
@@ -83,85 +88,6 @@ use crate::discretize::MovingSeparation;
 /// strands keep a distance of about a segment length, a strand must move that far to get from one
 /// side of another strand to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
-
-/// Result of a step.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Outcome {
-    /// All passages in chronological order. Passages at the same time are sorted by pair and
-    /// segments.
-    pub events: Vec<PullThrough>,
-    /// Passages that cancel within their pair and moved further than the limit, in the same order.
-    pub unresolved: Vec<PullThrough>,
-    /// Undecided pairs, sorted by pair. Their polylines do not represent them in one of the frames
-    /// because they are too close, or they have too many candidates; or a curve touches itself in a
-    /// way that cannot be distinguished from a passage. The second curve equals the first one for a
-    /// curve and itself.
-    pub undecided: Vec<Defect>,
-    /// Nonzero sums of the signs of two closed curves, sorted by pair. Contacts in a frame are not
-    /// included.
-    pub sums: Vec<Link>,
-    /// Pairs of curves that touch in the last frame, at least one of them open, and curves that
-    /// touch themselves. The certificate reports two closed curves that touch.
-    pub touching: Vec<Touching>,
-    /// The contacts in the last frame, which the next step continues.
-    pub contacts: Contacts,
-    /// Work counters.
-    pub counts: Counts,
-}
-
-/// Work counters of a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Counts {
-    /// Number of pairs of curves with overlapping swept boxes, and of curves tested with
-    /// themselves.
-    pub pairs: u64,
-    /// Number of pairs of segments with overlapping swept boxes.
-    pub candidates: u64,
-    /// Number of candidates that no axis separates.
-    pub near: u64,
-    /// Number of tested pairs of pieces.
-    pub tests: u64,
-    /// Number of tests that exact arithmetic decided.
-    pub exact: u64,
-}
-
-impl Counts {
-    fn add(&mut self, o: &Counts) {
-        self.pairs += o.pairs;
-        self.candidates += o.candidates;
-        self.near += o.near;
-        self.tests += o.tests;
-        self.exact += o.exact;
-    }
-}
-
-impl Outcome {
-    /// Returns the pairs of closed curves for which the change of the linking number differs from
-    /// the sum of their passages. There are none unless something is wrong. Pairs without a linking
-    /// number in a frame, and undecided pairs, are skipped.
-    ///
-    /// Both frames are given by their comparisons with one baseline.
-    pub fn check(&self, before: &Comparison, after: &Comparison) -> Vec<Pair> {
-        let mut rest: BTreeMap<Pair, i64> = BTreeMap::new();
-        for link in &self.sums {
-            *rest.entry((link.i, link.j)).or_default() += link.lambda;
-        }
-        for (comparison, sign) in [(before, 1), (after, -1)] {
-            for c in &comparison.changes {
-                *rest.entry((c.i, c.j)).or_default() += sign * (c.found - c.expected);
-            }
-        }
-        rest.retain(|_, rest| *rest != 0);
-        let lists = [&before.defects, &after.defects, &self.undecided];
-        for defect in lists.into_iter().flatten() {
-            match defect.j {
-                Some(j) => drop(rest.remove(&(defect.i, j))),
-                None => rest.retain(|&(i, j), _| i != defect.i && j != defect.i),
-            }
-        }
-        rest.into_keys().collect()
-    }
-}
 
 /// Finds passages, step by step. Its buffers are reused from step to step.
 ///
@@ -213,7 +139,7 @@ impl Ledger {
         &mut self,
         [before, after]: [&CurveSet; 2],
         contacts: &Contacts,
-        cover: Cover,
+        coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
         let pairs = pairs.map(|pairs| {
@@ -225,7 +151,7 @@ impl Ledger {
         if pairs.as_ref().is_some_and(Vec::is_empty) {
             return Outcome::default();
         }
-        let (mut outcome, found) = self.search([before, after], cover, pairs.as_deref());
+        let (mut outcome, found) = self.search([before, after], coverage, pairs.as_deref());
         let settled = contacts.settle(&found, [before, after]);
         outcome.events.extend(settled.events);
         sort(&mut outcome.events);
@@ -239,8 +165,8 @@ impl Ledger {
 
     /// Returns the contacts of a first frame, and the pairs of curves that touch. Their earlier
     /// passages are unknown.
-    pub fn first_frame(&mut self, set: &CurveSet, cover: Cover) -> (Contacts, Vec<Touching>) {
-        let (_, found) = self.search([set, set], cover, None);
+    pub fn first_frame(&mut self, set: &CurveSet, coverage: Coverage) -> (Contacts, Vec<Touching>) {
+        let (_, found) = self.search([set, set], coverage, None);
         Contacts::of_first_frame(&found, set)
     }
 
@@ -250,18 +176,18 @@ impl Ledger {
         &mut self,
         before: &CurveSet,
         after: &CurveSet,
-        cover: Cover,
+        coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
-        let (contacts, _) = self.first_frame(before, cover);
-        self.step([before, after], &contacts, cover, pairs)
+        let (contacts, _) = self.first_frame(before, coverage);
+        self.step([before, after], &contacts, coverage, pairs)
     }
 
     /// Finds passages within a step, and contacts at its ends, sorted by pair.
     fn search(
         &mut self,
         [before, after]: [&CurveSet; 2],
-        cover: Cover,
+        coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> (Outcome, Vec<Contact>) {
         assert!(
@@ -271,7 +197,7 @@ impl Ledger {
         let frames = [before, after];
         let swept = Swept {
             frames,
-            open: cover.open,
+            open: coverage.open_curves,
         };
         self.pairs.clear();
         match pairs {
@@ -282,7 +208,7 @@ impl Ledger {
             }
             None => {
                 self.trees.refit(swept);
-                self.find_pairs(swept, cover.own);
+                self.find_pairs(swept, coverage.self_crossings);
             }
         }
         let step = Step {
@@ -320,12 +246,12 @@ impl Ledger {
         (outcome, contacts)
     }
 
-    /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if `own` is
-    /// set, sorted.
-    fn find_pairs(&mut self, swept: Swept<'_>, own: bool) {
+    /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if
+    /// `self_crossings` is set, sorted.
+    fn find_pairs(&mut self, swept: Swept<'_>, self_crossings: bool) {
         self.pairs
             .extend_from_slice(self.search.find(self.trees.roots()));
-        if own {
+        if self_crossings {
             let selves = (0..swept.curves().len()).filter(|&i| swept.has_tree(i));
             self.pairs.extend(selves.map(|i| (i as u32, i as u32)));
             self.pairs.par_sort_unstable();

@@ -1,7 +1,7 @@
 //! Cancellation of passages with opposite signs at the same time and place.
 
-use super::PullThrough;
 use crate::curve::Curve;
+use crate::verdict::PullThrough;
 
 /// A passage, and its position along both curves.
 #[derive(Clone, Copy, Debug, PartialEq)]

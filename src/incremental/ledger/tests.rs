@@ -2,7 +2,7 @@
 //! passages.
 
 use super::net::{Found, cancel};
-use super::pair::{Part, Step};
+use super::pair::Part;
 use super::planted::{Plant, Random, planted_step};
 use super::*;
 use crate::certificate::Certificate;
@@ -11,9 +11,9 @@ use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 use std::f64::consts::TAU;
 
-const ALL: Cover = Cover {
-    own: true,
-    open: true,
+const ALL: Coverage = Coverage {
+    self_crossings: true,
+    open_curves: true,
 };
 
 fn certificate(set: &CurveSet) -> Certificate {
@@ -143,7 +143,7 @@ fn signs_add_up_to_the_change_of_the_linking_number() {
         for k in 0..1500 {
             let [before, after] = random_step(&mut r, basis);
             let numbers = [&before, &after].map(certificate);
-            let options = if k % 3 == 0 { ALL } else { Cover::default() };
+            let options = if k % 3 == 0 { ALL } else { Coverage::default() };
             let outcome = ledger.first_step(&before, &after, options, None);
             assert_eq!(
                 unaccounted(&outcome, &numbers),
@@ -473,8 +473,11 @@ fn speed() {
                 .collect();
             let mut after = before.clone();
             after.update(Positions::F32(&moved)).unwrap();
-            for own in [false, true] {
-                let options = Cover { own, open: false };
+            for self_crossings in [false, true] {
+                let options = Coverage {
+                    self_crossings,
+                    open_curves: false,
+                };
                 let mut ledger = Ledger::default();
                 let mut verifier = Verifier::new(AbortOn::Never);
                 let mut times = [Vec::new(), Vec::new(), Vec::new()];
@@ -499,7 +502,7 @@ fn speed() {
                 });
                 let c = outcome.counts;
                 println!(
-                    "{name:10}{motion:>7}{own:>7}{:>7}{:>11}{:>8}{:>10.2}{:>8.2}\
+                    "{name:10}{motion:>7}{self_crossings:>7}{:>7}{:>11}{:>8}{:>10.2}{:>8.2}\
                      {:>12.1}{:>12.1}{:>12.2}",
                     c.pairs,
                     c.candidates,

@@ -1,9 +1,9 @@
 //! Pull-throughs that the frames are too far apart to resolve: those that cancel and moved further
 //! than the limit.
 
-use super::PullThrough;
 use crate::curve::Point;
 use crate::exact::Edges;
+use crate::verdict::PullThrough;
 
 /// Returns the indices of passages that cancel in pairs and moved further than the limit. Prefers
 /// those that moved furthest.

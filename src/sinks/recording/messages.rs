@@ -7,9 +7,9 @@
 use crate::certificate::{Certificate, Change, Link};
 use crate::curve::{Basis, Precision};
 use crate::error::{Error, Result};
-use crate::incremental::{PullThrough, Route, Work};
+use crate::incremental::{Route, Work};
 use crate::sinks::BaselineRecord;
-use crate::verdict::{Defect, DefectKind, Place, Report, Stats, Verdict};
+use crate::verdict::{Defect, DefectKind, Place, PullThrough, Report, Stats, Verdict};
 use prost::bytes::Bytes;
 use std::sync::Arc;
 

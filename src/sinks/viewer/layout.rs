@@ -363,7 +363,7 @@ mod tests {
     use super::*;
     use crate::certificate::Change;
     use crate::curve::{Basis, Positions};
-    use crate::incremental::PullThrough;
+    use crate::verdict::PullThrough;
     use crate::verdict::{DefectKind, Place};
     use rerun::Loggable;
 

@@ -650,7 +650,8 @@ fn failed(error: impl std::fmt::Display) -> Error {
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
-    use crate::incremental::{PullThrough, Work};
+    use crate::incremental::Work;
+    use crate::verdict::PullThrough;
     use rerun::RecordingStreamBuilder;
     use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
     use rerun::log::{Chunk, LogMsg};

@@ -3,7 +3,7 @@
 
 use super::local;
 use crate::curve::{CurveSet, Point};
-use crate::incremental::PullThrough;
+use crate::verdict::PullThrough;
 use crate::verdict::Report;
 use std::collections::VecDeque;
 

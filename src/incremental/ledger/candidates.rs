@@ -1,0 +1,220 @@
+//! Pairs of segments that may meet between two frames: a descent in both trees of swept boxes.
+//! Candidates that are edges of polylines are tested at once.
+
+use super::passages::Findings;
+use super::task::Task;
+use crate::curve::{Box3, BoxGroup};
+use crate::pairs::{Agenda, CurveTree, Node, Query, SegmentPairs, descend, overlapping};
+use crate::simd::{LANES, Lanes, Portable, dispatch};
+use std::ops::Range;
+use std::sync::atomic::Ordering;
+
+/// Number of gathered candidates after which they are tested.
+const BATCH: usize = 4096;
+
+/// Number of visited node pairs after which candidates are tested, however few.
+const STEPS: usize = 4096;
+
+/// Number of such rounds after which a task shares the rest of its work.
+const ROUNDS: usize = 3;
+
+/// Number of segments of a leaf.
+const BLOCK: u32 = LANES as u32;
+
+/// Number of blocks of one curve above which they are split into tasks.
+const BLOCKS: usize = 1 << 12;
+
+/// Buffers and results of the visits of one pair.
+#[derive(Debug, Default)]
+pub(super) struct Gathered {
+    agenda: Agenda,
+    candidates: SegmentPairs,
+    /// Spline segments that may meet.
+    pub near: Vec<(u32, u32)>,
+    pub found: Findings,
+}
+
+/// A part of the visits of a task.
+enum Visit {
+    /// Descendants of the node pairs of the agenda.
+    Agenda,
+    /// Blocks of a curve, each with itself.
+    Blocks(Range<u32>),
+}
+
+impl Task<'_> {
+    /// Gathers the candidates and tests those that are edges.
+    pub fn gather(&self, gathered: &mut Gathered) {
+        gathered.near.clear();
+        gathered.found.clear();
+        gathered.found.counts.pairs = 1;
+        gathered.agenda.clear();
+        let (first, second) = (self.tree(0), self.tree(1));
+        if self.is_self() {
+            self.visit(Visit::Blocks(0..self.segments().div_ceil(BLOCK)), gathered);
+            above_the_leaves(first, &mut gathered.agenda);
+        } else {
+            gathered.agenda.push((first.root(), second.root()));
+        }
+        self.visit(Visit::Agenda, gathered);
+    }
+
+    /// Makes a part of the visits.
+    fn visit(&self, visit: Visit, gathered: &mut Gathered) {
+        dispatch!(simd => self.visit_with(simd, visit, gathered))
+    }
+
+    #[inline(always)]
+    fn visit_with<L: Lanes>(&self, simd: L, visit: Visit, gathered: &mut Gathered) {
+        match visit {
+            Visit::Agenda => self.visit_agenda(simd, gathered),
+            Visit::Blocks(blocks) if blocks.len() > BLOCKS => {
+                let middle = blocks.start + blocks.len() as u32 / 2;
+                let (left, right) = (blocks.start..middle, middle..blocks.end);
+                self.visit_both(
+                    gathered,
+                    [Visit::Blocks(left), Visit::Blocks(right)],
+                    vec![],
+                );
+            }
+            Visit::Blocks(blocks) => {
+                for block in blocks {
+                    self.visit_block(simd, block, gathered);
+                    if self.exceeds_limits() {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Visits all descendants of the node pairs of the agenda.
+    #[inline(always)]
+    fn visit_agenda<L: Lanes>(&self, simd: L, gathered: &mut Gathered) {
+        let both = [self.tree(0), self.tree(1)];
+        let query = Query {
+            w: 2,
+            meeting: false,
+            reach: 0.0,
+        };
+        for round in 0.. {
+            let Gathered {
+                agenda, candidates, ..
+            } = &mut *gathered;
+            if agenda.is_empty() {
+                return;
+            }
+            if round >= ROUNDS && agenda.len() > 1 {
+                // Every second one, because node pairs at the bottom have more descendants.
+                let mut mine = false;
+                let others = agenda.extract_if(.., |_| {
+                    mine = !mine;
+                    !mine
+                });
+                let others = others.collect();
+                return self.visit_both(gathered, [Visit::Agenda, Visit::Agenda], others);
+            }
+            descend::<L, true>(simd, both, query, agenda, candidates, (STEPS, BATCH));
+            self.test_candidates(gathered);
+            if self.exceeds_limits() {
+                gathered.agenda.clear();
+            }
+        }
+    }
+
+    /// Visits the segments of a block of a curve, with one another and (splines) with themselves
+    /// and their successors.
+    #[inline(always)]
+    fn visit_block<L: Lanes>(&self, simd: L, block: u32, gathered: &mut Gathered) {
+        let first = block * BLOCK;
+        let mut leaf = BoxGroup::EMPTY;
+        let boxes = *self.tree(0).children(Node::new(0, block), &mut leaf);
+        for k in 0..BLOCK {
+            // Skips the next segment, which is adjacent.
+            let mut lanes = overlapping(simd, &boxes.lane(k as usize), &boxes) & !0 << (k + 2);
+            while lanes != 0 {
+                let l = lanes.trailing_zeros();
+                gathered.candidates.all.push((first + k, first + l));
+                lanes &= lanes - 1;
+            }
+        }
+        self.test_candidates(gathered);
+        if !self.splines() {
+            return;
+        }
+        let curve = self.step.frames[0].curve(self.curves[0]);
+        let last = (first + BLOCK).min(curve.segments);
+        let after = curve.after(last - 1);
+        self.separation
+            .add_turns(first..last, after, &mut gathered.near);
+    }
+
+    /// Makes two parts of the visits in parallel. The second part has a separate agenda.
+    #[cold]
+    fn visit_both(&self, gathered: &mut Gathered, [mine, others]: [Visit; 2], agenda: Agenda) {
+        let mut other = Gathered {
+            agenda,
+            ..Gathered::default()
+        };
+        rayon::join(
+            || self.visit(mine, gathered),
+            || self.visit(others, &mut other),
+        );
+        gathered.near.append(&mut other.near);
+        gathered.found.append(&mut other.found);
+    }
+
+    /// Tests candidates that are edges. Keeps spline segments that may meet.
+    #[inline(always)]
+    fn test_candidates(&self, gathered: &mut Gathered) {
+        let Gathered {
+            candidates,
+            near,
+            found,
+            ..
+        } = gathered;
+        let candidates = &mut candidates.all;
+        self.candidates
+            .fetch_add(candidates.len() as u64, Ordering::Relaxed);
+        found.counts.candidates += candidates.len() as u64;
+        let same = self.is_self();
+        for &(s, t) in candidates.iter() {
+            if same && self.adjacent(s, t) {
+                continue;
+            }
+            if !self.splines() {
+                let exact = found.counts.exact;
+                self.add_edges(s, t, found);
+                if self.count_exact(found.counts.exact - exact).is_break() {
+                    break;
+                }
+            } else if !self.separation.apart(s, t) {
+                near.push((s, t));
+            }
+        }
+        candidates.clear();
+    }
+}
+
+/// Adds pairs of different children of the same node, above the leaves, with overlapping boxes.
+/// Their descendants contain every pair of segments of different leaves once.
+fn above_the_leaves(tree: CurveTree<'_>, agenda: &mut Agenda) {
+    let mut nodes = vec![tree.root()];
+    let mut leaf = BoxGroup::EMPTY;
+    while let Some(node) = nodes.pop() {
+        if node.level == 0 {
+            continue;
+        }
+        let boxes = *tree.children(node, &mut leaf);
+        for k in 0..BLOCK {
+            let bounds = boxes.lane(k as usize);
+            if bounds == Box3::EMPTY {
+                break;
+            }
+            nodes.push(node.child(k));
+            let lanes = overlapping(Portable, &bounds, &boxes);
+            let later = (k + 1..BLOCK).filter(|l| lanes >> l & 1 != 0);
+            agenda.extend(later.map(|l| (node.child(k), node.child(l))));
+        }
+    }
+}

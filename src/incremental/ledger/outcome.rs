@@ -1,0 +1,86 @@
+//! Result of a step of the ledger, and its work counters.
+
+use super::contact::{Contacts, Touching};
+use crate::certificate::{Comparison, Link};
+use crate::pairs::Pair;
+use crate::verdict::{Defect, PullThrough};
+use std::collections::BTreeMap;
+
+/// Result of a step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Outcome {
+    /// All passages in chronological order. Passages at the same time are sorted by pair and
+    /// segments.
+    pub events: Vec<PullThrough>,
+    /// Passages that cancel within their pair and moved further than the limit, in the same order.
+    pub unresolved: Vec<PullThrough>,
+    /// Undecided pairs, sorted by pair. Their polylines do not represent them in one of the frames
+    /// because they are too close, or they have too many candidates; or a curve touches itself in a
+    /// way that cannot be distinguished from a passage. The second curve equals the first one for a
+    /// curve and itself.
+    pub undecided: Vec<Defect>,
+    /// Nonzero sums of the signs of two closed curves, sorted by pair. Contacts in a frame are not
+    /// included.
+    pub sums: Vec<Link>,
+    /// Pairs of curves that touch in the last frame, at least one of them open, and curves that
+    /// touch themselves. The certificate reports two closed curves that touch.
+    pub touching: Vec<Touching>,
+    /// The contacts in the last frame, which the next step continues.
+    pub contacts: Contacts,
+    /// Work counters.
+    pub counts: Counts,
+}
+
+/// Work counters of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Counts {
+    /// Number of pairs of curves with overlapping swept boxes, and of curves tested with
+    /// themselves.
+    pub pairs: u64,
+    /// Number of pairs of segments with overlapping swept boxes.
+    pub candidates: u64,
+    /// Number of candidates that no axis separates.
+    pub near: u64,
+    /// Number of tested pairs of pieces.
+    pub tests: u64,
+    /// Number of tests that exact arithmetic decided.
+    pub exact: u64,
+}
+
+impl Counts {
+    pub fn add(&mut self, o: &Counts) {
+        self.pairs += o.pairs;
+        self.candidates += o.candidates;
+        self.near += o.near;
+        self.tests += o.tests;
+        self.exact += o.exact;
+    }
+}
+
+impl Outcome {
+    /// Returns the pairs of closed curves for which the change of the linking number differs from
+    /// the sum of their passages. There are none unless something is wrong. Pairs without a linking
+    /// number in a frame, and undecided pairs, are skipped.
+    ///
+    /// Both frames are given by their comparisons with one baseline.
+    pub fn check(&self, before: &Comparison, after: &Comparison) -> Vec<Pair> {
+        let mut rest: BTreeMap<Pair, i64> = BTreeMap::new();
+        for link in &self.sums {
+            *rest.entry((link.i, link.j)).or_default() += link.lambda;
+        }
+        for (comparison, sign) in [(before, 1), (after, -1)] {
+            for c in &comparison.changes {
+                *rest.entry((c.i, c.j)).or_default() += sign * (c.found - c.expected);
+            }
+        }
+        rest.retain(|_, rest| *rest != 0);
+        let lists = [&before.defects, &after.defects, &self.undecided];
+        for defect in lists.into_iter().flatten() {
+            match defect.j {
+                Some(j) => drop(rest.remove(&(defect.i, j))),
+                None => rest.retain(|&(i, j), _| i != defect.i && j != defect.i),
+            }
+        }
+        rest.into_keys().collect()
+    }
+}

@@ -1,0 +1,272 @@
+//! Passages of two edges of polylines, or of the pieces of two spline segments.
+
+use super::contact::Contact;
+use super::net::Found;
+use super::outcome::Counts;
+use super::pieces::{Cuts, MovingBoxes, PIECES, Vertex};
+use super::task::Task;
+use super::unresolved::relative_motion;
+use crate::curve::{CurveSet, Point};
+use crate::discretize::{pieces_between, pieces_within};
+use crate::exact::{Decided, Edges, Moment, Passage, Predicates, Ties, passages, segments_touch};
+use crate::verdict::PullThrough;
+use std::ops::ControlFlow;
+use std::sync::atomic::Ordering;
+
+/// Number of near pairs of spline segments above which they are split into tasks.
+const GRAIN: usize = 1 << 12;
+
+/// Number of tested pairs of pieces after which the limits are checked.
+const BATCH: u64 = 4096;
+
+/// Results of the tests.
+#[derive(Debug, Default)]
+pub(super) struct Findings {
+    pub passages: Vec<Found>,
+    /// Contacts in either frame.
+    pub contacts: Vec<Contact>,
+    /// Segments that touch in a way that cannot be distinguished from a passage.
+    pub ties: Vec<[u32; 2]>,
+    pub counts: Counts,
+}
+
+impl Findings {
+    pub fn clear(&mut self) {
+        self.passages.clear();
+        self.contacts.clear();
+        self.ties.clear();
+        self.counts = Counts::default();
+    }
+
+    pub fn append(&mut self, other: &mut Findings) {
+        self.passages.append(&mut other.passages);
+        self.contacts.append(&mut other.contacts);
+        self.ties.append(&mut other.ties);
+        self.counts.add(&other.counts);
+    }
+}
+
+impl Task<'_> {
+    /// Adds the passages of two edges of polylines.
+    pub fn add_edges(&self, s: u32, t: u32, found: &mut Findings) {
+        let [i, j] = self.curves;
+        let edges = |set: &CurveSet| {
+            [(i, s), (j, t)].map(|(i, s)| [set.knot(i, s as usize), set.knot(i, s as usize + 1)])
+        };
+        let [before, after] = self.step.frames.map(edges);
+        let along = |at: [f64; 2]| [f64::from(s) + at[0], f64::from(t) + at[1]];
+        self.add_passages(&before, &after, [s, t], along, found);
+    }
+
+    /// Adds the passages of near spline segments. Splits many of them into parallel tasks.
+    pub fn add_splines_shared(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
+        if near.len() <= GRAIN {
+            return self.add_splines(cuts, near, found);
+        }
+        let (left, right) = near.split_at(near.len() / 2);
+        let mut other = Findings::default();
+        rayon::join(
+            || self.add_splines_shared(cuts, left, found),
+            || self.add_splines_shared(cuts, right, &mut other),
+        );
+        found.append(&mut other);
+    }
+
+    /// Adds the passages of near spline segments, sorted.
+    fn add_splines(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
+        let (mut p, mut q) = (Vec::new(), Vec::new());
+        let mut last = None;
+        found.counts.near += near.len() as u64;
+        for &(s, t) in near {
+            if last != Some(s) {
+                cuts.vertices(self, 0, s, &mut p);
+                last = Some(s);
+            }
+            let itself = self.is_self() && s == t;
+            if !itself {
+                cuts.vertices(self, 1, t, &mut q);
+            }
+            // The usual work for a pair of segments is counted as a candidate.
+            let split = p.len().max(q.len()) > PIECES as usize + 1;
+            let mut pieces = 0;
+            let mut test = |a: &[Vertex], b: &[Vertex]| {
+                let exact = found.counts.exact;
+                self.add_pieces([s, t], [a, b], found);
+                pieces += u64::from(split);
+                if pieces == BATCH {
+                    self.pieces.fetch_add(pieces, Ordering::Relaxed);
+                    pieces = 0;
+                    if self.exceeds_limits() {
+                        return ControlFlow::Break(());
+                    }
+                }
+                self.count_exact(found.counts.exact - exact)
+            };
+            let done = match itself {
+                true => pieces_within(&p, &MovingBoxes, &mut test),
+                false => pieces_between(&p, &q, &MovingBoxes, &mut test),
+            };
+            self.pieces.fetch_add(pieces, Ordering::Relaxed);
+            if done.is_break() {
+                return;
+            }
+        }
+    }
+
+    /// [`Task::add_splines`] with all pairs of pieces.
+    #[cfg(test)]
+    pub fn add_all_pieces(&self, cuts: &Cuts, near: &[(u32, u32)], found: &mut Findings) {
+        let (mut p, mut q) = (Vec::new(), Vec::new());
+        for &(s, t) in near {
+            cuts.vertices(self, 0, s, &mut p);
+            cuts.vertices(self, 1, t, &mut q);
+            for (k, a) in p.windows(2).enumerate() {
+                // A segment with itself: every pair of pieces once.
+                let first = if self.is_self() && s == t { k + 1 } else { 0 };
+                for b in q.windows(2).skip(first) {
+                    self.add_pieces([s, t], [a, b], found);
+                }
+            }
+        }
+    }
+
+    /// Adds the passages of two pieces of spline segments.
+    fn add_pieces(&self, [s, t]: [u32; 2], pieces: [&[Vertex]; 2], found: &mut Findings) {
+        let edges = |f: usize| pieces.map(|piece| [0, 1].map(|k| piece[k].points[f]));
+        let along = |at: [f64; 2]| {
+            let mix = |k: usize| {
+                let [start, end] = [0, 1].map(|end| pieces[k][end].at);
+                start + at[k] * (end - start)
+            };
+            [f64::from(s) + mix(0), f64::from(t) + mix(1)]
+        };
+        self.add_passages(&edges(0), &edges(1), [s, t], along, found);
+    }
+
+    /// Adds the passages of two pieces of these segments. `along` maps positions on the pieces to
+    /// positions along both curves.
+    #[inline(always)]
+    fn add_passages(
+        &self,
+        before: &Edges,
+        after: &Edges,
+        segments: [u32; 2],
+        along: impl Fn([f64; 2]) -> [f64; 2],
+        found: &mut Findings,
+    ) {
+        let [i, j] = self.curves.map(|i| i as u32);
+        let event = |p: Passage| PullThrough {
+            i,
+            j,
+            segments,
+            fraction: p.time,
+            sign: p.sign,
+            point: p.point,
+            lengths: match p.moment {
+                Moment::Within { .. } => {
+                    let [from, to] = [0.0, 1.0].map(|end| along([end; 2]));
+                    let shares = [0, 1].map(|side| to[side] - from[side]);
+                    relative_motion([before, after], p.at, shares)
+                }
+                _ => 0.0,
+            },
+        };
+        if let Some(points) = joint(before, after) {
+            // A common end of pieces of one spline is no joint.
+            if !self.splines() {
+                let contact = |f: usize| Contact {
+                    event: PullThrough {
+                        i,
+                        j,
+                        segments,
+                        fraction: f as f64,
+                        sign: 0,
+                        point: points[f],
+                        lengths: 0.0,
+                    },
+                    joint: true,
+                    counted: f == 1 || before == after,
+                };
+                found.contacts.extend([0, 1].map(contact));
+            }
+            return;
+        }
+        let ties = if self.is_self() {
+            Ties::Report
+        } else {
+            Ties::Translate
+        };
+        let Findings {
+            passages: list,
+            contacts,
+            ties: touching,
+            counts,
+        } = found;
+        let first = list.len();
+        let mut in_frames = [None; 2];
+        let mut decided = passages(before, after, ties, &mut |p| match p.moment {
+            Moment::Start => in_frames[0] = Some(p),
+            Moment::End => in_frames[1] = Some(p),
+            Moment::Within { tie } => list.push(Found {
+                event: event(p),
+                along: along(p.at),
+                tie,
+            }),
+        });
+        if in_frames.iter().any(Option::is_some) {
+            let frames = [before, after];
+            let beyond =
+                |f: usize| in_frames[f].is_some() && self.reaches_neighbours(frames[f], segments);
+            if self.is_self() && (0..2).any(beyond) {
+                decided = Decided::Tie;
+            } else {
+                if let [Some(start), Some(end)] = &mut in_frames {
+                    // The contact is assumed to last for the whole step, so passages at ties belong
+                    // to it.
+                    let at_ties = list.extract_if(first.., |f| f.tie);
+                    start.sign += std::mem::take(&mut end.sign);
+                    start.sign += at_ties.map(|f| f.event.sign).sum::<i32>();
+                }
+                let contact = |p| Contact {
+                    event: event(p),
+                    joint: false,
+                    counted: true,
+                };
+                contacts.extend(in_frames.into_iter().flatten().map(contact));
+            }
+        }
+        counts.tests += 1;
+        counts.exact += u64::from(matches!(decided, Decided::Exact | Decided::Tie));
+        if decided == Decided::Tie {
+            touching.push(segments);
+        }
+    }
+
+    /// Returns true if the contact of two edges of one curve in a frame may be connected with pairs
+    /// of edges that are not tested, or that are tested with the strands in the other order. That
+    /// is so if the contact is at a vertex next to the other edge, or at the first vertex of a
+    /// closed curve.
+    fn reaches_neighbours(&self, [[a, b], [c, d]]: &Edges, [s, t]: [u32; 2]) -> bool {
+        let curve = self.step.frames[0].curve(self.curves[0]);
+        let on = |p: &Point, [q, r]: [&Point; 2]| {
+            segments_touch(*p, *p, *q, *r, &mut Predicates::default())
+        };
+        let (first, second) = ([a, b], [c, d]);
+        let last = curve.segments - 1;
+        self.splines()
+            || (curve.after(curve.after(s)) == t && (on(b, second) || on(c, first)))
+            || (curve.after(curve.after(t)) == s && (on(d, first) || on(a, second)))
+            || (curve.closed && s == 0 && on(a, second))
+            || (curve.closed && t == last && on(d, first))
+    }
+}
+
+/// Returns an end that two pieces share in both frames.
+#[inline(always)]
+fn joint(before: &Edges, after: &Edges) -> Option<[Point; 2]> {
+    let ends = [(0, 0), (0, 1), (1, 0), (1, 1)];
+    let shared =
+        |&(k, l): &(usize, usize)| before[0][k] == before[1][l] && after[0][k] == after[1][l];
+    let (k, _) = ends.into_iter().find(shared)?;
+    Some([before[0][k], after[0][k]])
+}

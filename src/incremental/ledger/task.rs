@@ -1,0 +1,105 @@
+//! Search for the passages of one pair of curves, or of a curve and itself: its frames and limits.
+
+use crate::cancel::Cancel;
+use crate::curve::CurveSet;
+use crate::discretize::MovingSeparation;
+use crate::pairs::{CurveTree, Pair, Trees};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Maximum number of candidates of one pair of curves. Beyond it the pair counts as too close: if
+/// everything may have passed through everything, a list of passages is useless. About half a
+/// second.
+const MAX_CANDIDATES: u64 = 1 << 24;
+
+/// Maximum number of tested pairs of pieces of splines that need more pieces than usual, for one
+/// pair of curves. Beyond it the pair counts as too close. About half a second.
+const MAX_PIECES: u64 = 1 << 23;
+
+/// Maximum number of exact tests of one pair of curves: a constant, and a number per segment.
+/// Beyond it the pair counts as too close. An exact test of strands whose distance is near the
+/// rounding error takes about 100 us.
+const MAX_EXACT: [u64; 2] = [1 << 12, 4];
+
+/// A step from one frame to the next.
+#[derive(Clone, Copy)]
+pub(super) struct Step<'a> {
+    pub frames: [&'a CurveSet; 2],
+    /// Trees of swept boxes.
+    pub trees: &'a Trees,
+    /// Motion limit in segment lengths.
+    pub motion_limit: f64,
+    pub cancel: &'a Cancel,
+}
+
+/// One pair of curves, or a curve and itself.
+pub(super) struct Task<'a> {
+    pub step: Step<'a>,
+    pub curves: [usize; 2],
+    pub separation: MovingSeparation<'a>,
+    /// Work counters of all tasks of the pair.
+    pub candidates: AtomicU64,
+    pub pieces: AtomicU64,
+    pub exact: AtomicU64,
+}
+
+impl<'a> Task<'a> {
+    pub fn new(step: Step<'a>, (i, j): Pair) -> Self {
+        let curves = [i as usize, j as usize];
+        Task {
+            step,
+            curves,
+            separation: MovingSeparation::new(step.frames, curves),
+            candidates: AtomicU64::new(0),
+            pieces: AtomicU64::new(0),
+            exact: AtomicU64::new(0),
+        }
+    }
+
+    /// Returns true if this is a curve and itself.
+    pub fn is_self(&self) -> bool {
+        self.curves[0] == self.curves[1]
+    }
+
+    pub fn splines(&self) -> bool {
+        !self.step.frames[0].basis().is_polyline()
+    }
+
+    /// Returns the number of segments of the first curve.
+    pub fn segments(&self) -> u32 {
+        self.step.frames[0].curve(self.curves[0]).segments
+    }
+
+    /// Returns true if two segments of one curve are equal or consecutive.
+    pub fn adjacent(&self, s: u32, t: u32) -> bool {
+        self.step.frames[0].curve(self.curves[0]).adjacent(s, t)
+    }
+
+    pub fn tree(&self, side: usize) -> CurveTree<'a> {
+        self.step.trees.of(self.step.frames[0], self.curves[side])
+    }
+
+    /// Returns true if the pair needs more work than the limit for one pair, or if the step was
+    /// cancelled. Part of the work is then skipped, and which part depends on the order of the
+    /// tasks. Whether the limit is exceeded does not.
+    pub fn exceeds_limits(&self) -> bool {
+        let segments = self.curves.map(|i| self.step.frames[0].curve(i).segments);
+        let segments: u64 = segments.into_iter().map(u64::from).sum();
+        let over = |count: &AtomicU64, most: u64| count.load(Ordering::Relaxed) > most;
+        self.step.cancel.is_set()
+            || over(&self.candidates, MAX_CANDIDATES)
+            || over(&self.pieces, MAX_PIECES)
+            || over(&self.exact, MAX_EXACT[0] + MAX_EXACT[1] * segments)
+    }
+
+    /// Counts exact tests. Breaks if the pair exceeds its limits.
+    pub fn count_exact(&self, more: u64) -> ControlFlow<()> {
+        if more > 0 {
+            self.exact.fetch_add(more, Ordering::Relaxed);
+            if self.exceeds_limits() {
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}

@@ -1,0 +1,258 @@
+//! Allowances: the distance that each control point may move before two curves may touch.
+//!
+//! # Proof: no curves touch while all points stay within their allowances
+//!
+//! If the hulls of two segments of different curves have a gap `g` along some unit vector, the
+//! segments stay apart while every point of the hulls moves less than `g / 2`. Control points move
+//! the hulls. The hull points of a Bezier segment and of a B-spline are convex combinations of
+//! control points, so they move no further than these. Those of Catmull-Rom differ from a control
+//! point by a sixth of the difference of two others, so they move at most `1 + 1/6 + 1/6 = 4/3`
+//! times as far.
+//!
+//! The allowance of a control point is the minimum of these distances over all segments that depend
+//! on it and all near segments of other closed curves. If hulls are much nearer than the curves in
+//! them, the hulls of their halves are used. If no point moved further than its allowance, no two
+//! curves touched on the straight path from the reference frame, so no linking number changed.
+//!
+//! # A curve and itself
+//!
+//! A reference frame may cover more: open curves in the same way, and a curve with itself. Segments
+//! of one curve that are not adjacent stay apart like those of two curves. Adjacent edges lie in
+//! one plane at all times. An adjacent pair of spline segments meets only at its joint while the
+//! differences of consecutive Bezier control points have a positive component along one axis,
+//! because the derivative of the curve is a convex combination of them. If control points move by
+//! at most 1, such a difference moves by the sum `w` of the magnitudes of its coefficients. With a
+//! component `c` along a unit vector, it stays positive while the points move less than `c / w`.
+//!
+//! # Cost
+//!
+//! A descent of all pairs of curves within the reach of one another, and a test of hulls for each
+//! pair of segments within it. Only pairs that may lower an allowance are examined more closely.
+
+use super::clearance::typical_clearance;
+use super::covered::Covered;
+use super::gap::{DEPTH, GOOD, distance, gap, least_component};
+use crate::certificate::Certificate;
+use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
+use crate::discretize::Hull;
+use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Trees, descend};
+use crate::simd::{Lanes, dispatch};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Share of a gap between two segments that allowances may use. The remainder is a margin for
+/// rounding and for the discretization of splines.
+const SHARE: f64 = 0.49;
+
+/// Number of segment pairs that are gathered before they are processed.
+const BATCH: usize = 1024;
+
+/// Buffers of a task.
+#[derive(Default)]
+struct Buffers {
+    agenda: Agenda,
+    near: SegmentPairs,
+}
+
+/// Allowances under construction.
+pub(super) struct Allowances<'a> {
+    covered: Covered<'a>,
+    trees: &'a Trees,
+    pub reach: f64,
+    /// Bit patterns of the allowances. None is negative, so the patterns have the same order.
+    slots: Vec<AtomicU32>,
+}
+
+impl<'a> Allowances<'a> {
+    pub fn new(covered: Covered<'a>, trees: &'a Trees) -> Self {
+        let mut all = Allowances {
+            covered,
+            trees,
+            reach: typical_clearance(covered, trees) * SHARE * GOOD,
+            slots: Vec::new(),
+        };
+        let none = || AtomicU32::new(f32::INFINITY.to_bits());
+        all.slots.resize_with(covered.set.slots(), none);
+        all
+    }
+
+    fn lower(&self, slots: impl Iterator<Item = usize>, to: f64) {
+        // Infinity means unbounded, so bounds are finite.
+        let to = to.clamp(0.0, f32::MAX.into()) as f32 * (1.0 - 1e-6);
+        for slot in slots {
+            if self.slots[slot].load(Ordering::Relaxed) > to.to_bits() {
+                self.slots[slot].fetch_min(to.to_bits(), Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// Returns a bound of the rounding errors of gaps, for the hulls of the reference frame and of
+    /// a later frame. Points of hulls after [`DEPTH`] halvings have an error of at most
+    /// `15 * 5/3 M u` ([`Hull::halves`]), which the pad covers as for sub-segments.
+    fn slack(&self) -> f64 {
+        let set = self.covered.set;
+        4.0 * (set.pad() + set.max_abs() * pow2(-47)) + 1e-300
+    }
+
+    /// Returns the distance that control points may move if hulls may move by 1.
+    fn stiffness(&self) -> f64 {
+        match self.covered.set.basis() {
+            Basis::CatmullRom => 0.75,
+            _ => 1.0,
+        }
+    }
+
+    /// Computes all allowances.
+    pub fn fill(self, certificate: &Certificate) -> Vec<f32> {
+        let curves: Vec<usize> = self.covered.indices().collect();
+        curves.par_iter().for_each(|&i| {
+            self.bound(i, certificate);
+            if self.covered.coverage.self_crossings && !self.covered.set.basis().is_polyline() {
+                self.bound_turns(i);
+            }
+        });
+        let set = self.covered.set;
+        // Rounding of single-precision boxes.
+        let rounding = set.max_abs() * pow2(-22);
+        // Pairs that are further apart bound no allowance below the reach.
+        let within = (self.reach / SHARE + 2.0 * rounding).min(f32::MAX.into()) as f32;
+        let dilated: Vec<Box3> = self
+            .trees
+            .roots()
+            .iter()
+            .map(|b| b.dilated(0.5 * within + rounding as f32))
+            .collect();
+        let mut search = LinkSearch::default();
+        let pairs = search.find(&dilated);
+        if self.covered.coverage.self_crossings {
+            pairs.extend(curves.iter().map(|&i| (i as u32, i as u32)));
+        }
+        pairs
+            .par_iter()
+            .for_each_init(Buffers::default, |buffers, &(i, j)| {
+                let curves = [i as usize, j as usize];
+                dispatch!(simd => self.keep_apart(simd, curves, within, buffers));
+            });
+        self.slots
+            .into_iter()
+            .map(|a| f32::from_bits(a.into_inner()))
+            .collect()
+    }
+
+    /// Applies the bounds that all points of a curve have.
+    fn bound(&self, i: usize, certificate: &Certificate) {
+        let mut undefined = certificate.undefined.iter();
+        let mut most = self.stiffness() * self.reach;
+        if undefined.any(|d| d.j.is_none() && d.i as usize == i) {
+            most = 0.0;
+        } else if self.covered.set.curve(i).closed {
+            // A loop must keep three distinct points.
+            most = most.min(SHARE * spread_of_three(self.covered.set, i, most / SHARE));
+        }
+        self.lower(self.covered.set.body(i), most);
+    }
+
+    /// Applies the bounds that keep segments of two curves apart, or of a curve and itself.
+    #[inline(always)]
+    fn keep_apart<L: Lanes>(
+        &self,
+        simd: L,
+        curves: [usize; 2],
+        reach: f32,
+        Buffers { agenda, near }: &mut Buffers,
+    ) {
+        let trees = curves.map(|i| self.trees.of(self.covered.set, i));
+        agenda.push((trees[0].root(), trees[1].root()));
+        let query = Query {
+            w: 2,
+            meeting: false,
+            reach,
+        };
+        while !agenda.is_empty() {
+            descend::<L, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
+            self.keep_all_apart(curves, &near.all);
+            near.all.clear();
+        }
+    }
+
+    /// Applies the bounds of near segments. Fast if pairs with the same first segment are
+    /// consecutive.
+    #[inline(always)]
+    fn keep_all_apart(&self, [i, j]: [usize; 2], pairs: &[(u32, u32)]) {
+        let (set, slack, share) = (self.covered.set, self.slack(), self.stiffness() * SHARE);
+        let allowance = |slot: usize| self.slots[slot].load(Ordering::Relaxed);
+        for pairs in pairs.chunk_by(|a, b| a.0 == b.0) {
+            let s = pairs[0].0;
+            let a = Hull::new(set.hull(i, s as usize));
+            for &(_, t) in pairs {
+                if i == j && (s >= t || set.curve(i).adjacent(s, t)) {
+                    continue;
+                }
+                let support = || set.support(i, s).chain(set.support(j, t));
+                // A gap above which all affected allowances are lower already, by more than
+                // rounding errors.
+                let most = f32::from_bits(support().map(allowance).max().unwrap_or(0));
+                let enough = f64::from(most) * (1.0 + 1e-5) / share + slack;
+                let b = Hull::new(set.hull(j, t as usize));
+                let gap = gap(&a, &b, enough, DEPTH);
+                // A larger gap may depend on the order of tests, so it must not be used.
+                if gap < enough {
+                    self.lower(support(), share * (gap - slack));
+                }
+            }
+        }
+    }
+
+    /// Applies the bounds that keep a curve monotonic along each segment together with the next
+    /// one.
+    fn bound_turns(&self, i: usize) {
+        let (set, n) = (self.covered.set, self.covered.set.curve(i).segments);
+        let weights = weights(set.basis());
+        let steps = |s: u32| -> [Point; 3] {
+            let b = set.segment(i, s as usize);
+            [0, 1, 2].map(|k| [0, 1, 2].map(|x| (b[k + 1][x] - b[k][x]) / weights[k]))
+        };
+        for s in 0..n {
+            let next = set.curve(i).after(s);
+            let both = [steps(s), steps(next)];
+            // No weight is less than a third.
+            let most = 2.0 * SHARE * (least_component(both.as_flattened()) - 3.0 * self.slack());
+            self.lower(set.support(i, s).chain(set.support(i, next)), most);
+        }
+    }
+}
+
+/// Returns upper bounds of the motion of the differences of consecutive Bezier control points if
+/// control points move by at most 1: the sums of the magnitudes of their coefficients (see
+/// [`Basis::hull`]).
+fn weights(basis: Basis) -> [f64; 3] {
+    match basis {
+        // (q2 - q0) / 6, 5/6 (q2 - q1) - (q3 - q0) / 6, (q3 - q1) / 6.
+        Basis::CatmullRom => [1.0 / 3.0, 2.0, 1.0 / 3.0],
+        // (q2 - q0) / 6, (q2 - q1) / 3, (q3 - q1) / 6.
+        Basis::BSpline => [1.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0],
+        Basis::Bezier | Basis::Polyline => [2.0; 3],
+    }
+}
+
+/// Returns a distance that three control points of a curve have from one another: the first one
+/// found that is at least `enough`, or approximately the largest.
+fn spread_of_three(set: &CurveSet, i: usize, enough: f64) -> f64 {
+    let furthest = |of: &dyn Fn(Point) -> f64| {
+        let mut best = ([0.0; 3], 0.0);
+        for p in (0..set.curve(i).points as usize).map(|k| set.point(i, k)) {
+            let far = of(p);
+            if far > best.1 {
+                best = (p, far);
+            }
+            if far >= enough {
+                break;
+            }
+        }
+        best
+    };
+    let a = set.point(i, 0);
+    let (b, ab) = furthest(&|p| distance([p, a]));
+    let (_, c) = furthest(&|p| distance([p, a]).min(distance([p, b])));
+    c.min(ab)
+}

@@ -1,0 +1,91 @@
+//! Reference frame: a frame with proven linking numbers, and the distance that each of its control
+//! points may move before two curves may touch.
+
+mod allowances;
+mod clearance;
+mod covered;
+mod gap;
+#[cfg(test)]
+mod tests;
+
+use self::allowances::Allowances;
+use self::covered::Covered;
+use super::affine::Sample;
+use super::coverage::Coverage;
+use super::packed::Packed;
+use super::slots::CHUNK;
+use crate::certificate::Certificate;
+use crate::curve::CurveSet;
+use crate::pairs::Trees;
+
+/// A frame with proven linking numbers, and the allowances of its points.
+#[derive(Debug)]
+pub(super) struct Reference {
+    pub set: CurveSet,
+    /// Pairs for which the allowances are valid.
+    pub coverage: Coverage,
+    /// Trees of all covered curves.
+    pub trees: Trees,
+    pub certificate: Certificate,
+    /// Number of the frame, counted by the monitor.
+    pub frame: u64,
+    /// Number of pairs of curves with overlapping boxes.
+    pub potential_links: usize,
+    /// Points to which affine frames are fitted.
+    pub sample: Sample,
+    /// Number of blocks of eight segments.
+    pub blocks: u64,
+    /// Distance that the point of each slot may move. Infinite for copies, padding, and curves that
+    /// are not covered.
+    pub allowances: Vec<f32>,
+    /// Compressed points and allowances.
+    pub packed: Vec<Packed>,
+    /// Largest distance that hulls move while all control points stay within their allowances.
+    /// Segments whose distance exceeds twice the reach were not compared.
+    pub reach: f64,
+}
+
+impl Reference {
+    pub fn build(
+        set: CurveSet,
+        certificate: Certificate,
+        frame: u64,
+        potential_links: usize,
+        coverage: Coverage,
+    ) -> Reference {
+        let mut trees = Trees::default();
+        let covered = Covered {
+            set: &set,
+            coverage,
+        };
+        trees.refit(covered);
+        let sample = Sample::new(&set, coverage.open_curves);
+        let blocks = set
+            .curves()
+            .iter()
+            .map(|c| u64::from(c.segments.div_ceil(8)));
+        let blocks = blocks.sum();
+        let allowances = Allowances::new(covered, &trees);
+        let reach = allowances.reach;
+        let allowances = allowances.fill(&certificate);
+        let packed = Packed::blocks(&set, &allowances);
+        Reference {
+            set,
+            coverage,
+            trees,
+            certificate,
+            frame,
+            potential_links,
+            sample,
+            blocks,
+            allowances,
+            packed,
+            reach,
+        }
+    }
+
+    /// Returns the number of chunks of slots.
+    pub fn chunks(&self) -> usize {
+        self.allowances.len().div_ceil(CHUNK)
+    }
+}

@@ -1,0 +1,184 @@
+//! Random frames whose points move within their allowances.
+
+use super::*;
+use crate::curve::{Basis, Point, Positions};
+use crate::incremental::ledger::Ledger;
+use crate::verdict::AbortOn;
+use crate::verifier::Verifier;
+use proptest::prelude::*;
+
+/// A few curves.
+#[derive(Clone, Debug)]
+struct Curves {
+    basis: Basis,
+    counts: Vec<i32>,
+    xyz: Vec<f64>,
+    double: bool,
+}
+
+impl Curves {
+    fn set(&self, xyz: &[f64]) -> CurveSet {
+        let narrow: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+        let positions = match self.double {
+            true => Positions::F64(xyz),
+            false => Positions::F32(&narrow),
+        };
+        CurveSet::from_counts(self.basis, &self.counts, positions).unwrap()
+    }
+}
+
+/// Returns a wavy ring, an arc of one, or arbitrary points.
+fn points(n: usize) -> impl Strategy<Value = Vec<Point>> {
+    let vector = || prop::array::uniform3(-1.0f64..1.0);
+    let ring = (
+        vector(),
+        vector(),
+        vector(),
+        vector(),
+        0.0..0.3f64,
+        1u8..5,
+        0.3..1.0f64,
+    );
+    let ring = ring.prop_map(move |(center, u, v, w, size, f, part)| -> Vec<Point> {
+        (0..n)
+            .map(|k| {
+                let t = part * std::f64::consts::TAU * k as f64 / n as f64;
+                let wave = size * (f64::from(f) * t).cos();
+                let at = |x: usize| t.cos() * u[x] + t.sin() * v[x] + wave * w[x];
+                [0, 1, 2].map(|x| center[x] + 2.0 * at(x))
+            })
+            .collect()
+    });
+    prop_oneof![3 => ring, 1 => prop::collection::vec(prop::array::uniform3(-2.0..2.0f64), n)]
+}
+
+fn random_curves() -> impl Strategy<Value = Curves> {
+    let basis = prop::sample::select(Basis::ALL.to_vec());
+    let curve = (any::<bool>(), 2usize..14);
+    let curves = prop::collection::vec(curve, 1..4);
+    (basis, curves, any::<bool>()).prop_flat_map(|(basis, curves, double)| {
+        let counts: Vec<i32> = curves
+            .iter()
+            .map(|&(closed, n)| match (basis, closed) {
+                (Basis::Bezier, true) => -3 * n as i32,
+                (Basis::Bezier, false) => 3 * n as i32 + 1,
+                (_, true) => -(n as i32) - 1,
+                (_, false) => n as i32 + 3,
+            })
+            .collect();
+        let all: Vec<_> = counts
+            .iter()
+            .map(|n| points(n.unsigned_abs() as usize))
+            .collect();
+        all.prop_map(move |points| Curves {
+            basis,
+            counts: counts.clone(),
+            xyz: points.into_iter().flatten().flatten().collect(),
+            double,
+        })
+    })
+}
+
+/// Direction in which points move.
+#[derive(Clone, Copy, Debug)]
+enum Direction {
+    /// A separate random direction for each point.
+    Each,
+    /// One random direction for each curve.
+    Together,
+    /// Towards the nearest point of another curve, or of a distant part of the same one.
+    Near,
+    /// Towards the previous or the next point.
+    Fold,
+}
+
+/// Moves every point as far as its allowance permits.
+fn moved(curves: &Curves, reference: &Reference, seed: u64, direction: Direction) -> CurveSet {
+    let mut state = seed | 1;
+    let mut random = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    let set = &reference.set;
+    let sub = |p: Point, q: Point| [0, 1, 2].map(|x| p[x] - q[x]);
+    let length = |v: Point| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+    let mut xyz = Vec::new();
+    for i in 0..set.len() {
+        let whole = [0; 3].map(|_| random());
+        for slot in set.body(i) {
+            let p = set.at(slot);
+            let others = (0..set.len()).flat_map(|j| set.body(j));
+            let v = match direction {
+                Direction::Each => [0; 3].map(|_| random()),
+                Direction::Together => whole,
+                Direction::Near => others
+                    .filter(|&q| !set.body(i).contains(&q) || q.abs_diff(slot) > 2)
+                    .map(|q| sub(set.at(q), p))
+                    .min_by(|&v, &w| length(v).total_cmp(&length(w)))
+                    .unwrap_or(whole),
+                Direction::Fold => {
+                    let to = if random() < 0.0 {
+                        slot.wrapping_sub(1)
+                    } else {
+                        slot + 1
+                    };
+                    match set.body(i).contains(&to) {
+                        true => sub(set.at(to), p),
+                        false => whole,
+                    }
+                }
+            };
+            let allowed = f64::from(reference.allowances[slot]).min(10.0);
+            let scale = 0.999_999 * allowed / length(v).max(1e-9);
+            let mut q = [0, 1, 2].map(|x| p[x] + scale * v[x]);
+            if !curves.double {
+                q = q.map(|x| f64::from(x as f32));
+            }
+            xyz.extend(if length(sub(q, p)) <= allowed { q } else { p });
+        }
+    }
+    curves.set(&xyz)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3000))]
+
+    /// No covered curves meet between two frames within the allowances, so the ledger has no
+    /// entry.
+    #[test]
+    fn no_covered_curves_meet_within_the_allowances(
+        curves in random_curves(),
+        self_crossings in any::<bool>(),
+        open_curves in any::<bool>(),
+        seeds in prop::array::uniform2(any::<u64>()),
+        directions in prop::array::uniform2(prop::sample::select(vec![
+            Direction::Each,
+            Direction::Together,
+            Direction::Near,
+            Direction::Fold,
+        ])),
+    ) {
+        let set = curves.set(&curves.xyz);
+        let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
+        let mut ledger = Ledger::default();
+        let coverage = Coverage {
+                self_crossings,
+                open_curves,
+            };
+        // Pairs that are too close to decide remain so.
+        let unknown = ledger.first_step(&set, &set, coverage, None).undecided;
+        let reference = Reference::build(set.clone(), certificate, 0, 0, coverage);
+        prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
+        let [a, b] = [0, 1].map(|k| moved(&curves, &reference, seeds[k], directions[k]));
+        for (before, after) in [(&set, &a), (&set, &b), (&a, &b)] {
+            let outcome = ledger.first_step(before, after, coverage, None);
+            prop_assert_eq!(&outcome.events, &[]);
+            for defect in &outcome.undecided {
+                let known = unknown.iter().any(|u| (u.i, u.j) == (defect.i, defect.j));
+                prop_assert!(known, "{defect:?}");
+            }
+        }
+    }
+}

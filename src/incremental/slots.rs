@@ -1,0 +1,73 @@
+//! Slots of the coordinate arrays: the blocks and chunks in which they are compared, and operations
+//! on coordinates in their own precision.
+
+use crate::curve::pow2;
+use std::ops::{Add, Mul, Sub};
+
+/// Number of slots in a block, which is compressed as a whole.
+pub(super) const BLOCK: usize = 64;
+
+/// Number of slots in a chunk, which is marked as a whole.
+pub(super) const CHUNK: usize = 8;
+
+/// Operations on a floating-point type of coordinates.
+pub(super) trait Real:
+    Copy
+    + PartialOrd
+    + Default
+    + Send
+    + Sync
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+{
+    /// Half a unit in the last place of 1.
+    const U: f64;
+    /// The largest finite number.
+    const MAX: Self;
+    /// Largest coordinate whose squares can be added without overflow.
+    const LARGEST: f64;
+    /// A number far above the square root of the smallest positive number.
+    const TINY: Self;
+    fn from_f64(x: f64) -> Self;
+    fn from_f32(x: f32) -> Self;
+    fn narrowed(self) -> f32;
+}
+
+impl Real for f32 {
+    const U: f64 = f32::EPSILON as f64 / 2.0;
+    const MAX: f32 = f32::MAX;
+    const LARGEST: f64 = 1e18;
+    const TINY: f32 = pow2(-70) as f32;
+    #[inline(always)]
+    fn from_f64(x: f64) -> f32 {
+        x as f32
+    }
+    #[inline(always)]
+    fn from_f32(x: f32) -> f32 {
+        x
+    }
+    #[inline(always)]
+    fn narrowed(self) -> f32 {
+        self
+    }
+}
+
+impl Real for f64 {
+    const U: f64 = f64::EPSILON / 2.0;
+    const MAX: f64 = f64::MAX;
+    const LARGEST: f64 = 1e150;
+    const TINY: f64 = pow2(-520);
+    #[inline(always)]
+    fn from_f64(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn from_f32(x: f32) -> f64 {
+        x.into()
+    }
+    #[inline(always)]
+    fn narrowed(self) -> f32 {
+        self as f32
+    }
+}

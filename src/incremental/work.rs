@@ -1,0 +1,57 @@
+//! Work counters of a frame, and its route.
+
+/// Work counters of a frame. Not a part of [`Report`](crate::Report), because they depend on
+/// previous frames and on the clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Work {
+    /// Route of the frame.
+    pub route: Route,
+    /// Number of blocks of eight segments, if the frame was compared with a reference frame.
+    pub blocks: u64,
+    /// Number of blocks that depend on a point that moved further than its allowance.
+    pub marked: u64,
+    /// Number of pairs of curves near such a block that the boxes of their motion proved unchanged.
+    pub recertified: u64,
+    /// Number of pairs with recomputed linking numbers: all potential links on the full route.
+    pub recomputed: u64,
+    /// Number of recomputed pairs that the bound of a sum decided
+    /// ([`Verifier::set_kernel`](crate::Verifier::set_kernel)).
+    pub summed: u64,
+    /// Number of pairs of curves (and of curves with themselves) that were searched for
+    /// pull-throughs since the previous frame.
+    pub searched: u64,
+    /// Number of frames since the reference frame, if the frame was compared with one.
+    pub reference_age: Option<u64>,
+    /// True if the full run gave another result
+    /// ([`Verifier::set_paranoid`](crate::Verifier::set_paranoid)): an error of linkwatch. The
+    /// report is that of the full run.
+    pub disagreed: bool,
+}
+
+/// Route of a frame through the verifier.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Route {
+    /// All linking numbers were computed.
+    #[default]
+    Full,
+    /// No point moved further than its allowance, so all linking numbers are those of the reference
+    /// frame.
+    Quiet,
+    /// Some pairs were checked or recomputed.
+    Partial,
+}
+
+impl Route {
+    /// All routes, in the order of their codes in recordings.
+    pub const ALL: [Route; 3] = [Route::Full, Route::Quiet, Route::Partial];
+
+    /// Returns the name of the route.
+    pub fn word(self) -> &'static str {
+        match self {
+            Route::Full => "full",
+            Route::Quiet => "quiet",
+            Route::Partial => "partial",
+        }
+    }
+}
