@@ -4,6 +4,8 @@
 //! one is printed with its backtrace.
 #![expect(unsafe_code, reason = "an allocator that counts")]
 
+mod support;
+
 use linkwatch::scenes::Scene;
 use linkwatch::{AbortOn, Basis, CurveSet, Positions, Verifier};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -11,6 +13,7 @@ use std::backtrace::Backtrace;
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use support::random::Random;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -88,14 +91,10 @@ fn scene(text: &str) -> (String, CurveSet) {
 
 /// Splines through one another, so close that their hulls overlap.
 fn tangle(basis: Basis) -> (String, CurveSet) {
-    let mut state = 7u64;
-    let mut next = || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (state >> 40) as f32 / (1u32 << 24) as f32
-    };
-    let xyz: Vec<f32> = (0..3 * 8 * 60).map(|_| next()).collect();
+    let mut random = Random(7);
+    let xyz: Vec<f32> = (0..3 * 8 * 60)
+        .map(|_| random.between(0.0, 1.0) as f32)
+        .collect();
     let set = CurveSet::from_counts(basis, &[-60; 8], Positions::F32(&xyz)).unwrap();
     let (_, stats) = Verifier::new(AbortOn::Never).certify(&set);
     assert!(stats.refined > 100, "{stats:?}");

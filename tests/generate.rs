@@ -1,26 +1,9 @@
 //! Tests of `linkwatch generate` as a process.
 
-use std::path::Path;
-use std::process::{Command, Output};
+mod support;
+
+use support::command::{Run, linkwatch, text};
 use tempfile::TempDir;
-
-/// Runs the command. Returns exit code, stdout and stderr.
-fn linkwatch(args: &[&str]) -> (i32, String, String) {
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .args(args)
-        .output()
-        .unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (status.code().unwrap(), text(stdout), text(stderr))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
 
 /// Returns the names of the files in a folder.
 fn files(folder: &TempDir) -> Vec<String> {
@@ -45,7 +28,11 @@ fn a_generated_model_has_its_certificate() {
     ] {
         let folder = TempDir::new().unwrap();
         let [model, certificate] = ["a.bcc", "a.txt"].map(|n| folder.path().join(n));
-        let (code, stdout, stderr) = linkwatch(&[
+        let Run {
+            code,
+            stdout,
+            stderr,
+        } = linkwatch(&[
             "generate",
             scene,
             "-o",
@@ -56,7 +43,11 @@ fn a_generated_model_has_its_certificate() {
         assert_eq!((code, stdout.as_str()), (0, ""), "{stderr}");
         assert!(stderr.contains("a.bcc: wrote"), "{stderr}");
         assert_eq!(files(&folder), ["a.bcc", "a.txt"]);
-        let (code, found, stderr) = linkwatch(&["certify", text(&model)]);
+        let Run {
+            code,
+            stdout: found,
+            stderr,
+        } = linkwatch(&["certify", text(&model)]);
         assert_eq!(code, 0, "{stderr}");
         assert_eq!(
             found,
@@ -76,7 +67,7 @@ fn reports_tests_decided_by_exact_arithmetic() {
         ("chainmail:rows=4,columns=5", false),
     ] {
         linkwatch(&["generate", scene, "--force", "-o", text(&model)]);
-        let (_, stdout, stderr) = linkwatch(&["certify", "--json", text(&model)]);
+        let Run { stdout, stderr, .. } = linkwatch(&["certify", "--json", text(&model)]);
         assert_eq!(stderr.contains("decided exactly ("), some, "{stderr}");
         let json: serde_json::Value = serde_json::from_str(&stdout).unwrap();
         let count = |name: &str| json["stats"][name].as_f64().unwrap();
@@ -84,7 +75,7 @@ fn reports_tests_decided_by_exact_arithmetic() {
         assert_eq!(json["exact_share"], share);
         assert_eq!(some, share > 0.0);
         assert!(share <= 1.0);
-        let (_, stdout, _) = linkwatch(&["certify", "--repeat", "1", text(&model)]);
+        let Run { stdout, .. } = linkwatch(&["certify", "--repeat", "1", text(&model)]);
         let reported = format!("{} exact ({:.2} %)", count("exact"), 100.0 * share);
         assert!(stdout.contains(&reported), "{stdout}");
     }
@@ -95,7 +86,7 @@ fn prints_the_result_as_json() {
     let folder = TempDir::new().unwrap();
     let model = folder.path().join("a.bcc");
     let scene = "ribbon:segments=2000";
-    let (code, stdout, _) = linkwatch(&["generate", "--json", scene, "-o", text(&model)]);
+    let Run { code, stdout, .. } = linkwatch(&["generate", "--json", scene, "-o", text(&model)]);
     let json: serde_json::Value = serde_json::from_str(&stdout).unwrap();
     assert_eq!(code, 0);
     assert_eq!(json["scene"], "ribbon:segments=2000,lambda=10");
@@ -112,15 +103,15 @@ fn prints_the_result_as_json() {
 
 #[test]
 fn lists_scenes() {
-    let (code, stdout, _) = linkwatch(&["generate", "--list"]);
+    let Run { code, stdout, .. } = linkwatch(&["generate", "--list"]);
     assert_eq!(
         (code, stdout.as_str()),
-        (0, linkwatch(&["generate"]).1.as_str())
+        (0, linkwatch(&["generate"]).stdout.as_str())
     );
     assert!(stdout.contains("\nribbon: double helix"), "{stdout}");
     assert!(stdout.contains("  segments=200000 "), "{stdout}");
     assert!(stdout.contains("(-1,000,000 to 1,000,000)"), "{stdout}");
-    let (code, stdout, _) = linkwatch(&["generate", "--list", "--json"]);
+    let Run { code, stdout, .. } = linkwatch(&["generate", "--list", "--json"]);
     let lines: Vec<serde_json::Value> = stdout
         .lines()
         .map(|l| serde_json::from_str(l).unwrap())
@@ -159,7 +150,11 @@ fn bad_arguments_exit_with_2_and_leave_no_file() {
             "none/a.bcc: No such file",
         ),
     ] {
-        let (code, stdout, stderr) = linkwatch(&[&["generate"], args].concat());
+        let Run {
+            code,
+            stdout,
+            stderr,
+        } = linkwatch(&[&["generate"], args].concat());
         assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}");
         assert!(stderr.contains(says), "{stderr}");
         assert_eq!(files(&folder), [""; 0], "{args:?}");
@@ -171,16 +166,16 @@ fn an_existing_file_is_replaced_completely_or_not_at_all() {
     let folder = TempDir::new().unwrap();
     let model = folder.path().join("a.bcc");
     let generate = |scene: &str| linkwatch(&["generate", scene, "--force", "-o", text(&model)]);
-    assert_eq!(generate("ribbon:segments=3000").0, 0);
+    assert_eq!(generate("ribbon:segments=3000").code, 0);
     let before = std::fs::read(&model).unwrap();
-    assert_eq!(generate("ribbon:segments=10").0, 2);
+    assert_eq!(generate("ribbon:segments=10").code, 2);
     assert_eq!(std::fs::read(&model).unwrap(), before);
-    assert_eq!(generate("ribbon:segments=2000").0, 0);
+    assert_eq!(generate("ribbon:segments=2000").code, 0);
     assert!(std::fs::read(&model).unwrap().len() < before.len());
     // A file cannot replace a folder.
     std::fs::remove_file(&model).unwrap();
     std::fs::create_dir(&model).unwrap();
-    let (code, _, stderr) = generate("ribbon:segments=2000");
+    let Run { code, stderr, .. } = generate("ribbon:segments=2000");
     assert_eq!(code, 2);
     assert!(
         stderr.contains("a.bcc: ") && !stderr.contains(".part"),

@@ -2,9 +2,13 @@
 //!
 //! Without bash or groff, the tests that need them are shown as ignored, never as passed.
 
-use libtest_mimic::{Arguments, Failed, Trial};
+mod support;
+
+use libtest_mimic::Arguments;
 use std::io::Write;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
+use support::command::linkwatch;
+use support::trial::trial;
 
 const COMMANDS: [&str; 7] = [
     "certify",
@@ -16,19 +20,11 @@ const COMMANDS: [&str; 7] = [
     "man",
 ];
 
-fn linkwatch(args: &[&str]) -> Output {
-    let output = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .args(args)
-        .output();
-    output.expect("the command starts")
-}
-
 /// Standard output of a command that must succeed.
 fn stdout(args: &[&str]) -> String {
-    let output = linkwatch(args);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{args:?}: {stderr}");
-    String::from_utf8(output.stdout).expect("UTF-8")
+    let run = linkwatch(args);
+    assert_eq!(run.code, 0, "{args:?}: {}", run.stderr);
+    run.stdout
 }
 
 /// Passes a text to a program. Returns its output.
@@ -110,8 +106,7 @@ fn completions_contain_commands_and_options() {
             assert!(script.contains(word), "{shell}: {word}");
         }
     }
-    let output = linkwatch(&["completions", "tcsh"]);
-    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(linkwatch(&["completions", "tcsh"]).code, 2);
 }
 
 fn bash_completes_a_command_and_an_option() {
@@ -174,8 +169,8 @@ fn manual_pages_overwrite_no_file() {
     std::fs::write(&page, "mine").unwrap();
     std::fs::remove_file(out.join("linkwatch.1")).unwrap();
     let refused = linkwatch(&args);
-    assert_eq!(refused.status.code(), Some(2));
-    let stderr = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.code, 2);
+    let stderr = refused.stderr;
     assert!(stderr.contains("the file exists; --force"), "{stderr}");
     assert_eq!(std::fs::read_to_string(&page).unwrap(), "mine");
     assert!(!out.join("linkwatch.1").exists(), "nothing was written");
@@ -201,27 +196,22 @@ fn errors_of_a_folder_and_a_misspelt_scene_give_advice() {
         (["certify", "knti"], "the nearest is 'knit'"),
         (["plan", "ribbon:segmnts=20"], "the nearest is 'segments'"),
     ] {
-        let output = linkwatch(&args);
-        assert_eq!(output.status.code(), Some(2), "{args:?}");
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(stderr.contains(expected), "{stderr}");
+        let run = linkwatch(&args);
+        assert_eq!(run.code, 2, "{args:?}");
+        assert!(run.stderr.contains(expected), "{}", run.stderr);
     }
 }
 
 fn main() {
-    let trial = |name: &str, run: fn(), needs: &[&str]| {
-        let run = move || -> Result<(), Failed> {
-            run();
-            Ok(())
-        };
-        let ignored = !needs.iter().all(|program| exists(program));
-        Trial::test(name, run).with_ignored_flag(ignored)
-    };
     let mut trials = Vec::new();
     macro_rules! add {
-        ($($name:ident $(needs $program:literal)?),* $(,)?) => {
-            $(trials.push(trial(stringify!($name), $name, &[$($program)?]));)*
-        };
+        ($($name:ident $(needs $program:literal)?),* $(,)?) => {$(
+            let present = [$($program)?].into_iter().all(exists);
+            trials.push(trial(stringify!($name), present, || {
+                $name();
+                Ok(())
+            }));
+        )*};
     }
     add!(
         short_help_shows_common_options_and_long_help_all,

@@ -1,76 +1,65 @@
 //! Compares the certificates of real models with the expected ones. The models are large and not
-//! part of the project. Without their files, these tests report that and pass.
+//! part of the project. A test without its files is shown as ignored, never as passed.
 
+mod support;
+
+use libtest_mimic::{Arguments, Failed, Trial};
 use linkwatch::{AbortOn, Basis, Certificate, Verifier, homotopic_polylines, model};
 use std::path::PathBuf;
+use support::trial::trial;
 
-/// Returns the path of a model beside the project, if it exists.
-fn model_file(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../shared/models")
-        .join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: {} is not here", path.display());
-    None
+/// Returns the path of a file beside the project.
+fn path(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models");
+    folder.join(name)
 }
 
-fn certify(name: &str) -> Option<Certificate> {
-    let set = model::read(&model_file(name)?).unwrap();
+/// Creates a test that needs these files.
+fn test(
+    name: String,
+    files: &[&str],
+    run: impl FnOnce() -> Result<(), Failed> + Send + 'static,
+) -> Trial {
+    let present = files.iter().all(|file| path(file).exists());
+    trial(name, present, run)
+}
+
+fn certify(file: &str) -> Result<Certificate, Failed> {
+    let set = model::read(&path(file))?;
     let mut verifier = Verifier::new(AbortOn::Any);
     let (certificate, stats) = verifier.certify(&set);
-    println!("{name}: {stats:?}");
+    println!("{file}: {stats:?}");
     assert_eq!(certificate.undefined, []);
-    Some(certificate.clone())
+    Ok(certificate.clone())
 }
 
-#[test]
-fn certificates_equal_the_expected_ones() {
-    for (file, expected) in [
-        ("glove.bcc", "glove.certificate.txt"),
-        ("knittubeinit.bcc", "knittubeinit.certificate.txt"),
-        ("knittubebroken.bcc", "knittubebroken.certificate.txt"),
-        ("houdiniobj.obj", "houdiniobj.certificate.txt"),
-    ] {
-        if let (Some(found), Some(expected)) = (certify(file), model_file(expected)) {
-            assert_eq!(found, Certificate::read(&expected).unwrap(), "{file}");
-        }
-    }
+fn equals_the_expected_certificate(model: &'static str) -> Trial {
+    let (stem, _) = model.split_once('.').expect("an extension");
+    let expected = format!("{stem}.certificate.txt");
+    let name = format!("certificate::{model}");
+    test(name, &[model, &expected.clone()], move || {
+        assert_eq!(certify(model)?, Certificate::read(&path(&expected))?);
+        Ok(())
+    })
 }
 
-#[test]
-fn rolfsen_links_have_their_linking_numbers() {
-    for (file, expected) in [
-        ("2.2.1.vect", "2 # lines: 1\n0,1,1\n"),
-        ("4.2.1.vect", "2 # lines: 1\n0,1,-2\n"),
-        ("5.2.1.vect", "2 # lines: 0\n"),
-        ("6.3.2.vect", "3 # lines: 0\n"),
-        ("3.1.vect", "1 # lines: 0\n"),
-        ("4.1.vect", "1 # lines: 0\n"),
-    ] {
-        if let Some(found) = certify(file) {
-            assert_eq!(found.to_string(), expected, "{file}");
-        }
-    }
+fn has_its_linking_numbers((model, expected): (&'static str, &'static str)) -> Trial {
+    test(format!("rolfsen_link::{model}"), &[model], move || {
+        assert_eq!(certify(model)?.to_string(), expected);
+        Ok(())
+    })
 }
 
 /// Algorithm 3 as published: its counts equal those of verifycurves, and its polylines have the
 /// same certificate as the lazy discretization of each pair.
-#[test]
-fn algorithm_3_gives_the_published_counts_and_the_same_certificates() {
-    for (file, overlaps, segments) in [
-        ("glove.bcc", Some(3867), Some(65_933)),
-        ("knittubebroken.bcc", None, Some(27_530)),
-        ("knittubeinit.bcc", None, None),
-    ] {
-        let Some(path) = model_file(file) else {
-            continue;
-        };
-        let set = model::read(&path).unwrap();
-        let polylines = homotopic_polylines(&set).unwrap();
+fn has_the_published_polylines(
+    (model, overlaps, segments): (&'static str, Option<usize>, Option<usize>),
+) -> Trial {
+    test(format!("algorithm_3::{model}"), &[model], move || {
+        let set = model::read(&path(model))?;
+        let polylines = homotopic_polylines(&set)?;
         println!(
-            "{file}: {} overlaps, {} segments, {} passes",
+            "{model}: {} overlaps, {} segments, {} passes",
             polylines.overlaps,
             polylines.curves.segments(),
             polylines.passes
@@ -80,10 +69,37 @@ fn algorithm_3_gives_the_published_counts_and_the_same_certificates() {
         assert!(overlaps.is_none_or(|n| n == polylines.overlaps));
         assert!(segments.is_none_or(|n| n == polylines.curves.segments()));
         let mut verifier = Verifier::new(AbortOn::Any);
-        assert_eq!(
-            verifier.certify(&polylines.curves).0.clone(),
-            *verifier.certify(&set).0,
-            "{file}"
-        );
-    }
+        let found = verifier.certify(&polylines.curves).0.clone();
+        assert_eq!(found, *verifier.certify(&set).0);
+        Ok(())
+    })
+}
+
+fn main() {
+    let certificates = [
+        "glove.bcc",
+        "knittubeinit.bcc",
+        "knittubebroken.bcc",
+        "houdiniobj.obj",
+    ];
+    let rolfsen_links = [
+        ("2.2.1.vect", "2 # lines: 1\n0,1,1\n"),
+        ("4.2.1.vect", "2 # lines: 1\n0,1,-2\n"),
+        ("5.2.1.vect", "2 # lines: 0\n"),
+        ("6.3.2.vect", "3 # lines: 0\n"),
+        ("3.1.vect", "1 # lines: 0\n"),
+        ("4.1.vect", "1 # lines: 0\n"),
+    ];
+    let polylines = [
+        ("glove.bcc", Some(3867), Some(65_933)),
+        ("knittubebroken.bcc", None, Some(27_530)),
+        ("knittubeinit.bcc", None, None),
+    ];
+    let trials = (certificates
+        .map(equals_the_expected_certificate)
+        .into_iter())
+    .chain(rolfsen_links.map(has_its_linking_numbers))
+    .chain(polylines.map(has_the_published_polylines))
+    .collect();
+    libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }

@@ -1,25 +1,17 @@
 //! Tests of `linkwatch plan` as a process, and of scenes in place of models.
 
-use std::process::{Command, Output};
-use tempfile::TempDir;
+mod support;
 
-/// Runs the command. Returns exit code, stdout and stderr.
-fn linkwatch(args: &[&str]) -> (i32, String, String) {
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .args(args)
-        .output()
-        .unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (status.code().unwrap(), text(stdout), text(stderr))
-}
+use support::command::{Run, linkwatch};
+use tempfile::TempDir;
 
 #[test]
 fn prints_a_line_per_stage() {
-    let (code, stdout, stderr) = linkwatch(&["plan", "ribbon:segments=2000", "--threads", "1"]);
+    let Run {
+        code,
+        stdout,
+        stderr,
+    } = linkwatch(&["plan", "ribbon:segments=2000", "--threads", "1"]);
     assert_eq!((code, stderr.as_str()), (0, ""));
     let lines: Vec<&str> = stdout.lines().collect();
     let starts = [
@@ -35,7 +27,7 @@ fn prints_a_line_per_stage() {
     for (line, start) in lines.iter().zip(starts) {
         assert!(line.starts_with(start), "{line}");
     }
-    let (code, stdout, _) = linkwatch(&["plan", "ribbon:segments=2000", "--repeat", "1"]);
+    let Run { code, stdout, .. } = linkwatch(&["plan", "ribbon:segments=2000", "--repeat", "1"]);
     assert_eq!(code, 0);
     assert!(stdout.contains("\n  measured: boxes "), "{stdout}");
 }
@@ -46,8 +38,8 @@ fn a_scene_and_its_model_file_have_the_same_plan() {
     let scene = "knit:rows=3,stitches=16,segments=576";
     let model = folder.path().join("a.bcc");
     let model = model.to_str().unwrap();
-    assert_eq!(linkwatch(&["generate", scene, "-o", model]).0, 0);
-    let (code, stdout, _) = linkwatch(&["plan", "--json", "--threads", "2", model, scene]);
+    assert_eq!(linkwatch(&["generate", scene, "-o", model]).code, 0);
+    let Run { code, stdout, .. } = linkwatch(&["plan", "--json", "--threads", "2", model, scene]);
     assert_eq!(code, 0);
     let plans: Vec<serde_json::Value> = stdout
         .lines()
@@ -72,13 +64,17 @@ fn a_scene_and_its_model_file_have_the_same_plan() {
 
 #[test]
 fn scenes_are_certified_like_models() {
-    let (code, stdout, stderr) = linkwatch(&["certify", "ribbon:segments=2000,lambda=-12"]);
+    let Run {
+        code,
+        stdout,
+        stderr,
+    } = linkwatch(&["certify", "ribbon:segments=2000,lambda=-12"]);
     assert_eq!(
         (code, stdout.as_str()),
         (0, "2 # lines: 1\n0,1,-12\n"),
         "{stderr}"
     );
-    let (code, stdout, _) = linkwatch(&["certify", "ribbon:segments=2000", "--repeat", "1"]);
+    let Run { code, stdout, .. } = linkwatch(&["certify", "ribbon:segments=2000", "--repeat", "1"]);
     assert_eq!(code, 0);
     assert!(
         stdout.starts_with("ribbon:segments=2000, median of 1"),
@@ -107,13 +103,17 @@ fn rejects_an_unknown_argument_in_one_line() {
         ),
     ] {
         for command in ["plan", "certify"] {
-            let (code, stdout, stderr) = linkwatch(&[command, argument]);
+            let Run {
+                code,
+                stdout,
+                stderr,
+            } = linkwatch(&[command, argument]);
             assert_eq!((code, stdout.as_str()), (2, ""), "{argument}");
             assert_eq!(stderr.lines().count(), 1, "{stderr}");
             assert!(says.iter().all(|s| stderr.contains(s)), "{stderr}");
         }
     }
-    assert_eq!(linkwatch(&["plan"]).0, 2);
+    assert_eq!(linkwatch(&["plan"]).code, 2);
 }
 
 /// The calibration of a missing adapter, or of an older version, does not affect the plan.
@@ -139,15 +139,14 @@ fn ignores_the_calibration_of_a_missing_adapter() {
     for (kept, is_said) in [(of_now, true), (of_old, false)] {
         let kept = serde_json::json!([kept]);
         std::fs::write(folder.join("devices.json"), kept.to_string()).unwrap();
-        let out = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        let run: Run = support::command::command()
             .args(["plan", "chainmail", "--threads", "1"])
             .env("XDG_CACHE_HOME", cache.path())
             .output()
-            .unwrap();
-        let text = String::from_utf8(out.stdout).unwrap();
-        assert!(out.status.success() && text.contains("crossings (exact)"));
-        assert!(!text.contains("Some Card"), "{text}");
-        let said = String::from_utf8(out.stderr).unwrap();
-        assert_eq!(said.contains("Some Card"), is_said, "{said}");
+            .unwrap()
+            .into();
+        assert!(run.code == 0 && run.stdout.contains("crossings (exact)"));
+        assert!(!run.stdout.contains("Some Card"), "{}", run.stdout);
+        assert_eq!(run.stderr.contains("Some Card"), is_said, "{}", run.stderr);
     }
 }

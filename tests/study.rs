@@ -1,26 +1,18 @@
 //! Tests of `linkwatch study` as a process.
 
-use serde_json::{Value, json};
-use std::process::{Command, Output};
+mod support;
 
-/// Runs `linkwatch study frames`. Returns exit code, stdout and stderr.
-fn frames(args: &[&str]) -> (i32, String, String) {
+use serde_json::{Value, json};
+use support::command::{Run, linkwatch};
+
+/// Runs `linkwatch study frames`.
+fn frames(args: &[&str]) -> Run {
     study("frames", args)
 }
 
-/// Runs `linkwatch study`. Returns exit code, stdout and stderr.
-fn study(what: &str, args: &[&str]) -> (i32, String, String) {
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
-        .args(["study", what])
-        .args(args)
-        .output()
-        .unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (status.code().unwrap(), text(stdout), text(stderr))
+/// Runs `linkwatch study`.
+fn study(what: &str, args: &[&str]) -> Run {
+    linkwatch(&[&["study", what], args].concat())
 }
 
 /// A scene that has a diameter.
@@ -28,7 +20,11 @@ const KNIT: &str = "knit:rows=3,stitches=16,segments=576";
 
 #[test]
 fn prints_a_table_of_motions_and_amplitudes() {
-    let (code, stdout, stderr) = frames(&[
+    let Run {
+        code,
+        stdout,
+        stderr,
+    } = frames(&[
         KNIT,
         "--frames",
         "7",
@@ -69,7 +65,7 @@ fn prints_a_table_of_motions_and_amplitudes() {
 #[test]
 fn prints_the_result_as_json() {
     let scene = "chainmail:rows=3,columns=3";
-    let (code, stdout, _) = frames(&[
+    let Run { code, stdout, .. } = frames(&[
         scene,
         "--diameter",
         "0.2",
@@ -129,7 +125,11 @@ fn bad_arguments_exit_with_2() {
         (&[KNIT, "--frames", "0"], "0 is not in 1.."),
         (&[], "MODEL|SCENE"),
     ] {
-        let (code, stdout, stderr) = frames(args);
+        let Run {
+            code,
+            stdout,
+            stderr,
+        } = frames(args);
         assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}");
         assert!(stderr.contains(says), "{stderr}");
     }
@@ -138,7 +138,11 @@ fn bad_arguments_exit_with_2() {
 /// Both verifiers report the same pull-throughs, and there are some if all points move far.
 #[test]
 fn compares_pull_throughs_as_well() {
-    let (code, stdout, stderr) = frames(&[
+    let Run {
+        code,
+        stdout,
+        stderr,
+    } = frames(&[
         KNIT,
         "--frames",
         "6",
@@ -161,7 +165,11 @@ fn compares_pull_throughs_as_well() {
 
 /// Returns the only JSON document that a study prints.
 fn json_of(what: &str, args: &[&str]) -> Value {
-    let (code, stdout, stderr) = study(what, &[args, &["--json"]].concat());
+    let Run {
+        code,
+        stdout,
+        stderr,
+    } = study(what, &[args, &["--json"]].concat());
     assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
     serde_json::from_str(&stdout).unwrap()
 }
@@ -200,7 +208,11 @@ fn measures_times_at_several_sizes() {
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("kernels.csv");
     let plots = folder.path().join("new/plots");
-    let (code, stdout, stderr) = study(
+    let Run {
+        code,
+        stdout,
+        stderr,
+    } = study(
         "kernels",
         &[
             "ribbon:segments=4000,lambda=3",
@@ -297,14 +309,18 @@ fn bad_studies_of_kernels_exit_with_2() {
         (&[scene, "--repeat", "0"], "0 is not in 1.."),
         (&["none.bcc"], "none.bcc: No such file"),
     ] {
-        let (code, stdout, stderr) = study("kernels", args);
+        let Run {
+            code,
+            stdout,
+            stderr,
+        } = study("kernels", args);
         assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}");
         assert!(stderr.contains(says), "{args:?}: {stderr}");
     }
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("hopf.obj");
     std::fs::write(&model, "v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 3 1\n").unwrap();
-    let (code, _, stderr) = study("kernels", &[model.to_str().unwrap(), "--sizes", "10"]);
+    let Run { code, stderr, .. } = study("kernels", &[model.to_str().unwrap(), "--sizes", "10"]);
     assert_eq!(code, 2);
     assert!(
         stderr.contains("hopf.obj is not a generated scene"),
@@ -323,7 +339,11 @@ fn prints_the_published_values_beside_the_measured_ones() {
         "--csv",
         csv.to_str().unwrap(),
     ];
-    let (code, stdout, stderr) = study("table1", &[&short[..], &only].concat());
+    let Run {
+        code,
+        stdout,
+        stderr,
+    } = study("table1", &[&short[..], &only].concat());
     assert_eq!((code, stderr.as_str()), (0, ""), "{stdout}");
     let line = |name: &str, by: &str| {
         let mut lines = stdout.lines().skip_while(|line| !line.starts_with(name));
@@ -388,7 +408,11 @@ fn bad_studies_of_the_table_exit_with_2() {
         ),
         (&["ribbon"], "unexpected argument"),
     ] {
-        let (code, stdout, stderr) = study("table1", args);
+        let Run {
+            code,
+            stdout,
+            stderr,
+        } = study("table1", args);
         assert_eq!((code, stdout.as_str()), (2, ""), "{args:?}");
         assert!(stderr.contains(says), "{args:?}: {stderr}");
     }

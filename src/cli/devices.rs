@@ -85,9 +85,9 @@ fn lines(d: &DeviceInfo) -> Vec<String> {
             mib(d.max_binding_bytes),
             if d.double_precision { "yes" } else { "no" },
         ),
-        match &d.trouble {
+        match &d.unusable {
             None => "usable: its arithmetic passed the test".into(),
-            Some(trouble) => format!("not usable: {trouble}"),
+            Some(why) => format!("not usable: {why}"),
         },
     ]
 }
@@ -100,7 +100,7 @@ use measured::{calibrate, measure};
 mod measured {
     use super::{Args, Outcome, output};
     use crate::cli::input;
-    use linkwatch::kernels::{Device, DeviceTimes, Method, Precision, SumCost, measure_device};
+    use linkwatch::kernels::{Device, DeviceTimes, GpuPrecision, Method, SumCost, measure_device};
     use linkwatch::{AbortOn, Result, Verifier};
     use serde_json::json;
     use std::path::{Path, PathBuf};
@@ -210,7 +210,7 @@ mod measured {
             };
             output::line(format_args!(
                 "  {name}: {:.3} ms and {:.4} ns per {unit}; CPU {:.4} ns; {from}",
-                cost.round_trip_ms, cost.adapter_ns, cost.processor_ns,
+                cost.round_trip_ms, cost.adapter_ns, cost.cpu_ns,
             ));
         };
         sum("direct sums", "pair of segments", c.direct);
@@ -219,7 +219,7 @@ mod measured {
         output::line(format_args!(
             "  counting crossings: {:.3} ms and {:.2} ns per segment, {:.1} ns per potential link, \
              {:.2} ns per test, within a factor of {:.1}; CPU {:.2} times its prediction",
-            k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.misfit, k.processor_factor,
+            k.round_trip_ms, k.segment_ns, k.link_ns, k.test_ns, k.error_factor, k.cpu_factor,
         ));
         Ok(())
     }
@@ -281,7 +281,7 @@ mod measured {
                 let measured = measure_one(args, &input, &[*kernel], json)?;
                 outcome = outcome.max(measured.outcome);
                 // If a larger scene is slower again, the size found so far is discarded.
-                let first = |t: &&DeviceTimes| t.precision == Precision::Single;
+                let first = |t: &&DeviceTimes| t.precision == GpuPrecision::Single;
                 let faster = measured
                     .times
                     .iter()
@@ -348,9 +348,9 @@ mod measured {
                 outcome = Outcome::Changed;
             }
             if !json {
-                let processor = t.processor_ms.map_or("-".into(), |ms| format!("{ms:.2}"));
+                let cpu = t.cpu_ms.map_or("-".into(), |ms| format!("{ms:.2}"));
                 output::line(format_args!(
-                    "  {:12} {:9} {:>12.2} {:>10.2} {processor:>10} {:>14.1e} {:>10}  {}",
+                    "  {:12} {:9} {:>12.2} {:>10.2} {cpu:>10} {:>14.1e} {:>10}  {}",
                     t.kernel,
                     t.precision.word(),
                     t.whole_ms,

@@ -1,7 +1,7 @@
 //! GPU adapter in use by the kernels: chosen, opened, replaced by the CPU after a failure.
 
 use super::calibration::Calibration;
-use super::crossings::Scene;
+use super::crossings::Input;
 use super::device::{Device, DeviceInfo};
 use super::{Counted, Summation};
 use crate::curve::CurveSet;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 #[cfg(feature = "gpu")]
 use super::calibration::{segment_pairs, segments};
 #[cfg(feature = "gpu")]
-use super::gpu::{self, Frame, Gpu, Trouble};
+use super::gpu::{self, Frame, Gpu};
 #[cfg(feature = "gpu")]
 use std::sync::OnceLock;
 
@@ -56,7 +56,7 @@ pub(crate) struct Offer<'a> {
     /// Name of the adapter.
     pub adapter: &'a str,
     /// True if the user requested this adapter. It then gets all work that it supports.
-    pub asked_for: bool,
+    pub requested: bool,
     /// Measured cost of the kernels, if there is a calibration.
     pub calibration: Option<&'a Calibration>,
 }
@@ -72,7 +72,7 @@ impl Accelerator {
             Device::Cpu => Ok(Accelerator::default()),
             Device::Gpu | Device::Named(_) | Device::Index(_) => {
                 let opened = Gpu::shared(device);
-                let gpu = opened.map_err(|trouble| Error::Device(trouble.to_string()))?;
+                let gpu = opened.map_err(|error| Error::Device(error.to_string()))?;
                 let info = gpu.info();
                 Ok(Accelerator {
                     gpu: OnceLock::from(Some(gpu)),
@@ -125,10 +125,10 @@ impl Accelerator {
             };
             let opened = Gpu::shared(&device);
             opened
-                .inspect_err(|trouble| {
+                .inspect_err(|error| {
                     tracing::info!(
                         "cannot use the calibrated adapter {name}, \
-                         kernels run on the CPU: {trouble}"
+                         kernels run on the CPU: {error}"
                     );
                 })
                 .ok()
@@ -168,7 +168,7 @@ impl Accelerator {
         };
         Some(Offer {
             adapter,
-            asked_for: self.requested.is_some(),
+            requested: self.requested.is_some(),
             calibration,
         })
     }
@@ -224,8 +224,8 @@ impl Accelerator {
         }
         if let Some(gpu) = self.gpu().cloned() {
             let frame = self.frame(set);
-            if let Err(trouble) = gpu.send(&frame) {
-                self.fall_back_to_cpu(&trouble);
+            if let Err(error) = gpu.send(&frame) {
+                self.fall_back_to_cpu(&error);
             }
         }
     }
@@ -250,9 +250,9 @@ impl Accelerator {
     pub fn send_ahead(&mut self, _: &CurveSet) {}
 
     #[cfg(feature = "gpu")]
-    fn fall_back_to_cpu(&mut self, trouble: &Trouble) {
+    fn fall_back_to_cpu(&mut self, error: &gpu::Error) {
         tracing::warn!(
-            "the GPU failed; this and all further frames are computed on the CPU: {trouble}"
+            "the GPU failed; this and all further frames are computed on the CPU: {error}"
         );
         let offload = self.offload;
         *self = Accelerator {
@@ -265,14 +265,14 @@ impl Accelerator {
     /// pairs, or `None` if the CPU has to count: without an adapter, for splines, and after a
     /// failure, which is logged.
     #[cfg(feature = "gpu")]
-    pub fn count(&mut self, scene: Scene<'_>, pairs: &[Pair]) -> Option<Vec<Counted>> {
-        if pairs.is_empty() || !scene.set.basis().is_polyline() {
+    pub fn count(&mut self, input: Input<'_>, pairs: &[Pair]) -> Option<Vec<Counted>> {
+        if pairs.is_empty() || !input.set.basis().is_polyline() {
             return None;
         }
         let gpu = self.gpu()?.clone();
-        let frame = self.frame(scene.set);
+        let frame = self.frame(input.set);
         let next = self.next.take();
-        match gpu.count(&frame, scene, pairs, next.as_deref()) {
+        match gpu.count(&frame, input, pairs, next.as_deref()) {
             Ok(((parts, undecided), ahead)) => {
                 // Keeps the upload that an earlier part of the frame made.
                 if let Some(ahead) = next.zip(ahead.map(Arc::new)) {
@@ -282,8 +282,8 @@ impl Accelerator {
                 self.offload.undecided += undecided;
                 Some(parts)
             }
-            Err(trouble) => {
-                self.fall_back_to_cpu(&trouble);
+            Err(error) => {
+                self.fall_back_to_cpu(&error);
                 None
             }
         }
@@ -291,7 +291,7 @@ impl Accelerator {
 
     /// Returns `None`: this build supports the CPU only.
     #[cfg(not(feature = "gpu"))]
-    pub fn count(&mut self, _: Scene<'_>, _: &[Pair]) -> Option<Vec<Counted>> {
+    pub fn count(&mut self, _: Input<'_>, _: &[Pair]) -> Option<Vec<Counted>> {
         None
     }
 

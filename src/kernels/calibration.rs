@@ -3,6 +3,9 @@
 //! A calibration belongs to an adapter, a driver and a number of threads. It is stored in a file in
 //! the user's cache folder. It is made on request only ([`crate::plan::calibrate`]), never during
 //! verification. Without a calibration the CPU is chosen.
+//!
+//! An entry of the file with a missing field is one of an older version, and is ignored. Fields that
+//! were renamed are read under both names.
 
 use super::device::DeviceInfo;
 use crate::curve::CurveSet;
@@ -39,7 +42,8 @@ pub struct SumCost {
     /// Time per unit of work on the adapter, in nanoseconds.
     pub adapter_ns: f64,
     /// Time per unit of work on all CPU threads, in nanoseconds.
-    pub processor_ns: f64,
+    #[serde(alias = "processor_ns")]
+    pub cpu_ns: f64,
 }
 
 /// Cost of counting the crossings of a frame on an adapter, from vertices in memory to linking
@@ -55,9 +59,11 @@ pub struct CountingCost {
     /// Time per test (a segment pair whose boxes overlap), in nanoseconds.
     pub test_ns: f64,
     /// Typical factor between measured and predicted times; 1 if the prediction is perfect.
-    pub misfit: f64,
+    #[serde(alias = "misfit")]
+    pub error_factor: f64,
     /// Measured time on all CPU threads, divided by the time that the plan predicts.
-    pub processor_factor: f64,
+    #[serde(alias = "processor_factor")]
+    pub cpu_factor: f64,
 }
 
 /// Counts of a frame, from which the cost of counting its crossings is predicted.
@@ -75,13 +81,13 @@ impl SumCost {
     /// Returns true if the adapter is predicted to be faster than the CPU on this work.
     pub fn wins(&self, work: u64) -> bool {
         let millions = work as f64 * 1e-6;
-        self.round_trip_ms + self.adapter_ns * millions < self.processor_ns * millions
+        self.round_trip_ms + self.adapter_ns * millions < self.cpu_ns * millions
     }
 
     /// Returns the least work on which the adapter is predicted to be faster than the CPU. Returns
     /// `None` if it never is.
     pub fn break_even(&self) -> Option<u64> {
-        let gain = self.processor_ns - self.adapter_ns;
+        let gain = self.cpu_ns - self.adapter_ns;
         let work = self.round_trip_ms * 1e6 / gain;
         // Written so that a NaN gives `None` as well.
         (gain > 0.0).then_some((work.ceil() as u64).saturating_add(1))
@@ -89,7 +95,7 @@ impl SumCost {
 
     fn is_valid(&self) -> bool {
         let positive = |x: f64| x > 0.0 && x.is_finite();
-        positive(self.round_trip_ms) && positive(self.adapter_ns) && positive(self.processor_ns)
+        positive(self.round_trip_ms) && positive(self.adapter_ns) && positive(self.cpu_ns)
     }
 }
 
@@ -111,9 +117,9 @@ impl CountingCost {
         let costs = [self.segment_ns, self.link_ns, self.test_ns];
         let positive = |x: f64| x > 0.0 && x.is_finite();
         positive(self.round_trip_ms)
-            && positive(self.processor_factor)
-            && self.misfit >= 1.0
-            && self.misfit.is_finite()
+            && positive(self.cpu_factor)
+            && self.error_factor >= 1.0
+            && self.error_factor.is_finite()
             && costs.iter().all(|&x| x >= 0.0 && x.is_finite())
     }
 }
@@ -226,10 +232,10 @@ impl Calibration {
     /// Returns a calibration whose frames take `round_trip_ms` at least and whose adapter is
     /// `speed` times as fast as the CPU per unit of work.
     pub(crate) fn made_up(round_trip_ms: f64, speed: f64) -> Calibration {
-        let sum = |processor_ns: f64| SumCost {
+        let sum = |cpu_ns: f64| SumCost {
             round_trip_ms,
-            adapter_ns: processor_ns / speed,
-            processor_ns,
+            adapter_ns: cpu_ns / speed,
+            cpu_ns,
         };
         Calibration {
             adapter: "made up".into(),
@@ -243,8 +249,8 @@ impl Calibration {
                 segment_ns: 10.0 / speed,
                 link_ns: 200.0 / speed,
                 test_ns: 50.0 / speed,
-                misfit: 1.0,
-                processor_factor: 1.0,
+                error_factor: 1.0,
+                cpu_factor: 1.0,
             },
         }
     }
@@ -259,7 +265,7 @@ mod tests {
         let mut sum = SumCost {
             round_trip_ms: 1.0,
             adapter_ns: 0.01,
-            processor_ns: 1.01,
+            cpu_ns: 1.01,
         };
         assert!(sum.wins(1_000_001) && !sum.wins(999_999) && !sum.wins(0));
         let from = sum.break_even().unwrap();
@@ -275,7 +281,7 @@ mod tests {
         let sum = SumCost {
             round_trip_ms: 1e300,
             adapter_ns: 1e-300,
-            processor_ns: 1e-299,
+            cpu_ns: 1e-299,
         };
         assert_eq!(sum.break_even(), Some(u64::MAX));
     }
@@ -293,12 +299,25 @@ mod tests {
             assert_eq!(with(&|c| c.direct.adapter_ns = x), None);
             assert_eq!(with(&|c| c.barnes_hut.round_trip_ms = x), None);
             assert_eq!(with(&|c| c.crossings.test_ns = x), None);
-            assert_eq!(with(&|c| c.crossings.processor_factor = x), None);
-            assert_eq!(with(&|c| c.crossings.misfit = x), None);
+            assert_eq!(with(&|c| c.crossings.cpu_factor = x), None);
+            assert_eq!(with(&|c| c.crossings.error_factor = x), None);
         }
         // A least-squares fit may find that a segment costs nothing.
         assert!(with(&|c| c.crossings.segment_ns = 0.0).is_some());
-        assert_eq!(with(&|c| c.crossings.processor_factor = 0.0), None);
+        assert_eq!(with(&|c| c.crossings.cpu_factor = 0.0), None);
+        // Earlier names of some fields.
+        let text = json!(good).to_string();
+        let renamed = [
+            ("cpu_ns", "processor_ns"),
+            ("error_factor", "misfit"),
+            ("cpu_factor", "processor_factor"),
+        ];
+        let earlier = renamed.iter().fold(text, |text, (now, before)| {
+            assert!(text.contains(now));
+            text.replace(now, before)
+        });
+        let earlier = serde_json::from_str(&earlier).unwrap();
+        assert_eq!(Calibration::from_json(earlier), Some(good.clone()));
         // Format of a version that measured direct sums only.
         let old = json!({
             "adapter": "A", "driver": "1", "threads": 8,

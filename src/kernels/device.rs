@@ -1,5 +1,6 @@
 //! Choice of the CPU or of a GPU adapter, and the list of the adapters.
 
+use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
@@ -33,10 +34,14 @@ impl fmt::Display for Device {
 }
 
 impl FromStr for Device {
-    type Err = String;
-    fn from_str(s: &str) -> Result<Self, String> {
+    type Err = Error;
+
+    fn from_str(s: &str) -> Result<Self> {
         Ok(match s {
-            "" => return Err("expected auto, cpu, gpu, or the index or name of an adapter".into()),
+            "" => {
+                let all = "expected auto, cpu, gpu, or the index or name of an adapter";
+                return Err(Error::Usage(all.into()));
+            }
             "auto" => Device::Auto,
             "cpu" => Device::Cpu,
             "gpu" => Device::Gpu,
@@ -115,7 +120,7 @@ pub struct DeviceInfo {
     /// Maximum size of a storage buffer binding in bytes.
     pub max_binding_bytes: u64,
     /// Reason why the adapter cannot be used; `None` if it can.
-    pub trouble: Option<String>,
+    pub unusable: Option<String>,
 }
 
 /// Returns all adapters. Opens each of them and tests its arithmetic.
@@ -139,7 +144,7 @@ mod tests {
             Device::Named("H100".into()),
             Device::Index(1),
         ] {
-            assert_eq!(device.to_string().parse(), Ok(device));
+            assert_eq!(device.to_string().parse().ok(), Some(device));
         }
         assert!("".parse::<Device>().is_err());
     }
@@ -156,7 +161,7 @@ mod tests {
             double_precision: true,
             max_buffer_bytes: 1 << 30,
             max_binding_bytes: 1 << 30,
-            trouble: None,
+            unusable: None,
         };
         names.map(info).collect()
     }

@@ -6,6 +6,7 @@ use super::sums::fmm::{self, Fmm};
 use super::sums::interval::{Interval, enclose};
 use super::{Accelerator, Estimate, Summation};
 use crate::curve::CurveSet;
+use crate::error::{Error, Result};
 use crate::pairs::Pair;
 use std::fmt;
 use std::str::FromStr;
@@ -146,11 +147,13 @@ impl fmt::Display for Method {
 }
 
 impl FromStr for Method {
-    type Err = String;
-    fn from_str(s: &str) -> Result<Self, String> {
+    type Err = Error;
+
+    fn from_str(s: &str) -> Result<Self> {
         let found = Self::ALL.into_iter().find(|m| m.word() == s);
         found.ok_or_else(|| {
-            "expected auto, crossings, direct, angle-sum, barnes-hut, fmm or interval".into()
+            let all = "expected auto, crossings, direct, angle-sum, barnes-hut, fmm or interval";
+            Error::Usage(all.into())
         })
     }
 }

@@ -22,6 +22,7 @@
 
 mod accelerator;
 mod calibration;
+pub(crate) mod choice;
 #[cfg(test)]
 mod conformance;
 mod counted;
@@ -42,7 +43,7 @@ pub(crate) use calibration::{CountingWork, segment_pairs};
 pub(crate) use counted::Counted;
 pub use device::{Device, DeviceInfo, devices};
 #[cfg(feature = "gpu")]
-pub use gpu::{DeviceTimes, Precision, measure as measure_device};
+pub use gpu::{DeviceTimes, GpuPrecision, measure as measure_device};
 pub use method::{Accuracy, Method};
 pub use sums::Estimate;
 pub(crate) use sums::Summation;

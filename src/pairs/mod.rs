@@ -7,6 +7,7 @@
 mod brute;
 mod closest;
 mod descent;
+mod links;
 mod overlaps;
 mod suspects;
 mod sweep;
@@ -16,6 +17,7 @@ mod trees;
 pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{closest_approach, closest_of_segments, closest_points};
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
+pub(crate) use links::{degenerate_curves, potential_links};
 pub(crate) use overlaps::overlapping_segments;
 pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;

@@ -1,20 +1,20 @@
 //! Measures kernels on an adapter and on the CPU, and fits the costs of the automatic choice
 //! ([`Calibration`]).
 
-use super::{Sample, choice};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
-use crate::kernels::crossings::{Scene, Workspaces};
-use crate::kernels::gpu::{Frame, Gpu, Trouble};
+use crate::kernels::choice::Predictions;
+use crate::kernels::crossings::{Input, Workspaces};
+use crate::kernels::gpu::{self, Frame, Gpu};
 use crate::kernels::{
     Accelerator, Accuracy, Calibration, CountingCost, CountingWork, Device, Estimate, Method,
     SumCost, segment_pairs, segments,
 };
-use crate::pairs::{LinkSearch, Pair, Trees};
+use crate::pairs::{LinkSearch, Pair, Trees, degenerate_curves, potential_links};
 use crate::scenes::Scene as Model;
 use crate::verdict::AbortOn;
-use crate::verifier::{Verifier, degenerate_curves, potential_links};
+use crate::verifier::Verifier;
 use nalgebra::{DMatrix, DVector};
 use std::time::{Duration, Instant};
 
@@ -96,7 +96,7 @@ pub fn calibrate(device: &Device) -> Result<Calibration> {
     for text in COUNTED[software] {
         let subject = subject(text)?;
         rows.push(subject.count(&gpu)?);
-        factors += (subject.processor_ms()? / subject.predicted_ms()).ln();
+        factors += (subject.cpu_ms()? / subject.predicted_ms()).ln();
     }
     usable(Calibration {
         adapter: info.name,
@@ -126,20 +126,15 @@ fn usable(c: Calibration) -> Result<Calibration> {
 /// Minimum of a measured time after the round trip is subtracted.
 const SHORTEST_MS: f64 = 1e-3;
 
-fn failed(trouble: Trouble) -> Error {
-    Error::Device(trouble.to_string())
+fn failed(error: gpu::Error) -> Error {
+    Error::Device(error.to_string())
 }
 
-fn sum_cost(
-    [smallest_ms, large_ms]: [f64; 2],
-    work: u64,
-    processor_ms: f64,
-    processor_work: u64,
-) -> SumCost {
+fn sum_cost([smallest_ms, large_ms]: [f64; 2], work: u64, cpu_ms: f64, cpu_work: u64) -> SumCost {
     SumCost {
         round_trip_ms: smallest_ms,
         adapter_ns: (large_ms - smallest_ms).max(SHORTEST_MS) * 1e6 / work as f64,
-        processor_ns: processor_ms * 1e6 / processor_work as f64,
+        cpu_ns: cpu_ms * 1e6 / cpu_work as f64,
     }
 }
 
@@ -169,8 +164,8 @@ impl MeasuredScene {
         })
     }
 
-    fn scene(&self) -> Scene<'_> {
-        Scene {
+    fn input(&self) -> Input<'_> {
+        Input {
             set: &self.set,
             trees: &self.trees,
             workspaces: &self.workspaces,
@@ -178,7 +173,7 @@ impl MeasuredScene {
     }
 
     /// Measures a kernel on an adapter, in wall-clock time.
-    fn adapter_ms(&self, run: impl Fn() -> Result<Vec<Estimate>, Trouble>) -> Result<f64> {
+    fn adapter_ms(&self, run: impl Fn() -> Result<Vec<Estimate>, gpu::Error>) -> Result<f64> {
         median_ms(|start| {
             run().map_err(failed)?;
             Ok(start.elapsed().as_secs_f64() * 1e3)
@@ -205,7 +200,7 @@ impl MeasuredScene {
         let ms = median_ms(|start| {
             let frame = Frame::new(&self.set);
             gpu.send(&frame).map_err(failed)?;
-            let counted = gpu.count(&frame, self.scene(), &self.links, None);
+            let counted = gpu.count(&frame, self.input(), &self.links, None);
             let ((parts, _), _) = counted.map_err(failed)?;
             work.tests = parts.iter().map(|part| part.stats.tests).sum();
             Ok(start.elapsed().as_secs_f64() * 1e3)
@@ -214,7 +209,7 @@ impl MeasuredScene {
     }
 
     /// Measures counting on the CPU.
-    fn processor_ms(&self) -> Result<f64> {
+    fn cpu_ms(&self) -> Result<f64> {
         let mut verifier = Verifier::new(AbortOn::Never);
         verifier.set_kernel(Method::Crossings, Accuracy::default());
         median_ms(|_| {
@@ -225,8 +220,7 @@ impl MeasuredScene {
 
     /// Returns the predicted time of counting on the CPU.
     fn predicted_ms(&self) -> f64 {
-        let sample = Sample::of(self.scene(), &self.links);
-        choice::on_cpu(self.scene(), &self.links, &[], &sample)
+        Predictions::new(self.input(), &self.links, Method::Crossings).on_cpu_ms()
     }
 }
 
@@ -245,24 +239,20 @@ fn median_ms(mut run: impl FnMut(Instant) -> Result<f64>) -> Result<f64> {
 /// Returns the costs that fit the measured times of counting best, by least squares of the
 /// logarithms of the ratios, so that predictions are too low as often as too high. All costs are at
 /// least 0: with so few unknowns, every subset of nonzero costs is tried.
-fn fit(
-    measured: &[(CountingWork, f64)],
-    round_trip_ms: f64,
-    processor_factor: f64,
-) -> CountingCost {
+fn fit(measured: &[(CountingWork, f64)], round_trip_ms: f64, cpu_factor: f64) -> CountingCost {
     let start = CountingCost {
         round_trip_ms,
         segment_ns: 0.0,
         link_ns: 0.0,
         test_ns: 0.0,
-        misfit: f64::INFINITY,
-        processor_factor,
+        error_factor: f64::INFINITY,
+        cpu_factor,
     };
     let mut best = start;
     for chosen in 1..8u32 {
         let columns: Vec<usize> = (0..3).filter(|c| chosen >> c & 1 == 1).collect();
         let fitted = fit_some(measured, &columns, start);
-        if let Some(found) = fitted.filter(|f| f.misfit < best.misfit) {
+        if let Some(found) = fitted.filter(|f| f.error_factor < best.error_factor) {
             best = found;
         }
     }
@@ -323,7 +313,7 @@ fn fit_some(
         .iter()
         .zip(measured)
         .map(|(p, m)| (p / m.1).ln().powi(2));
-    cost.misfit = (squares.sum::<f64>() / measured.len() as f64).sqrt().exp();
+    cost.error_factor = (squares.sum::<f64>() / measured.len() as f64).sqrt().exp();
     Some(cost)
 }
 
@@ -347,8 +337,8 @@ mod tests {
             segment_ns: segment,
             link_ns: link,
             test_ns: test,
-            misfit: 1.0,
-            processor_factor: 1.0,
+            error_factor: 1.0,
+            cpu_factor: 1.0,
         };
         let row = |[segments, links, tests]: [u64; 3]| {
             let work = CountingWork {
@@ -373,11 +363,8 @@ mod tests {
             for (found, want) in costs.iter().zip(&cost[1..]) {
                 assert!((found - want).abs() <= 1e-6, "{found} {want}");
             }
-            assert!((found.misfit - 1.0).abs() < 1e-6);
-            assert_eq!(
-                (found.round_trip_ms, found.processor_factor),
-                (cost[0], 1.5)
-            );
+            assert!((found.error_factor - 1.0).abs() < 1e-6);
+            assert_eq!((found.round_trip_ms, found.cpu_factor), (cost[0], 1.5));
         }
     }
 
@@ -405,7 +392,7 @@ mod tests {
                 .iter()
                 .all(|&x| x >= 0.0)
         );
-        assert!((1.0..1.3).contains(&found.misfit), "{found:?}");
+        assert!((1.0..1.3).contains(&found.error_factor), "{found:?}");
         for (work, ms) in rows {
             let ratio = found.adapter_ms(work) / ms;
             assert!((0.6..1.6).contains(&ratio), "{ratio}");
@@ -422,7 +409,7 @@ mod tests {
         };
         let rows = [1.0, 9.0, 1.0, 9.0].map(|ms| (work, ms));
         let found = fit(&rows, 0.01, 1.0);
-        assert!((found.misfit - 3.0).abs() < 0.1, "{found:?}");
+        assert!((found.error_factor - 3.0).abs() < 0.1, "{found:?}");
         let ratios = rows
             .iter()
             .map(|(work, ms)| (found.adapter_ms(*work) / ms).ln());

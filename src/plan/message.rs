@@ -140,9 +140,9 @@ impl fmt::Display for Plan {
             None => writeln!(f, "{}", kernel.predicted)?,
             Some(DevicePlan {
                 adapter_ms: Some(adapter),
-                processor_ms: Some(processor),
+                cpu_ms: Some(cpu),
                 ..
-            }) => writeln!(f, "{} (CPU: {})", millis(*adapter), millis(*processor))?,
+            }) => writeln!(f, "{} (CPU: {})", millis(*adapter), millis(*cpu))?,
             Some(_) => writeln!(f, "not calibrated (CPU: {})", kernel.predicted)?,
         }
         if let Some(device) = device {
@@ -159,14 +159,14 @@ impl fmt::Display for Plan {
 impl fmt::Display for DevicePlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let adapter = &self.adapter;
-        match (self.chosen, self.adapter_ms.zip(self.processor_ms)) {
+        match (self.chosen, self.adapter_ms.zip(self.cpu_ms)) {
             (true, _) => write!(f, "crossings on {adapter}")?,
             (false, Some((there, here))) => write!(
                 f,
                 "crossings on the CPU, in {} ({adapter}: {}, within a factor of {:.1})",
                 millis(here),
                 millis(there),
-                self.adapter_misfit.unwrap_or(1.0),
+                self.adapter_error_factor.unwrap_or(1.0),
             )?,
             (false, None) => write!(f, "crossings on the CPU")?,
         }

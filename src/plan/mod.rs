@@ -50,28 +50,23 @@
 
 #[cfg(feature = "gpu")]
 mod calibrate;
-mod choice;
-mod costs;
 mod message;
 #[cfg(test)]
 mod tests;
 
+pub use crate::kernels::crossings::Parallelism;
 #[cfg(feature = "gpu")]
 pub use calibrate::calibrate;
-pub(crate) use choice::{LongLink, Way, goes_to_adapter};
 
-use self::choice::{Forecast, worth_summing};
 use crate::curve::CurveSet;
 use crate::error::Result;
-use crate::kernels::crossings::{Scene, Workspaces, by_formula, sample, shares_out};
+use crate::kernels::choice::costs::{self, Time};
+use crate::kernels::choice::{Choice, Forecast, Predictions};
+use crate::kernels::crossings::{Input, Workspaces, by_formula, parallelism};
 use crate::kernels::{Accelerator, Calibration, Device, KernelWork, Method, Offer, SumCost};
-use crate::pairs::{CurveTree, LinkSearch, Pair, Trees};
-use crate::verifier::{degenerate_curves, links_per_task, potential_links};
+use crate::pairs::{CurveTree, LinkSearch, Pair, Trees, degenerate_curves, potential_links};
 use rayon::prelude::*;
 use serde::Serialize;
-
-/// Maximum number of potential links in the sample.
-const SAMPLE: usize = 64;
 
 /// Plan of a verification, stage by stage. Its `Display` form has a line per stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -102,6 +97,17 @@ pub struct Prediction {
     /// Time on the threads of the plan, in milliseconds: the time on one thread, divided by the
     /// number of busy threads.
     pub ms: f64,
+}
+
+impl Prediction {
+    /// Returns the prediction for several threads that are all busy.
+    fn of(time: Time, threads: usize) -> Prediction {
+        let one_thread_ms = time.ms();
+        Prediction {
+            one_thread_ms,
+            ms: one_thread_ms / threads as f64,
+        }
+    }
 }
 
 /// Conversion of splines to polylines.
@@ -225,9 +231,9 @@ pub struct DevicePlan {
     pub adapter_ms: Option<f64>,
     /// Typical error of that prediction, as a factor. With [`Device::Auto`], the adapter is used
     /// only if it wins by more than that.
-    pub adapter_misfit: Option<f64>,
+    pub adapter_error_factor: Option<f64>,
     /// Predicted time of the linking numbers on the CPU, with the choice of directions.
-    pub processor_ms: Option<f64>,
+    pub cpu_ms: Option<f64>,
     /// Number of segment pairs from which on direct sums run on the adapter; `None` if they never
     /// do.
     pub direct_from: Option<u64>,
@@ -238,7 +244,7 @@ pub struct DevicePlan {
 
 impl DevicePlan {
     fn of(offer: Offer<'_>, chosen: bool, forecast: Option<Forecast>) -> DevicePlan {
-        let from = |sum: fn(&Calibration) -> SumCost| match offer.asked_for {
+        let from = |sum: fn(&Calibration) -> SumCost| match offer.requested {
             true => Some(0),
             false => sum(offer.calibration?).break_even(),
         };
@@ -246,8 +252,8 @@ impl DevicePlan {
             adapter: offer.adapter.into(),
             chosen,
             adapter_ms: forecast.map(|f| f.adapter_ms),
-            adapter_misfit: forecast.map(|f| f.misfit),
-            processor_ms: forecast.map(|f| f.processor_ms),
+            adapter_error_factor: forecast.map(|f| f.error_factor),
+            cpu_ms: forecast.map(|f| f.cpu_ms),
             direct_from: from(|c| c.direct),
             barnes_hut_from: from(|c| c.barnes_hut),
         }
@@ -264,18 +270,6 @@ pub enum Kernel {
     /// Runs the fast multipole method on links of long curves that cross very often. Crossings are
     /// counted for the others, and for links that its bound does not decide.
     Fmm,
-}
-
-/// Work that the threads of the kernel share.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Parallelism {
-    /// Nothing: too little work to share, or one thread.
-    None,
-    /// The potential links.
-    OverLinks,
-    /// The inside of each of few potential links.
-    InsideLinks,
 }
 
 impl Plan {
@@ -306,25 +300,25 @@ impl Plan {
         trees.refit(set);
         let mut search = LinkSearch::default();
         let degenerate: Vec<_> = degenerate_curves(set).collect();
-        let links = &*potential_links(&trees, &mut search, &degenerate);
+        potential_links(&trees, &mut search, &degenerate);
+        let links = search.pairs();
         let workspaces = Workspaces::default();
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &trees,
             workspaces: &workspaces,
         };
-        let sample = Sample::of(scene, links);
-        let mut long = worth_summing(scene, links);
-        let way = Way::of(scene, links, Method::Auto, offer);
-        let on_adapter = matches!(way, Way::Count { on_adapter: true });
+        let predictions = Predictions::new(input, links, Method::Auto);
+        let choice = predictions.choose(offer);
         let device = offer.map(|offer| {
-            let forecast = (offer.calibration).filter(|_| set.basis().is_polyline());
-            let forecast = forecast.map(|c| Forecast::of(scene, links, &long, &sample, c));
-            DevicePlan::of(offer, on_adapter, forecast)
+            let forecast = (offer.calibration).and_then(|c| predictions.forecast(c));
+            DevicePlan::of(offer, choice == Choice::CountOnGpu, forecast)
         });
-        if on_adapter {
-            long.clear();
-        }
+        let sample = *predictions.sample();
+        let long = match choice {
+            Choice::SumFirst => predictions.long(),
+            Choice::CountOnCpu | Choice::CountOnGpu => &[],
+        };
         let formula = |&&(i, j): &&Pair| {
             by_formula([i, j].map(|i| -> CurveTree<'_> { trees.of(set, i as usize) }))
         };
@@ -353,7 +347,10 @@ impl Plan {
                 .filter(|&i| Trees::shares_out(set.curve(i).segments as usize))
                 .count(),
             bytes: trees.bytes(),
-            predicted: costs::boxes(set.basis(), closed().count(), segments).on(busy_boxes),
+            predicted: Prediction::of(
+                costs::boxes(set.basis(), closed().count(), segments),
+                busy_boxes,
+            ),
         };
         let pairs = whole as u64 * (whole as u64).saturating_sub(1) / 2;
         let potential_links = PotentialLinks {
@@ -369,8 +366,10 @@ impl Plan {
             },
             steps: search.steps(),
             bytes: search.bytes(),
-            predicted: costs::potential_links(closed().count(), search.steps(), links)
-                .on(LinkSearch::tasks(whole).clamp(1, threads)),
+            predicted: Prediction::of(
+                costs::potential_links(closed().count(), search.steps(), links),
+                LinkSearch::tasks(whole).clamp(1, threads),
+            ),
         };
         let (parallelism, busy_threads) = parallelism(links, threads, sample.shared);
         let work = sample.work;
@@ -382,25 +381,25 @@ impl Plan {
             } else {
                 DiscretizationChoice::PairByPair
             },
-            predicted: costs::discretization(work).on(busy),
+            predicted: Prediction::of(costs::discretization(work), busy),
         };
         let mut direction = Directions {
             by_formula,
             best_of_six: links - by_formula,
-            predicted: costs::direction(links, work).on(busy),
+            predicted: Prediction::of(costs::direction(links, work), busy),
         };
-        let time = costs::crossings(segments, work, coordinates + boxes.bytes).with_sums(&long);
+        let time = costs::crossings(segments, work, coordinates + boxes.bytes).with_sums(long);
         let mut kernel = KernelPlan {
-            choice: match long[..] {
-                [] => Kernel::Crossings,
-                _ => Kernel::Fmm,
+            choice: match choice {
+                Choice::SumFirst => Kernel::Fmm,
+                Choice::CountOnCpu | Choice::CountOnGpu => Kernel::Crossings,
             },
             summed: long.len(),
             parallelism,
             busy_threads,
             sampled: sample.links,
             work,
-            predicted: time.on(busy),
+            predicted: Prediction::of(time, busy),
             device,
         };
         let forecast = kernel.device.as_ref().filter(|d| d.chosen);
@@ -439,88 +438,4 @@ impl Plan {
             },
         }
     }
-}
-
-/// Returns the work that the threads of the kernel share, and the number of busy threads.
-fn parallelism(links: usize, threads: usize, shared: bool) -> (Parallelism, usize) {
-    let tasks = links.div_ceil(links_per_task(links, threads));
-    match (threads, tasks) {
-        (1, _) | (_, 0) => (Parallelism::None, threads.min(tasks)),
-        _ if tasks < threads && shared => (Parallelism::InsideLinks, threads),
-        (_, 1) => (Parallelism::None, 1),
-        _ => (Parallelism::OverLinks, threads.min(tasks)),
-    }
-}
-
-/// Estimate of the work of all potential links from a sample.
-#[derive(Clone, Copy, Debug)]
-struct Sample {
-    /// Number of sampled potential links.
-    links: usize,
-    /// Estimated work of all links.
-    work: KernelWork,
-    /// True if one of the sampled links uses several threads.
-    shared: bool,
-    /// Tests of the sampled link that has most.
-    most_tests: u64,
-}
-
-impl Sample {
-    fn of(scene: Scene<'_>, links: &[Pair]) -> Sample {
-        let drawn = draw(links.len(), |k| {
-            let (i, j) = links[k];
-            [i, j]
-                .map(|i| u64::from(scene.set.curve(i as usize).segments))
-                .iter()
-                .sum()
-        });
-        let works: Vec<(KernelWork, f64)> = drawn
-            .par_iter()
-            .map(|&(k, factor)| {
-                let mut workspace = scene.workspaces.take();
-                let work = sample(scene, links[k], &mut workspace);
-                // Sampling does not count as verification work.
-                workspace.take_stats();
-                scene.workspaces.put(workspace);
-                (work, factor)
-            })
-            .collect();
-        let each = || works.iter().map(|(work, _)| work);
-        Sample {
-            links: works.len(),
-            work: works
-                .iter()
-                .map(|(work, factor)| work.scaled(*factor))
-                .sum(),
-            shared: each().any(|work| shares_out(work.nodes + work.computed, work.tests)),
-            most_tests: each().map(|work| work.tests).max().unwrap_or(0),
-        }
-    }
-}
-
-/// Returns a sorted sample of the numbers below `count`, with the factors that make its sum an
-/// estimate of the sum over all. It has all numbers if they are few. Otherwise [`SAMPLE`] of them
-/// are drawn at equal distances along a line on which each number takes the length `weight`
-/// (systematic sampling with probability proportional to size).
-fn draw(count: usize, weight: impl Fn(usize) -> u64) -> Vec<(usize, f64)> {
-    if count <= SAMPLE {
-        return (0..count).map(|k| (k, 1.0)).collect();
-    }
-    let total: u64 = (0..count).map(&weight).sum();
-    let step = total as f64 / SAMPLE as f64;
-    let mut drawn: Vec<(usize, f64)> = Vec::with_capacity(SAMPLE);
-    let (mut end, mut next) = (0, 0.5 * step);
-    for k in 0..count {
-        let length = weight(k);
-        end += length;
-        let mut times = 0;
-        while next < end as f64 {
-            times += 1;
-            next += step;
-        }
-        if times > 0 {
-            drawn.push((k, f64::from(times) * step / length as f64));
-        }
-    }
-    drawn
 }

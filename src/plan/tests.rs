@@ -153,30 +153,10 @@ fn the_sample_predicts_the_work() {
     }
 }
 
-#[test]
-fn draws_all_of_few_and_a_weighted_sample_of_many() {
-    assert_eq!(draw(3, |k| k as u64), [(0, 1.0), (1, 1.0), (2, 1.0)]);
-    let count = 10 * SAMPLE;
-    for weight in [
-        |_| 7,
-        |k: usize| k as u64,
-        |k| if k == 100 { 1_000_000 } else { 3 },
-    ] {
-        let drawn = draw(count, weight);
-        assert!(drawn.len() <= SAMPLE && drawn.is_sorted());
-        let total: u64 = (0..count).map(weight).sum();
-        let sum: f64 = drawn
-            .iter()
-            .map(|&(k, times)| times * weight(k) as f64)
-            .sum();
-        assert!((sum / total as f64 - 1.0).abs() < 1e-9);
-    }
-}
-
 fn offer(calibration: &Calibration) -> Offer<'_> {
     Offer {
         adapter: &calibration.adapter,
-        asked_for: false,
+        requested: false,
         calibration: Some(calibration),
     }
 }
@@ -206,7 +186,7 @@ fn crossings_go_to_an_adapter_that_is_predicted_to_win() {
             let plan = Plan::with(set, Some(offer(calibration)));
             let device = plan.kernel.device.clone().unwrap();
             assert_eq!(device.chosen, want, "{device:?}");
-            let (there, here) = (device.adapter_ms.unwrap(), device.processor_ms.unwrap());
+            let (there, here) = (device.adapter_ms.unwrap(), device.cpu_ms.unwrap());
             assert_eq!(there < here, want, "{device:?}");
             assert_eq!(plan.kernel.predicted.ms == there, want);
             let words = plan.to_string();
@@ -220,16 +200,16 @@ fn crossings_go_to_an_adapter_that_is_predicted_to_win() {
 fn the_choice_changes_at_the_break_even_point() {
     let set = scene("chainmail:rows=20,columns=20");
     let mut c = Calibration::made_up(1.0, 1e9);
-    let here = device(&set, &c).processor_ms.unwrap();
+    let here = device(&set, &c).cpu_ms.unwrap();
     for (factor, want) in [(0.9, true), (1.1, false)] {
         c.crossings.round_trip_ms = factor * here;
         assert_eq!(device(&set, &c).chosen, want);
     }
     // The factor scales the CPU of the table to this one.
-    c.crossings.processor_factor = 1.3;
+    c.crossings.cpu_factor = 1.3;
     let found = device(&set, &c);
     assert!(found.chosen);
-    assert!((found.processor_ms.unwrap() / here - 1.3).abs() < 1e-9);
+    assert!((found.cpu_ms.unwrap() / here - 1.3).abs() < 1e-9);
     c.crossings.round_trip_ms = f64::NAN;
     assert!(!device(&set, &c).chosen);
 }
@@ -242,7 +222,7 @@ fn long_links_are_summed_unless_an_adapter_counts_them_faster() {
     assert_eq!(alone.kernel.device, None);
     let mut c = Calibration::made_up(0.1, 1e6);
     // Between the sum and the count on the CPU.
-    let summed = device(&set, &c).processor_ms.unwrap();
+    let summed = device(&set, &c).cpu_ms.unwrap();
     for (ms, want) in [(0.9, Kernel::Crossings), (1.1, Kernel::Fmm)] {
         c.crossings.round_trip_ms = ms * summed;
         let plan = Plan::with(&set, Some(offer(&c)));
@@ -264,19 +244,19 @@ fn splines_use_the_cpu_and_a_requested_adapter_is_used() {
     let slow = Calibration::made_up(1e4, 1e-3);
     let polylines = scene("chainmail:rows=3,columns=3");
     for calibration in [Some(&slow), None] {
-        let asked_for = Offer {
+        let requested = Offer {
             adapter: "made up",
-            asked_for: true,
+            requested: true,
             calibration,
         };
-        let plan = Plan::with(&polylines, Some(asked_for));
+        let plan = Plan::with(&polylines, Some(requested));
         let words = plan.to_string();
         let found = plan.kernel.device.unwrap();
         assert!(found.chosen, "{found:?}");
         assert_eq!(found.adapter_ms.is_some(), calibration.is_some());
         assert_eq!(found.direct_from, Some(0));
         assert_eq!(words.contains("not calibrated"), calibration.is_none());
-        let splines = Plan::with(&splines, Some(asked_for));
+        let splines = Plan::with(&splines, Some(requested));
         assert!(!splines.kernel.device.unwrap().chosen);
     }
 }

@@ -5,12 +5,14 @@ use super::{Progress, Timings};
 use crate::certificate::{Certificate, Comparison, Link};
 use crate::curve::{Box3, CurveSet, pow2};
 use crate::error::Result;
-use crate::kernels::crossings::{Scene, Workspaces, linking_number};
+use crate::kernels::choice::{Choice, Predictions};
+use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accelerator, Accuracy, Counted, Linking, Method};
-use crate::pairs::{LinkSearch, Pair, Trees, curves_of, most_suspect_first};
-use crate::plan::{Way, goes_to_adapter};
-use crate::verdict::{Defect, DefectKind, Place, Stats};
+use crate::pairs::{
+    LinkSearch, Pair, Trees, curves_of, degenerate_curves, most_suspect_first, potential_links,
+};
+use crate::verdict::Stats;
 use rayon::prelude::*;
 use std::slice::SliceIndex;
 use std::sync::Arc;
@@ -51,14 +53,15 @@ impl FullRun {
         let mut stats = self.find_pairs(set);
         match self.kernel {
             (method @ (Method::Auto | Method::Crossings), _) => {
-                let (scene, offer) = (self.scene(set), self.accelerator.offer());
-                match Way::of(scene, self.search.pairs(), method, offer) {
-                    Way::Fmm(long) => {
+                let predictions = Predictions::new(self.input(set), self.search.pairs(), method);
+                match predictions.choose(self.accelerator.offer()) {
+                    Choice::SumFirst => {
+                        let long = predictions.into_long();
                         let pairs = self.search.pairs().to_vec();
                         self.add_sums(set, &Sums::of_long(set, &long, &pairs), &mut stats);
                     }
-                    Way::Count { on_adapter } => {
-                        self.compute_pairs(set, .., on_adapter, &mut stats);
+                    counting => {
+                        self.compute_pairs(set, .., counting, &mut stats);
                         self.ladder = Ladder {
                             counted: stats.potential_links,
                             ..Ladder::default()
@@ -81,8 +84,8 @@ impl FullRun {
         self.workspaces.cancel = heed.then(|| self.progress.cancel.clone());
     }
 
-    fn scene<'a>(&'a self, set: &'a CurveSet) -> Scene<'a> {
-        Scene {
+    fn input<'a>(&'a self, set: &'a CurveSet) -> Input<'a> {
+        Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
@@ -98,15 +101,16 @@ impl FullRun {
         self.progress
             .done
             .fetch_add(summed as u64, Ordering::Relaxed);
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
-        let on_adapter = goes_to_adapter(scene, &undecided, self.accelerator.offer());
-        let accelerator = on_adapter.then_some(&mut self.accelerator);
+        let counting = Predictions::new(input, &undecided, Method::Crossings);
+        let counting = counting.choose(self.accelerator.offer());
+        let accelerator = (counting == Choice::CountOnGpu).then_some(&mut self.accelerator);
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, &undecided, accelerator, to);
+        compute_links(input, &undecided, accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         stats.potential_links += summed as u64;
         self.certificate.links.extend(links);
@@ -129,7 +133,7 @@ impl FullRun {
         };
         let pairs = self.search.find(&dilated);
         pairs.retain(|&(i, j)| whole(i) && whole(j));
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
@@ -137,9 +141,9 @@ impl FullRun {
         let found: Vec<(Pair, Linking)> = pairs
             .par_iter()
             .map(|&pair| {
-                let mut workspace = scene.workspaces.take();
-                let linking = noisy_linking_number(scene, pair, noise, &mut workspace);
-                scene.workspaces.put(workspace);
+                let mut workspace = input.workspaces.take();
+                let linking = noisy_linking_number(input, pair, noise, &mut workspace);
+                input.workspaces.put(workspace);
                 (pair, linking)
             })
             .collect();
@@ -163,14 +167,13 @@ impl FullRun {
         let roots = self.trees.roots();
         let meet = |&(i, j): &Pair| roots[i as usize].overlaps(&roots[j as usize]);
         let meeting: Vec<Pair> = pairs.iter().copied().filter(meet).collect();
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
         // Too few to be worth a transfer to the GPU.
-        let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, &meeting, None, to);
+        linking_numbers(input, &meeting, &mut self.parts, &self.progress.done);
         let mut anew = Certificate {
             curves: set.len(),
             ..Certificate::default()
@@ -245,19 +248,19 @@ impl FullRun {
         &mut self,
         set: &CurveSet,
         range: impl SliceIndex<[Pair], Output = [Pair]>,
-        on_adapter: bool,
+        counting: Choice,
         stats: &mut Stats,
     ) {
         let start = Instant::now();
-        let scene = Scene {
+        let input = Input {
             set,
             trees: &self.trees,
             workspaces: &self.workspaces,
         };
         let pairs = &self.search.pairs()[range];
-        let accelerator = on_adapter.then_some(&mut self.accelerator);
+        let accelerator = (counting == Choice::CountOnGpu).then_some(&mut self.accelerator);
         let to = (&mut self.parts, &*self.progress);
-        compute_links(scene, pairs, accelerator, to);
+        compute_links(input, pairs, accelerator, to);
         gather(&self.parts, &mut self.certificate, stats);
         self.timings.links += start.elapsed();
     }
@@ -289,9 +292,10 @@ impl FullRun {
                 return Ok((comparison, stats));
             }
             let next = (done + block).min(count);
-            let (scene, block_pairs) = (self.scene(set), &self.search.pairs()[done..next]);
-            let on_adapter = goes_to_adapter(scene, block_pairs, self.accelerator.offer());
-            self.compute_pairs(set, done..next, on_adapter, &mut stats);
+            let block_pairs = &self.search.pairs()[done..next];
+            let counting = Predictions::new(self.input(set), block_pairs, Method::Crossings);
+            let counting = counting.choose(self.accelerator.offer());
+            self.compute_pairs(set, done..next, counting, &mut stats);
             self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
             (done, block) = (next, 2 * block);
         }
@@ -300,39 +304,19 @@ impl FullRun {
 
 /// Computes the linking numbers of these pairs, in parts that follow the order of the pairs.
 fn compute_links(
-    scene: Scene<'_>,
+    input: Input<'_>,
     pairs: &[Pair],
     accelerator: Option<&mut Accelerator>,
     (parts, progress): (&mut Vec<Counted>, &Progress),
 ) {
-    if let Some(found) = accelerator.and_then(|a| a.count(scene, pairs)) {
-        *parts = found;
-        let done = pairs.len() as u64;
-        progress.done.fetch_add(done, Ordering::Relaxed);
-        return;
+    match accelerator.and_then(|a| a.count(input, pairs)) {
+        Some(found) => {
+            *parts = found;
+            let done = pairs.len() as u64;
+            progress.done.fetch_add(done, Ordering::Relaxed);
+        }
+        None => linking_numbers(input, pairs, parts, &progress.done),
     }
-    let size = links_per_task(pairs.len(), rayon::current_num_threads());
-    let count = pairs.len().div_ceil(size);
-    parts.resize_with(count.max(parts.len()), Counted::default);
-    parts.par_iter_mut().enumerate().for_each(|(k, part)| {
-        part.clear();
-        if k >= count {
-            return;
-        }
-        let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
-        let mut workspace = scene.workspaces.take();
-        for &pair in pairs {
-            if scene.cancelled() {
-                break;
-            }
-            part.add(pair, linking_number(scene, pair, None, &mut workspace));
-        }
-        part.stats = workspace.take_stats();
-        scene.workspaces.put(workspace);
-        progress
-            .done
-            .fetch_add(pairs.len() as u64, Ordering::Relaxed);
-    });
 }
 
 /// Adds the results and the work of the tasks to a certificate.
@@ -354,41 +338,4 @@ pub(super) fn sizes(set: &CurveSet) -> Stats {
         open_curves: set.open_curves() as u64,
         ..Stats::default()
     }
-}
-
-/// Returns the number of potential links of one task: few enough to balance the load, and enough to
-/// pay for the task. A single link may be a whole model; its kernel then uses several threads.
-pub(crate) fn links_per_task(links: usize, threads: usize) -> usize {
-    (links / (32 * threads)).clamp(1, 256)
-}
-
-/// Returns the pairs that may be linked: those whose boxes overlap, without degenerate curves
-/// (sorted).
-pub(crate) fn potential_links<'a>(
-    trees: &Trees,
-    search: &'a mut LinkSearch,
-    degenerate: &[Defect],
-) -> &'a mut Vec<Pair> {
-    let pairs = search.find(trees.roots());
-    if !degenerate.is_empty() {
-        let whole = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
-        pairs.retain(|&(i, j)| whole(i) && whole(j));
-    }
-    pairs
-}
-
-/// Returns the closed curves of fewer than three distinct points, in order.
-pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
-    (0..set.len())
-        .filter(|&i| set.curve(i).closed && !set.has_three_distinct_points(i))
-        .map(|i| Defect {
-            i: i as u32,
-            j: None,
-            kind: DefectKind::Degenerate,
-            place: Place {
-                segments: [0, 0],
-                point: set.point(i, 0),
-                distance: 0.0,
-            },
-        })
 }

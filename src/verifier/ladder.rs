@@ -4,10 +4,10 @@
 use crate::certificate::{Certificate, Link};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
+use crate::kernels::choice::LongLink;
 use crate::kernels::sums::fmm::{self, Fmm};
 use crate::kernels::{Accelerator, Accuracy, Estimate, Method, Summation};
 use crate::pairs::{Pair, curves_of};
-use crate::plan::LongLink;
 use crate::verdict::Defect;
 use std::time::{Duration, Instant};
 

@@ -9,7 +9,6 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use full::{degenerate_curves, links_per_task, potential_links};
 pub use ladder::Ladder;
 
 use self::full::{FullRun, sizes};

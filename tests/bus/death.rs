@@ -1,16 +1,19 @@
 //! Processes that are killed, stopped and restarted. This test program runs itself as a child.
 
+use super::lockstep::step;
 use super::*;
 use linkwatch::{Departure, Outcome};
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command};
+use std::time::Instant;
 
 const ROLE: &str = "LINKWATCH_TEST_ROLE";
 const SERVICE: &str = "LINKWATCH_TEST_SERVICE";
 
-/// Entry point of child processes; does nothing when run as a test.
+/// Entry point of child processes.
 #[test]
+#[ignore = "not a test, but the processes of others"]
 fn child() {
     let (Ok(role), Ok(name)) = (std::env::var(ROLE), std::env::var(SERVICE)) else {
         return;
@@ -68,7 +71,7 @@ pub struct Process(Child);
 impl Process {
     pub fn start(role: &str, service: &str, folder: Option<&Path>) -> Process {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "death::child"]);
+        command.args(["--ignored", "--exact", "death::child"]);
         command.env(ROLE, role).env(SERVICE, service);
         command.stdout(std::process::Stdio::null());
         if let Some(folder) = folder {
@@ -121,7 +124,6 @@ fn a_killed_simulator_is_detected_and_another_one_works() {
             frames += 1;
         }
         simulator.kill();
-        let killed = Instant::now();
         loop {
             match next(&mut sidecar) {
                 Event::Frame(_) => {}
@@ -132,8 +134,6 @@ fn a_killed_simulator_is_detected_and_another_one_works() {
                 other => panic!("{other:?}"),
             }
         }
-        // About 0.5 to 1 s by design; the margin is for loaded machines.
-        assert!(killed.elapsed() < Duration::from_secs(4));
     }
     let mut client = client(&name);
     publish(&mut client, 0);
@@ -163,50 +163,39 @@ fn a_killed_watcher_never_blocks_the_simulator() {
     let name = service();
     let mut client = client(&name);
     let mut seq = 0;
-    let mut step = |client: &mut Client| {
+    let mut publish_next = |client: &mut Client| {
         publish(client, seq);
         seq += 1;
+        client.poll().unwrap()
     };
     for _ in 0..3 {
         let watcher = Process::start("watcher", &name, None);
-        let start = Instant::now();
-        while client.poll().unwrap().is_none() {
-            step(&mut client);
-            std::thread::sleep(Duration::from_millis(1));
-            assert!(start.elapsed() < PATIENCE, "no verdict");
-        }
+        until("a verdict", || publish_next(&mut client));
         // A stopped watcher is worse than a dead one, because its queues fill up.
         watcher.stop();
-        let start = Instant::now();
-        for _ in 0..500 {
-            step(&mut client);
-            client.poll().unwrap();
-        }
+        without_time_out("publishing to a stopped watcher", || {
+            (0..500).for_each(|_| _ = publish_next(&mut client));
+        });
         watcher.kill();
-        for _ in 0..500 {
-            step(&mut client);
-            client.poll().unwrap();
-        }
-        assert!(start.elapsed() < Duration::from_secs(5));
+        without_time_out("publishing to a killed watcher", || {
+            (0..500).for_each(|_| _ = publish_next(&mut client));
+        });
         while client.poll().unwrap().is_some() {}
     }
 }
 
 /// Publishes frames until one is verified.
 fn until_verified(client: &mut Client, seq: &mut u64) {
-    let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    until("a verdict", || {
         publish(client, *seq);
         *seq += 1;
-        if let Outcome::Verdict(_) = client.wait(*seq - 1, PATIENCE).unwrap() {
-            return;
-        }
-    }
-    panic!("no verdict");
+        let outcome = client.wait(*seq - 1, PATIENCE).unwrap();
+        matches!(outcome, Outcome::Verdict(_)).then_some(())
+    });
 }
 
 #[test]
-fn a_killed_watcher_ends_a_lockstep_wait_within_a_second() {
+fn a_killed_watcher_ends_a_lockstep_wait_long_before_its_deadline() {
     let name = service();
     // The first watcher starts before the simulator, the later ones after it.
     let mut watcher = Process::start("watcher", &name, None);
@@ -223,23 +212,18 @@ fn a_killed_watcher_ends_a_lockstep_wait_within_a_second() {
             seq += 1;
         }
         watcher.kill();
-        for frame in 0..3 {
-            publish(&mut client, seq);
-            let start = Instant::now();
-            let outcome = client.wait(seq, PATIENCE).unwrap();
+        for _ in 0..3 {
+            let outcome = step(&mut client, seq);
             assert_eq!(outcome, Outcome::NoWatcher(Departure::Crashed));
-            // 0.25 s by design, and at once from then on; the margin is for loaded machines.
-            assert!(start.elapsed() < Duration::from_secs(4), "frame {frame}");
             seq += 1;
         }
         watcher = Process::start("watcher", &name, None);
     }
     until_verified(&mut client, &mut seq);
     watcher.kill();
-    let start = Instant::now();
     assert!(!client.wait_for_watcher(Duration::from_millis(600)).unwrap());
-    assert_eq!(client.finish_within(PATIENCE).unwrap(), None);
-    assert!(start.elapsed() < Duration::from_secs(5), "{start:?}");
+    let goodbye = without_time_out("the end", || client.finish_within(LONG));
+    assert_eq!(goodbye.unwrap(), None);
 }
 
 #[test]
@@ -249,9 +233,8 @@ fn the_end_of_a_session_does_not_wait_for_a_killed_watcher() {
     let mut client = client(&name);
     until_verified(&mut client, &mut 0);
     watcher.kill();
-    let start = Instant::now();
-    assert_eq!(client.finish_within(PATIENCE).unwrap(), None);
-    assert!(start.elapsed() < Duration::from_secs(5), "{start:?}");
+    let goodbye = without_time_out("the end", || client.finish_within(LONG));
+    assert_eq!(goodbye.unwrap(), None);
 }
 
 #[test]
@@ -339,11 +322,7 @@ fn no_files_are_left_in_shared_memory() {
     assert_eq!(files.list(), [""; 0], "after a clean exit");
 
     let (watcher, simulator) = (start("watcher"), start("simulator"));
-    let started = Instant::now();
-    while files.list().len() < 20 {
-        std::thread::sleep(Duration::from_millis(10));
-        assert!(started.elapsed() < PATIENCE, "{:?}", files.list());
-    }
+    until("20 files", || (files.list().len() >= 20).then_some(()));
     std::thread::sleep(Duration::from_millis(200));
     watcher.kill();
     simulator.kill();

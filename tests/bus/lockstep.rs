@@ -2,9 +2,7 @@
 
 use super::*;
 use linkwatch::{Departure, MessageKind, Outcome};
-
-/// Maximum delay of a deadline on a loaded machine.
-const SLACK: Duration = Duration::from_secs(5);
+use std::time::Instant;
 
 #[test]
 fn each_frame_gets_its_verdict() {
@@ -32,14 +30,16 @@ fn each_frame_gets_its_verdict() {
 }
 
 #[test]
-fn silence_is_stale_in_time() {
+fn silence_is_stale_at_the_deadline() {
     let name = service();
     let mut client = client(&name);
     let stale_after = |client: &mut Client, seq, deadline| {
         let start = Instant::now();
-        assert_eq!(client.wait(seq, deadline).unwrap(), Outcome::Stale);
-        let took = start.elapsed();
-        assert!(took >= deadline && took < deadline + SLACK, "{took:?}");
+        let outcome = without_time_out(format_args!("a wait of {deadline:?}"), || {
+            client.wait(seq, deadline)
+        });
+        assert_eq!(outcome.unwrap(), Outcome::Stale);
+        assert!(start.elapsed() >= deadline);
     };
     publish(&mut client, 0);
     stale_after(&mut client, 0, Duration::from_millis(100));
@@ -154,12 +154,12 @@ fn a_watcher_that_never_reads_does_not_block_the_simulator() {
     let name = service();
     let sidecar = sidecar(&name);
     let mut client = client(&name);
-    let start = Instant::now();
-    for seq in 0..5000 {
-        publish(&mut client, seq);
-        assert!(client.poll().unwrap().is_none());
-    }
-    assert!(start.elapsed() < SLACK, "{:?}", start.elapsed());
+    without_time_out("publishing", || {
+        for seq in 0..5000 {
+            publish(&mut client, seq);
+            assert!(client.poll().unwrap().is_none());
+        }
+    });
     assert_eq!(client.finish().unwrap(), 5000);
     drop(sidecar);
 }
@@ -170,21 +170,15 @@ fn the_handshake_has_a_deadline() {
     let mut client = client(&name);
     let timeout = Duration::from_millis(100);
     let start = Instant::now();
-    assert!(!client.wait_for_watcher(timeout).unwrap());
-    assert!(start.elapsed() >= timeout && start.elapsed() < timeout + SLACK);
+    let met = without_time_out("the handshake", || client.wait_for_watcher(timeout));
+    assert!(!met.unwrap() && start.elapsed() >= timeout);
 }
 
 /// Publishes frame `seq` and waits for its outcome, which must arrive long before the deadline.
-fn step(client: &mut Client, seq: u64) -> Outcome {
+pub fn step(client: &mut Client, seq: u64) -> Outcome {
     publish(client, seq);
-    let start = Instant::now();
-    let outcome = client.wait(seq, PATIENCE).unwrap();
-    assert!(
-        start.elapsed() < SLACK,
-        "{outcome:?}: {:?}",
-        start.elapsed()
-    );
-    outcome
+    let outcome = without_time_out(format_args!("frame {seq}"), || client.wait(seq, LONG));
+    outcome.unwrap()
 }
 
 /// Starts a watcher that answers frames up to `last`, and then leaves.
@@ -265,9 +259,8 @@ fn no_call_waits_after_a_goodbye() {
     // The handshake waits for the next watcher, and has its own limit.
     let timeout = Duration::from_millis(100);
     assert!(!client.wait_for_watcher(timeout).unwrap());
-    let start = Instant::now();
-    assert_eq!(client.finish_within(PATIENCE).unwrap(), None);
-    assert!(start.elapsed() < SLACK, "{:?}", start.elapsed());
+    let goodbye = without_time_out("the end", || client.finish_within(LONG));
+    assert_eq!(goodbye.unwrap(), None);
 }
 
 #[test]

@@ -7,16 +7,16 @@ mod lockstep;
 mod random;
 mod services;
 mod sessions;
+#[path = "../support/mod.rs"]
+mod support;
 
 use linkwatch::{
     Basis, Client, ClientOptions, Counters, CurveSet, Event, Frame, Precision, Report, Sidecar,
     SidecarOptions, Stats, Verdict,
 };
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::{Duration, Instant};
-
-/// Long enough for a loaded machine; a passing test does not wait for it.
-const PATIENCE: Duration = Duration::from_secs(20);
+use std::time::Duration;
+use support::time::{LONG, PATIENCE, until, without_time_out};
 
 /// Two closed curves of four points.
 const COUNTS: [i32; 2] = [-4, -4];
@@ -55,14 +55,12 @@ fn publish(client: &mut Client, seq: u64) {
 
 /// Returns the next event that is not [`Event::Idle`].
 fn next(sidecar: &mut Sidecar) -> Event {
-    let start = Instant::now();
-    while start.elapsed() < PATIENCE {
+    until("an event", || {
         match sidecar.wait(Duration::from_millis(100)).expect("wait") {
-            Event::Idle => {}
-            event => return event,
+            Event::Idle => None,
+            event => Some(event),
         }
-    }
-    panic!("nothing happened");
+    })
 }
 
 fn next_frame(sidecar: &mut Sidecar) -> Frame {

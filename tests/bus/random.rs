@@ -3,41 +3,21 @@
 
 use super::death::Process;
 use super::hostile::HostilePublisher;
+use super::support::random::Random;
 use super::*;
 use linkwatch::{Departure, Outcome};
 
-/// Maximum delay of an answer on a loaded machine; far less than [`PATIENCE`].
-const SLACK: Duration = Duration::from_secs(5);
-
-/// A xorshift generator.
-struct Random(u64);
-
-impl Random {
-    fn new(seed: u64) -> Random {
-        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        random.below(2);
-        random
-    }
-
-    fn below(&mut self, n: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 16) % n
-    }
-
-    /// Returns a sequence number that a frame between `next - 1` and `next` cannot have.
-    fn number(&mut self, next: u64) -> u64 {
-        match self.below(8) {
-            0 => u64::MAX,
-            1 => u64::MAX - self.below(100),
-            2 => 1 << (40 + self.below(24)),
-            3 => next + 1 + self.below(100),
-            4 => next + self.below(1 << 20),
-            5 => self.below(next.max(1)),
-            6 => next.saturating_sub(1),
-            _ => self.below(u64::MAX),
-        }
+/// Returns a sequence number that a frame between `next - 1` and `next` cannot have.
+fn hostile_number(random: &mut Random, next: u64) -> u64 {
+    match random.below(8) {
+        0 => u64::MAX,
+        1 => u64::MAX - random.below(100),
+        2 => 1 << (40 + random.below(24)),
+        3 => next + 1 + random.below(100),
+        4 => next + random.below(1 << 20),
+        5 => random.below(next.max(1)),
+        6 => next.saturating_sub(1),
+        _ => random.next(),
     }
 }
 
@@ -106,7 +86,7 @@ impl Watcher {
 
 /// Runs one simulator in lockstep, over `steps` random steps.
 fn session(seed: u64, steps: usize) {
-    let mut random = Random::new(seed);
+    let mut random = Random(seed);
     let name = service();
     let mut client = client(&name);
     let mut watcher: Option<Watcher> = None;
@@ -126,7 +106,7 @@ fn session(seed: u64, steps: usize) {
                 cuts += 1;
             }
             3 | 4 if id.is_some() => {
-                let number = random.number(seq);
+                let number = hostile_number(&mut random, seq);
                 let publisher = publisher.get_or_insert_with(|| HostilePublisher::open(&name));
                 publisher.send(|h, _| (h.session, h.seq, h.time) = (id.unwrap(), number, HOSTILE));
                 hostile += 1;
@@ -146,23 +126,22 @@ fn session(seed: u64, steps: usize) {
                     id = watcher.session;
                     met = true;
                 }
-                let start = Instant::now();
-                let patience = if met { PATIENCE } else { Duration::ZERO };
-                match client.wait(seq, patience).unwrap() {
+                let patience = if met { LONG } else { Duration::ZERO };
+                let what = format!("seed {seed}, frame {seq}");
+                match without_time_out(&what, || client.wait(seq, patience)).unwrap() {
                     Outcome::Verdict(m) => {
                         assert!(watcher.is_some(), "seed {seed}");
                         assert_eq!(m.seq, seq);
                         let intact = m.verdict == Verdict::Intact;
-                        assert!(intact || !trusting, "seed {seed}, frame {seq}: {m}");
+                        assert!(intact || !trusting, "{what}: {m}");
                         assert!(m.counters.skipped <= seq + hostile || !intact, "{m}");
                     }
                     Outcome::NoWatcher(how) => {
-                        assert!(watcher.is_none(), "seed {seed}, frame {seq}");
+                        assert!(watcher.is_none(), "{what}");
                         assert_eq!(how, Departure::Goodbye);
                     }
-                    Outcome::Stale => assert!(!met, "seed {seed}, frame {seq}"),
+                    Outcome::Stale => assert!(!met, "{what}"),
                 }
-                assert!(start.elapsed() < SLACK, "seed {seed}, frame {seq}");
                 seq += 1;
             }
         }
@@ -185,7 +164,7 @@ fn session(seed: u64, steps: usize) {
 }
 
 #[test]
-fn random_sessions_in_lockstep_end_in_time() {
+fn random_sessions_in_lockstep_wait_for_no_deadline() {
     for seed in 0..30 {
         session(seed, 60);
     }
@@ -193,7 +172,7 @@ fn random_sessions_in_lockstep_end_in_time() {
 
 #[test]
 #[ignore = "takes minutes"]
-fn hundreds_of_random_sessions_in_lockstep_end_in_time() {
+fn hundreds_of_random_sessions_in_lockstep_wait_for_no_deadline() {
     for seed in 1000..1300 {
         session(seed, 100);
     }
@@ -202,36 +181,36 @@ fn hundreds_of_random_sessions_in_lockstep_end_in_time() {
 /// Watchers in their own processes are killed, stopped and restarted while a simulator runs in
 /// lockstep.
 fn killed_watchers(seed: u64, rounds: usize) {
-    let mut random = Random::new(seed);
+    let mut random = Random(seed);
     let name = service();
     let mut client = client(&name);
     let mut seq = 0;
     let mut step = |client: &mut Client, deadline: Duration| {
         publish(client, seq);
         seq += 1;
-        let start = Instant::now();
-        (client.wait(seq - 1, deadline).unwrap(), start.elapsed())
+        let what = format!("seed {seed}, frame {}", seq - 1);
+        without_time_out(what, || client.wait(seq - 1, deadline)).unwrap()
     };
     let pause = |random: &mut Random| {
         std::thread::sleep(Duration::from_millis(random.below(400)));
     };
     for round in 0..rounds {
         let watcher = Process::start("watcher", &name, None);
-        let start = Instant::now();
         // At first, frames may still be reported without the new watcher.
-        while !matches!(step(&mut client, PATIENCE).0, Outcome::Verdict(_)) {
-            assert!(start.elapsed() < PATIENCE, "seed {seed}, round {round}");
-        }
+        until(
+            format_args!("seed {seed}, round {round}: a verdict"),
+            || matches!(step(&mut client, LONG), Outcome::Verdict(_)).then_some(()),
+        );
         for _ in 0..random.below(40) {
-            let (outcome, _) = step(&mut client, PATIENCE);
+            let outcome = step(&mut client, LONG);
             assert!(matches!(outcome, Outcome::Verdict(_)), "{outcome:?}");
         }
         if random.below(2) == 0 {
             watcher.stop();
             // On a loaded machine it answers a few more frames before the system has stopped it.
-            let mut outcome = step(&mut client, Duration::from_millis(600)).0;
+            let mut outcome = step(&mut client, Duration::from_millis(600));
             while matches!(outcome, Outcome::Verdict(_)) {
-                outcome = step(&mut client, Duration::from_millis(600)).0;
+                outcome = step(&mut client, Duration::from_millis(600));
             }
             assert_eq!(outcome, Outcome::Stale, "seed {seed}, round {round}");
             if random.below(2) == 0 {
@@ -243,29 +222,22 @@ fn killed_watchers(seed: u64, rounds: usize) {
         if random.below(2) == 0 {
             pause(&mut random);
         }
-        for frame in 0..3 {
-            let (outcome, took) = step(&mut client, PATIENCE);
-            assert_eq!(
-                outcome,
-                Outcome::NoWatcher(Departure::Crashed),
-                "seed {seed}"
-            );
-            assert!(
-                took < SLACK,
-                "seed {seed}, round {round}, {frame}: {took:?}"
-            );
+        for _ in 0..3 {
+            let outcome = step(&mut client, LONG);
+            let crashed = Outcome::NoWatcher(Departure::Crashed);
+            assert_eq!(outcome, crashed, "seed {seed}, round {round}");
         }
     }
 }
 
 #[test]
-fn watchers_killed_at_random_are_detected_in_time() {
+fn watchers_killed_at_random_are_detected_before_any_deadline() {
     killed_watchers(1, 6);
 }
 
 #[test]
 #[ignore = "takes minutes"]
-fn hundreds_of_watchers_killed_at_random_are_detected_in_time() {
+fn hundreds_of_watchers_killed_at_random_are_detected_before_any_deadline() {
     for seed in 10..40 {
         killed_watchers(seed, 10);
     }

@@ -42,7 +42,9 @@ fn a_service_is_listed_with_its_simulator_and_its_watcher() {
 fn a_rejected_simulator_does_not_replace_the_first_in_the_list() {
     let name = service();
     let simulator = Process::start("silent simulator", &name, None);
-    let first = wait_for(|| roles(&name).filter(|r| r[0].is_some()));
+    let first = until("a process in the list", || {
+        roles(&name).filter(|r| r[0].is_some())
+    });
     let refused = std::thread::spawn({
         let name = name.clone();
         move || Client::open(&name, &ClientOptions::default()).is_err()
@@ -58,13 +60,17 @@ fn a_rejected_simulator_does_not_replace_the_first_in_the_list() {
 fn a_killed_process_is_not_listed() {
     let name = service();
     let simulator = Process::start("silent simulator", &name, None);
-    wait_for(|| roles(&name).filter(|r| r[0].is_some()));
+    until("a process in the list", || {
+        roles(&name).filter(|r| r[0].is_some())
+    });
     simulator.kill();
     // Its files still exist, because no process has opened the service since.
     assert_eq!(roles(&name), None);
 
     let watcher = Process::start("watcher", &name, None);
-    wait_for(|| roles(&name).filter(|r| r[1].is_some()));
+    until("a process in the list", || {
+        roles(&name).filter(|r| r[1].is_some())
+    });
     let simulator = client(&name);
     watcher.kill();
     assert_eq!(roles(&name), Some([Some(std::process::id()), None]));
@@ -75,21 +81,12 @@ fn a_killed_process_is_not_listed() {
 fn a_stopped_process_is_listed() {
     let name = service();
     let simulator = Process::start("silent simulator", &name, None);
-    let found = wait_for(|| roles(&name).filter(|r| r[0].is_some()));
+    let found = until("a process in the list", || {
+        roles(&name).filter(|r| r[0].is_some())
+    });
     simulator.stop();
     assert_eq!(roles(&name), Some(found));
     simulator.kill();
-}
-
-fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> T {
-    let start = Instant::now();
-    while start.elapsed() < PATIENCE {
-        if let Some(found) = look() {
-            return found;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    panic!("it did not come");
 }
 
 /// Names and patterns of linkwatch, but other types.

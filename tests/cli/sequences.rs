@@ -1,6 +1,6 @@
 //! `linkwatch check` over several models: the frames of one motion.
 
-use super::{Run, linkwatch, text};
+use crate::support::command::{Run, linkwatch, text};
 use linkwatch::{Basis, CurveSet, Positions, model};
 use std::path::Path;
 use tempfile::TempDir;

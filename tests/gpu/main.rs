@@ -17,14 +17,17 @@ mod numbers;
 mod runner;
 #[path = "../hard_cases/splines.rs"]
 mod splines;
+#[path = "../support/mod.rs"]
+mod support;
 #[path = "../hard_cases/touching.rs"]
 mod touching;
 
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
 use linkwatch::kernels::{Accuracy, Device, Method, devices};
 use linkwatch::scenes::Scene;
 use linkwatch::{AbortOn, Error, Verdict, Verifier};
 use runner::{Kernel, ON_DEVICE, Views};
+use support::trial::trial;
 
 /// Runs every case in one of its views in turn; small cases in all views.
 fn hard_cases(kernel: Kernel) -> Result<(), Failed> {
@@ -136,25 +139,19 @@ fn main() {
     if let Err(e) = &opened {
         println!("no adapter: {e}");
     }
-    let mut trials: Vec<Trial> = ON_DEVICE
-        .into_iter()
-        .map(|kernel| {
-            let name = format!("hard_cases::{}", kernel.name.replace(' ', "_"));
-            Trial::test(name, move || hard_cases(kernel))
-        })
-        .collect();
-    trials.push(Trial::test(
-        "scenes_have_the_numbers_of_their_constructions",
-        scenes,
-    ));
-    trials.push(Trial::test(
-        "frames_get_the_same_reports_as_on_the_cpu",
-        frames,
-    ));
-    trials.push(Trial::test("an_unknown_name_lists_the_adapters", names));
-    let trials = trials
-        .into_iter()
-        .map(|t| t.with_ignored_flag(opened.is_err()))
-        .collect();
-    libtest_mimic::run(&arguments, trials).exit();
+    let present = opened.is_ok();
+    let cases = ON_DEVICE.into_iter().map(|kernel| {
+        let name = format!("hard_cases::{}", kernel.name.replace(' ', "_"));
+        trial(name, present, move || hard_cases(kernel))
+    });
+    let others = [
+        trial(
+            "scenes_have_the_numbers_of_their_constructions",
+            present,
+            scenes,
+        ),
+        trial("frames_get_the_same_reports_as_on_the_cpu", present, frames),
+        trial("an_unknown_name_lists_the_adapters", present, names),
+    ];
+    libtest_mimic::run(&arguments, cases.chain(others).collect()).exit();
 }

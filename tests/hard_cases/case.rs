@@ -1,5 +1,6 @@
 //! Type of a hard case, and transformations that give other views of it.
 
+use crate::support::random::Random;
 use linkwatch::kernels::oracle;
 use linkwatch::{Basis, CurveSet, Point, Positions, Precision};
 use std::collections::{BTreeMap, BTreeSet};
@@ -263,22 +264,7 @@ fn curve_set(basis: Basis, precision: Precision, loops: &[Loop]) -> CurveSet {
     set.expect("a case is a valid set of curves")
 }
 
-/// SplitMix64 (Steele).
-pub struct Random(pub u64);
-
 impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Returns a number from 0 to `n - 1`.
-    pub fn below(&mut self, n: i64) -> i64 {
-        (self.next() >> 1) as i64 % n
-    }
-
     /// Returns a point of the grid of `n^3`.
     pub fn grid(&mut self, n: i64) -> [i64; 3] {
         [(); 3].map(|()| self.below(n))
@@ -295,7 +281,7 @@ impl Random {
         let mut at = first;
         let mut out = vec![at];
         for _ in 0..corners {
-            at[self.below(3) as usize] = self.below(size);
+            at[self.below(3usize)] = self.below(size);
             out.push(at);
         }
         for x in 0..2 {

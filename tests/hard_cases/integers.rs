@@ -1,6 +1,7 @@
 //! Integer polygons, with the answers of the oracle.
 
-use crate::case::{Case, Polygon, Random};
+use crate::case::{Case, Polygon};
+use crate::support::random::Random;
 
 pub fn cases() -> Vec<Case> {
     let mut cases = vec![shadows_on_shadows(), parity_lattice(), repeated_vertices()];

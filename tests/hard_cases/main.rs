@@ -15,6 +15,8 @@ mod links;
 mod numbers;
 mod runner;
 mod splines;
+#[path = "../support/mod.rs"]
+mod support;
 mod touching;
 
 use case::{Case, Expected};

@@ -1,7 +1,8 @@
 //! Floating point at its limits: gaps, offsets and scales.
 
-use crate::case::{Answer, Case, Expected, Loop, Polygon, Random};
+use crate::case::{Answer, Case, Expected, Loop, Polygon};
 use crate::links::hopf_polygons;
+use crate::support::random::Random;
 use linkwatch::Point;
 
 pub fn cases() -> Vec<Case> {

@@ -1,7 +1,8 @@
 //! Polylines that share a point or nearly do, and degenerate loops.
 
-use crate::case::{Case, Polygon, Random};
+use crate::case::{Case, Polygon};
 use crate::links::hopf_polygons;
+use crate::support::random::Random;
 
 pub fn cases() -> Vec<Case> {
     let square = vec![[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]];

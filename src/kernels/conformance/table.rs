@@ -291,7 +291,7 @@ fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec
     trees.refit(set);
     let workspaces = &Workspaces::default();
     let trees = &trees;
-    let scene = crossings::Scene {
+    let input = crossings::Input {
         set,
         trees,
         workspaces,
@@ -302,12 +302,12 @@ fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec
             let workspace = &mut Workspace::default();
             all.add(
                 pair,
-                crossings::linking_number(scene, pair, None, workspace),
+                crossings::linking_number(input, pair, None, workspace),
             );
         }
         vec![all]
     };
-    let found = accelerator.count(scene, pairs).unwrap_or_else(on_cpu);
+    let found = accelerator.count(input, pairs).unwrap_or_else(on_cpu);
     let found = Counted::joined(found);
     let known = |value| Estimate { value, bound: 0.0 };
     let mut numbers: HashMap<Pair, Estimate> = HashMap::new();

@@ -71,7 +71,7 @@ impl SignedCount {
             );
             return self.merge(&other);
         }
-        if task.scene.cancelled() {
+        if task.input.cancelled() {
             return;
         }
         dispatch!(self.add(task, tests));
@@ -80,7 +80,7 @@ impl SignedCount {
     /// Adds candidates of whole segments.
     #[inline(always)]
     pub fn add(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
-        let [upper, lower] = task.curves.map(|i| task.scene.set.knots(i, task.axis));
+        let [upper, lower] = task.curves.map(|i| task.input.set.knots(i, task.axis));
         match (upper, lower) {
             (Knots::F32(p), Knots::F32(q)) => self.add_knots(task, p, q, tests),
             (Knots::F64(p), Knots::F64(q)) => self.add_knots(task, p, q, tests),
@@ -151,7 +151,7 @@ impl SignedCount {
         // Exact calls of the contact test are not counted as exact crossing tests. Splines whose
         // chords share a point are too close, which the discretization reports.
         if self.stats.exact > exact
-            && task.scene.set.basis().is_polyline()
+            && task.input.set.basis().is_polyline()
             && segments_touch(p.0, p.1, q.0, q.1, &mut Predicates::default())
         {
             self.found_contact([s, t]);
@@ -168,10 +168,10 @@ impl SignedCount {
         polylines: &mut Polylines,
     ) {
         let Polylines { upper, lower } = polylines;
-        let set = task.scene.set;
+        let set = task.input.set;
         let mut last = None;
         tests.retain(|&(s, t)| {
-            if task.scene.cancelled() {
+            if task.input.cancelled() {
                 return false;
             }
             if !splits[0].splits(s) && !splits[1].splits(t) {

@@ -5,7 +5,7 @@
 //! split depends on the curves alone, so the result is deterministic.
 
 use super::evaluate::SignedCount;
-use super::{Scene, Workspace};
+use super::{Input, Workspace};
 use crate::discretize::Separation;
 use crate::pairs::{Query, SegmentPairs, descend};
 use crate::simd::{Lanes, dispatch};
@@ -49,7 +49,7 @@ impl Candidates {
 
 /// A pair of curves in one direction.
 pub(super) struct Task<'a> {
-    pub scene: Scene<'a>,
+    pub input: Input<'a>,
     /// Upper and lower curve.
     pub curves: [usize; 2],
     pub axis: usize,
@@ -59,12 +59,12 @@ pub(super) struct Task<'a> {
 }
 
 impl<'a> Task<'a> {
-    pub fn new(scene: Scene<'a>, curves: [usize; 2], axis: usize) -> Self {
+    pub fn new(input: Input<'a>, curves: [usize; 2], axis: usize) -> Self {
         Task {
-            scene,
+            input,
             curves,
             axis,
-            separation: Separation::new(scene.set, curves),
+            separation: Separation::new(input.set, curves),
             waiting: AtomicUsize::new(0),
         }
     }
@@ -99,7 +99,7 @@ impl<'a> Task<'a> {
 /// polylines is complete; the candidates of splines wait for their discretization.
 #[inline(always)]
 pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspace) {
-    let Scene { set, trees, .. } = task.scene;
+    let Input { set, trees, .. } = task.input;
     let both = task.curves.map(|i| trees.of(set, i));
     let splines = !set.basis().is_polyline();
     let query = Query {
@@ -136,7 +136,7 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
             count.add(task, &found.all);
             found.all.clear();
         }
-        if task.scene.cancelled() {
+        if task.input.cancelled() {
             agenda.clear();
         }
         if agenda.is_empty() {
@@ -149,7 +149,7 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
 #[cold]
 #[inline(never)]
 fn split(task: &Task<'_>, workspace: &mut Workspace) {
-    let workspaces = task.scene.workspaces;
+    let workspaces = task.input.workspaces;
     let mut other = workspaces.take();
     other.count = SignedCount::default();
     other.candidates.clear();

@@ -31,6 +31,7 @@ mod remainder;
 mod sample;
 #[cfg(test)]
 mod spline_tests;
+mod tasks;
 #[cfg(test)]
 mod tests;
 
@@ -40,6 +41,8 @@ pub(crate) use self::gather::shares_out;
 #[cfg(feature = "gpu")]
 pub(crate) use self::remainder::conclude;
 pub(crate) use self::sample::sample;
+pub use self::tasks::Parallelism;
+pub(crate) use self::tasks::{linking_numbers, parallelism};
 use super::Linking;
 use crate::cancel::Cancel;
 use crate::curve::CurveSet;
@@ -85,14 +88,14 @@ impl Direction {
 }
 
 /// Input of the crossing kernel: the curves of a frame, their trees, and the buffers of tasks.
-#[derive(Clone, Copy)]
-pub(crate) struct Scene<'a> {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Input<'a> {
     pub set: &'a CurveSet,
     pub trees: &'a Trees,
     pub workspaces: &'a Workspaces,
 }
 
-impl Scene<'_> {
+impl Input<'_> {
     /// Returns true if the work was cancelled. Numbers that are computed from then on are wrong.
     #[inline(always)]
     pub fn cancelled(&self) -> bool {
@@ -153,25 +156,25 @@ impl Workspace {
 /// Returns the linking number of a pair of curves, counted in the direction `fixed`, or else in the
 /// best direction.
 pub(crate) fn linking_number(
-    scene: Scene<'_>,
+    input: Input<'_>,
     pair: Pair,
     fixed: Option<Direction>,
     workspace: &mut Workspace,
 ) -> Linking {
-    dispatch!(simd => compute(simd, scene, pair, fixed, workspace))
+    dispatch!(simd => compute(simd, input, pair, fixed, workspace))
 }
 
 #[inline(always)]
 fn compute<L: Lanes>(
     simd: L,
-    scene: Scene<'_>,
+    input: Input<'_>,
     (i, j): Pair,
     fixed: Option<Direction>,
     workspace: &mut Workspace,
 ) -> Linking {
     workspace.stats.potential_links += 1;
     let [i, j] = [i as usize, j as usize];
-    let Scene { set, trees, .. } = scene;
+    let Input { set, trees, .. } = input;
     let both = [trees.of(set, i), trees.of(set, j)];
     let Workspace { fronts, agenda, .. } = workspace;
     let Some(direction) = direction::choose(simd, both, fixed, fronts, agenda) else {
@@ -179,7 +182,7 @@ fn compute<L: Lanes>(
         return Linking::Number(0);
     };
     let (upper, lower) = direction.upper_first(i, j);
-    let task = gather::Task::new(scene, [upper, lower], direction.axis);
+    let task = gather::Task::new(input, [upper, lower], direction.axis);
     workspace.count = SignedCount::default();
     workspace.candidates.clear();
     gather::gather(simd, &task, workspace);

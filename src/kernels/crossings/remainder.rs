@@ -2,7 +2,7 @@
 
 use super::evaluate::SignedCount;
 use super::gather::Task;
-use super::{Direction, Scene, Workspace, linking_number};
+use super::{Direction, Input, Workspace, linking_number};
 use crate::kernels::Linking;
 use crate::pairs::Pair;
 
@@ -10,7 +10,7 @@ use crate::pairs::Pair;
 /// the undecided tests: segments of the upper and of the lower curve. Pairs of segments that touch
 /// must be among these tests.
 pub(crate) fn conclude(
-    scene: Scene<'_>,
+    input: Input<'_>,
     (i, j): Pair,
     direction: Direction,
     sum: i64,
@@ -18,14 +18,14 @@ pub(crate) fn conclude(
     workspace: &mut Workspace,
 ) -> Linking {
     let (upper, lower) = direction.upper_first(i as usize, j as usize);
-    let task = Task::new(scene, [upper, lower], direction.axis);
+    let task = Task::new(input, [upper, lower], direction.axis);
     let mut count = SignedCount::default();
     count.add_shared(&task, tests);
     if count.contact().is_some() {
         // The reported place must not depend on the kernel, so the contact is searched again in the
         // direction that the CPU chooses.
         let before = workspace.stats;
-        let linking = linking_number(scene, (i, j), None, workspace);
+        let linking = linking_number(input, (i, j), None, workspace);
         workspace.stats = before;
         workspace.stats.add(&count.stats);
         return linking;

@@ -1,6 +1,6 @@
 //! Estimate of the work of a pair, from a sample.
 
-use super::{Scene, SignedCount, Workspace, direction, gather};
+use super::{Input, SignedCount, Workspace, direction, gather};
 use crate::kernels::KernelWork;
 use crate::pairs::{Agenda, Pair, Query, SegmentPairs, descend};
 use crate::simd::Portable;
@@ -23,9 +23,9 @@ const BRANCHES: usize = 256;
 ///
 /// Cost: the choice of the direction; some thousand node pairs, however long the curves are; and
 /// the tests below the last node pairs.
-pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) -> KernelWork {
+pub(crate) fn sample(input: Input<'_>, (i, j): Pair, workspace: &mut Workspace) -> KernelWork {
     let [i, j] = [i as usize, j as usize];
-    let both = [i, j].map(|i| scene.trees.of(scene.set, i));
+    let both = [i, j].map(|i| input.trees.of(input.set, i));
     let Workspace {
         fronts,
         agenda,
@@ -42,13 +42,13 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
         return choice;
     };
     let (upper, lower) = direction.upper_first(i, j);
-    let task = gather::Task::new(scene, [upper, lower], direction.axis);
+    let task = gather::Task::new(input, [upper, lower], direction.axis);
     let query = Query {
         w: task.axis,
         meeting: false,
         reach: 0.0,
     };
-    let both = task.curves.map(|i| scene.trees.of(scene.set, i));
+    let both = task.curves.map(|i| input.trees.of(input.set, i));
     let Buffers { found, below, one } = sampling;
     let (mut factor, mut nodes) = (1.0, 0.0);
     // All first nodes are of one level, and so are all second nodes.
@@ -73,7 +73,7 @@ pub(crate) fn sample(scene: Scene<'_>, (i, j): Pair, workspace: &mut Workspace) 
     workspace.count = SignedCount::default();
     workspace.candidates.clear();
     gather::resume(&task, workspace);
-    if !scene.set.basis().is_polyline() {
+    if !input.set.basis().is_polyline() {
         // A pair that is too close takes the same time until it is rejected.
         task.finish_splines(workspace).ok();
     }

@@ -40,7 +40,7 @@ fn random_splines_match_finely_sampled_polygons_in_all_six_directions() {
             let set = CurveSet::from_counts(basis, &counts, Positions::F32(&xyz)).unwrap();
             let mut trees = Trees::default();
             trees.refit(&set);
-            let scene = Scene {
+            let input = Input {
                 set: &set,
                 trees: &trees,
                 workspaces: &Workspaces::default(),
@@ -52,7 +52,7 @@ fn random_splines_match_finely_sampled_polygons_in_all_six_directions() {
             let mut workspace = Workspace::default();
             let mut expected = want(SAMPLES[0]);
             for fixed in Direction::ALL.map(Some).into_iter().chain([None]) {
-                let found = linking_number(scene, (0, 1), fixed, &mut workspace);
+                let found = linking_number(input, (0, 1), fixed, &mut workspace);
                 if found != Linking::Number(expected) {
                     expected = want(SAMPLES[1]);
                 }

@@ -15,16 +15,16 @@ fn kernel(a: &Polygon, b: &Polygon, scale: f64, fixed: Option<Direction>) -> Lin
     let set = exact_set_of(a, b, scale);
     let mut trees = Trees::default();
     trees.refit(&set);
-    let scene = Scene {
+    let input = Input {
         set: &set,
         trees: &trees,
         workspaces: &Workspaces::default(),
     };
     let (mut workspace, mut portable) = (Workspace::default(), Workspace::default());
-    let found = linking_number(scene, (0, 1), fixed, &mut workspace);
+    let found = linking_number(input, (0, 1), fixed, &mut workspace);
     // With vector instructions and without: all results and counters are equal.
     assert_eq!(
-        compute(Portable, scene, (0, 1), fixed, &mut portable),
+        compute(Portable, input, (0, 1), fixed, &mut portable),
         found
     );
     assert_eq!(portable.take_stats(), workspace.take_stats());
@@ -181,12 +181,12 @@ fn only_degenerate_links_need_exact_arithmetic() {
         let mut trees = Trees::default();
         trees.refit(&set);
         let mut workspace = Workspace::default();
-        let scene = Scene {
+        let input = Input {
             set: &set,
             trees: &trees,
             workspaces: &Workspaces::default(),
         };
-        linking_number(scene, (0, 1), None, &mut workspace);
+        linking_number(input, (0, 1), None, &mut workspace);
         workspace.take_stats().exact
     };
     let [a, b] = winding(7, 512, 0.1);

@@ -32,7 +32,7 @@
 use super::capacity::in_batches;
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::descent::TOO_MANY;
-use super::error::Trouble;
+use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{AngleSum, Criterion, FarSum, Node, NodePair, Parameters, word};
@@ -198,7 +198,7 @@ pub(super) fn linking_numbers(
     forest: &Forest,
     pairs: &[Pair],
     beta: Option<f64>,
-) -> Result<Vec<Estimate>, Trouble> {
+) -> Result<Vec<Estimate>, Error> {
     let whole = |&(i, j): &Pair| i != j && frame.segments(i) > 0 && frame.segments(j) > 0;
     let by_distance = Criterion {
         beta: beta.unwrap_or(4.0) as f32,
@@ -263,9 +263,9 @@ fn sums(
     frame: &Frame,
     forest: &Forest,
     asked: &[(Pair, Criterion)],
-) -> Result<Vec<Found>, Trouble> {
+) -> Result<Vec<Found>, Error> {
     // Limit of the buffer of the sums, for the larger of both kinds.
-    let most = state.device.max_buffer_bytes() / size_of::<FarSum>() as u64;
+    let most = state.adapter.max_buffer_bytes() / size_of::<FarSum>() as u64;
     let parts = in_batches(
         state,
         asked,
@@ -286,7 +286,7 @@ fn pass(
     frame: &Frame,
     forest: &Forest,
     asked: &[(Pair, Criterion)],
-) -> Result<Option<Vec<Found>>, Trouble> {
+) -> Result<Option<Vec<Found>>, Error> {
     let capacity = state.sum_capacity;
     if asked.len() as u64 > u64::from(capacity.node_pairs) {
         return Ok(None);
@@ -361,7 +361,7 @@ fn pass(
     };
     // Node pairs below the last level would be lost.
     if counts[levels as usize] > 0 {
-        return Err(Trouble::limit(
+        return Err(Error::limit(
             "levels of trees",
             u64::from(levels) + 1,
             u64::from(levels),
@@ -386,7 +386,7 @@ pub(super) fn tiles(
     counts: &[u32],
     levels: u32,
     asked: usize,
-) -> Result<Option<u32>, Trouble> {
+) -> Result<Option<u32>, Error> {
     let capacity = state.sum_capacity;
     let (node_pairs, last) = counts.split_at(levels as usize + 1);
     let listed = node_pairs.iter().map(|&c| c.min(capacity.node_pairs));

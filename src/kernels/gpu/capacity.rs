@@ -2,7 +2,7 @@
 
 use super::commands::{Binding, Buffer};
 use super::descent::TOO_MANY;
-use super::error::Trouble;
+use super::error::Error;
 use super::layout::NodePair;
 use super::{State, Tile};
 
@@ -50,7 +50,7 @@ impl Capacity {
 }
 
 /// Processes some items; returns `None` if the capacity was too small.
-type Pass<'a, T, R> = dyn FnMut(&mut State, &[T]) -> Result<Option<R>, Trouble> + 'a;
+type Pass<'a, T, R> = dyn FnMut(&mut State, &[T]) -> Result<Option<R>, Error> + 'a;
 
 /// Runs a pass on batches of at most `most` items. If the capacity was too small, the lists are
 /// grown and the batch is repeated; at the limit of the adapter the batch is halved. Returns the
@@ -62,7 +62,7 @@ pub(super) fn in_batches<T, R>(
     most: usize,
     capacity: fn(&mut State) -> &mut Capacity,
     pass: &mut Pass<'_, T, R>,
-) -> Result<Vec<(usize, Option<R>)>, Trouble> {
+) -> Result<Vec<(usize, Option<R>)>, Error> {
     if asked.is_empty() {
         return Ok(Vec::new());
     }
@@ -70,7 +70,7 @@ pub(super) fn in_batches<T, R>(
         if let Some(found) = pass(state, asked)? {
             return Ok(vec![(asked.len(), Some(found))]);
         }
-        let bytes = state.device.max_buffer_bytes();
+        let bytes = state.adapter.max_buffer_bytes();
         match capacity(state).grown(bytes) {
             Some(grown) => *capacity(state) = grown,
             None if asked.len() == 1 => return Ok(vec![(1, None)]),

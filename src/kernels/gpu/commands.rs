@@ -3,7 +3,7 @@
 //!
 //! No wgpu type appears here, so a list can be created, printed and tested without an adapter.
 
-use super::error::Trouble;
+use super::error::Error;
 use super::layout::Parameters;
 use bytemuck::NoUninit;
 
@@ -99,10 +99,10 @@ impl Command {
 
 /// Returns a grid of at least `groups` workgroups, because one dimension has at most `limit`.
 /// Shaders skip the surplus.
-pub(crate) fn grid(groups: u32, limit: u32) -> Result<[u32; 2], Trouble> {
+pub(crate) fn grid(groups: u32, limit: u32) -> Result<[u32; 2], Error> {
     let rows = groups.div_ceil(limit.max(1));
     if rows > limit {
-        return Err(Trouble::limit(
+        return Err(Error::limit(
             "workgroups",
             groups.into(),
             u64::from(limit).pow(2),

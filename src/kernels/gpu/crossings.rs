@@ -33,12 +33,12 @@ use super::commands::{Binding, Buffer, Command, Stage};
 use super::descent::{
     self, AXIS, COUNTERS, CROSSINGS, DONE, OPEN, SEPARATED, TESTS, TILES, TILES_AT, TOO_MANY,
 };
-use super::error::Trouble;
+use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{Parameters, Undecided};
 use super::{Counts, Gpu, State, directions};
-use crate::kernels::crossings::{Direction, Scene, conclude, linking_number};
+use crate::kernels::crossings::{Direction, Input, conclude, linking_number};
 use crate::kernels::{Counted, Linking};
 use crate::pairs::Pair;
 use crate::verdict::Stats;
@@ -105,21 +105,21 @@ struct Found {
 }
 
 /// CPU work that runs while the adapter counts.
-pub(super) type Meanwhile<'a> = dyn FnMut(&mut State) -> Result<(), Trouble> + 'a;
+pub(super) type Meanwhile<'a> = dyn FnMut(&mut State) -> Result<(), Error> + 'a;
 
 /// Returns all linking numbers, in the order of the pairs, and the number of undecided tests.
 pub(super) fn linking_numbers(
     gpu: &Gpu,
     frame: &Frame,
-    scene: Scene<'_>,
+    input: Input<'_>,
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
-) -> Result<Counts, Trouble> {
+) -> Result<Counts, Error> {
     let passes = {
         // No rayon task is spawned under this lock: a thread that waits for tasks may steal one
         // that needs the lock.
         let state = &mut gpu.lock();
-        let fits = state.device.max_buffer_bytes() / size_of::<[u32; 2]>() as u64;
+        let fits = state.adapter.max_buffer_bytes() / size_of::<[u32; 2]>() as u64;
         let most = MOST_PAIRS.min(fits as usize);
         let mut pass = |state: &mut State, pairs: &[Pair]| pass(state, frame, pairs, meanwhile);
         in_batches(
@@ -142,24 +142,24 @@ pub(super) fn linking_numbers(
                     .par_sort_unstable_by_key(|u| (number(u), u.upper, u.lower));
                 left += found.undecided.len() as u64;
                 parts.push(found.work(count));
-                parts.extend(found.conclude(frame, scene, own));
+                parts.extend(found.conclude(frame, input, own));
             }
             // The capacity is too small even for one pair.
-            None => parts.push(on_cpu(scene, own)),
+            None => parts.push(on_cpu(input, own)),
         }
     }
     Ok((parts, left))
 }
 
 /// Counts the crossings of pairs that exceed the capacity of the adapter.
-fn on_cpu(scene: Scene<'_>, pairs: &[Pair]) -> Counted {
-    let mut workspace = scene.workspaces.take();
+fn on_cpu(input: Input<'_>, pairs: &[Pair]) -> Counted {
+    let mut workspace = input.workspaces.take();
     let mut part = Counted::default();
     for &pair in pairs {
-        part.add(pair, linking_number(scene, pair, None, &mut workspace));
+        part.add(pair, linking_number(input, pair, None, &mut workspace));
     }
     part.stats = workspace.take_stats();
-    scene.workspaces.put(workspace);
+    input.workspaces.put(workspace);
     part
 }
 
@@ -190,11 +190,11 @@ impl Found {
     }
 
     /// Decides the undecided tests, which are sorted, and returns the linking numbers.
-    fn conclude(&self, frame: &Frame, scene: Scene<'_>, pairs: &[Pair]) -> Vec<Counted> {
+    fn conclude(&self, frame: &Frame, input: Input<'_>, pairs: &[Pair]) -> Vec<Counted> {
         let task = |(task, signs): (usize, &[[u32; 2]])| {
             let first = task * TASK;
             let mut rest = &self.undecided[self.undecided.partition_point(|u| number(u) < first)..];
-            let mut workspace = scene.workspaces.take();
+            let mut workspace = input.workspaces.take();
             let (mut part, mut tests) = (Counted::default(), Vec::new());
             for (at, &signs) in (first..).zip(signs) {
                 let (own, others) = rest.split_at(rest.partition_point(|u| number(u) == at));
@@ -213,11 +213,11 @@ impl Found {
                 let [upper, lower] = [upper, lower].map(|curve| frame.first(curve));
                 tests.clear();
                 tests.extend(own.iter().map(|u| (u.upper - upper, u.lower - lower)));
-                let linking = conclude(scene, pair, direction, sum, &tests, &mut workspace);
+                let linking = conclude(input, pair, direction, sum, &tests, &mut workspace);
                 part.add(pair, linking);
             }
             part.stats = workspace.take_stats();
-            scene.workspaces.put(workspace);
+            input.workspaces.put(workspace);
             part
         };
         let tasks = self.signs.par_chunks(TASK).enumerate().map(task);
@@ -315,7 +315,7 @@ pub(super) fn counters(
     state: &mut State,
     got: &[Vec<u8>],
     items: impl Fn(&[u32]) -> u32,
-) -> Result<Vec<u32>, Trouble> {
+) -> Result<Vec<u32>, Error> {
     let words = |k: usize| bytemuck::pod_collect_to_vec::<u8, u32>(&got[k]);
     let (counts, made) = (words(0), words(3));
     match counts[DONE as usize] == items(&counts) && made == [state.boxes_made] {
@@ -330,7 +330,7 @@ fn pass(
     frame: &Frame,
     pairs: &[Pair],
     meanwhile: &mut Meanwhile<'_>,
-) -> Result<Option<Found>, Trouble> {
+) -> Result<Option<Found>, Error> {
     let lists = Lists::new(state, pairs);
     let commands = lists.commands(state, frame, pairs);
     let pending = state.start(frame, commands)?;
@@ -356,7 +356,7 @@ fn pass(
     // Node pairs below the last level would be lost.
     if counts[levels - 1] > 0 {
         let what = "levels of boxes";
-        return Err(Trouble::limit(what, levels as u64 + 1, levels as u64));
+        return Err(Error::limit(what, levels as u64 + 1, levels as u64));
     }
     if tiles > lists.part {
         let mut commands = Vec::new();
@@ -371,10 +371,10 @@ fn pass(
     if open > state.undecided_capacity {
         // Repeats the pass with capacity for all of them. If the adapter does not allow that much,
         // later frames keep the old capacity.
-        let most = state.device.max_buffer_bytes() / ENTRY;
+        let most = state.adapter.max_buffer_bytes() / ENTRY;
         let most = most.min(u64::from(TOO_MANY) - 1) as u32;
         if open > most {
-            return Err(Trouble::limit("undecided tests", open.into(), most.into()));
+            return Err(Error::limit("undecided tests", open.into(), most.into()));
         }
         state.undecided_capacity = open.saturating_add(open / 4).min(most);
         return pass(state, frame, pairs, meanwhile);

@@ -1,8 +1,8 @@
 //! The adapter and the execution of command lists on it. No other file uses wgpu.
 
 use super::commands::{Binding, Buffer, Command, Stage, grid};
-use super::error::Trouble;
-use crate::kernels::device::{Device as Choice, DeviceInfo};
+use super::error::Error;
+use crate::kernels::device::{Device, DeviceInfo};
 use std::collections::HashMap;
 use std::pin::pin;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +17,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 /// An open adapter with its pipelines and buffers.
 #[derive(Debug)]
-pub(crate) struct Device {
+pub(crate) struct Adapter {
     info: DeviceInfo,
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -68,7 +68,7 @@ fn info((index, adapter): (usize, &wgpu::Adapter)) -> DeviceInfo {
         double_precision: adapter.features().contains(DOUBLE),
         max_buffer_bytes: limits.max_buffer_size,
         max_binding_bytes: limits.max_storage_buffer_binding_size,
-        trouble: None,
+        unusable: None,
     }
 }
 
@@ -77,13 +77,13 @@ pub(super) fn list() -> Vec<DeviceInfo> {
     adapters().iter().enumerate().map(info).collect()
 }
 
-impl Device {
+impl Adapter {
     /// Opens an adapter. It computes in double precision if `double` is set and the adapter
     /// supports it.
-    pub fn open(choice: &Choice, double: bool) -> Result<Device, Trouble> {
+    pub fn open(wanted: &Device, double: bool) -> Result<Adapter, Error> {
         let found = adapters();
         let mut all: Vec<DeviceInfo> = found.iter().enumerate().map(info).collect();
-        let at = choice.choose(&all).map_err(Trouble::NoAdapter)?;
+        let at = wanted.choose(&all).map_err(Error::NoAdapter)?;
         let (adapter, mut info) = (&found[at], all.swap_remove(at));
         // Requests only what is used: the largest buffers, and otherwise the limits that every
         // adapter has.
@@ -116,7 +116,7 @@ impl Device {
             let mut first = to.lock().unwrap_or_else(PoisonError::into_inner);
             first.get_or_insert_with(|| e.to_string());
         }));
-        Ok(Device {
+        Ok(Adapter {
             info,
             device,
             queue,
@@ -161,18 +161,18 @@ impl Device {
 
     /// Runs the commands and returns the downloads, in their order. Without a download it does not
     /// wait for the work, and an error of the work is reported by the next run.
-    pub fn run(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Trouble> {
+    pub fn run(&mut self, commands: &[Command]) -> Result<Vec<Vec<u8>>, Error> {
         let pending = self.start(commands)?;
         self.finish(pending)
     }
 
     /// Submits the commands without waiting for them.
-    pub fn start(&mut self, commands: &[Command]) -> Result<Pending, Trouble> {
+    pub fn start(&mut self, commands: &[Command]) -> Result<Pending, Error> {
         self.checked(|device| device.submit_all(commands))
     }
 
     /// Waits for the work and returns the downloads, in their order.
-    pub fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
+    pub fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Error> {
         match pending.staged.is_empty() {
             true => Ok(Vec::new()),
             false => self.checked(|device| device.read(pending)),
@@ -182,8 +182,8 @@ impl Device {
     /// Runs `what` and returns the errors that wgpu reports meanwhile.
     fn checked<T>(
         &mut self,
-        what: impl FnOnce(&mut Device) -> Result<T, Trouble>,
-    ) -> Result<T, Trouble> {
+        what: impl FnOnce(&mut Adapter) -> Result<T, Error>,
+    ) -> Result<T, Error> {
         let filters = [
             wgpu::ErrorFilter::Internal,
             wgpu::ErrorFilter::OutOfMemory,
@@ -200,12 +200,12 @@ impl Device {
             .uncaptured
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        errors.extend(uncaptured.take().map(Trouble::Failed));
+        errors.extend(uncaptured.take().map(Error::Failed));
         if self.lost.load(Ordering::Relaxed) {
-            return Err(Trouble::Failed("the adapter was lost".into()));
+            return Err(Error::Failed("the adapter was lost".into()));
         }
         let done = errors.into_iter().next().map_or(done, Err);
-        if let Err(Trouble::Failed(_)) = done {
+        if let Err(Error::Failed(_)) = done {
             // The loss of a device may be reported later. The mark makes the next caller open the
             // adapter again.
             self.lost.store(true, Ordering::Relaxed);
@@ -213,7 +213,7 @@ impl Device {
         done
     }
 
-    fn submit_all(&mut self, commands: &[Command]) -> Result<Pending, Trouble> {
+    fn submit_all(&mut self, commands: &[Command]) -> Result<Pending, Error> {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         let mut recorded = false;
         let mut submitted = Vec::new();
@@ -267,7 +267,7 @@ impl Device {
         Ok(Pending { submitted, staged })
     }
 
-    fn read(&self, Pending { submitted, staged }: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
+    fn read(&self, Pending { submitted, staged }: Pending) -> Result<Vec<Vec<u8>>, Error> {
         let (send, receive) = mpsc::channel();
         for buffer in &staged {
             let send = send.clone();
@@ -305,9 +305,9 @@ impl Device {
     }
 
     /// Grows a buffer to at least `bytes`.
-    fn reserve(&mut self, buffer: Buffer, bytes: u64) -> Result<(), Trouble> {
+    fn reserve(&mut self, buffer: Buffer, bytes: u64) -> Result<(), Error> {
         if bytes > self.most {
-            return Err(Trouble::limit("bytes in a buffer", bytes, self.most));
+            return Err(Error::limit("bytes in a buffer", bytes, self.most));
         }
         if self.buffers.get(&buffer).is_some_and(|b| b.size() >= bytes) {
             return Ok(());
@@ -333,7 +333,7 @@ impl Device {
         stage: Stage,
         bindings: &[Binding],
         groups: u32,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), Error> {
         let [x, y] = grid(groups, self.limits.max_compute_workgroups_per_dimension)?;
         let device = &self.device;
         let pipeline = self.pipelines.entry(stage.name).or_insert_with(|| {
@@ -392,8 +392,8 @@ fn rank(kind: wgpu::DeviceType) -> u32 {
     }
 }
 
-fn failed(e: impl std::fmt::Display) -> Trouble {
-    Trouble::Failed(e.to_string())
+fn failed(e: impl std::fmt::Display) -> Error {
+    Error::Failed(e.to_string())
 }
 
 /// Waits for a future that needs no executor.

@@ -113,11 +113,11 @@
 
 use super::State;
 use super::commands::{Buffer, Command, Stage};
-use super::error::Trouble;
+use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
 use super::layout::{AngleSum, Tile, word};
-use super::precision::{Precision, Real};
+use super::precision::{GpuPrecision, Real};
 use super::tiles::{Shape, cut};
 use crate::kernels::Estimate;
 use crate::kernels::sums::barnes_hut::LEAF_SEGMENTS;
@@ -160,18 +160,18 @@ const SKEW: f64 = 40.0;
 const ROUNDED_UP: f64 = 1.01;
 
 /// Returns the constant that is added to the length of a segment.
-const fn tiny_length(precision: Precision) -> f64 {
+const fn tiny_length(precision: GpuPrecision) -> f64 {
     match precision {
-        Precision::Single => 1e-15,
-        Precision::Double => 1e-18,
+        GpuPrecision::Single => 1e-15,
+        GpuPrecision::Double => 1e-18,
     }
 }
 
 /// Returns the square of the distance below which a segment pair is undecided.
-const fn tiny_square(precision: Precision) -> f64 {
+const fn tiny_square(precision: GpuPrecision) -> f64 {
     match precision {
-        Precision::Single => 1e-16,
-        Precision::Double => 1e-36,
+        GpuPrecision::Single => 1e-16,
+        GpuPrecision::Double => 1e-36,
     }
 }
 
@@ -193,8 +193,8 @@ pub(super) const SHAPES: [Shape; 2] = [
 /// Returns the shaders for each of [`SHAPES`].
 pub(super) fn stages<R: Real>() -> [Stage; 2] {
     let [small, large] = match R::PRECISION {
-        Precision::Single => ["direct, small", "direct"],
-        Precision::Double => ["direct, small, double", "direct, double"],
+        GpuPrecision::Single => ["direct, small", "direct"],
+        GpuPrecision::Double => ["direct, small, double", "direct, double"],
     };
     [
         Stage {
@@ -249,9 +249,9 @@ pub(super) fn linking_numbers<R: Real>(
     state: &mut State,
     frame: &Frame<R>,
     pairs: &[Pair],
-) -> Result<Vec<Estimate>, Trouble> {
+) -> Result<Vec<Estimate>, Error> {
     // Number of pairs whose sums fit into a buffer.
-    let capacity = state.device.max_buffer_bytes().saturating_sub(bytes(0));
+    let capacity = state.adapter.max_buffer_bytes().saturating_sub(bytes(0));
     let most = (capacity / size_of::<AngleSum>() as u64).max(1) as usize;
     if pairs.len() > most {
         let mut all = Vec::with_capacity(pairs.len());
@@ -312,7 +312,7 @@ pub(super) fn sum_tiles(
     pairs: usize,
     tiles: Buffer,
     count: u32,
-) -> Result<Vec<AngleSum>, Trouble> {
+) -> Result<Vec<AngleSum>, Error> {
     if count == 0 {
         return Ok(vec![AngleSum::default(); pairs]);
     }
@@ -344,7 +344,7 @@ fn bytes(pairs: usize) -> u64 {
 /// Returns the sums.
 ///
 /// Errors: not all tiles were processed ([`State::incomplete`]).
-pub(super) fn read(state: &mut State, found: &[u8], tiles: u32) -> Result<Vec<AngleSum>, Trouble> {
+pub(super) fn read(state: &mut State, found: &[u8], tiles: u32) -> Result<Vec<AngleSum>, Error> {
     let (sums, done) = found.split_at(found.len() - size_of::<u32>());
     match bytemuck::pod_read_unaligned::<u32>(done) == tiles {
         true => Ok(bytemuck::pod_collect_to_vec(sums)),

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// Failure of an adapter. The caller logs it once and falls back to the CPU.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Trouble {
+pub(crate) enum Error {
     /// No adapter exists, or none or several match the choice; with a message.
     NoAdapter(String),
     /// The arithmetic of the adapter does not satisfy the assumptions of the error bounds.
@@ -22,10 +22,10 @@ pub(crate) enum Trouble {
     Failed(String),
 }
 
-impl Trouble {
+impl Error {
     /// Returns the error for a limit that is exceeded.
-    pub fn limit(what: &'static str, needed: u64, limit: u64) -> Trouble {
-        Trouble::Limit {
+    pub fn limit(what: &'static str, needed: u64, limit: u64) -> Error {
+        Error::Limit {
             what,
             needed,
             limit,
@@ -33,18 +33,18 @@ impl Trouble {
     }
 }
 
-impl fmt::Display for Trouble {
+impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Trouble::Arithmetic(what) => {
+            Error::Arithmetic(what) => {
                 write!(f, "the arithmetic of the adapter is wrong: {what}")
             }
-            Trouble::Limit {
+            Error::Limit {
                 what,
                 needed,
                 limit,
             } => write!(f, "{needed} {what} needed, the adapter allows {limit}"),
-            Trouble::NoAdapter(what) | Trouble::Failed(what) => f.write_str(what),
+            Error::NoAdapter(what) | Error::Failed(what) => f.write_str(what),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Sums on an adapter, with the CPU as the fallback.
 
-use super::Trouble;
+use super::Error;
 use crate::kernels::{Estimate, Summation};
 use crate::pairs::Pair;
 use std::sync::OnceLock;
@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 /// A summation kernel on an adapter.
 pub(crate) trait AdapterSum: Send + Sync {
     /// Returns the linking numbers of several pairs, in their order.
-    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble>;
+    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error>;
 }
 
 /// A sum on an adapter that falls back to the CPU if the adapter fails.
@@ -37,8 +37,8 @@ impl<S: AdapterSum> Summation for WithFallback<'_, S> {
     }
 
     fn linking_numbers(&self, pairs: &[Pair]) -> Vec<Estimate> {
-        self.sum.linking_numbers(pairs).unwrap_or_else(|trouble| {
-            tracing::warn!("the GPU failed; these sums are computed on the CPU: {trouble}");
+        self.sum.linking_numbers(pairs).unwrap_or_else(|error| {
+            tracing::warn!("the GPU failed; these sums are computed on the CPU: {error}");
             self.cpu.get().linking_numbers(pairs)
         })
     }
@@ -84,10 +84,10 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
 
     /// Returns a fixed result.
-    struct FixedResult(Result<f64, Trouble>);
+    struct FixedResult(Result<f64, Error>);
 
     impl AdapterSum for FixedResult {
-        fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+        fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
             let value = self.0.clone()?;
             Ok(vec![Estimate { value, bound: 0.0 }; pairs.len()])
         }
@@ -117,7 +117,7 @@ mod tests {
         assert_eq!(integers(&both, 2), [Some(1); 2]);
         assert_eq!(both.linking_number((0, 1)).integer(), Some(1));
         assert_eq!(made.load(Ordering::Relaxed), 0);
-        let failed = WithFallback::new(FixedResult(Err(Trouble::Failed("lost".into()))), make);
+        let failed = WithFallback::new(FixedResult(Err(Error::Failed("lost".into()))), make);
         assert_eq!(integers(&failed, 3), [Some(2); 3]);
         assert_eq!(integers(&failed, 3), [Some(2); 3]);
         assert_eq!(made.load(Ordering::Relaxed), 1);

@@ -29,12 +29,12 @@ fn counted(
 ) -> (Counted, Option<Frame>) {
     let mut trees = Trees::default();
     trees.refit(set);
-    let scene = Scene {
+    let input = Input {
         set,
         trees: &trees,
         workspaces: &Workspaces::default(),
     };
-    let ((parts, _), sent) = gpu.count(frame, scene, &pairs_of(set), next).unwrap();
+    let ((parts, _), sent) = gpu.count(frame, input, &pairs_of(set), next).unwrap();
     (Counted::joined(parts), sent)
 }
 
@@ -337,18 +337,18 @@ fn verifiers_that_share_an_adapter_do_not_affect_one_another() {
             set_of_all(&scaled, true)
         })
         .collect();
-    let certify = |k: usize, device: &Choice| {
+    let certify = |k: usize, device: &Device| {
         let set = &tangled[k % 4];
         let mut verifier = Verifier::new(AbortOn::Never);
         verifier.set_device(device).unwrap();
         verifier.announce(&Arc::new(tangled[(k + 1) % 4].clone()));
         verifier.certify(set).0.clone()
     };
-    let want: Vec<_> = (0..4).map(|k| certify(k, &Choice::Cpu)).collect();
-    let _open = Gpu::shared(&Choice::Gpu).unwrap();
+    let want: Vec<_> = (0..4).map(|k| certify(k, &Device::Cpu)).collect();
+    let _open = Gpu::shared(&Device::Gpu).unwrap();
     let all = (0..16usize).into_par_iter().with_max_len(1);
     assert!(all.all(
-        |k| certify(k, &Choice::Gpu) == want[k % 4] && certify(k, &Choice::Gpu) == want[k % 4]
+        |k| certify(k, &Device::Gpu) == want[k % 4] && certify(k, &Device::Gpu) == want[k % 4]
     ));
 }
 
@@ -363,7 +363,7 @@ fn incomplete_work_is_an_error() {
     counts_agree(&gpu, &set);
     let mut trees = Trees::default();
     trees.refit(&set);
-    let scene = Scene {
+    let input = Input {
         set: &set,
         trees: &trees,
         workspaces: &Workspaces::default(),
@@ -371,8 +371,8 @@ fn incomplete_work_is_an_error() {
     let frame = Frame::new(&set);
     drop(boxes::fit(&mut gpu.lock(), &frame));
     gpu.lock().boxes_of = Some(frame.id);
-    let found = gpu.count(&frame, scene, &pairs_of(&set), None);
-    assert!(matches!(found, Err(Trouble::Failed(_))));
+    let found = gpu.count(&frame, input, &pairs_of(&set), None);
+    assert!(matches!(found, Err(Error::Failed(_))));
     let state = &mut gpu.lock();
     let zeros = [256, 24, 12, 4].map(|n| vec![0; n]);
     state.boxes_made = 0;
@@ -416,10 +416,10 @@ fn uploads_are_repeated_after_a_panic() {
 #[ignore = "needs an adapter"]
 fn an_uploaded_next_frame_stays_uploaded_until_its_turn() {
     let [now, next] = two_frames();
-    let mut accelerator = crate::kernels::Accelerator::open(&Choice::Gpu).unwrap();
+    let mut accelerator = crate::kernels::Accelerator::open(&Device::Gpu).unwrap();
     let mut trees = Trees::default();
     trees.refit(&*now);
-    let scene = Scene {
+    let input = Input {
         set: &now,
         trees: &trees,
         workspaces: &Workspaces::default(),
@@ -428,7 +428,7 @@ fn an_uploaded_next_frame_stays_uploaded_until_its_turn() {
     accelerator.announce(&next);
     // Block by block, as with an early exit.
     for block in pairs.chunks(64) {
-        accelerator.count(scene, block).unwrap();
+        accelerator.count(input, block).unwrap();
         assert!(accelerator.has_sent(&next));
     }
 }

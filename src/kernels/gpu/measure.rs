@@ -3,16 +3,15 @@
 
 use super::barnes_hut::{self, Forest};
 use super::frame::Frame;
-use super::precision::{Precision, Real};
-use super::{Choice, Gpu, Trouble, direct};
+use super::precision::{GpuPrecision, Real};
+use super::{Device, Gpu, direct};
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
-use crate::kernels::crossings::{Scene, Workspaces, linking_number};
+use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::{Accelerator, Accuracy, Counted, Estimate, Method};
 use crate::pairs::{LinkSearch, Pair, Trees};
-use crate::verifier::links_per_task;
-use rayon::prelude::*;
+use std::sync::atomic::AtomicU64;
 use std::time::Instant;
 
 /// Measured times of a kernel: medians, in milliseconds.
@@ -21,7 +20,7 @@ pub struct DeviceTimes {
     /// The kernel.
     pub kernel: Method,
     /// Precision of the adapter.
-    pub precision: Precision,
+    pub precision: GpuPrecision,
     /// Number of pairs of curves.
     pub links: usize,
     /// Number of segment pairs, over all pairs of curves.
@@ -32,7 +31,7 @@ pub struct DeviceTimes {
     /// Time with the vertices (and trees) prepared and uploaded before.
     pub resident_ms: f64,
     /// Time of the same kernel on all CPU threads. `None` if it would take too long.
-    pub processor_ms: Option<f64>,
+    pub cpu_ms: Option<f64>,
     /// Largest difference between a sum and the linking number.
     pub largest_error: f64,
     /// Number of undecided results: sums that prove no integer; for crossings, tests of segments.
@@ -45,7 +44,7 @@ impl DeviceTimes {
     /// Returns true if a whole frame is faster than on the CPU, or if the CPU would take too long
     /// to measure.
     pub fn is_faster(&self) -> bool {
-        self.processor_ms.is_none_or(|ms| self.whole_ms < ms)
+        self.cpu_ms.is_none_or(|ms| self.whole_ms < ms)
     }
 }
 
@@ -55,7 +54,7 @@ impl DeviceTimes {
 ///
 /// Errors: [`Error::Device`]; errors of the discretization.
 pub fn measure(
-    device: &Choice,
+    device: &Device,
     set: &CurveSet,
     kernels: &[Method],
     repeat: u32,
@@ -73,14 +72,14 @@ pub fn measure(
     let pairs = search.find(trees.roots());
     let whole = |i: u32| set.has_three_distinct_points(i as usize);
     pairs.retain(|&(i, j)| whole(i) && whole(j));
-    let scene = Scene {
+    let input = Input {
         set,
         trees: &trees,
         workspaces: &Workspaces::default(),
     };
     let measurement = Measurement {
         gpu: &gpu,
-        scene,
+        input,
         pairs,
         repeat: repeat.max(1),
         limit_s,
@@ -95,13 +94,13 @@ pub fn measure(
         _ => Vec::new(),
     };
     let each = kernels.iter().flat_map(one);
-    let failed = |e: Trouble| Error::Device(e.to_string());
+    let failed = |e: super::Error| Error::Device(e.to_string());
     each.map(|times| times.map_err(failed)).collect()
 }
 
 struct Measurement<'a> {
     gpu: &'a Gpu,
-    scene: Scene<'a>,
+    input: Input<'a>,
     pairs: &'a [Pair],
     repeat: u32,
     limit_s: f64,
@@ -109,7 +108,10 @@ struct Measurement<'a> {
 
 impl Measurement<'_> {
     /// Returns the median time of a run and the result of the last run.
-    fn timed<T>(&self, mut run: impl FnMut() -> Result<T, Trouble>) -> Result<(f64, T), Trouble> {
+    fn timed<T>(
+        &self,
+        mut run: impl FnMut() -> Result<T, super::Error>,
+    ) -> Result<(f64, T), super::Error> {
         let mut times = Vec::new();
         loop {
             let start = Instant::now();
@@ -123,55 +125,47 @@ impl Measurement<'_> {
     }
 
     fn segment_pairs(&self) -> u64 {
-        let segments = |i: u32| u64::from(self.scene.set.curve(i as usize).segments);
+        let segments = |i: u32| u64::from(self.input.set.curve(i as usize).segments);
         let each = self.pairs.iter().map(|&(i, j)| segments(i) * segments(j));
         each.sum()
     }
 
     /// Returns the exact linking numbers, counted on the CPU.
     fn count(&self) -> Counted {
-        let part = |pairs: &[Pair]| {
-            let mut workspace = self.scene.workspaces.take();
-            let mut part = Counted::default();
-            for &pair in pairs {
-                part.add(pair, linking_number(self.scene, pair, None, &mut workspace));
-            }
-            self.scene.workspaces.put(workspace);
-            part
-        };
-        let size = links_per_task(self.pairs.len(), rayon::current_num_threads());
-        Counted::joined(self.pairs.par_chunks(size).map(part).collect())
+        let mut parts = Vec::new();
+        linking_numbers(self.input, self.pairs, &mut parts, &AtomicU64::new(0));
+        Counted::joined(parts)
     }
 
-    fn crossings(&self) -> Result<DeviceTimes, Trouble> {
-        let frame = Frame::new(self.scene.set);
-        let resident = || self.gpu.count(&frame, self.scene, self.pairs, None);
+    fn crossings(&self) -> Result<DeviceTimes, super::Error> {
+        let frame = Frame::new(self.input.set);
+        let resident = || self.gpu.count(&frame, self.input, self.pairs, None);
         // The first run compiles the shaders and allocates the buffers.
         resident()?;
         let (resident_ms, _) = self.timed(resident)?;
         let (whole_ms, ((found, undecided), _)) = self.timed(|| {
-            let frame = Frame::new(self.scene.set);
+            let frame = Frame::new(self.input.set);
             self.gpu.send(&frame)?;
-            self.gpu.count(&frame, self.scene, self.pairs, None)
+            self.gpu.count(&frame, self.input, self.pairs, None)
         })?;
-        let (processor_ms, exact) = self.timed(|| Ok(self.count()))?;
+        let (cpu_ms, exact) = self.timed(|| Ok(self.count()))?;
         let found = Counted::joined(found);
         Ok(DeviceTimes {
             kernel: Method::Crossings,
-            precision: Precision::Single,
+            precision: GpuPrecision::Single,
             links: self.pairs.len(),
             segment_pairs: self.segment_pairs(),
             whole_ms,
             resident_ms,
-            processor_ms: Some(processor_ms),
+            cpu_ms: Some(cpu_ms),
             largest_error: 0.0,
             undecided,
             equal: (found.links, found.undefined) == (exact.links, exact.undefined),
         })
     }
 
-    fn direct<R: Real>(&self) -> Result<DeviceTimes, Trouble> {
-        let (set, pairs) = (self.scene.set, self.pairs);
+    fn direct<R: Real>(&self) -> Result<DeviceTimes, super::Error> {
+        let (set, pairs) = (self.input.set, self.pairs);
         // The frame is built before the lock is taken.
         let run = |frame: &Frame<R>| direct::linking_numbers(&mut self.gpu.lock(), frame, pairs);
         let frame = Frame::<R>::new(set);
@@ -181,8 +175,8 @@ impl Measurement<'_> {
         self.sums((Method::Direct, R::PRECISION), resident_ms, whole)
     }
 
-    fn barnes_hut(&self) -> Result<DeviceTimes, Trouble> {
-        let (set, pairs) = (self.scene.set, self.pairs);
+    fn barnes_hut(&self) -> Result<DeviceTimes, super::Error> {
+        let (set, pairs) = (self.input.set, self.pairs);
         let run = |frame: &Frame, forest: &Forest| {
             barnes_hut::linking_numbers(&mut self.gpu.lock(), frame, forest, pairs, None)
         };
@@ -194,23 +188,27 @@ impl Measurement<'_> {
             let frame = Frame::new(set);
             run(&frame, &Forest::new(&frame))
         })?;
-        self.sums((Method::BarnesHut, Precision::Single), resident_ms, whole)
+        self.sums(
+            (Method::BarnesHut, GpuPrecision::Single),
+            resident_ms,
+            whole,
+        )
     }
 
     fn sums(
         &self,
-        (kernel, precision): (Method, Precision),
+        (kernel, precision): (Method, GpuPrecision),
         resident_ms: f64,
         (whole_ms, found): (f64, Vec<Estimate>),
-    ) -> Result<DeviceTimes, Trouble> {
+    ) -> Result<DeviceTimes, super::Error> {
         /// Approximate time of a segment pair on one CPU thread, in nanoseconds.
         const PAIR_NS: f64 = 5.0;
         let threads = rayon::current_num_threads() as f64;
         let seconds = self.segment_pairs() as f64 * PAIR_NS * 1e-9 / threads;
         let none = Accelerator::default();
-        let summation = || kernel.summation(self.scene.set, Accuracy::default(), &none, self.pairs);
+        let summation = || kernel.summation(self.input.set, Accuracy::default(), &none, self.pairs);
         let in_time = kernel == Method::BarnesHut || seconds < self.limit_s;
-        let processor_ms = match in_time {
+        let cpu_ms = match in_time {
             true => {
                 let run = || Ok(summation().map(|s| s.linking_numbers(self.pairs)));
                 Some(self.timed(run)?.0)
@@ -243,7 +241,7 @@ impl Measurement<'_> {
             segment_pairs: self.segment_pairs(),
             whole_ms,
             resident_ms,
-            processor_ms,
+            cpu_ms,
             largest_error,
             undecided: undecided as u64,
             equal,

@@ -29,7 +29,7 @@
 //! # Failures
 //!
 //! An adapter is trusted with single operations only, and after a test ([`self_test`]). Every other
-//! failure (adapter lost, out of memory, frame too large) is a [`Trouble`]; the caller logs it and
+//! failure (adapter lost, out of memory, frame too large) is an [`Error`]; the caller logs it and
 //! computes on the CPU.
 
 mod barnes_hut;
@@ -59,21 +59,21 @@ mod tiles;
 #[cfg(test)]
 pub(super) use tests::direct_in_double;
 
-pub(crate) use error::Trouble;
+pub(crate) use error::Error;
 pub(super) use fallback::WithFallback;
 pub use measure::{DeviceTimes, measure};
-pub use precision::Precision;
+pub use precision::GpuPrecision;
 pub(super) use summations::{BarnesHutSum, DirectSum};
 
 use self::boxes::Hierarchy;
 use self::capacity::Capacity;
 use self::commands::{ALIGNMENT, Binding, Buffer, Command, Stage};
-use self::device::{Device, Pending};
+use self::device::{Adapter, Pending};
 pub(crate) use self::frame::Frame;
 use self::layout::{Parameters, Tile};
 use self::precision::Real;
-use super::crossings::Scene;
-use super::device::{Device as Choice, DeviceInfo};
+use super::crossings::Input;
+use super::device::{Device, DeviceInfo};
 use super::{Counted, Estimate};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
@@ -96,25 +96,25 @@ const MAX_WORK: [u64; 2] = [1 << 31, 1 << 28];
 pub(super) fn devices() -> Vec<DeviceInfo> {
     let mut all = device::list();
     for info in &mut all {
-        match Gpu::open(&Choice::Index(info.index)) {
+        match Gpu::open(&Device::Index(info.index)) {
             Ok(gpu) => info.double_precision = gpu.computes_in_double(),
-            Err(trouble) => info.trouble = Some(trouble.to_string()),
+            Err(error) => info.unusable = Some(error.to_string()),
         }
     }
     all
 }
 
 /// Returns the index of the first adapter for which `is_wanted` holds.
-pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Choice> {
+pub(super) fn find(is_wanted: impl Fn(&DeviceInfo) -> bool) -> Option<Device> {
     let found = device::list().into_iter().find(|info| is_wanted(info));
-    found.map(|info| Choice::Index(info.index))
+    found.map(|info| Device::Index(info.index))
 }
 
 /// Linking numbers, in parts, and the number of tests that the CPU decided.
 type Counts = (Vec<Counted>, u64);
 
 /// Open adapters, shared by all callers.
-static OPEN: Mutex<Vec<(Choice, Weak<Gpu>)>> = Mutex::new(Vec::new());
+static OPEN: Mutex<Vec<(Device, Weak<Gpu>)>> = Mutex::new(Vec::new());
 
 /// An adapter that is ready to compute, for one caller at a time.
 #[derive(Debug)]
@@ -124,15 +124,15 @@ pub(crate) struct Gpu {
 
 impl Gpu {
     /// Opens an adapter and tests its arithmetic.
-    pub fn open(choice: &Choice) -> Result<Gpu, Trouble> {
-        let mut state = State::new(Device::open(choice, true)?);
+    pub fn open(device: &Device) -> Result<Gpu, Error> {
+        let mut state = State::new(Adapter::open(device, true)?);
         self_test::run::<f32>(&mut state)?;
-        if state.device.info().double_precision
-            && let Err(trouble) = self_test::run::<f64>(&mut state)
+        if state.adapter.info().double_precision
+            && let Err(error) = self_test::run::<f64>(&mut state)
         {
-            tracing::warn!("the adapter is used in single precision only: {trouble}");
+            tracing::warn!("the adapter is used in single precision only: {error}");
             // A shader that the adapter could not run may have lost the device.
-            state = State::new(Device::open(choice, false)?);
+            state = State::new(Adapter::open(device, false)?);
         }
         Ok(Gpu {
             state: Mutex::new(state),
@@ -140,18 +140,18 @@ impl Gpu {
     }
 
     /// Returns an open adapter: the shared one if the same choice is open already, else a new one.
-    pub fn shared(choice: &Choice) -> Result<Arc<Gpu>, Trouble> {
+    pub fn shared(device: &Device) -> Result<Arc<Gpu>, Error> {
         let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
         open.retain(|(_, gpu)| gpu.strong_count() > 0);
-        let known = open.iter().find(|(known, _)| known == choice);
+        let known = open.iter().find(|(known, _)| known == device);
         if let Some(gpu) = known.and_then(|(_, gpu)| gpu.upgrade()) {
             if !gpu.is_lost() {
                 return Ok(gpu);
             }
-            open.retain(|(known, _)| known != choice);
+            open.retain(|(known, _)| known != device);
         }
-        let gpu = Arc::new(Gpu::open(choice)?);
-        open.push((choice.clone(), Arc::downgrade(&gpu)));
+        let gpu = Arc::new(Gpu::open(device)?);
+        open.push((device.clone(), Arc::downgrade(&gpu)));
         Ok(gpu)
     }
 
@@ -167,22 +167,22 @@ impl Gpu {
 
     /// Returns the properties of the adapter.
     pub fn info(&self) -> DeviceInfo {
-        self.lock().device.info().clone()
+        self.lock().adapter.info().clone()
     }
 
     /// Returns true if the adapter is lost or has failed once.
     pub fn is_lost(&self) -> bool {
-        self.lock().device.is_lost()
+        self.lock().adapter.is_lost()
     }
 
     /// Returns true if the adapter computes in double precision.
     pub fn computes_in_double(&self) -> bool {
-        self.lock().device.info().double_precision
+        self.lock().adapter.info().double_precision
     }
 
     /// Uploads the vertices of a frame unless they are cached, and starts the bounding-box pass.
     /// Does not wait.
-    pub fn send(&self, frame: &Frame) -> Result<(), Trouble> {
+    pub fn send(&self, frame: &Frame) -> Result<(), Error> {
         let mut state = self.lock();
         let commands = boxes::fit(&mut state, frame).concat();
         state.run(frame, commands)?;
@@ -196,28 +196,28 @@ impl Gpu {
     pub fn count(
         &self,
         frame: &Frame,
-        scene: Scene<'_>,
+        input: Input<'_>,
         pairs: &[Pair],
         next: Option<&CurveSet>,
-    ) -> Result<(Counts, Option<Frame>), Trouble> {
+    ) -> Result<(Counts, Option<Frame>), Error> {
         let mut sent = None;
         let mut meanwhile = |state: &mut State| {
             if let (Some(next), None) = (next, &sent) {
                 let frame = Frame::alone(next);
                 // If the next frame is too large, it fails on its own turn, not now.
-                if size_of_val(&frame.vertices[..]) as u64 <= state.device.max_buffer_bytes() {
+                if size_of_val(&frame.vertices[..]) as u64 <= state.adapter.max_buffer_bytes() {
                     state.start(&frame, Vec::new())?;
                     sent = Some(frame);
                 }
             }
             Ok(())
         };
-        let counts = crossings::linking_numbers(self, frame, scene, pairs, &mut meanwhile)?;
+        let counts = crossings::linking_numbers(self, frame, input, pairs, &mut meanwhile)?;
         Ok((counts, sent))
     }
 
     /// Computes direct sums over polylines in single precision; uploads the vertices.
-    pub fn sum_directly(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+    pub fn sum_directly(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
         // Built before the lock is taken: the rayon threads that build it may steal tasks that need
         // the lock.
         let frame = Frame::<f32>::new(set);
@@ -225,7 +225,7 @@ impl Gpu {
     }
 
     /// Computes Barnes-Hut sums with the proven error bound; uploads vertices and trees.
-    pub fn sum_by_trees(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+    pub fn sum_by_trees(&self, set: &CurveSet, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
         let frame = Frame::new(set);
         let forest = barnes_hut::Forest::new(&frame);
         barnes_hut::linking_numbers(&mut self.lock(), &frame, &forest, pairs, None)
@@ -235,7 +235,7 @@ impl Gpu {
 /// An adapter and the contents of its buffers.
 #[derive(Debug)]
 pub(super) struct State {
-    device: Device,
+    adapter: Adapter,
     /// Frames whose vertices are uploaded.
     vertices_of: [Option<u64>; 2],
     /// Slot of the latest upload.
@@ -260,10 +260,10 @@ pub(super) struct State {
 
 impl State {
     /// Creates the state of an adapter with no uploads.
-    fn new(device: Device) -> State {
-        let software = device.info().software;
+    fn new(adapter: Adapter) -> State {
+        let software = adapter.info().software;
         State {
-            device,
+            adapter,
             vertices_of: [None; 2],
             latest: 0,
             nodes_of: None,
@@ -283,7 +283,7 @@ impl State {
         &mut self,
         frame: &Frame<R>,
         commands: Vec<Command>,
-    ) -> Result<Vec<Vec<u8>>, Trouble> {
+    ) -> Result<Vec<Vec<u8>>, Error> {
         let pending = self.start(frame, commands)?;
         self.finish(pending)
     }
@@ -293,12 +293,12 @@ impl State {
         &mut self,
         frame: &Frame<R>,
         mut commands: Vec<Command>,
-    ) -> Result<Pending, Trouble> {
+    ) -> Result<Pending, Error> {
         let slot = self.slot(frame);
         if self.vertices_of[slot] != Some(frame.id) {
             commands.insert(0, Command::upload(VERTICES[slot], &frame.vertices));
         }
-        let started = self.device.start(&commands);
+        let started = self.adapter.start(&commands);
         let pending = started.inspect_err(|_| self.forget())?;
         self.vertices_of[slot] = Some(frame.id);
         self.latest = slot;
@@ -306,8 +306,8 @@ impl State {
     }
 
     /// Waits for the results of started commands.
-    fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Trouble> {
-        let done = self.device.finish(pending);
+    fn finish(&mut self, pending: Pending) -> Result<Vec<Vec<u8>>, Error> {
+        let done = self.adapter.finish(pending);
         done.inspect_err(|_| self.forget())
     }
 
@@ -335,9 +335,9 @@ impl State {
     /// of an adapter, or a driver may leave a loop early, and not all report it: without a check it
     /// looks as if all work were done and nothing linked. So all shaders count the items that they
     /// processed.
-    fn incomplete(&mut self) -> Trouble {
+    fn incomplete(&mut self) -> Error {
         self.forget();
-        Trouble::Failed(
+        Error::Failed(
             "the adapter did not process all of its work; \
              the system or the driver may have aborted it"
                 .into(),
@@ -348,7 +348,7 @@ impl State {
     /// the adapter knows. Software adapters need many: Mesa's leaves a loop after 65535 rounds,
     /// including those of inner loops, and reports no error.
     fn strides(&self) -> u32 {
-        match self.device.info().software {
+        match self.adapter.info().software {
             true => 1024,
             false => 4096,
         }
@@ -364,9 +364,9 @@ impl State {
         tiles: &[Tile],
         per_group: u32,
         results: &[(Buffer, u64)],
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), Error> {
         let list = Buffer("tiles", stage.name);
-        let most = self.device.max_buffer_bytes();
+        let most = self.adapter.max_buffer_bytes();
         // The offsets of a batch and of its parameters must fit into a buffer and into 32 bits.
         let longest = (most / ALIGNMENT).min(1 << 24) as usize * STEP;
         for tiles in tiles.chunks(longest.max(STEP)) {

@@ -5,19 +5,19 @@ use bytemuck::Pod;
 /// Precision in which an adapter computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Precision {
+pub enum GpuPrecision {
     /// 32 bits; supported by every adapter.
     Single,
     /// 64 bits; used if the adapter supports them and its arithmetic passed the test.
     Double,
 }
 
-impl Precision {
+impl GpuPrecision {
     /// Returns the name of the precision.
     pub fn word(self) -> &'static str {
         match self {
-            Precision::Single => "single",
-            Precision::Double => "double",
+            GpuPrecision::Single => "single",
+            GpuPrecision::Double => "double",
         }
     }
 }
@@ -25,7 +25,7 @@ impl Precision {
 /// A floating-point type that shaders compute in; they call it `real`.
 pub(crate) trait Real: Pod + Default + Send + Sync + Into<f64> {
     /// The precision of the type.
-    const PRECISION: Precision;
+    const PRECISION: GpuPrecision;
     /// Source code that precedes every shader of this precision.
     const SHADER: &'static str;
     /// Upper bound of the relative error of an addition, a subtraction or a multiplication, in any
@@ -42,7 +42,7 @@ pub(crate) trait Real: Pod + Default + Send + Sync + Into<f64> {
 }
 
 impl Real for f32 {
-    const PRECISION: Precision = Precision::Single;
+    const PRECISION: GpuPrecision = GpuPrecision::Single;
     const SHADER: &'static str = include_str!("single.wgsl");
     const UNIT_ERROR: f64 = f32::EPSILON as f64;
     const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
@@ -54,7 +54,7 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
-    const PRECISION: Precision = Precision::Double;
+    const PRECISION: GpuPrecision = GpuPrecision::Double;
     const SHADER: &'static str = include_str!("double.wgsl");
     const UNIT_ERROR: f64 = f64::EPSILON;
     /// Twice the limit, because the CPU rounds below it.

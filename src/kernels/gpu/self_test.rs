@@ -7,17 +7,17 @@
 
 use super::State;
 use super::commands::{Binding, Buffer, Command, Stage};
-use super::error::Trouble;
+use super::error::Error;
 use super::fixed;
 use super::layout::Parameters;
-use super::precision::{Precision, Real};
+use super::precision::{GpuPrecision, Real};
 
 /// Returns the shader that computes the samples.
 pub(super) fn stage<R: Real>() -> Stage {
     Stage {
         name: match R::PRECISION {
-            Precision::Single => "self test",
-            Precision::Double => "self test, double",
+            GpuPrecision::Single => "self test",
+            GpuPrecision::Double => "self test, double",
         },
         source: || super::shader_in::<R>(&[], &[], &[include_str!("self_test.wgsl")]),
     }
@@ -50,7 +50,7 @@ fn operands<R: Real>() -> Vec<[R; 2]> {
 }
 
 /// Runs the shader and compares its results.
-pub(super) fn run<R: Real>(state: &mut State) -> Result<(), Trouble> {
+pub(super) fn run<R: Real>(state: &mut State) -> Result<(), Error> {
     let operands = operands::<R>();
     let n = operands.len() as u64;
     let parameters = Parameters {
@@ -84,11 +84,11 @@ pub(super) fn run<R: Real>(state: &mut State) -> Result<(), Trouble> {
         Command::Download(RESULTS, sizes[1]),
         Command::Download(HALVES, sizes[2]),
     ];
-    let found = state.device.run(&commands)?;
+    let found = state.adapter.run(&commands)?;
     let results: &[[R; 8]] = bytemuck::cast_slice(&found[0]);
     let halves: &[[[u32; 2]; 2]] = bytemuck::cast_slice(&found[1]);
     for ((&[x, y], got), sums) in operands.iter().zip(results).zip(halves) {
-        compare(x, y, got, sums).map_err(Trouble::Arithmetic)?;
+        compare(x, y, got, sums).map_err(Error::Arithmetic)?;
     }
     Ok(())
 }

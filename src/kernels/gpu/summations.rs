@@ -2,7 +2,7 @@
 
 use super::barnes_hut::{self, Forest};
 use super::fallback::{AdapterSum, Lazy};
-use super::{Frame, Gpu, Trouble, direct};
+use super::{Error, Frame, Gpu, direct};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
 use crate::pairs::Pair;
@@ -27,7 +27,7 @@ impl<'a> DirectSum<'a> {
 
     /// Sums the undecided pairs again, in double precision. For curves that touch this does not
     /// help, but they are not known in advance.
-    fn refine(&self, pairs: &[Pair], found: &mut [Estimate]) -> Result<(), Trouble> {
+    fn refine(&self, pairs: &[Pair], found: &mut [Estimate]) -> Result<(), Error> {
         let open = |&k: &usize| found[k].integer().is_none() && self.frame.has_numbers(pairs[k]);
         let open: Vec<usize> = (0..pairs.len()).filter(open).collect();
         if open.is_empty() || !self.gpu.computes_in_double() {
@@ -49,12 +49,12 @@ impl<'a> DirectSum<'a> {
 }
 
 impl AdapterSum for DirectSum<'_> {
-    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
         let mut found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs)?;
         // After a failure the single-precision bounds are larger, but still proven.
-        if let Err(trouble) = self.refine(pairs, &mut found) {
+        if let Err(error) = self.refine(pairs, &mut found) {
             tracing::warn!(
-                "double precision failed on the GPU; the single-precision sums are kept: {trouble}"
+                "double precision failed on the GPU; the single-precision sums are kept: {error}"
             );
         }
         Ok(found)
@@ -84,7 +84,7 @@ impl<'a> BarnesHutSum<'a> {
 }
 
 impl AdapterSum for BarnesHutSum<'_> {
-    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Trouble> {
+    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
         // The lock ends before a fallback sums on the CPU, because rayon threads may steal tasks
         // that need the lock.
         let state = &mut self.gpu.lock();

@@ -104,7 +104,7 @@ pub(crate) fn direct_in_double(set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> 
 }
 
 pub(super) fn adapter() -> Gpu {
-    Gpu::open(&Choice::Gpu).unwrap_or_else(|trouble| panic!("{trouble}"))
+    Gpu::open(&Device::Gpu).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A summation kernel.
@@ -303,19 +303,19 @@ pub(super) fn counts_agree(gpu: &Gpu, set: &CurveSet) -> (u64, u64) {
     trees.refit(set);
     let pairs = pairs_of(set);
     let workspaces = Workspaces::default();
-    let scene = Scene {
+    let input = Input {
         set,
         trees: &trees,
         workspaces: &workspaces,
     };
     let frame = Frame::new(set);
     gpu.send(&frame).unwrap();
-    let ((found, undecided), _) = gpu.count(&frame, scene, &pairs, None).unwrap();
+    let ((found, undecided), _) = gpu.count(&frame, input, &pairs, None).unwrap();
     let found = Counted::joined(found);
     let mut want = Counted::default();
     let mut workspace = workspaces.take();
     for &pair in &pairs {
-        want.add(pair, linking_number(scene, pair, None, &mut workspace));
+        want.add(pair, linking_number(input, pair, None, &mut workspace));
     }
     assert_eq!(found.links, want.links);
     assert_eq!(found.undefined, want.undefined);
@@ -469,7 +469,7 @@ fn single_precision_sums_are_kept_if_double_precision_exceeds_a_buffer() {
     let gpu = adapter();
     let want = sums(&gpu, &set, Kind::Direct)[0].1;
     let capacity = size_of_val(&Frame::<f32>::new(&set).vertices[..]) as u64;
-    gpu.lock().device.restrict(capacity);
+    gpu.lock().adapter.restrict(capacity);
     let sum = DirectSum::new(&gpu, &set);
     assert_eq!(sum.linking_numbers(&[(0, 1)]).unwrap(), [want]);
 }
@@ -486,16 +486,16 @@ fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
     let want = cpu().linking_number((0, 1)).integer();
     // Buffers that are too small.
     let gpu = adapter();
-    gpu.lock().device.restrict(64);
+    gpu.lock().adapter.restrict(64);
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
-    assert!(matches!(found, Err(Trouble::Limit { .. })), "{found:?}");
+    assert!(matches!(found, Err(Error::Limit { .. })), "{found:?}");
     let sum = WithFallback::new(DirectSum::new(&gpu, &set), cpu);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
     // A lost adapter.
     let gpu = adapter();
-    gpu.lock().device.destroy();
+    gpu.lock().adapter.destroy();
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
-    assert!(matches!(found, Err(Trouble::Failed(_))), "{found:?}");
+    assert!(matches!(found, Err(Error::Failed(_))), "{found:?}");
     let sum = WithFallback::new(DirectSum::new(&gpu, &set), cpu);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
 }
@@ -510,20 +510,20 @@ fn a_verifier_continues_without_its_adapter() {
     for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
         let mut verifier = Verifier::new(AbortOn::Never);
         verifier.set_kernel(method, Accuracy::default());
-        verifier.set_device(&Choice::Gpu).unwrap();
+        verifier.set_device(&Device::Gpu).unwrap();
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         let counts = method == Method::Crossings;
         assert_eq!(verifier.offload().tests > 0, counts);
         assert!(verifier.device().is_some());
-        let gpu = Gpu::shared(&Choice::Gpu).unwrap();
-        gpu.lock().device.destroy();
+        let gpu = Gpu::shared(&Device::Gpu).unwrap();
+        gpu.lock().adapter.destroy();
         for _ in 0..2 {
             assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
             assert_eq!(verifier.device(), None, "{method}");
             assert_eq!(verifier.offload(), Offload::default());
         }
         // A new request opens a working adapter.
-        verifier.set_device(&Choice::Gpu).unwrap();
+        verifier.set_device(&Device::Gpu).unwrap();
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         assert_eq!(verifier.offload().tests > 0, counts);
         assert!(verifier.device().is_some());
@@ -561,7 +561,7 @@ fn vertices_are_uploaded_once_and_during_the_previous_frame() {
     let [now, next] = two_frames();
     let mut trees = Trees::default();
     trees.refit(&*now);
-    let scene = Scene {
+    let input = Input {
         set: &now,
         trees: &trees,
         workspaces: &Workspaces::default(),
@@ -570,7 +570,7 @@ fn vertices_are_uploaded_once_and_during_the_previous_frame() {
         .find(trees.roots())
         .to_vec();
     let frame = Frame::new(&now);
-    let (_, sent) = gpu.count(&frame, scene, &pairs, Some(&next)).unwrap();
+    let (_, sent) = gpu.count(&frame, input, &pairs, Some(&next)).unwrap();
     let sent = sent.unwrap();
     let both = gpu.lock().vertices_of;
     assert!(both.contains(&Some(frame.id)) && both.contains(&Some(sent.id)));
@@ -587,7 +587,7 @@ fn announcing_frames_changes_no_verdict() {
     let order = [&first, &second, &second, &first];
     let reports = |announce: bool| {
         let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_device(&Choice::Gpu).unwrap();
+        verifier.set_device(&Device::Gpu).unwrap();
         let step = |(k, set): (usize, &&Arc<CurveSet>)| {
             if announce {
                 // The last announced frame is never verified.
@@ -682,7 +682,7 @@ fn sums_in_batches_are_the_same() {
         for kind in [Kind::Direct, Kind::DirectDouble, Kind::BarnesHut(None)] {
             let want = sums(&gpu, &set, kind);
             let small = adapter();
-            small.lock().device.restrict(most);
+            small.lock().adapter.restrict(most);
             small.lock().sum_capacity = Capacity {
                 node_pairs: 64,
                 tiles: 16,
@@ -706,7 +706,7 @@ fn counts_in_batches_are_the_same() {
         let gpu = adapter();
         {
             let mut state = gpu.lock();
-            state.device.restrict(most);
+            state.adapter.restrict(most);
             state.crossing_capacity = Capacity {
                 node_pairs: 16,
                 tiles: 16,
@@ -753,8 +753,8 @@ fn an_overflow_of_the_undecided_count_leaves_the_pair_undecided() {
 #[test]
 #[ignore = "needs an adapter"]
 fn an_unknown_name_is_an_error_that_lists_the_adapters() {
-    let trouble = Gpu::open(&Choice::Named("no such adapter".into())).unwrap_err();
-    let words = trouble.to_string();
+    let error = Gpu::open(&Device::Named("no such adapter".into())).unwrap_err();
+    let words = error.to_string();
     let name = adapter().info().name;
     assert!(
         words.contains("no such adapter") && words.contains(&name),

@@ -1,16 +1,12 @@
-//! Messages of `schemas/linkwatch.proto` as structs, and their conversions from and to library
-//! types.
-//!
-//! Written by hand, so that no build needs `protoc`. The tests compare them with the compiled
-//! schema, field by field.
+//! Conversions of the messages in a recording from and to library types.
 
+use super::schema;
 use crate::certificate::{Certificate, Change, Link};
 use crate::curve::{Basis, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::{Route, Work};
 use crate::sinks::BaselineRecord;
 use crate::verdict::{Defect, DefectKind, Place, PullThrough, Report, Stats, Verdict};
-use prost::bytes::Bytes;
 use std::sync::Arc;
 
 /// Compiled form of `schemas/linkwatch.proto`: the schema that every recording carries.
@@ -18,212 +14,6 @@ pub(super) const DESCRIPTORS: &[u8] = include_bytes!("../../../schemas/linkwatch
 
 /// Package of the messages. Its last part is the version of the format.
 pub(super) const PACKAGE: &str = "linkwatch.v1";
-
-#[derive(Clone, PartialEq, prost::Message)]
-pub(super) struct FrameMessage {
-    #[prost(uint64, tag = "1")]
-    pub seq: u64,
-    #[prost(double, tag = "2")]
-    pub time: f64,
-    #[prost(int32, tag = "3")]
-    pub basis: i32,
-    #[prost(int32, tag = "4")]
-    pub precision: i32,
-    #[prost(sint32, repeated, tag = "5")]
-    pub counts: Vec<i32>,
-    #[prost(bytes = "bytes", tag = "6")]
-    pub positions: Bytes,
-    #[prost(uint32, tag = "7")]
-    pub cuts: u32,
-}
-
-#[derive(Clone, PartialEq, prost::Message)]
-pub(super) struct VerdictMessage {
-    #[prost(message, optional, tag = "1")]
-    pub report: Option<ReportMessage>,
-    #[prost(message, optional, tag = "2")]
-    pub progress: Option<ProgressMessage>,
-}
-
-#[derive(Clone, PartialEq, prost::Message)]
-pub(super) struct ReportMessage {
-    #[prost(uint64, tag = "1")]
-    pub seq: u64,
-    #[prost(double, tag = "2")]
-    pub time: f64,
-    #[prost(int32, tag = "3")]
-    pub verdict: i32,
-    #[prost(bool, tag = "4")]
-    pub abort: bool,
-    #[prost(message, repeated, tag = "5")]
-    pub changes: Vec<ChangeMessage>,
-    #[prost(message, repeated, tag = "6")]
-    pub defects: Vec<DefectMessage>,
-    #[prost(string, optional, tag = "7")]
-    pub rejected: Option<String>,
-    #[prost(message, optional, tag = "8")]
-    pub stats: Option<StatsMessage>,
-    #[prost(message, repeated, tag = "9")]
-    pub events: Vec<PullThroughMessage>,
-    #[prost(message, repeated, tag = "10")]
-    pub adopted: Vec<LinkMessage>,
-    #[prost(message, repeated, tag = "11")]
-    pub unresolved: Vec<PullThroughMessage>,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct ProgressMessage {
-    #[prost(uint64, tag = "1")]
-    pub verified: u64,
-    #[prost(uint64, tag = "2")]
-    pub skipped: u64,
-    #[prost(uint64, tag = "3")]
-    pub rejected: u64,
-    #[prost(uint64, tag = "4")]
-    pub check_ns: u64,
-    #[prost(message, optional, tag = "5")]
-    pub work: Option<WorkMessage>,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct WorkMessage {
-    #[prost(int32, tag = "1")]
-    pub route: i32,
-    #[prost(uint64, tag = "2")]
-    pub blocks: u64,
-    #[prost(uint64, tag = "3")]
-    pub marked: u64,
-    #[prost(uint64, tag = "4")]
-    pub recertified: u64,
-    #[prost(uint64, tag = "5")]
-    pub recomputed: u64,
-    #[prost(uint64, tag = "6")]
-    pub searched: u64,
-    #[prost(uint64, optional, tag = "7")]
-    pub reference_age: Option<u64>,
-    #[prost(bool, tag = "8")]
-    pub disagreed: bool,
-    #[prost(uint64, tag = "9")]
-    pub summed: u64,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct PullThroughMessage {
-    #[prost(uint32, tag = "1")]
-    pub i: u32,
-    #[prost(uint32, tag = "2")]
-    pub j: u32,
-    #[prost(uint32, tag = "3")]
-    pub segment_i: u32,
-    #[prost(uint32, tag = "4")]
-    pub segment_j: u32,
-    #[prost(double, tag = "5")]
-    pub fraction: f64,
-    #[prost(sint32, tag = "6")]
-    pub sign: i32,
-    #[prost(double, tag = "7")]
-    pub x: f64,
-    #[prost(double, tag = "8")]
-    pub y: f64,
-    #[prost(double, tag = "9")]
-    pub z: f64,
-    #[prost(double, tag = "10")]
-    pub lengths: f64,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct ChangeMessage {
-    #[prost(uint32, tag = "1")]
-    pub i: u32,
-    #[prost(uint32, tag = "2")]
-    pub j: u32,
-    #[prost(sint64, tag = "3")]
-    pub expected: i64,
-    #[prost(sint64, tag = "4")]
-    pub found: i64,
-    #[prost(message, optional, tag = "5")]
-    pub place: Option<PlaceMessage>,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct DefectMessage {
-    #[prost(uint32, tag = "1")]
-    pub i: u32,
-    #[prost(uint32, optional, tag = "2")]
-    pub j: Option<u32>,
-    #[prost(int32, tag = "3")]
-    pub kind: i32,
-    #[prost(message, optional, tag = "4")]
-    pub place: Option<PlaceMessage>,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct PlaceMessage {
-    #[prost(uint32, tag = "1")]
-    pub segment_i: u32,
-    #[prost(uint32, tag = "2")]
-    pub segment_j: u32,
-    #[prost(double, tag = "3")]
-    pub x: f64,
-    #[prost(double, tag = "4")]
-    pub y: f64,
-    #[prost(double, tag = "5")]
-    pub z: f64,
-    #[prost(double, tag = "6")]
-    pub distance: f64,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct StatsMessage {
-    #[prost(uint64, tag = "1")]
-    pub curves: u64,
-    #[prost(uint64, tag = "2")]
-    pub segments: u64,
-    #[prost(uint64, tag = "3")]
-    pub open_curves: u64,
-    #[prost(uint64, tag = "4")]
-    pub repeated_vertices: u64,
-    #[prost(uint64, tag = "5")]
-    pub potential_links: u64,
-    #[prost(uint64, tag = "6")]
-    pub separated: u64,
-    #[prost(uint64, tag = "7")]
-    pub tests: u64,
-    #[prost(uint64, tag = "8")]
-    pub crossings: u64,
-    #[prost(uint64, tag = "9")]
-    pub overlaps: u64,
-    #[prost(uint64, tag = "10")]
-    pub refined: u64,
-    #[prost(uint64, tag = "11")]
-    pub exact: u64,
-    #[prost(uint64, tag = "12")]
-    pub unchecked: u64,
-    #[prost(double, tag = "13")]
-    pub extent: f64,
-}
-
-#[derive(Clone, PartialEq, prost::Message)]
-pub(super) struct BaselineMessage {
-    #[prost(uint64, tag = "1")]
-    pub curves: u64,
-    #[prost(message, repeated, tag = "2")]
-    pub links: Vec<LinkMessage>,
-    #[prost(message, repeated, tag = "3")]
-    pub undefined: Vec<DefectMessage>,
-    #[prost(string, tag = "4")]
-    pub origin: String,
-}
-
-#[derive(Clone, Copy, PartialEq, prost::Message)]
-pub(super) struct LinkMessage {
-    #[prost(uint32, tag = "1")]
-    pub i: u32,
-    #[prost(uint32, tag = "2")]
-    pub j: u32,
-    #[prost(sint64, tag = "3")]
-    pub lambda: i64,
-}
 
 /// Returns the code of a value on disk: its index in `all`, from 1. Code 0 is the value that
 /// protobuf reads for a missing field.
@@ -269,10 +59,45 @@ pub(super) fn precision(code: i32) -> Result<Precision> {
     from_code(&PRECISIONS, code, "precision of a frame")
 }
 
-impl From<Place> for PlaceMessage {
+/// Converts structs whose fields have the same names and types in the schema and in the library.
+macro_rules! convert {
+    ($name:ident { $($field:ident),* $(,)? }) => {
+        impl From<&$name> for schema::$name {
+            fn from(from: &$name) -> Self {
+                schema::$name { $($field: from.$field),* }
+            }
+        }
+
+        impl From<schema::$name> for $name {
+            fn from(from: schema::$name) -> Self {
+                $name { $($field: from.$field),* }
+            }
+        }
+    };
+}
+
+convert!(Link { i, j, lambda });
+
+convert!(Stats {
+    curves,
+    segments,
+    open_curves,
+    repeated_vertices,
+    potential_links,
+    separated,
+    tests,
+    crossings,
+    overlaps,
+    refined,
+    exact,
+    unchecked,
+    extent,
+});
+
+impl From<Place> for schema::Place {
     fn from(p: Place) -> Self {
         let ([segment_i, segment_j], [x, y, z]) = (p.segments, p.point);
-        PlaceMessage {
+        schema::Place {
             segment_i,
             segment_j,
             x,
@@ -283,8 +108,8 @@ impl From<Place> for PlaceMessage {
     }
 }
 
-impl From<PlaceMessage> for Place {
-    fn from(p: PlaceMessage) -> Self {
+impl From<schema::Place> for Place {
+    fn from(p: schema::Place) -> Self {
         Place {
             segments: [p.segment_i, p.segment_j],
             point: [p.x, p.y, p.z],
@@ -293,9 +118,9 @@ impl From<PlaceMessage> for Place {
     }
 }
 
-impl From<&Defect> for DefectMessage {
+impl From<&Defect> for schema::Defect {
     fn from(d: &Defect) -> Self {
-        DefectMessage {
+        schema::Defect {
             i: d.i,
             j: d.j,
             kind: code(&DefectKind::ALL, d.kind),
@@ -304,9 +129,9 @@ impl From<&Defect> for DefectMessage {
     }
 }
 
-impl TryFrom<DefectMessage> for Defect {
+impl TryFrom<schema::Defect> for Defect {
     type Error = Error;
-    fn try_from(d: DefectMessage) -> Result<Self> {
+    fn try_from(d: schema::Defect) -> Result<Self> {
         Ok(Defect {
             i: d.i,
             j: d.j,
@@ -319,10 +144,10 @@ impl TryFrom<DefectMessage> for Defect {
     }
 }
 
-impl From<&PullThrough> for PullThroughMessage {
+impl From<&PullThrough> for schema::PullThrough {
     fn from(e: &PullThrough) -> Self {
         let ([segment_i, segment_j], [x, y, z]) = (e.segments, e.point);
-        PullThroughMessage {
+        schema::PullThrough {
             i: e.i,
             j: e.j,
             segment_i,
@@ -337,8 +162,8 @@ impl From<&PullThrough> for PullThroughMessage {
     }
 }
 
-impl From<PullThroughMessage> for PullThrough {
-    fn from(e: PullThroughMessage) -> Self {
+impl From<schema::PullThrough> for PullThrough {
+    fn from(e: schema::PullThrough) -> Self {
         PullThrough {
             i: e.i,
             j: e.j,
@@ -351,9 +176,9 @@ impl From<PullThroughMessage> for PullThrough {
     }
 }
 
-impl From<&Work> for WorkMessage {
+impl From<&Work> for schema::Work {
     fn from(w: &Work) -> Self {
-        WorkMessage {
+        schema::Work {
             route: code(&Route::ALL, w.route),
             blocks: w.blocks,
             marked: w.marked,
@@ -367,9 +192,9 @@ impl From<&Work> for WorkMessage {
     }
 }
 
-impl TryFrom<WorkMessage> for Work {
+impl TryFrom<schema::Work> for Work {
     type Error = Error;
-    fn try_from(w: WorkMessage) -> Result<Self> {
+    fn try_from(w: schema::Work) -> Result<Self> {
         Ok(Work {
             route: from_code(&Route::ALL, w.route, "route of a frame")?,
             blocks: w.blocks,
@@ -384,17 +209,16 @@ impl TryFrom<WorkMessage> for Work {
     }
 }
 
-impl From<&Report> for ReportMessage {
+impl From<&Report> for schema::Report {
     fn from(r: &Report) -> Self {
-        let change = |c: &Change| ChangeMessage {
+        let change = |c: &Change| schema::Change {
             i: c.i,
             j: c.j,
             expected: c.expected,
             found: c.found,
             place: c.place.map(Into::into),
         };
-        let s = &r.stats;
-        ReportMessage {
+        schema::Report {
             seq: r.seq,
             time: r.time,
             verdict: code(&Verdict::ALL, r.verdict),
@@ -405,36 +229,21 @@ impl From<&Report> for ReportMessage {
             defects: r.defects.iter().map(Into::into).collect(),
             adopted: r.adopted.iter().map(Into::into).collect(),
             rejected: r.rejected.clone(),
-            stats: Some(StatsMessage {
-                curves: s.curves,
-                segments: s.segments,
-                open_curves: s.open_curves,
-                repeated_vertices: s.repeated_vertices,
-                potential_links: s.potential_links,
-                separated: s.separated,
-                tests: s.tests,
-                crossings: s.crossings,
-                overlaps: s.overlaps,
-                refined: s.refined,
-                exact: s.exact,
-                unchecked: s.unchecked,
-                extent: s.extent,
-            }),
+            stats: Some((&r.stats).into()),
         }
     }
 }
 
-impl TryFrom<ReportMessage> for Report {
+impl TryFrom<schema::Report> for Report {
     type Error = Error;
-    fn try_from(r: ReportMessage) -> Result<Self> {
-        let change = |c: ChangeMessage| Change {
+    fn try_from(r: schema::Report) -> Result<Self> {
+        let change = |c: schema::Change| Change {
             i: c.i,
             j: c.j,
             expected: c.expected,
             found: c.found,
             place: c.place.map(Into::into),
         };
-        let s = r.stats.unwrap_or_default();
         Ok(Report {
             seq: r.seq,
             time: r.time,
@@ -446,49 +255,15 @@ impl TryFrom<ReportMessage> for Report {
             defects: collect(r.defects)?,
             adopted: r.adopted.into_iter().map(Into::into).collect(),
             rejected: r.rejected,
-            stats: Stats {
-                curves: s.curves,
-                segments: s.segments,
-                open_curves: s.open_curves,
-                repeated_vertices: s.repeated_vertices,
-                potential_links: s.potential_links,
-                separated: s.separated,
-                tests: s.tests,
-                crossings: s.crossings,
-                overlaps: s.overlaps,
-                refined: s.refined,
-                exact: s.exact,
-                unchecked: s.unchecked,
-                extent: s.extent,
-            },
+            stats: r.stats.unwrap_or_default().into(),
         })
     }
 }
 
-impl From<&Link> for LinkMessage {
-    fn from(l: &Link) -> Self {
-        LinkMessage {
-            i: l.i,
-            j: l.j,
-            lambda: l.lambda,
-        }
-    }
-}
-
-impl From<LinkMessage> for Link {
-    fn from(l: LinkMessage) -> Self {
-        Link {
-            i: l.i,
-            j: l.j,
-            lambda: l.lambda,
-        }
-    }
-}
-
-impl From<&BaselineRecord> for BaselineMessage {
+impl From<&BaselineRecord> for schema::Baseline {
     fn from(b: &BaselineRecord) -> Self {
         let c = &b.certificate;
-        BaselineMessage {
+        schema::Baseline {
             curves: c.curves as u64,
             links: c.links.iter().map(Into::into).collect(),
             undefined: c.undefined.iter().map(Into::into).collect(),
@@ -497,10 +272,10 @@ impl From<&BaselineRecord> for BaselineMessage {
     }
 }
 
-impl TryFrom<BaselineMessage> for BaselineRecord {
+impl TryFrom<schema::Baseline> for BaselineRecord {
     type Error = Error;
     /// Checks the preconditions of comparing certificates: pairs in range and sorted, no number 0.
-    fn try_from(b: BaselineMessage) -> Result<Self> {
+    fn try_from(b: schema::Baseline) -> Result<Self> {
         let links: Vec<Link> = b.links.into_iter().map(Into::into).collect();
         let bad = |l: &&Link| l.i >= l.j || u64::from(l.j) >= b.curves || l.lambda == 0;
         if let Some(l) = links.iter().find(bad) {
@@ -539,6 +314,46 @@ impl TryFrom<BaselineMessage> for BaselineRecord {
     }
 }
 
-fn collect(defects: Vec<DefectMessage>) -> Result<Vec<Defect>> {
+fn collect(defects: Vec<schema::Defect>) -> Result<Vec<Defect>> {
     defects.into_iter().map(Defect::try_from).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fmt::Debug;
+
+    /// Asserts that the codes of `values` are those of an enumeration in the schema: `name` is the
+    /// name of a code there, with the name of the enumeration before that of the value.
+    fn agree<T: Debug>(
+        enumeration: &str,
+        values: &[T],
+        name: impl Fn(i32) -> Option<&'static str>,
+    ) {
+        let last = values.len() as i32;
+        assert_eq!(name(last + 1), None, "{enumeration}");
+        for (code, value) in (1..=last).zip(values) {
+            let found = name(code).map(|n| n.replace('_', "").to_lowercase());
+            let expected = format!("{enumeration}{value:?}").to_lowercase();
+            assert_eq!(found, Some(expected));
+        }
+    }
+
+    #[test]
+    fn the_codes_equal_the_schema() {
+        macro_rules! check {
+            ($($name:ident $values:expr),*) => {$(
+                agree(stringify!($name), &$values, |code| {
+                    schema::$name::try_from(code).ok().map(|v| v.as_str_name())
+                });
+            )*};
+        }
+        check!(
+            Basis Basis::ALL,
+            Precision PRECISIONS,
+            VerdictCode Verdict::ALL,
+            Route Route::ALL,
+            DefectKind DefectKind::ALL
+        );
+    }
 }

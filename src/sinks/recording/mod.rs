@@ -9,8 +9,9 @@
 mod container;
 mod messages;
 mod reader;
-#[cfg(test)]
-mod schema_tests;
+#[rustfmt::skip]
+#[allow(dead_code, reason = "generated")]
+mod schema;
 mod writer;
 
 pub use container::Ending;

@@ -1,9 +1,8 @@
 //! Reads a recording: the same bits that were verified, and the same reports.
 
 use super::container::{Container, Ending, string};
-use super::messages::{
-    self, BaselineMessage, FrameMessage, PACKAGE, ReportMessage, VerdictMessage, invalid,
-};
+use super::messages::{self, PACKAGE, invalid};
+use super::schema;
 use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
@@ -288,11 +287,11 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
     Ok(Some(match channel {
         Channel::Foreign => return Ok(None),
         Channel::Baseline => {
-            let message = BaselineMessage::decode(body).map_err(broken)?;
+            let message = schema::Baseline::decode(body).map_err(broken)?;
             RecordedItem::Baseline(message.try_into()?)
         }
         Channel::Frames => {
-            let m = FrameMessage::decode(body).map_err(broken)?;
+            let m = schema::CurveFrame::decode(body).map_err(broken)?;
             RecordedItem::Frame(RecordedFrame {
                 seq: m.seq,
                 time: m.time,
@@ -304,9 +303,10 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
             })
         }
         Channel::Verdicts => {
-            let m = VerdictMessage::decode(body).map_err(broken)?;
-            let report: Option<ReportMessage> = m.report;
-            let report = report.ok_or_else(|| invalid("verdict", "the report is missing"))?;
+            let m = schema::Verdict::decode(body).map_err(broken)?;
+            let report = m
+                .report
+                .ok_or_else(|| invalid("verdict", "the report is missing"))?;
             let p = m.progress.unwrap_or_default();
             RecordedItem::Verdict(Box::new(RecordedVerdict {
                 report: report.try_into()?,

@@ -11,7 +11,8 @@
 //! nothing on coordinates and to cost 1.4 ms for a frame of 2.5 MB. Each chunk has a checksum, so
 //! damage is still detected.
 
-use super::messages::{self, BaselineMessage, DESCRIPTORS, FrameMessage, PACKAGE, VerdictMessage};
+use super::messages::{self, DESCRIPTORS, PACKAGE};
+use super::schema;
 use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
@@ -97,7 +98,7 @@ impl RecordingSink {
         let report = &record.report;
         self.positions.clear();
         set.write_positions(&mut self.positions);
-        let message = FrameMessage {
+        let message = schema::CurveFrame {
             seq: report.seq,
             time: report.time,
             basis: messages::basis_code(set.basis()),
@@ -143,7 +144,7 @@ impl Sink for RecordingSink {
     }
 
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
-        let message = BaselineMessage::from(baseline);
+        let message = schema::Baseline::from(baseline);
         self.write(self.baseline, &message, 0, nanoseconds(SystemTime::now()))
     }
 
@@ -152,9 +153,9 @@ impl Sink for RecordingSink {
         if let Some(curves) = &record.curves {
             self.write_curves(curves, record, time)?;
         }
-        let message = VerdictMessage {
+        let message = schema::Verdict {
             report: Some(record.report.as_ref().into()),
-            progress: Some(messages::ProgressMessage {
+            progress: Some(schema::Progress {
                 verified: record.verified,
                 skipped: record.skipped,
                 rejected: record.rejected,

@@ -16,7 +16,7 @@
 
 use crate::curve::{CurveSet, Point};
 use crate::kernels::Linking;
-use crate::kernels::crossings::{self, Scene, Workspace};
+use crate::kernels::crossings::{self, Input, Workspace};
 use crate::pairs::{
     CurveTree, Pair, Query, SegmentPairs, closest_approach, closest_of_segments, descend,
 };
@@ -27,30 +27,30 @@ use crate::verdict::DefectKind;
 /// vertices in cubes of half-width `noise`. Returns [`DefectKind::TooClose`] with two segments that
 /// may meet otherwise.
 pub(crate) fn linking_number(
-    scene: Scene<'_>,
+    input: Input<'_>,
     pair: Pair,
     noise: f64,
     workspace: &mut Workspace,
 ) -> Linking {
-    let exact = crossings::linking_number(scene, pair, None, workspace);
+    let exact = crossings::linking_number(input, pair, None, workspace);
     if noise == 0.0 || matches!(exact, Linking::Undefined(..)) {
         return exact;
     }
     let curves = [pair.0 as usize, pair.1 as usize];
-    match may_meet(scene, curves, noise) {
+    match may_meet(input, curves, noise) {
         Meeting::Never => exact,
         Meeting::Maybe(segments) => {
             // If the nearest segments may meet as well, they are more informative than the first
             // ones found.
-            let nearest = closest_approach(scene.set, scene.trees, curves[0], curves[1]);
-            let place = match apart(scene.set, curves, nearest.segments, 2.0 * noise) {
+            let nearest = closest_approach(input.set, input.trees, curves[0], curves[1]);
+            let place = match apart(input.set, curves, nearest.segments, 2.0 * noise) {
                 false => nearest,
-                true => closest_of_segments(scene.set, curves, segments),
+                true => closest_of_segments(input.set, curves, segments),
             };
             Linking::Undefined(DefectKind::TooClose, place)
         }
         Meeting::Unknown => {
-            let nearest = closest_approach(scene.set, scene.trees, curves[0], curves[1]);
+            let nearest = closest_approach(input.set, input.trees, curves[0], curves[1]);
             Linking::Undefined(DefectKind::TooClose, nearest)
         }
     }
@@ -67,9 +67,9 @@ enum Meeting {
 }
 
 /// Searches for segments of two curves that meet when they are dilated.
-fn may_meet(scene: Scene<'_>, curves: [usize; 2], noise: f64) -> Meeting {
+fn may_meet(input: Input<'_>, curves: [usize; 2], noise: f64) -> Meeting {
     const LARGEST: f64 = 1e38;
-    let (set, trees) = (scene.set, scene.trees);
+    let (set, trees) = (input.set, input.trees);
     let size = set.max_abs();
     if !set.basis().is_polyline() || !(0.0..=size).contains(&noise) || size > LARGEST {
         return Meeting::Unknown;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::kernels::conformance::polygons::{Random, floats, set_of};
-use crate::kernels::crossings::{Scene, Workspace, Workspaces};
+use crate::kernels::crossings::{Input, Workspace, Workspaces};
 use crate::kernels::{Linking, oracle};
 use crate::pairs::Trees;
 use crate::verdict::{DefectKind, Place};
@@ -33,12 +33,12 @@ const L: [[f64; 3]; 8] = [
 fn with_noise(set: &CurveSet, noise: f64) -> Linking {
     let mut trees = Trees::default();
     trees.refit(set);
-    let scene = Scene {
+    let input = Input {
         set,
         trees: &trees,
         workspaces: &Workspaces::default(),
     };
-    noise::linking_number(scene, (0, 1), noise, &mut Workspace::default())
+    noise::linking_number(input, (0, 1), noise, &mut Workspace::default())
 }
 
 fn undecided(found: Linking) -> Place {

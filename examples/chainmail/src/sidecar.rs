@@ -1,7 +1,8 @@
 //! Starts `linkwatch watch` as a separate process.
 
+use crate::picture;
 use linkwatch::{Error, Result};
-use std::io::ErrorKind;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
@@ -13,33 +14,23 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub struct Sidecar {
     process: Child,
     recording: PathBuf,
-    rrd: Option<PathBuf>,
 }
 
 impl Sidecar {
-    /// Starts the watcher. Under `cargo run` it is built first, if it does not exist.
-    pub fn start(service: &str, out: &Path, view: bool) -> Result<Sidecar> {
+    /// Starts the watcher. Under `cargo run` it is built first.
+    pub fn start(service: &str, out: &Path) -> Result<Sidecar> {
         let recording = out.join("chainmail.mcap");
-        let rrd = (!view).then(|| out.join("chainmail.rrd"));
         std::fs::create_dir_all(out)?;
         let program = program()?;
         let mut command = Command::new(&program);
         command.args(["watch", "--service", service, "--wait", "60", "--events"]);
         // These files belong to an earlier run of the example.
         command.arg("--force").arg("--record").arg(&recording);
-        match &rrd {
-            Some(path) => command.arg("--rrd").arg(path),
-            None => command.arg("--view"),
-        };
         let process = command.spawn().map_err(|source| Error::File {
             path: program,
             source,
         })?;
-        Ok(Sidecar {
-            process,
-            recording,
-            rrd,
-        })
+        Ok(Sidecar { process, recording })
     }
 
     /// Fails if the watcher has ended already. The watcher has printed the reason.
@@ -52,7 +43,7 @@ impl Sidecar {
         }
     }
 
-    /// Waits for the watcher to end. Returns its exit code and prints how to open its files.
+    /// Waits for the watcher to end. Returns its exit code and prints how to see its files.
     pub fn join(mut self) -> Result<Option<u8>> {
         let start = Instant::now();
         let status = loop {
@@ -65,18 +56,29 @@ impl Sidecar {
                 None => std::thread::sleep(Duration::from_millis(20)),
             }
         };
-        println!();
-        println!(
-            "the recording:   {0}   verify it again with: linkwatch replay {0}",
-            self.recording.display()
-        );
-        if let Some(rrd) = &self.rrd {
-            println!(
-                "for the viewer:  {0}   open it with: rerun {0}",
-                rrd.display()
-            );
-        }
+        self.print_files()?;
         Ok(status.code().and_then(|code| u8::try_from(code).ok()))
+    }
+
+    /// Draws the place where the sheet broke, and prints what was written and how to see it.
+    fn print_files(&self) -> Result<()> {
+        let recording = self.recording.display();
+        let picture = self.recording.with_extension("svg");
+        println!();
+        if picture::draw(&self.recording, &picture)? {
+            println!("the place where it broke: {}", picture.display());
+        } else {
+            // One of an earlier run would contradict this run.
+            std::fs::remove_file(&picture).ok();
+        }
+        println!("all frames and verdicts:  {recording}");
+        println!("  verify it again:        linkwatch replay {recording}");
+        let rrd = self.recording.with_extension("rrd");
+        let rrd = rrd.display();
+        println!(
+            "  open it in the viewer:  linkwatch replay {recording} --rrd {rrd} && rerun {rrd}"
+        );
+        Ok(())
     }
 }
 
@@ -90,35 +92,24 @@ impl Drop for Sidecar {
     }
 }
 
-/// Returns the command `linkwatch`: the one built with this example, or an installed one.
+/// Returns the command `linkwatch`: the one built with this example, or an installed one. Under
+/// `cargo run` it is built first.
 fn program() -> Result<PathBuf> {
-    let example = std::env::current_exe()?;
     let name = format!("linkwatch{}", std::env::consts::EXE_SUFFIX);
-    // target/<profile>/examples/chainmail and target/<profile>/linkwatch
-    let built = example
-        .parent()
-        .and_then(Path::parent)
-        .map(|profile| profile.join(&name));
-    let Some(built) = built else {
-        return Ok(name.into());
-    };
+    let built = std::env::current_exe()?.with_file_name(&name);
     if let Some(cargo) = std::env::var_os("CARGO") {
         build(&cargo, &built)?;
     }
     Ok(if built.exists() { built } else { name.into() })
 }
 
-/// Builds the command, because `cargo run --example` builds the example alone.
-fn build(cargo: &std::ffi::OsStr, built: &Path) -> Result<()> {
-    let profile = built
-        .parent()
-        .and_then(Path::file_name)
-        .and_then(|p| p.to_str());
-    let profile = match profile {
+/// Builds the command. `cargo run` builds this package and the library, but not the command.
+fn build(cargo: &OsStr, built: &Path) -> Result<()> {
+    let profile = built.parent().and_then(Path::file_name);
+    let profile = match profile.and_then(OsStr::to_str) {
         Some("debug") | None => "dev",
         Some(other) => other,
     };
-    // With the features of the example, so that all common dependencies are already built.
     let mut command = Command::new(cargo);
     // The variables that `cargo run` sets for this package would look like a change to build
     // scripts that depend on them, and half of all dependencies would be built again.
@@ -129,23 +120,22 @@ fn build(cargo: &std::ffi::OsStr, built: &Path) -> Result<()> {
             command.env_remove(&name);
         }
     }
+    // Beside this package, with no features of its own, the command takes those that this package
+    // selects: all dependencies and the library are already built.
     command.args(["build", "--quiet", "--profile", profile]);
-    command.args(["--bin", "linkwatch", "--example", "chainmail"]);
-    if !cfg!(all(feature = "mcap", feature = "rerun")) {
-        let mut features = vec!["cli", "bus"];
-        features.extend(cfg!(feature = "mcap").then_some("mcap"));
-        features.extend(cfg!(feature = "rerun").then_some("rerun"));
-        command.args(["--no-default-features", "--features", &features.join(",")]);
-    }
-    if let Some(root) = std::env::var_os("CARGO_MANIFEST_DIR") {
-        command.current_dir(root);
-    }
-    let status = command.status()?;
-    if status.success() {
+    command.args([
+        "-p",
+        "chainmail",
+        "-p",
+        "linkwatch",
+        "--no-default-features",
+    ]);
+    command.args(["--bin", "linkwatch", "--bin", "chainmail"]);
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    if command.status()?.success() {
         return Ok(());
     }
-    Err(Error::Io(std::io::Error::new(
-        ErrorKind::NotFound,
-        "the command linkwatch could not be built: start it separately and use --no-sidecar",
-    )))
+    Err(Error::Usage(
+        "the command linkwatch could not be built: start it separately and use --no-sidecar".into(),
+    ))
 }

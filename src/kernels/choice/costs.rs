@@ -1,9 +1,8 @@
-//! Cost model: a table of constants, and the sums that use it.
+//! Cost model of all stages: a table of constants, and the sums that use it.
 //!
 //! Measured on one core of a cloud machine, in CPU time, by `linkwatch --threads 1 plan SCENE
-//! --repeat N`. The documentation of [`super`] reports its accuracy.
+//! --repeat N`. The documentation of [`crate::plan`] reports its accuracy.
 
-use super::Prediction;
 use crate::curve::Basis;
 use crate::kernels::KernelWork;
 
@@ -87,15 +86,6 @@ impl Time {
             ns: (self.ns - part.ns).max(0.0) + other.ns,
         }
     }
-
-    /// Returns the prediction for several threads that are all busy.
-    pub fn on(self, threads: usize) -> Prediction {
-        let one_thread_ms = self.ms();
-        Prediction {
-            one_thread_ms,
-            ms: one_thread_ms / threads as f64,
-        }
-    }
 }
 
 impl std::ops::Add for Time {
@@ -109,7 +99,7 @@ impl std::ops::Add for Time {
 }
 
 /// Returns the time of the boxes of all segments.
-pub(super) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
+pub(crate) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
     let segment = if basis.is_polyline() {
         NS.polyline_box
     } else {
@@ -121,21 +111,21 @@ pub(super) fn boxes(basis: Basis, curves: usize, segments: usize) -> Time {
 }
 
 /// Returns the time of the search for potential links.
-pub(super) fn potential_links(curves: usize, steps: u64, links: usize) -> Time {
+pub(crate) fn potential_links(curves: usize, steps: u64, links: usize) -> Time {
     Time {
         ns: curves as f64 * NS.sorted + steps as f64 * NS.sweep_step + links as f64 * NS.found,
     }
 }
 
 /// Returns the time of the choice of directions.
-pub(super) fn direction(links: usize, work: KernelWork) -> Time {
+pub(crate) fn direction(links: usize, work: KernelWork) -> Time {
     Time {
         ns: links as f64 * NS.link + work.front as f64 * NS.front,
     }
 }
 
 /// Returns the time to convert splines to polylines.
-pub(super) fn discretization(work: KernelWork) -> Time {
+pub(crate) fn discretization(work: KernelWork) -> Time {
     Time {
         ns: work.overlaps as f64 * NS.hulls + work.refined as f64 * NS.refined,
     }
@@ -151,7 +141,7 @@ pub(super) fn multipole(segments: usize) -> Time {
 
 /// Returns the time of counting crossings and repeated vertices. `bytes` of curves and boxes are
 /// read.
-pub(super) fn crossings(segments: usize, work: KernelWork, bytes: usize) -> Time {
+pub(crate) fn crossings(segments: usize, work: KernelWork, bytes: usize) -> Time {
     let far = if bytes > CACHE_BYTES {
         NS.far_node
     } else {

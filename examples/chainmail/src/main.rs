@@ -8,6 +8,7 @@
 //! `run` and `simulate` contain all calls of linkwatch: open, describe, loan, publish, poll,
 //! finish.
 
+mod picture;
 mod scene;
 mod sidecar;
 
@@ -43,12 +44,9 @@ struct Args {
     /// Name of the service
     #[arg(long, default_value = "linkwatch")]
     service: String,
-    /// Folder for the recording and the file of the viewer
+    /// Folder for the recording and the picture
     #[arg(long, default_value = ".", value_name = "FOLDER")]
     out: PathBuf,
-    /// Open the viewer (needs `rerun`, see the README)
-    #[arg(long)]
-    view: bool,
     /// Number of flat rings per side of the sheet (19 makes 1,045 rings in all)
     #[arg(long, default_value_t = 19, value_parser = clap::value_parser!(u16).range(2..200))]
     side: u16,
@@ -84,7 +82,7 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<ExitCode> {
     let mut sidecar = match args.no_sidecar {
         true => None,
-        false => Some(Sidecar::start(&args.service, &args.out, args.view)?),
+        false => Some(Sidecar::start(&args.service, &args.out)?),
     };
     let options = match args.lockstep {
         true => ClientOptions::lockstep(),

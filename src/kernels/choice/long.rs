@@ -1,0 +1,87 @@
+//! Potential links for which the fast multipole method is faster than counting.
+//!
+//! Sums pay for potential links of two long curves that cross each other very often in every view.
+//! The time of counting grows with the number of crossings, which may be as large as the product of
+//! the numbers of strands. The time of the fast multipole method grows with the number of segments.
+//! So it wins if thousands of strands pass thousands of others at a distance, as on two wound
+//! balls, and nowhere else.
+
+use super::costs::{self, Time};
+use crate::kernels::KernelWork;
+use crate::kernels::crossings::{Input, sample};
+use crate::pairs::Pair;
+use rayon::prelude::*;
+
+impl Time {
+    /// Returns this time with long links summed instead of counted.
+    pub fn with_sums(self, long: &[LongLink]) -> Time {
+        let sum = |time: Time, link: &LongLink| time.instead_of(link.counting, link.summing);
+        long.iter().fold(self, sum)
+    }
+}
+
+/// A potential link for which a sum pays.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LongLink {
+    /// Index in the list of links.
+    pub at: usize,
+    /// Predicted time of counting on one thread.
+    pub counting: Time,
+    /// Predicted time of the sum on one thread.
+    pub summing: Time,
+}
+
+/// Minimum number of segments of two curves: below that, counting is fast however they cross.
+const LONG: u32 = 50_000;
+
+/// Time of counting, in milliseconds of one thread, below which no sum pays.
+const SHORT_MS: f64 = 500.0;
+
+/// Number of links below which they are not split among threads.
+const FEW: usize = 64;
+
+/// Factor by which the sum must be faster, because of the errors of the predictions.
+const SHORTER: f64 = 2.5;
+
+/// Returns the potential links of polylines that the fast multipole method is predicted to decide
+/// sooner than counting.
+///
+/// Cost: nothing for links of short curves; some tenths of a millisecond for each of the others
+/// ([`sample`]).
+pub(super) fn worth_summing(input: Input<'_>, links: &[Pair]) -> Vec<LongLink> {
+    let segments = |i: u32| input.set.curve(i as usize).segments;
+    let mut all = 0..input.set.len() as u32;
+    if !input.set.basis().is_polyline() || all.all(|i| segments(i) < LONG / 2) {
+        return Vec::new();
+    }
+    let long = |at: usize| {
+        let (i, j) = links[at];
+        let segments = segments(i).saturating_add(segments(j));
+        if segments < LONG {
+            return None;
+        }
+        let mut workspace = input.workspaces.take();
+        let work = sample(input, (i, j), &mut workspace);
+        workspace.take_stats();
+        input.workspaces.put(workspace);
+        decide(at, segments, work)
+    };
+    match links.len() {
+        // A parallel iterator allocates, and a frame like the previous one should allocate nothing.
+        few @ ..FEW => (0..few).filter_map(long).collect(),
+        many => (0..many).into_par_iter().filter_map(long).collect(),
+    }
+}
+
+fn decide(at: usize, segments: u32, work: KernelWork) -> Option<LongLink> {
+    let segments = segments as usize;
+    // Boxes take at least 2 bytes per segment, so curves of this length exceed every cache.
+    let counting = costs::crossings(0, work, usize::MAX);
+    let summing = costs::multipole(segments);
+    let worth = counting.ms() > SHORT_MS.max(SHORTER * summing.ms());
+    worth.then_some(LongLink {
+        at,
+        counting,
+        summing,
+    })
+}

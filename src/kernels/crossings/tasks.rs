@@ -1,0 +1,68 @@
+//! Potential links of a frame, split among threads.
+
+use super::{Input, linking_number};
+use crate::kernels::Counted;
+use crate::pairs::Pair;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Computes the linking numbers of pairs, one part for each task, in the order of the pairs. Later
+/// parts are empty; the buffers of all parts are reused. Adds the pairs of each finished task to
+/// `done`.
+pub(crate) fn linking_numbers(
+    input: Input<'_>,
+    pairs: &[Pair],
+    parts: &mut Vec<Counted>,
+    done: &AtomicU64,
+) {
+    let size = links_per_task(pairs.len(), rayon::current_num_threads());
+    let count = pairs.len().div_ceil(size);
+    parts.resize_with(count.max(parts.len()), Counted::default);
+    parts.par_iter_mut().enumerate().for_each(|(k, part)| {
+        part.clear();
+        if k >= count {
+            return;
+        }
+        let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
+        let mut workspace = input.workspaces.take();
+        for &pair in pairs {
+            if input.cancelled() {
+                break;
+            }
+            part.add(pair, linking_number(input, pair, None, &mut workspace));
+        }
+        part.stats = workspace.take_stats();
+        input.workspaces.put(workspace);
+        done.fetch_add(pairs.len() as u64, Ordering::Relaxed);
+    });
+}
+
+/// Returns the number of potential links of one task: few enough to balance the load, and enough to
+/// pay for the task. A single link may be a whole model; its kernel then uses several threads.
+fn links_per_task(links: usize, threads: usize) -> usize {
+    (links / (32 * threads)).clamp(1, 256)
+}
+
+/// Work that the threads of the kernel share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Parallelism {
+    /// Nothing: too little work to share, or one thread.
+    None,
+    /// The potential links.
+    OverLinks,
+    /// The inside of each of few potential links.
+    InsideLinks,
+}
+
+/// Returns the work that the threads of the kernel share, and the number of busy threads. `shared`
+/// is true if a link has enough work for several threads ([`super::shares_out`]).
+pub(crate) fn parallelism(links: usize, threads: usize, shared: bool) -> (Parallelism, usize) {
+    let tasks = links.div_ceil(links_per_task(links, threads));
+    match (threads, tasks) {
+        (1, _) | (_, 0) => (Parallelism::None, threads.min(tasks)),
+        _ if tasks < threads && shared => (Parallelism::InsideLinks, threads),
+        (_, 1) => (Parallelism::None, 1),
+        _ => (Parallelism::OverLinks, threads.min(tasks)),
+    }
+}

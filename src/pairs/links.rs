@@ -1,0 +1,36 @@
+//! Potential links of a frame: pairs of curves whose boxes overlap, without degenerate curves.
+
+use super::{LinkSearch, Pair, Trees};
+use crate::curve::CurveSet;
+use crate::verdict::{Defect, DefectKind, Place};
+
+/// Returns the pairs that may be linked: those whose boxes overlap, without degenerate curves
+/// (sorted).
+pub(crate) fn potential_links<'a>(
+    trees: &Trees,
+    search: &'a mut LinkSearch,
+    degenerate: &[Defect],
+) -> &'a mut Vec<Pair> {
+    let pairs = search.find(trees.roots());
+    if !degenerate.is_empty() {
+        let whole = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
+        pairs.retain(|&(i, j)| whole(i) && whole(j));
+    }
+    pairs
+}
+
+/// Returns the closed curves of fewer than three distinct points, in order.
+pub(crate) fn degenerate_curves(set: &CurveSet) -> impl Iterator<Item = Defect> {
+    (0..set.len())
+        .filter(|&i| set.curve(i).closed && !set.has_three_distinct_points(i))
+        .map(|i| Defect {
+            i: i as u32,
+            j: None,
+            kind: DefectKind::Degenerate,
+            place: Place {
+                segments: [0, 0],
+                point: set.point(i, 0),
+                distance: 0.0,
+            },
+        })
+}

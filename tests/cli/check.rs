@@ -1,0 +1,291 @@
+//! `linkwatch check` of a model and its certificate.
+
+use super::chain;
+use crate::support::command::{linkwatch, text};
+use linkwatch::{Basis, CurveSet, Positions, model};
+use tempfile::TempDir;
+
+#[test]
+fn check_accepts_the_output_of_certify() {
+    let folder = TempDir::new().unwrap();
+    let whole = chain(folder.path(), "whole.bcc", 0.5);
+    let certificate = folder.path().join("whole.txt");
+    let run = linkwatch(&["certify", text(&whole), "-o", text(&certificate)]);
+    assert_eq!((run.code, run.stdout.as_str()), (0, ""));
+    assert!(
+        run.stderr.contains("3 curves of 12 segments"),
+        "{}",
+        run.stderr
+    );
+    let run = linkwatch(&["certify", text(&whole)]);
+    assert_eq!(run.code, 0);
+    assert_eq!(run.stdout, std::fs::read_to_string(&certificate).unwrap());
+    assert!(
+        run.stdout.starts_with("3 # lines: 2\n0,1,"),
+        "{}",
+        run.stdout
+    );
+    let run = linkwatch(&["check", text(&whole), "--against", text(&certificate)]);
+    assert_eq!(run.code, 0);
+    assert!(
+        run.stdout.ends_with("whole.bcc: intact\n"),
+        "{}",
+        run.stdout
+    );
+}
+
+#[test]
+fn check_names_the_pair_and_exits_with_1() {
+    let folder = TempDir::new().unwrap();
+    let whole = chain(folder.path(), "whole.bcc", 0.5);
+    let broken = chain(folder.path(), "broken.bcc", -5.0);
+    let [certificate, pairs, curves] = ["c.txt", "p.txt", "k.txt"].map(|n| folder.path().join(n));
+    linkwatch(&["certify", text(&whole), "-o", text(&certificate)]);
+    let run = linkwatch(&[
+        "check",
+        text(&whole),
+        text(&broken),
+        "--against",
+        text(&certificate),
+        "--diff-pairs",
+        text(&pairs),
+        "--diff-curves",
+        text(&curves),
+    ]);
+    assert_eq!(run.code, 1);
+    assert!(
+        run.stdout.contains("curves 0 and 1 came apart"),
+        "{}",
+        run.stdout
+    );
+    assert!(run.stdout.contains("near ("), "{}", run.stdout);
+    let expected = std::fs::read_to_string(&certificate).unwrap();
+    let lambda = expected.lines().nth(1).unwrap().rsplit(',').next().unwrap();
+    assert_eq!(
+        std::fs::read_to_string(&pairs).unwrap(),
+        format!("0,1,{lambda},0\n")
+    );
+    assert_eq!(std::fs::read_to_string(&curves).unwrap(), "0\n1\n");
+    let run = linkwatch(&[
+        "check",
+        "--json",
+        text(&broken),
+        "--against",
+        text(&certificate),
+    ]);
+    let json: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(run.code, 1);
+    assert_eq!(json["report"]["verdict"], "changed");
+    assert_eq!(json["report"]["changes"][0]["found"], 0);
+}
+
+#[test]
+fn contact_is_reported_with_its_place_and_hides_no_other_pair() {
+    let folder = TempDir::new().unwrap();
+    let touching = chain(folder.path(), "touching.bcc", 2.0);
+    let certificate = folder.path().join("c.txt");
+    let run = linkwatch(&["certify", text(&touching)]);
+    assert_eq!(run.code, 3);
+    assert!(
+        run.stderr.contains("curves 0 and 1 touch"),
+        "{}",
+        run.stderr
+    );
+    assert!(run.stderr.contains("segments"), "{}", run.stderr);
+    assert!(
+        run.stdout.contains("1,2,"),
+        "the other pair: {}",
+        run.stdout
+    );
+    assert!(
+        run.stdout.contains("0,1,undefined"),
+        "no linking number for the pair in contact: {}",
+        run.stdout
+    );
+    let run = linkwatch(&["certify", text(&touching), "-o", text(&certificate)]);
+    assert_eq!(run.code, 3);
+    let written = std::fs::read_to_string(&certificate).unwrap();
+    assert!(written.contains("\n0,1,undefined\n"), "{written}");
+}
+
+/// A model of open curves only has nothing that could be intact.
+#[test]
+fn a_model_of_open_curves_is_not_intact() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("open.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\n").unwrap();
+    let certificate = folder.path().join("c.txt");
+    std::fs::write(&certificate, "1\n").unwrap();
+    let run = linkwatch(&["check", text(&path), "--against", text(&certificate)]);
+    assert_eq!((run.code, run.stdout.as_str()), (2, ""));
+    assert!(run.stderr.contains("nothing to verify"), "{}", run.stderr);
+}
+
+/// A frame that cannot be read hides no verdict on the others.
+#[test]
+fn check_continues_after_a_model_that_cannot_be_read() {
+    let folder = TempDir::new().unwrap();
+    let broken = chain(folder.path(), "broken.bcc", -5.0);
+    let [none, certificate, pairs] = ["none.bcc", "c.txt", "p.txt"].map(|n| folder.path().join(n));
+    std::fs::write(&certificate, "3\n0,1,1\n").unwrap();
+    let run = linkwatch(&[
+        "check",
+        text(&none),
+        text(&broken),
+        "--against",
+        text(&certificate),
+        "--diff-pairs",
+        text(&pairs),
+    ]);
+    assert_eq!(run.code, 2);
+    assert!(run.stdout.contains("changed"), "{}", run.stdout);
+    assert!(
+        std::fs::read_to_string(&pairs)
+            .unwrap()
+            .starts_with("0,1,1,0")
+    );
+}
+
+/// One change among thousands of pairs, and an intact model, with and without `--early-exit`.
+#[test]
+fn early_exit_finds_the_change_and_counts_unchecked_pairs() {
+    let folder = TempDir::new().unwrap();
+    let [model, cert] = ["m.bcc", "c.txt"].map(|name| folder.path().join(name));
+    let (model, cert) = (text(&model), text(&cert));
+    let scene = "chainmail:rows=30,columns=30";
+    let run = linkwatch(&["-q", "generate", scene, "-o", model, "--certificate", cert]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let check = |threads: &str, more: &[&str]| {
+        let common = [
+            "--json",
+            "--threads",
+            threads,
+            "check",
+            model,
+            "--against",
+            cert,
+        ];
+        let run = linkwatch(&[&common[..], more].concat());
+        let out: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        let unchecked = out["report"]["stats"]["unchecked"].as_u64().unwrap();
+        (run.code, unchecked, out["report"].clone())
+    };
+    // A model is intact only if all pairs are checked.
+    let (code, unchecked, _) = check("2", &["--early-exit"]);
+    assert_eq!((code, unchecked), (0, 0));
+    let expected = std::fs::read_to_string(cert).unwrap();
+    let changed = expected.replacen("\n0,1,-1\n", "\n0,1,1\n", 1);
+    assert_ne!(expected, changed);
+    std::fs::write(cert, changed).unwrap();
+    let (code, unchecked, full) = check("1", &[]);
+    assert_eq!((code, unchecked), (1, 0));
+    let (code, unchecked, early) = check("1", &["--early-exit"]);
+    assert_eq!(code, 1);
+    assert!(unchecked > 1000, "{unchecked}");
+    assert_eq!(early["changes"], full["changes"]);
+    // The result does not depend on the number of threads or the kernel.
+    assert_eq!(check("2", &["--early-exit"]).2, early);
+    let (code, _, summed) = check("2", &["--kernel", "barnes-hut"]);
+    assert_eq!((code, &summed["changes"]), (1, &full["changes"]));
+    let run = linkwatch(&[
+        "check",
+        model,
+        "--against",
+        cert,
+        "--early-exit",
+        "--kernel",
+        "direct",
+    ]);
+    assert_eq!(run.code, 2, "early exit needs counting");
+}
+
+/// A square that leaves the one that it is linked with, passes through it, or folds through itself.
+#[test]
+fn check_reports_pull_throughs_between_models() {
+    let folder = TempDir::new().unwrap();
+    let frames = [-5.0, 0.5, 5.0].map(|at| chain(folder.path(), &format!("{at}.bcc"), at));
+    let [left, linked, right] = frames.each_ref().map(|path| text(path));
+    let cert = folder.path().join("c.txt");
+    linkwatch(&["certify", left, "-o", text(&cert)]);
+    let check = |models: &[&str], more: &[&str]| {
+        let run = linkwatch(&[&["check", "--against", text(&cert)], models, more].concat());
+        (run.code, run.stdout)
+    };
+    // Each model on its own is intact.
+    assert_eq!(check(&[left, right], &[]).0, 0);
+    // The frames are too far apart to decide whether four pull-throughs that cancel took place.
+    let (code, out) = check(&[left, right], &["--events"]);
+    assert_eq!(code, 3, "{out}");
+    assert_eq!(out.matches("unresolved: ").count(), 4, "{out}");
+    let (code, out) = check(&[left, right], &["--events", "--motion-limit", "10"]);
+    assert_eq!(code, 1, "{out}");
+    let passed = out
+        .matches("curves 0 and 1 passed through one another at 0.")
+        .count();
+    assert_eq!(passed, 4, "{out}");
+    assert!(out.contains("5.bcc: changed\n"), "{out}");
+    // A change, and the pull-through that caused it.
+    let (code, out) = check(&[left, linked], &["--self"]);
+    assert_eq!(code, 1);
+    assert!(out.contains("curves 0 and 1 became linked"), "{out}");
+    assert!(out.contains("passed through one another"), "{out}");
+
+    // Two ends of a curve swap places, one above the other.
+    let fold = |name: &str, y: f32| {
+        let xyz = [
+            [0., 0., 0.],
+            [2., 0., 0.],
+            [2., 2., 1.],
+            [1., y, 1.],
+            [1., y, -1.],
+            [0., 2., -1.],
+        ];
+        let xyz = xyz.concat();
+        let set = CurveSet::from_counts(Basis::Polyline, &[-6], Positions::F32(&xyz)).unwrap();
+        let path = folder.path().join(name);
+        model::write_bcc(&path, &set).unwrap();
+        path
+    };
+    let [before, after] = [fold("before.bcc", 0.5), fold("after.bcc", -0.5)];
+    linkwatch(&["certify", text(&before), "--force", "-o", text(&cert)]);
+    let models = [text(&before), text(&after)];
+    assert_eq!(check(&models, &["--events"]).0, 0);
+    let (code, out) = check(&models, &["--self"]);
+    assert_eq!(code, 1, "{out}");
+    let reported = "curve 0 passed through itself at 0.500 of the step";
+    assert!(out.contains(reported), "{out}");
+    // There is no motion between different curves; early exit knows only some linking numbers.
+    let run = linkwatch(&[
+        "check",
+        left,
+        text(&before),
+        "--against",
+        text(&cert),
+        "--events",
+    ]);
+    assert_eq!(run.code, 2);
+    let run = linkwatch(&[
+        "check",
+        left,
+        "--against",
+        text(&cert),
+        "--events",
+        "--early-exit",
+    ]);
+    assert_eq!(run.code, 2);
+}
+
+/// Regression test: a file truncated at a line end was read as a certificate with fewer links.
+#[test]
+fn check_rejects_a_truncated_certificate() {
+    let folder = TempDir::new().unwrap();
+    let model = chain(folder.path(), "m.bcc", 0.5);
+    let certificate = folder.path().join("c.txt");
+    linkwatch(&["certify", text(&model), "-o", text(&certificate)]);
+    let whole = std::fs::read_to_string(&certificate).unwrap();
+    let last = whole.trim_end().rfind('\n').unwrap();
+    std::fs::write(&certificate, &whole[..=last]).unwrap();
+    let run = linkwatch(&["check", text(&model), "--against", text(&certificate)]);
+    assert_eq!(run.code, 2, "{}", run.stdout);
+    assert!(run.stderr.contains("the file was cut"), "{}", run.stderr);
+}

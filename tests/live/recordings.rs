@@ -1,0 +1,366 @@
+//! Recordings of live runs, and `linkwatch replay`.
+
+use super::support::command::Run;
+use super::*;
+use linkwatch::{FrameRecord, RecordedItem, RecordingReader, RecordingSink, Report, Sink};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// Recordings of earlier versions stay readable, and their verdicts do not change. The test above
+/// writes them again if `LINKWATCH_WRITE_RECORDINGS` is set.
+#[test]
+fn recordings_of_earlier_versions_give_the_same_verdicts() {
+    let kept = std::fs::read_dir(recordings())
+        .unwrap()
+        .map(|e| e.unwrap().path());
+    let kept: Vec<PathBuf> = kept
+        .filter(|p| p.extension().is_some_and(|e| e == "mcap"))
+        .collect();
+    assert!(!kept.is_empty());
+    for recording in kept {
+        let expected = std::fs::read_to_string(recording.with_extension("jsonl")).unwrap();
+        let replayed = replay(&recording);
+        let expected = json_lines(&expected);
+        // The work that a verdict takes may change from version to version.
+        let said = |report: &serde_json::Value| {
+            let mut report = report.clone();
+            report["stats"].take();
+            // Recordings of earlier versions lack these fields.
+            for list in ["events", "unresolved", "adopted"] {
+                if report[list].is_null() {
+                    report[list] = serde_json::json!([]);
+                }
+            }
+            for event in report["events"].as_array_mut().unwrap() {
+                event["lengths"].take();
+            }
+            report
+        };
+        assert_eq!(
+            replayed.reports().into_iter().map(said).collect::<Vec<_>>(),
+            expected.iter().map(said).collect::<Vec<_>>(),
+            "{recording:?}"
+        );
+        assert!(
+            !replayed.stderr.contains("different from"),
+            "{}",
+            replayed.stderr
+        );
+    }
+}
+
+/// Writes the recording of the flight again, with other reports. A frame whose report is dropped
+/// leaves a gap.
+fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
+    let mut reader = RecordingReader::open(&recordings().join("flight.mcap")).unwrap();
+    let (mut sink, mut curves, mut set) = (None, None, None);
+    while let Some(item) = reader.next_item().unwrap() {
+        let create = || RecordingSink::create(to, reader.metadata()).unwrap();
+        let sink = sink.get_or_insert_with(|| Box::new(create()));
+        match item {
+            RecordedItem::Baseline(baseline) => sink.begin(&baseline).unwrap(),
+            RecordedItem::Frame(frame) => {
+                frame.ingest(&mut set).unwrap();
+                curves = set.clone().map(Arc::new);
+            }
+            RecordedItem::Verdict(mut verdict) => {
+                if !keep(&mut verdict.report) {
+                    continue;
+                }
+                let progress = verdict.progress;
+                let record = FrameRecord {
+                    curves: curves.take(),
+                    cuts: 0,
+                    report: Arc::new(verdict.report),
+                    verified: progress.verified,
+                    skipped: progress.skipped,
+                    rejected: progress.rejected,
+                    check: progress.check,
+                    work: progress.work,
+                    received: SystemTime::now(),
+                };
+                sink.frame(&record).unwrap();
+            }
+        }
+    }
+    sink.unwrap().finish().unwrap();
+}
+
+/// A recorder with a slow disk drops frames. The motion to the frame after such a gap differs from
+/// that of the live run.
+#[test]
+fn counts_frames_that_were_not_recorded_without_an_error() {
+    let folder = TempDir::new().unwrap();
+    let gappy = folder.path().join("gappy.mcap");
+    rewrite_flight(&gappy, |report| report.seq != 2);
+    let replayed = replay(&gappy);
+    assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
+    assert_eq!(replayed.reports().len(), 4);
+    assert!(
+        replayed.stderr.contains("1 frame missing"),
+        "{}",
+        replayed.stderr
+    );
+    let compared = &replayed.summary()["recorded_verdicts"];
+    assert_eq!(
+        (&compared["equal"], &compared["after_missing"]),
+        (&3.into(), &1.into())
+    );
+    assert!(
+        !replayed.stderr.contains("different from"),
+        "{}",
+        replayed.stderr
+    );
+}
+
+#[test]
+fn rejects_hostile_recordings_in_one_line() {
+    let folder = TempDir::new().unwrap();
+    for (name, bytes) in [
+        ("empty.mcap", &b""[..]),
+        ("text.mcap", b"hello"),
+        ("magic.mcap", b"\x89MCAP0\r\n\xff\xff"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let Ended { code, stderr, .. } = replay(&path);
+        assert!(matches!(code, Some(2 | 3)), "{name}: {stderr}");
+        assert!(stderr.contains(name), "{stderr}");
+        assert!(!stderr.contains("panicked"), "{stderr}");
+    }
+}
+
+/// A policy that is not the default is part of the recording, so that a replay without options
+/// gives the same verdicts.
+#[test]
+fn a_replay_keeps_the_policy_of_the_recording() {
+    let folder = TempDir::new().unwrap();
+    let service = service("policy");
+    let recording = folder.path().join("run.mcap");
+    let args = [
+        "--abort-on",
+        "never",
+        "--record",
+        recording.to_str().unwrap(),
+    ];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    // Two broken frames come before the first good one.
+    for (frame, shift) in [f32::NAN, f32::NAN, 0.0, 2.5].into_iter().enumerate() {
+        step(&mut sim, frame as u64, shift);
+    }
+    assert!(sim.aborted().is_none());
+    sim.finish().unwrap();
+    let live = watch.end();
+    assert_eq!(live.code, Some(1), "{}", live.stderr);
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
+    assert_eq!(replayed.reports(), live.reports());
+    assert!(
+        !replayed.stderr.contains("different from"),
+        "{}",
+        replayed.stderr
+    );
+    assert_eq!(replayed.summary()["rejected"], 2);
+}
+
+/// Regression test: each of these lost part of the recording, or left the wrong content under its
+/// name.
+#[test]
+fn a_replay_overwrites_neither_its_input_nor_an_existing_file() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let recording = recordings().join("squares.mcap");
+    let before = std::fs::read(&recording).unwrap();
+    std::fs::write(at("run.mcap"), &before).unwrap();
+    std::fs::hard_link(at("run.mcap"), at("hard.rrd")).unwrap();
+    std::fs::hard_link(at("run.mcap"), at("hard.mcap")).unwrap();
+    std::fs::write(at("other.mcap"), "mine").unwrap();
+    let refused = |args: &[&str], says: &str| {
+        let run: Run = command()
+            .current_dir(folder.path())
+            .args(["replay", "run.mcap"])
+            .args(args)
+            .output()
+            .unwrap()
+            .into();
+        assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);
+        assert!(run.stderr.contains(says), "{args:?}: {}", run.stderr);
+        assert!(std::fs::read(at("run.mcap")).unwrap() == before, "{args:?}");
+        assert_eq!(std::fs::read(at("other.mcap")).unwrap(), b"mine");
+    };
+    for force in [&[][..], &["--force"]] {
+        let with = |args: &[&'static str]| [args, force].concat();
+        refused(
+            &with(&["--record", "run.mcap"]),
+            "same file as the input run.mcap",
+        );
+        refused(
+            &with(&["--record", "./hard.mcap"]),
+            "same file as the input run.mcap",
+        );
+        refused(
+            &with(&["--rrd", "hard.rrd"]),
+            "same file as the input run.mcap",
+        );
+        refused(&with(&["--rrd", "run.mcap"]), "--record writes a recording");
+        refused(
+            &with(&["--record", "new.rrd"]),
+            "--rrd writes a file for the viewer",
+        );
+        refused(
+            &with(&["--record", "new.mcap", "--rrd", "new.mcap"]),
+            "--record writes",
+        );
+        refused(&with(&["--record", "."]), "an .mcap file");
+    }
+    refused(
+        &["--record", "other.mcap"],
+        "the file exists; --force overwrites it",
+    );
+    assert!(!at("new.rrd").exists() && !at("new.mcap").exists());
+}
+
+/// Opening a pipe blocks until its other end is opened.
+#[test]
+#[cfg(unix)]
+fn rejects_a_pipe_as_a_recording() {
+    let folder = TempDir::new().unwrap();
+    let pipe = folder.path().join("pipe.mcap");
+    assert!(
+        Command::new("mkfifo")
+            .arg(&pipe)
+            .status()
+            .unwrap()
+            .success()
+    );
+    let other = folder.path().join("pipe.rrd");
+    assert!(
+        Command::new("mkfifo")
+            .arg(&other)
+            .status()
+            .unwrap()
+            .success()
+    );
+    for (option, path) in [("--record", &pipe), ("--rrd", &other)] {
+        let args = [option, path.to_str().unwrap(), "--force", "--wait", "0.1"];
+        let ended = Watch::start(folder.path(), "watch", &service("pipe"), &args).end();
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains("not a regular file"),
+            "{}",
+            ended.stderr
+        );
+    }
+    let replayed = replay(&pipe);
+    assert_eq!(replayed.code, Some(2), "{}", replayed.stderr);
+    assert!(
+        replayed.stderr.contains("regular file"),
+        "{}",
+        replayed.stderr
+    );
+}
+
+#[test]
+fn a_recording_is_created_at_the_first_frame_and_overwrites_none() {
+    let folder = TempDir::new().unwrap();
+    let service = service("first-frame");
+    let recording = folder.path().join("run.mcap");
+    let record = ["--record", recording.to_str().unwrap()];
+    let nobody = [&record[..], &["--wait", "0.2"]].concat();
+    let ended = Watch::start(folder.path(), "nobody", &service, &nobody).end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(!recording.exists(), "a recording of nothing");
+
+    std::fs::write(&recording, "mine").unwrap();
+    let ended = Watch::start(folder.path(), "refused", &service, &nobody).end();
+    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("--force overwrites it"),
+        "{}",
+        ended.stderr
+    );
+    let forced = [&nobody[..], &["--force"]].concat();
+    let ended = Watch::start(folder.path(), "forced", &service, &forced).end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert_eq!(std::fs::read(&recording).unwrap(), b"mine", "no frame came");
+
+    let forced = [&record[..], &["--force"]].concat();
+    let watch = Watch::start(folder.path(), "recorded", &service, &forced);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    sim.finish().unwrap();
+    assert_eq!(watch.end().code, Some(0));
+    assert_eq!(replay(&recording).code, Some(0));
+
+    // A file that another process creates meanwhile is not overwritten either.
+    std::fs::remove_file(&recording).unwrap();
+    let watch = Watch::start(folder.path(), "late", &service, &record);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    std::fs::write(&recording, "mine").unwrap();
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    sim.finish().unwrap();
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("recording failed"),
+        "{}",
+        ended.stderr
+    );
+    assert_eq!(std::fs::read(&recording).unwrap(), b"mine");
+}
+
+#[test]
+fn a_replay_reports_if_its_verdicts_equal_the_recorded_ones() {
+    let recording = recordings().join("squares.mcap");
+    let path = recording.to_str().unwrap();
+    let last = |args: &[&str]| {
+        let (_, all) = printed(&[&["replay", path, "--quiet"], args].concat());
+        let line = all.lines().find(|l| l.starts_with("verdicts: "));
+        line.unwrap_or_else(|| panic!("{all}")).to_owned()
+    };
+    let equal =
+        "verdicts: 19 equal to the recorded ones; 1 not compared: the curves of rejected frames";
+    assert!(last(&[]).starts_with(equal), "{}", last(&[]));
+    assert!(last(&["--kernel", "direct"]).starts_with(equal));
+    for (args, option) in [
+        (&["--abort-on", "lost"][..], "--abort-on"),
+        (&["--baseline", "first-frame"], "--baseline"),
+        (&["--events"], "--events or --self"),
+        (&["--motion-limit", "2"], "--motion-limit"),
+        (
+            &["--self", "--abort-on", "never"],
+            "--abort-on, --events or --self",
+        ),
+    ] {
+        let expected = format!(
+            "verdicts: not compared with the recorded ones: recorded with another {option}"
+        );
+        assert_eq!(last(args), expected);
+    }
+    let compared = replay(&recording).summary()["recorded_verdicts"].clone();
+    let counts = ["equal", "unlike", "rejected", "after_missing"].map(|n| compared[n].clone());
+    assert_eq!(counts, [19, 0, 1, 0]);
+    assert_eq!(compared["differing"], serde_json::json!([]));
+}
+
+#[test]
+fn counts_verdicts_that_differ_from_the_recorded_ones() {
+    let folder = TempDir::new().unwrap();
+    let changed = folder.path().join("changed.mcap");
+    rewrite_flight(&changed, |report| {
+        if report.seq == 1 {
+            report.verdict = Verdict::Undecided;
+        }
+        true
+    });
+    let (code, all) = printed(&["replay", changed.to_str().unwrap()]);
+    assert_eq!(code, Some(1), "{all}");
+    assert!(
+        all.contains("verdicts: 4 equal to the recorded ones, 1 different"),
+        "{all}"
+    );
+}

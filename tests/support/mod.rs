@@ -1,0 +1,10 @@
+//! Support that the test programs share.
+
+#![allow(dead_code, reason = "each test program uses a part")]
+
+#[cfg(feature = "cli")]
+pub mod command;
+pub mod polygons;
+pub mod random;
+pub mod time;
+pub mod trial;
