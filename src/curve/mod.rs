@@ -16,9 +16,13 @@ mod builder;
 mod coordinates;
 #[cfg(feature = "verify")]
 mod extent;
+#[cfg(feature = "verify")]
+mod leaf_boxes;
 mod notation;
 #[cfg(feature = "verify")]
 mod set;
+#[cfg(feature = "verify")]
+mod support;
 
 pub use basis::Basis;
 #[cfg(feature = "verify")]
