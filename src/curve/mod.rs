@@ -18,9 +18,13 @@ mod coordinates;
 mod extent;
 #[cfg(feature = "verify")]
 mod lanes;
+#[cfg(feature = "verify")]
+mod leaf_boxes;
 mod notation;
 #[cfg(feature = "verify")]
 mod set;
+#[cfg(feature = "verify")]
+mod support;
 
 pub use basis::Basis;
 #[cfg(feature = "verify")]

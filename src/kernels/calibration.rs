@@ -4,8 +4,8 @@
 //! the user's cache folder. It is made on request only ([`crate::plan::calibrate`]), never during
 //! verification. Without a calibration the CPU is chosen.
 //!
-//! An entry of the file with a missing field is one of an older version, and is ignored. Fields that
-//! were renamed are read under both names.
+//! An entry of the file with a missing field is one of an older version, and is ignored. Fields
+//! that were renamed are read under both names.
 
 use super::device::DeviceInfo;
 use crate::curve::CurveSet;
@@ -199,7 +199,6 @@ pub(crate) fn segment_pairs(set: &CurveSet, pairs: &[Pair]) -> u64 {
 
 /// Returns the number of segments of some pairs of curves, counted once for each pair: the work of
 /// Barnes-Hut.
-#[cfg(feature = "gpu")]
 pub(crate) fn segments(set: &CurveSet, pairs: &[Pair]) -> u64 {
     let segments = |i: u32| u64::from(set.curve(i as usize).segments);
     pairs.iter().map(|&(i, j)| segments(i) + segments(j)).sum()

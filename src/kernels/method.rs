@@ -4,7 +4,7 @@ use super::sums::barnes_hut::{Accept, BarnesHut, Options, Order};
 use super::sums::direct::{Direct, Formula};
 use super::sums::fmm::{self, Fmm};
 use super::sums::interval::{Interval, enclose};
-use super::{Accelerator, Estimate, Summation};
+use super::{Estimate, GpuUse, Summation};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::pairs::Pair;
@@ -83,13 +83,13 @@ impl Method {
         self,
         polylines: &'a CurveSet,
         accuracy: Accuracy,
-        accelerator: &'a Accelerator,
+        gpu: &'a GpuUse,
         pairs: &[Pair],
     ) -> Option<Box<dyn Summation + 'a>> {
         let direct = |formula| {
             let cpu =
                 move || -> Box<dyn Summation + 'a> { Box::new(Direct::new(polylines, formula)) };
-            accelerator.direct_sum(polylines, pairs, cpu)
+            gpu.direct_sum(polylines, pairs, cpu)
         };
         Some(match self {
             Method::Auto | Method::Crossings => return None,
@@ -124,7 +124,7 @@ impl Method {
                     }
                 };
                 match (target, accuracy.dipole) {
-                    (None, false) => accelerator.barnes_hut(polylines, pairs, beta, cpu),
+                    (None, false) => gpu.barnes_hut(polylines, pairs, beta, cpu),
                     _ => cpu(),
                 }
             }

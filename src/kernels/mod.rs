@@ -20,7 +20,6 @@
 //! 8. An integer is returned only if it is proven. Otherwise a [`crate::Defect`] names the reason
 //!    and the place.
 
-mod accelerator;
 mod calibration;
 pub(crate) mod choice;
 #[cfg(test)]
@@ -30,20 +29,26 @@ pub(crate) mod crossings;
 pub(crate) mod device;
 #[cfg(feature = "gpu")]
 pub(crate) mod gpu;
+#[cfg(not(feature = "gpu"))]
+#[path = "no_gpu.rs"]
+pub(crate) mod gpu;
+mod gpu_use;
+mod lazy;
 mod method;
 pub mod oracle;
 pub(crate) mod sums;
 
-pub use accelerator::Offload;
-pub(crate) use accelerator::{Accelerator, Offer};
 #[cfg(feature = "gpu")]
 pub(crate) use calibration::segments;
 pub use calibration::{Calibration, CountingCost, SumCost};
 pub(crate) use calibration::{CountingWork, segment_pairs};
 pub(crate) use counted::Counted;
-pub use device::{Device, DeviceInfo, devices};
+pub use device::{Device, DeviceInfo};
+pub use gpu::devices;
 #[cfg(feature = "gpu")]
 pub use gpu::{DeviceTimes, GpuPrecision, measure as measure_device};
+pub use gpu_use::Offload;
+pub(crate) use gpu_use::{GpuUse, Offer};
 pub use method::{Accuracy, Method};
 pub use sums::Estimate;
 pub(crate) use sums::Summation;

@@ -8,8 +8,8 @@ use crate::kernels::choice::Predictions;
 use crate::kernels::crossings::{Input, Workspaces};
 use crate::kernels::gpu::{self, Frame, Gpu};
 use crate::kernels::{
-    Accelerator, Accuracy, Calibration, CountingCost, CountingWork, Device, Estimate, Method,
-    SumCost, segment_pairs, segments,
+    Accuracy, Calibration, CountingCost, CountingWork, Device, Estimate, GpuUse, Method, SumCost,
+    segment_pairs, segments,
 };
 use crate::pairs::{LinkSearch, Pair, Trees, degenerate_curves, potential_links};
 use crate::scenes::Scene as Model;
@@ -182,7 +182,7 @@ impl MeasuredScene {
 
     /// Measures a sum on the CPU.
     fn sum_ms(&self, method: Method) -> Result<f64> {
-        let none = Accelerator::default();
+        let none = GpuUse::default();
         median_ms(|start| {
             let sum = method.summation(&self.set, Accuracy::default(), &none, &self.links);
             sum.map(|sum| sum.linking_numbers(&self.links));

@@ -63,7 +63,7 @@ use crate::error::Result;
 use crate::kernels::choice::costs::{self, Time};
 use crate::kernels::choice::{Choice, Forecast, Predictions};
 use crate::kernels::crossings::{Input, Workspaces, by_formula, parallelism};
-use crate::kernels::{Accelerator, Calibration, Device, KernelWork, Method, Offer, SumCost};
+use crate::kernels::{Calibration, Device, GpuUse, KernelWork, Method, Offer, SumCost};
 use crate::pairs::{CurveTree, LinkSearch, Pair, Trees, degenerate_curves, potential_links};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -289,9 +289,8 @@ impl Plan {
     /// Errors: [`Error::Device`](crate::Error::Device) if a requested adapter does not exist or
     /// cannot be used.
     pub fn on(set: &CurveSet, device: &Device) -> Result<Plan> {
-        let accelerator = Accelerator::open(device)?;
-        let offer = accelerator.offer().filter(|_| accelerator.answers());
-        Ok(Plan::with(set, offer))
+        let gpu = GpuUse::open(device)?;
+        Ok(Plan::with(set, gpu.tested_offer()))
     }
 
     fn with(set: &CurveSet, offer: Option<Offer<'_>>) -> Plan {

@@ -2,17 +2,17 @@
 
 use super::ladder::{Ladder, Sums};
 use super::{Progress, Timings};
-use crate::certificate::{Certificate, Comparison, Link};
+use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Box3, CurveSet, pow2};
 use crate::error::Result;
 use crate::kernels::choice::{Choice, Predictions};
 use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
-use crate::kernels::{Accelerator, Accuracy, Counted, Linking, Method};
+use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
 use crate::pairs::{
     LinkSearch, Pair, Trees, curves_of, degenerate_curves, most_suspect_first, potential_links,
 };
-use crate::verdict::Stats;
+use crate::verdict::{Link, Stats};
 use rayon::prelude::*;
 use std::slice::SliceIndex;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ pub(super) struct FullRun {
     /// Method and accuracy of sums.
     pub kernel: (Method, Accuracy),
     /// GPU that runs kernels, if one is used.
-    pub accelerator: Accelerator,
+    pub gpu: GpuUse,
     /// Certificate of the last frame.
     pub certificate: Certificate,
     /// Decisions of the last full run.
@@ -46,15 +46,15 @@ pub(super) struct FullRun {
 impl FullRun {
     /// Computes the certificate of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
-        self.accelerator.start_frame();
+        self.gpu.start_frame();
         if let Method::Auto | Method::Crossings = self.kernel.0 {
-            self.accelerator.send_ahead(set);
+            self.gpu.send_ahead(set);
         }
         let mut stats = self.find_pairs(set);
         match self.kernel {
             (method @ (Method::Auto | Method::Crossings), _) => {
                 let predictions = Predictions::new(self.input(set), self.search.pairs(), method);
-                match predictions.choose(self.accelerator.offer()) {
+                match predictions.choose(self.gpu.offer()) {
                     Choice::SumFirst => {
                         let long = predictions.into_long();
                         let pairs = self.search.pairs().to_vec();
@@ -71,7 +71,7 @@ impl FullRun {
             }
             (method, accuracy) => {
                 let pairs = self.search.pairs().to_vec();
-                let sums = Sums::of(set, (method, accuracy), &self.accelerator, &pairs);
+                let sums = Sums::of(set, (method, accuracy), &self.gpu, &pairs);
                 self.add_sums(set, &sums, &mut stats);
             }
         }
@@ -107,10 +107,10 @@ impl FullRun {
             workspaces: &self.workspaces,
         };
         let counting = Predictions::new(input, &undecided, Method::Crossings);
-        let counting = counting.choose(self.accelerator.offer());
-        let accelerator = (counting == Choice::CountOnGpu).then_some(&mut self.accelerator);
+        let counting = counting.choose(self.gpu.offer());
+        let gpu = (counting == Choice::CountOnGpu).then_some(&mut self.gpu);
         let to = (&mut self.parts, &*self.progress);
-        compute_links(input, &undecided, accelerator, to);
+        compute_links(input, &undecided, gpu, to);
         gather(&self.parts, &mut self.certificate, stats);
         stats.potential_links += summed as u64;
         self.certificate.links.extend(links);
@@ -258,9 +258,9 @@ impl FullRun {
             workspaces: &self.workspaces,
         };
         let pairs = &self.search.pairs()[range];
-        let accelerator = (counting == Choice::CountOnGpu).then_some(&mut self.accelerator);
+        let gpu = (counting == Choice::CountOnGpu).then_some(&mut self.gpu);
         let to = (&mut self.parts, &*self.progress);
-        compute_links(input, pairs, accelerator, to);
+        compute_links(input, pairs, gpu, to);
         gather(&self.parts, &mut self.certificate, stats);
         self.timings.links += start.elapsed();
     }
@@ -273,7 +273,7 @@ impl FullRun {
         set: &CurveSet,
         baseline: &Certificate,
     ) -> Result<(Comparison, Stats)> {
-        self.accelerator.send_ahead(set);
+        self.gpu.send_ahead(set);
         self.before.clear();
         self.before.extend_from_slice(self.trees.roots());
         let mut stats = self.find_pairs(set);
@@ -294,7 +294,7 @@ impl FullRun {
             let next = (done + block).min(count);
             let block_pairs = &self.search.pairs()[done..next];
             let counting = Predictions::new(self.input(set), block_pairs, Method::Crossings);
-            let counting = counting.choose(self.accelerator.offer());
+            let counting = counting.choose(self.gpu.offer());
             self.compute_pairs(set, done..next, counting, &mut stats);
             self.certificate.links.sort_unstable_by_key(|l| (l.i, l.j));
             (done, block) = (next, 2 * block);
@@ -306,10 +306,10 @@ impl FullRun {
 fn compute_links(
     input: Input<'_>,
     pairs: &[Pair],
-    accelerator: Option<&mut Accelerator>,
+    gpu: Option<&mut GpuUse>,
     (parts, progress): (&mut Vec<Counted>, &Progress),
 ) {
-    match accelerator.and_then(|a| a.count(input, pairs)) {
+    match gpu.and_then(|gpu| gpu.count(input, pairs)) {
         Some(found) => {
             *parts = found;
             let done = pairs.len() as u64;

@@ -1,14 +1,14 @@
 //! Ladder of kernels: a kernel that sums runs first, and crossings are counted if its bound decides
 //! nothing.
 
-use crate::certificate::{Certificate, Link};
+use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::kernels::choice::LongLink;
 use crate::kernels::sums::fmm::{self, Fmm};
-use crate::kernels::{Accelerator, Accuracy, Estimate, Method, Summation};
+use crate::kernels::{Accuracy, Estimate, GpuUse, Method, Summation};
 use crate::pairs::{Pair, curves_of};
-use crate::verdict::Defect;
+use crate::verdict::{Defect, Link};
 use std::time::{Duration, Instant};
 
 /// Numbers of linking numbers decided by sums and by counting, and the accuracy of the sums.
@@ -46,7 +46,7 @@ impl<'a> Sums<'a> {
     pub fn of(
         set: &CurveSet,
         kernel: (Method, Accuracy),
-        accelerator: &Accelerator,
+        gpu: &GpuUse,
         pairs: &'a [Pair],
     ) -> Sums<'a> {
         let start = Instant::now();
@@ -59,8 +59,8 @@ impl<'a> Sums<'a> {
             None => Duration::ZERO,
         };
         let estimates = match discretized {
-            None => estimates(set, &[], kernel, accelerator, pairs),
-            Some(Ok(made)) => estimates(&made.curves, &made.too_close, kernel, accelerator, pairs),
+            None => estimates(set, &[], kernel, gpu, pairs),
+            Some(Ok(made)) => estimates(&made.curves, &made.too_close, kernel, gpu, pairs),
             Some(Err(_)) => None,
         };
         Sums {
@@ -160,11 +160,11 @@ fn estimates(
     polylines: &CurveSet,
     too_close: &[Defect],
     (method, accuracy): (Method, Accuracy),
-    accelerator: &Accelerator,
+    gpu: &GpuUse,
     pairs: &[Pair],
 ) -> Option<Vec<Estimate>> {
     let sum = |pairs: &[Pair]| {
-        let summation = method.summation(polylines, accuracy, accelerator, pairs)?;
+        let summation = method.summation(polylines, accuracy, gpu, pairs)?;
         Some(summation.linking_numbers(pairs))
     };
     if too_close.is_empty() {

@@ -18,7 +18,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Finding, MOTION_LIMIT, Monitor, Outcome, Route, Work};
-use crate::kernels::{Accelerator, Accuracy, Device, DeviceInfo, Method, Offload, segment_pairs};
+use crate::kernels::{Accuracy, Device, DeviceInfo, GpuUse, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
@@ -211,24 +211,24 @@ impl Verifier {
     ///
     /// Errors: [`Error::Device`] if no adapter matches, or it cannot be used.
     pub fn set_device(&mut self, device: &Device) -> Result<()> {
-        self.full.accelerator = Accelerator::open(device)?;
+        self.full.gpu = GpuUse::open(device)?;
         Ok(())
     }
 
     /// Sets the adapter that runs kernels, with any calibration.
     #[cfg(all(test, feature = "gpu"))]
-    pub(crate) fn set_accelerator(&mut self, accelerator: Accelerator) {
-        self.full.accelerator = accelerator;
+    pub(crate) fn set_gpu(&mut self, gpu: GpuUse) {
+        self.full.gpu = gpu;
     }
 
     /// Returns the GPU in use. With [`Device::Auto`], `None` until it was chosen.
     pub fn device(&self) -> Option<DeviceInfo> {
-        self.full.accelerator.info()
+        self.full.gpu.info()
     }
 
     /// Returns the work that the GPU did in the last frame.
     pub fn offload(&self) -> Offload {
-        self.full.accelerator.offload()
+        self.full.gpu.offload()
     }
 
     /// Returns the work of the last frame.
@@ -284,7 +284,7 @@ impl Verifier {
     /// Waits until background work has ended, so that the next frame profits from it. For
     /// measurements.
     pub fn settle(&mut self) {
-        self.monitor.settle();
+        self.monitor.wait_for_reference();
     }
 
     /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
@@ -298,7 +298,7 @@ impl Verifier {
     /// differ from those of the previous frame; [`Error::Cancelled`] after [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         let verified = self.verify(seq, time, set);
-        self.full.accelerator.end_frame(set);
+        self.full.gpu.end_frame(set);
         let (report, comparison) = verified?;
         self.steps.remember_copy(set, comparison);
         Ok(report)
@@ -308,7 +308,7 @@ impl Verifier {
     /// verified.
     pub fn step_shared(&mut self, seq: u64, time: f64, set: &Arc<CurveSet>) -> Result<Report> {
         let verified = self.verify(seq, time, set);
-        self.full.accelerator.end_frame(set);
+        self.full.gpu.end_frame(set);
         let (report, comparison) = verified?;
         self.steps.remember(Arc::clone(set), comparison);
         Ok(report)
@@ -327,7 +327,7 @@ impl Verifier {
     /// vertices are uploaded while the next frame is verified. This is only a hint: the results are
     /// the same without it, or if another frame follows.
     pub fn announce(&mut self, next: &Arc<CurveSet>) {
-        self.full.accelerator.announce(next);
+        self.full.gpu.announce(next);
     }
 
     /// Returns the report on a frame, and the comparison of its linking numbers with the baseline.
@@ -352,7 +352,7 @@ impl Verifier {
         self.full.heed_cancel(true);
         self.work = Work::default();
         // Needed here, because a partial run does not start the frame.
-        self.full.accelerator.start_frame();
+        self.full.gpu.start_frame();
         let (mut comparison, stats) = self.compare(set)?;
         self.add_places(set, &mut comparison);
         let mut defects = comparison.defects.clone();
@@ -414,7 +414,7 @@ impl Verifier {
         let (comparison, stats) = compared?;
         // With early exit, unchecked pairs have no linking number yet.
         if stats.unchecked == 0 && baseline.adopt(&comparison) {
-            self.monitor.compare_again(baseline);
+            self.monitor.set_baseline(baseline);
         }
         Ok((comparison, self.counted(set, stats)))
     }
@@ -453,8 +453,9 @@ impl Verifier {
         baseline: &Certificate,
     ) -> Result<(Comparison, Stats)> {
         let before = self.steps.before();
-        let finding = self.monitor.look(before, set, baseline, &mut self.work);
-        let (Finding::AllBut(pairs), Some((known, comparison))) = (finding, self.monitor.known())
+        let finding = self.monitor.compare(before, set, baseline, &mut self.work);
+        let (Finding::UnchangedExcept(pairs), Some((known, comparison))) =
+            (finding, self.monitor.reference_result())
         else {
             let compared = self.compare_fully(set, baseline)?;
             self.offer_reference(set);
@@ -549,7 +550,7 @@ impl Verifier {
             return Default::default();
         }
         let pairs = match (self.incremental, self.steps.before()) {
-            (true, Some(before)) => self.monitor.may_have_passed(before, set),
+            (true, Some(before)) => self.monitor.pairs_to_search(before, set),
             _ => None,
         };
         let (mut outcome, searched) = self.steps.outcome(set, pairs.as_deref());

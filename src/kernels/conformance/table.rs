@@ -4,7 +4,7 @@ use crate::curve::CurveSet;
 use crate::kernels::crossings::{self, Workspace, Workspaces};
 #[cfg(feature = "gpu")]
 use crate::kernels::gpu;
-use crate::kernels::{Accelerator, Accuracy, Counted, Device, Estimate, Method};
+use crate::kernels::{Accuracy, Counted, Device, Estimate, GpuUse, Method};
 use crate::pairs::{Pair, Trees};
 use std::collections::HashMap;
 
@@ -268,14 +268,12 @@ impl Kernel {
         if let Some(part) = self.part {
             return part(set, pairs);
         }
-        let mut accelerator = Accelerator::open(&self.device).expect("an adapter");
-        let sum = self
-            .method
-            .summation(set, self.accuracy, &accelerator, pairs);
+        let mut gpu = GpuUse::open(&self.device).expect("an adapter");
+        let sum = self.method.summation(set, self.accuracy, &gpu, pairs);
         let found = sum.map(|sum| sum.linking_numbers(pairs));
-        let found = found.unwrap_or_else(|| counted(set, pairs, &mut accelerator));
+        let found = found.unwrap_or_else(|| counted(set, pairs, &mut gpu));
         // Otherwise the CPU would have been tested.
-        assert_eq!(accelerator.info().is_some(), self.device != Device::Cpu);
+        assert_eq!(gpu.info().is_some(), self.device != Device::Cpu);
         found
     }
 
@@ -286,7 +284,7 @@ impl Kernel {
 }
 
 /// Returns counted linking numbers as estimates without an error.
-fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec<Estimate> {
+fn counted(set: &CurveSet, pairs: &[Pair], gpu: &mut GpuUse) -> Vec<Estimate> {
     let mut trees = Trees::default();
     trees.refit(set);
     let workspaces = &Workspaces::default();
@@ -307,7 +305,7 @@ fn counted(set: &CurveSet, pairs: &[Pair], accelerator: &mut Accelerator) -> Vec
         }
         vec![all]
     };
-    let found = accelerator.count(input, pairs).unwrap_or_else(on_cpu);
+    let found = gpu.count(input, pairs).unwrap_or_else(on_cpu);
     let found = Counted::joined(found);
     let known = |value| Estimate { value, bound: 0.0 };
     let mut numbers: HashMap<Pair, Estimate> = HashMap::new();

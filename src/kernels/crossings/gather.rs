@@ -4,7 +4,6 @@
 //! A task with much work left splits its node pairs in two halves and runs them in parallel. The
 //! split depends on the curves alone, so the result is deterministic.
 
-use super::evaluate::SignedCount;
 use super::{Input, Workspace};
 #[cfg(target_arch = "x86_64")]
 use crate::curve::Avx2;
@@ -153,7 +152,7 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
 fn split(task: &Task<'_>, workspace: &mut Workspace) {
     let workspaces = task.input.workspaces;
     let mut other = workspaces.take();
-    other.count = SignedCount::default();
+    other.count = Default::default();
     other.candidates.clear();
     other.agenda.clear();
     // Alternating node pairs, because those at the start of the agenda have more work below them.

@@ -2,6 +2,7 @@
 
 use super::commands::{Binding, Buffer, Command, Stage, grid};
 use super::error::Error;
+use super::select::select;
 use crate::kernels::device::{Device, DeviceInfo};
 use std::collections::HashMap;
 use std::pin::pin;
@@ -83,7 +84,7 @@ impl Adapter {
     pub fn open(wanted: &Device, double: bool) -> Result<Adapter, Error> {
         let found = adapters();
         let mut all: Vec<DeviceInfo> = found.iter().enumerate().map(info).collect();
-        let at = wanted.choose(&all).map_err(Error::NoAdapter)?;
+        let at = select(wanted, &all).map_err(Error::NoAdapter)?;
         let (adapter, mut info) = (&found[at], all.swap_remove(at));
         // Requests only what is used: the largest buffers, and otherwise the limits that every
         // adapter has.

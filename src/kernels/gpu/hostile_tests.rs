@@ -416,7 +416,7 @@ fn uploads_are_repeated_after_a_panic() {
 #[ignore = "needs an adapter"]
 fn an_uploaded_next_frame_stays_uploaded_until_its_turn() {
     let [now, next] = two_frames();
-    let mut accelerator = crate::kernels::Accelerator::open(&Device::Gpu).unwrap();
+    let mut gpu = crate::kernels::GpuUse::open(&Device::Gpu).unwrap();
     let mut trees = Trees::default();
     trees.refit(&*now);
     let input = Input {
@@ -425,10 +425,10 @@ fn an_uploaded_next_frame_stays_uploaded_until_its_turn() {
         workspaces: &Workspaces::default(),
     };
     let pairs = pairs_of(&now);
-    accelerator.announce(&next);
+    gpu.announce(&next);
     // Block by block, as with an early exit.
     for block in pairs.chunks(64) {
-        accelerator.count(input, block).unwrap();
-        assert!(accelerator.has_sent(&next));
+        gpu.count(input, block).unwrap();
+        assert!(gpu.has_sent(&next));
     }
 }

@@ -9,7 +9,7 @@ use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::{Error, Result};
 use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
-use crate::kernels::{Accelerator, Accuracy, Counted, Estimate, Method};
+use crate::kernels::{Accuracy, Counted, Estimate, GpuUse, Method};
 use crate::pairs::{LinkSearch, Pair, Trees};
 use std::sync::atomic::AtomicU64;
 use std::time::Instant;
@@ -205,7 +205,7 @@ impl Measurement<'_> {
         const PAIR_NS: f64 = 5.0;
         let threads = rayon::current_num_threads() as f64;
         let seconds = self.segment_pairs() as f64 * PAIR_NS * 1e-9 / threads;
-        let none = Accelerator::default();
+        let none = GpuUse::default();
         let summation = || kernel.summation(self.input.set, Accuracy::default(), &none, self.pairs);
         let in_time = kernel == Method::BarnesHut || seconds < self.limit_s;
         let cpu_ms = match in_time {

@@ -42,7 +42,6 @@ mod device;
 mod direct;
 mod directions;
 mod error;
-mod fallback;
 mod fixed;
 mod frame;
 #[cfg(test)]
@@ -50,6 +49,7 @@ mod hostile_tests;
 mod layout;
 mod measure;
 mod precision;
+mod select;
 mod self_test;
 mod summations;
 #[cfg(test)]
@@ -60,10 +60,8 @@ mod tiles;
 pub(super) use tests::direct_in_double;
 
 pub(crate) use error::Error;
-pub(super) use fallback::WithFallback;
 pub use measure::{DeviceTimes, measure};
 pub use precision::GpuPrecision;
-pub(super) use summations::{BarnesHutSum, DirectSum};
 
 use self::boxes::Hierarchy;
 use self::capacity::Capacity;
@@ -78,6 +76,7 @@ use super::{Counted, Estimate};
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 use std::fmt::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 const PARAMETERS: Buffer = Buffer("parameters", "all");
@@ -92,8 +91,11 @@ const STEP: usize = ALIGNMENT as usize / size_of::<Tile>();
 /// on a software adapter.
 const MAX_WORK: [u64; 2] = [1 << 31, 1 << 28];
 
-/// Returns all adapters. Opens and tests each of them.
-pub(super) fn devices() -> Vec<DeviceInfo> {
+/// True if the build has GPU kernels.
+pub(super) const SUPPORTED: bool = true;
+
+/// Returns all adapters. Opens each of them and tests its arithmetic.
+pub fn devices() -> Vec<DeviceInfo> {
     let mut all = device::list();
     for info in &mut all {
         match Gpu::open(&Device::Index(info.index)) {
@@ -120,6 +122,8 @@ static OPEN: Mutex<Vec<(Device, Weak<Gpu>)>> = Mutex::new(Vec::new());
 #[derive(Debug)]
 pub(crate) struct Gpu {
     state: Mutex<State>,
+    /// True after a failure in double precision alone.
+    only_single: AtomicBool,
 }
 
 impl Gpu {
@@ -136,6 +140,7 @@ impl Gpu {
         }
         Ok(Gpu {
             state: Mutex::new(state),
+            only_single: AtomicBool::new(false),
         })
     }
 
@@ -177,7 +182,7 @@ impl Gpu {
 
     /// Returns true if the adapter computes in double precision.
     pub fn computes_in_double(&self) -> bool {
-        self.lock().adapter.info().double_precision
+        !self.only_single.load(Ordering::Relaxed) && self.lock().adapter.info().double_precision
     }
 
     /// Uploads the vertices of a frame unless they are cached, and starts the bounding-box pass.

@@ -1,15 +1,35 @@
 //! Summation kernels on an adapter, prepared for a set of polylines.
 
 use super::barnes_hut::{self, Forest};
-use super::fallback::{AdapterSum, Lazy};
 use super::{Error, Frame, Gpu, direct};
 use crate::curve::CurveSet;
 use crate::kernels::Estimate;
+use crate::kernels::lazy::Lazy;
 use crate::pairs::Pair;
+use std::sync::atomic::Ordering;
+
+/// A summation kernel on an adapter: returns the linking numbers of several pairs, in their order.
+pub(in crate::kernels) type AdapterSum<'a> =
+    Box<dyn Fn(&[Pair]) -> Result<Vec<Estimate>, Error> + Send + Sync + 'a>;
+
+impl Gpu {
+    /// Returns the kernel of direct sums for a set of polylines.
+    pub fn direct_sum<'a>(&'a self, set: &'a CurveSet) -> AdapterSum<'a> {
+        let sum = DirectSum::new(self, set);
+        Box::new(move |pairs| sum.linking_numbers(pairs))
+    }
+
+    /// Returns the Barnes-Hut kernel for a set of polylines. With `beta` it makes one pass and
+    /// accepts node pairs by distance.
+    pub fn barnes_hut<'a>(&'a self, set: &CurveSet, beta: Option<f64>) -> AdapterSum<'a> {
+        let sum = BarnesHutSum::new(self, set, beta);
+        Box::new(move |pairs| sum.linking_numbers(pairs))
+    }
+}
 
 /// The Gauss sum: in single precision, then in double precision for the pairs that single precision
 /// leaves undecided, if the adapter supports it.
-pub(crate) struct DirectSum<'a> {
+pub(super) struct DirectSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
     pub(super) finer: Lazy<'a, Frame<f64>>,
@@ -46,13 +66,14 @@ impl<'a> DirectSum<'a> {
         }
         Ok(())
     }
-}
 
-impl AdapterSum for DirectSum<'_> {
-    fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
+    /// Returns the linking numbers of several pairs, in their order.
+    pub fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
         let mut found = direct::linking_numbers(&mut self.gpu.lock(), &self.frame, pairs)?;
         // After a failure the single-precision bounds are larger, but still proven.
-        if let Err(error) = self.refine(pairs, &mut found) {
+        if let Err(error) = self.refine(pairs, &mut found)
+            && !self.gpu.only_single.swap(true, Ordering::Relaxed)
+        {
             tracing::warn!(
                 "double precision failed on the GPU; the single-precision sums are kept: {error}"
             );
@@ -62,7 +83,7 @@ impl AdapterSum for DirectSum<'_> {
 }
 
 /// Barnes-Hut.
-pub(crate) struct BarnesHutSum<'a> {
+struct BarnesHutSum<'a> {
     gpu: &'a Gpu,
     frame: Frame,
     forest: Forest,
@@ -72,7 +93,7 @@ pub(crate) struct BarnesHutSum<'a> {
 impl<'a> BarnesHutSum<'a> {
     /// Builds the trees of a set of polylines. With `beta` the kernel makes one pass and accepts
     /// node pairs by distance.
-    pub fn new(gpu: &'a Gpu, set: &CurveSet, beta: Option<f64>) -> BarnesHutSum<'a> {
+    fn new(gpu: &'a Gpu, set: &CurveSet, beta: Option<f64>) -> BarnesHutSum<'a> {
         let frame = Frame::new(set);
         BarnesHutSum {
             gpu,
@@ -81,9 +102,8 @@ impl<'a> BarnesHutSum<'a> {
             beta,
         }
     }
-}
 
-impl AdapterSum for BarnesHutSum<'_> {
+    /// Returns the linking numbers of several pairs, in their order.
     fn linking_numbers(&self, pairs: &[Pair]) -> Result<Vec<Estimate>, Error> {
         // The lock ends before a fallback sums on the CPU, because rayon threads may steal tasks
         // that need the lock.

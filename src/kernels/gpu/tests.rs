@@ -4,15 +4,14 @@
 //! Tests that need an adapter are ignored, so that they never count as passed without one:
 //! `cargo test --release gpu:: -- --ignored`.
 
-use self::fallback::AdapterSum;
+use super::summations::DirectSum;
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
+use crate::kernels::gpu_use::fallback::WithFallback;
 use crate::kernels::sums::direct::{Direct, Formula};
-use crate::kernels::{
-    Accelerator, Accuracy, Calibration, Estimate, Method, Offload, Summation, oracle,
-};
+use crate::kernels::{Accuracy, Calibration, Estimate, GpuUse, Method, Offload, Summation, oracle};
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
 use crate::verdict::AbortOn;
@@ -88,7 +87,8 @@ fn structs_have_the_same_layout_in_rust_and_in_shaders() {
     same_layout!(Roots: first, count);
     same_layout!(Undecided: pair, upper, lower);
     same_layout!(
-        Node: centre, radius, centre_rest, length, second, fourth, first, segments, tangents, right, leaf, moments, padding
+        Node: centre, radius, centre_rest, length, second, fourth, first, segments, tangents,
+        right, leaf, moments, padding
     );
     same_layout!(NodePair: pair, first, second);
     same_layout!(Criterion: beta, share);
@@ -403,8 +403,8 @@ fn sums_have_the_same_bits_on_every_run_and_for_either_order_of_the_curves() {
     }
 }
 
-/// A scene with so many strands so close together that the error bound of single precision is above
-/// 1/2.
+/// A scene with many strands close to one another, for which the error bound of single precision
+/// exceeds 1/2.
 const CROWDED: &str = "woundball:segments=20001,crossings=300";
 
 #[test]
@@ -482,6 +482,7 @@ fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
         &[[0., 0., -1.], [0., 0., 1.], [9., 7., 0.5]],
         true,
     );
+    let verifiers = [GpuUse::default(), GpuUse::default()];
     let cpu = || -> Box<dyn Summation> { Box::new(Direct::new(&set, Formula::Arctangent)) };
     let want = cpu().linking_number((0, 1)).integer();
     // Buffers that are too small.
@@ -489,14 +490,14 @@ fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
     gpu.lock().adapter.restrict(64);
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Error::Limit { .. })), "{found:?}");
-    let sum = WithFallback::new(DirectSum::new(&gpu, &set), cpu);
+    let sum = WithFallback::new(&verifiers[0], gpu.direct_sum(&set), cpu);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
     // A lost adapter.
     let gpu = adapter();
     gpu.lock().adapter.destroy();
     let found = direct::linking_numbers(&mut gpu.lock(), &Frame::<f32>::new(&set), &[(0, 1)]);
     assert!(matches!(found, Err(Error::Failed(_))), "{found:?}");
-    let sum = WithFallback::new(DirectSum::new(&gpu, &set), cpu);
+    let sum = WithFallback::new(&verifiers[1], gpu.direct_sum(&set), cpu);
     assert_eq!(sum.linking_number((0, 1)).integer(), want);
 }
 
@@ -612,7 +613,7 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
     };
     for (calibration, want) in [(wins, true), (loses, false), (other, false)] {
         let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_accelerator(Accelerator::choosing_by(Some(calibration)));
+        verifier.set_gpu(GpuUse::automatic(calibration));
         for text in [
             "chainmail:rows=12,columns=12",
             "torus_link:segments=8000,toroidal=40,poloidal=40",
@@ -640,15 +641,15 @@ fn under_auto_the_adapter_counts_large_blocks_of_an_early_exit_and_no_quiet_fram
     let built = "chainmail:rows=24,columns=24".parse::<Model>().unwrap();
     let built = built.build().unwrap();
     let baseline = || built.certificate.clone();
-    let chosen = || Accelerator::choosing_by(Some(made_up(0.05, 1e6)));
+    let chosen = || GpuUse::automatic(made_up(0.05, 1e6));
     let mut early = Verifier::with_baseline(AbortOn::Never, baseline());
-    early.set_accelerator(chosen());
+    early.set_gpu(chosen());
     early.set_early_exit(true);
     let report = early.step(0, 0.0, &built.curves).unwrap();
     assert_eq!(report.verdict, crate::Verdict::Intact);
     assert!(early.offload().tests > 0);
     let mut watch = Verifier::with_baseline(AbortOn::Never, baseline());
-    watch.set_accelerator(chosen());
+    watch.set_gpu(chosen());
     watch.set_incremental(true);
     for (seq, full) in [(0, true), (1, false)] {
         let report = watch.step(seq, 0.0, &built.curves).unwrap();

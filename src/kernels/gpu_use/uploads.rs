@@ -1,0 +1,68 @@
+//! Frames whose vertices are uploaded to an adapter.
+
+use crate::curve::CurveSet;
+use crate::kernels::gpu::Frame;
+use std::sync::Arc;
+
+/// Vertices of the current frame and of the next one.
+#[derive(Debug, Default)]
+pub(super) struct Uploads {
+    /// Vertices of the current frame, once they are uploaded.
+    current: Option<Arc<Frame>>,
+    /// The next frame, if it is known.
+    announced: Option<Arc<CurveSet>>,
+    /// The next frame and its vertices, once they are uploaded.
+    next: Option<(Arc<CurveSet>, Arc<Frame>)>,
+}
+
+impl Uploads {
+    /// Forgets the vertices of the previous frame.
+    pub fn start_frame(&mut self) {
+        self.current = None;
+    }
+
+    /// Announces the next frame.
+    pub fn announce(&mut self, next: &Arc<CurveSet>) {
+        self.announced = Some(Arc::clone(next));
+    }
+
+    /// Returns the announced frame, once.
+    pub fn take_announced(&mut self) -> Option<Arc<CurveSet>> {
+        self.announced.take()
+    }
+
+    /// Keeps the vertices of the next frame, if some were uploaded. Otherwise those that an earlier
+    /// part of the current frame uploaded stay.
+    pub fn keep_next(&mut self, uploaded: Option<(Arc<CurveSet>, Frame)>) {
+        if let Some((of, frame)) = uploaded {
+            self.next = Some((of, Arc::new(frame)));
+        }
+    }
+
+    /// Returns the vertices of the current frame, which may be uploaded already.
+    pub fn frame(&mut self, set: &CurveSet) -> Arc<Frame> {
+        let frame = match (self.current.take(), self.next.take()) {
+            (Some(frame), next) => {
+                self.next = next;
+                frame
+            }
+            (None, Some((of, frame))) if std::ptr::eq(&*of, set) => frame,
+            _ => Arc::new(Frame::new(set)),
+        };
+        self.current = Some(Arc::clone(&frame));
+        frame
+    }
+
+    /// Releases a verified frame, uploaded in advance or not.
+    pub fn end_frame(&mut self, set: &CurveSet) {
+        self.announced = None;
+        self.next.take_if(|(of, _)| std::ptr::eq(&**of, set));
+    }
+
+    /// Returns true if the vertices of a frame were uploaded before its turn.
+    #[cfg(all(test, feature = "gpu"))]
+    pub fn has_sent(&self, set: &CurveSet) -> bool {
+        let next = self.next.as_ref();
+        next.is_some_and(|(of, _)| std::ptr::eq(&**of, set))
+    }
+}
