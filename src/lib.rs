@@ -107,6 +107,8 @@ pub mod plan;
 #[cfg(feature = "verify")]
 pub mod scenes;
 #[cfg(feature = "verify")]
+mod simd;
+#[cfg(feature = "verify")]
 mod sinks;
 mod verdict;
 #[cfg(feature = "verify")]
