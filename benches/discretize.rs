@@ -6,7 +6,7 @@ mod common;
 
 use common::{Cell, Options, Pools, Rows, measure, ns_each};
 use linkwatch::lab::{Run, median, timed};
-use linkwatch::{AbortOn, Polylines, Verifier, homotopic_polylines};
+use linkwatch::{Polylines, Verifier, homotopic_polylines};
 
 fn main() {
     let (options, pools) = (Options::parse(), Pools::new());
@@ -33,7 +33,7 @@ fn main() {
         let runs = pools.alternate(options.repeat, || {
             let (made, elapsed) = timed(|| homotopic_polylines(&subject.curves));
             let curves = made.expect("as before").curves;
-            let mut verifier = Verifier::new(AbortOn::Never);
+            let mut verifier = Verifier::default();
             let [first, later] =
                 [(); 2].map(|()| Run::of(&mut verifier, &curves, Some(&subject.exact)));
             assert!(

@@ -1,9 +1,10 @@
 //! Boxes of the segments of a curve, eight at once, and the pads that cover their rounding errors.
 
 use super::basis::{Real, uniform_bounds};
-use super::boxes::{BoxGroup, LANES, above, below, larger, smaller};
+use super::boxes::{BoxGroup, above, below, larger, smaller};
 use super::coordinates::Coordinates;
 use super::{Basis, CurveSet, pow2};
+use crate::simd::LANES;
 
 impl CurveSet {
     /// Returns an upper bound of the error of computed points and boxes of splines. Boxes are

@@ -1,10 +1,10 @@
 //! All curves of one frame, as a structure of arrays.
 
 use super::basis::bspline_knot;
-use super::boxes::LANES;
 use super::coordinates::{Axes, Coordinates, Knots};
 use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
 use crate::error::{Error, Result};
+use crate::simd::LANES;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -24,7 +24,7 @@ impl Counted {
     }
 
     /// Concatenates the results of consecutive parts of a list.
-    #[cfg(any(test, feature = "gpu"))]
+    #[cfg(test)]
     pub fn joined(parts: Vec<Counted>) -> Counted {
         parts.into_iter().fold(Counted::default(), |mut all, part| {
             all.links.extend(part.links);

@@ -12,10 +12,9 @@ use crate::kernels::crossings::{Input, Workspaces};
 use crate::kernels::gpu::barnes_hut::Forest;
 use crate::kernels::gpu::precision::{GpuPrecision, Real};
 use crate::kernels::gpu::{self, Frame, Gpu};
-use crate::kernels::{Accuracy, Counted, Device, Estimate, Method, segment_pairs};
+use crate::kernels::{Counted, Device, Estimate, GpuUse, Method, segment_pairs};
 use crate::pairs::{LinkSearch, Pair, Trees};
-use crate::verdict::AbortOn;
-use crate::verifier::Verifier;
+use crate::verifier::{Verifier, VerifierOptions};
 use std::borrow::Cow;
 
 /// Measured times of a kernel: medians, in milliseconds.
@@ -148,9 +147,11 @@ impl<'a> Prepared<'a> {
 
     /// Returns a verifier that runs a kernel on the CPU.
     fn verifier(&self, kernel: Method) -> Verifier {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_kernel(kernel, Accuracy::default());
-        verifier
+        let options = VerifierOptions {
+            kernel,
+            ..VerifierOptions::default()
+        };
+        Verifier::with_gpu(options, GpuUse::default())
     }
 
     /// Returns the median time of a kernel on the CPU, in milliseconds.
@@ -204,7 +205,8 @@ impl Measurement<'_> {
         resident()?;
         let (resident_ms, _) = self.effort.median_ms(resident)?;
         let (whole_ms, (found, undecided)) = self.effort.median_ms(|| prepared.count(gpu))?;
-        let found = Counted::joined(found);
+        let links = found.iter().flat_map(|part| &part.links);
+        let undefined = found.iter().flat_map(|part| &part.undefined);
         let pairs = self.exact.undefined.iter().filter(|d| d.j.is_some());
         Ok(AdapterTimes {
             kernel: Method::Crossings,
@@ -216,7 +218,7 @@ impl Measurement<'_> {
             cpu_ms: Some(prepared.cpu_ms(Method::Crossings, self.effort)),
             largest_error: 0.0,
             undecided,
-            equal: found.links == self.exact.links && found.undefined.iter().eq(pairs),
+            equal: links.eq(&self.exact.links) && undefined.eq(pairs),
         })
     }
 

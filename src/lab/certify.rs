@@ -7,8 +7,8 @@ use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::error::Result;
 use crate::kernels::Device;
-use crate::verdict::{AbortOn, Stats};
-use crate::verifier::{Ladder, Verifier};
+use crate::verdict::Stats;
+use crate::verifier::{Ladder, Verifier, VerifierOptions};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -111,8 +111,10 @@ impl Run {
         curves: &CurveSet,
         exact: Option<&Certificate>,
     ) -> Result<[Run; 2]> {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_device(device)?;
+        let mut verifier = Verifier::new(VerifierOptions {
+            device: device.clone(),
+            ..VerifierOptions::default()
+        })?;
         let mut run = || Run::of(&mut verifier, curves, exact);
         Ok([run(), run()])
     }

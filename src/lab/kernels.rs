@@ -6,8 +6,7 @@ use super::statistics::Effort;
 use super::subject::Subject;
 use crate::error::Result;
 use crate::kernels::{Device, Method};
-use crate::verdict::AbortOn;
-use crate::verifier::Verifier;
+use crate::verifier::{Verifier, VerifierOptions};
 use std::time::Duration;
 
 /// Limits of the measurement of a kernel.
@@ -111,9 +110,12 @@ impl KernelRow {
 /// Runs a kernel several times, each time with a new verifier.
 fn run(setting: Setting, subject: &Subject, effort: &KernelEffort) -> Result<Option<Run>> {
     let run = || {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_device(&effort.device)?;
-        verifier.set_kernel(setting.method, setting.accuracy);
+        let mut verifier = Verifier::new(VerifierOptions {
+            kernel: setting.method,
+            accuracy: setting.accuracy,
+            device: effort.device.clone(),
+            ..VerifierOptions::default()
+        })?;
         Ok(Run::of(
             &mut verifier,
             &subject.curves,

@@ -10,8 +10,8 @@ use crate::curve::{CurveSet, Positions};
 use crate::error::Result;
 use crate::incremental::Events;
 use crate::scenes::{Frames, Motion};
-use crate::verdict::{AbortOn, Report, Verdict};
-use crate::verifier::Verifier;
+use crate::verdict::{Report, Verdict};
+use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::hint::black_box;
 
 /// Number of full runs of a row: enough for a median.
@@ -33,18 +33,27 @@ pub struct MotionStudy {
     pub count: u64,
     /// Pull-throughs that both verifiers search for.
     pub events: Events,
+    /// Motion beyond which pull-throughs that cancel count as unresolved
+    /// ([`VerifierOptions::motion_limit`]).
+    pub motion_limit: Option<f64>,
 }
 
 impl MotionStudy {
     /// Creates the incremental verifier that is measured, and the one that computes frames in full.
     /// Both have seen frame 0, which is their baseline.
     fn verifiers(&mut self) -> Result<[Verifier; 2]> {
-        let mut verifiers = [AbortOn::Never; 2].map(Verifier::new);
-        verifiers[0].set_incremental(true);
+        let verifier = |strategy| {
+            Verifier::new(VerifierOptions {
+                strategy,
+                events: self.events,
+                motion_limit: self.motion_limit,
+                ..VerifierOptions::default()
+            })
+        };
+        let mut verifiers = [verifier(Strategy::Incremental)?, verifier(Strategy::Full)?];
         let first = self.frames.at(&Motion::new([]), 0.0, 0);
         self.curves.update(first)?;
         for verifier in &mut verifiers {
-            verifier.set_events(self.events);
             verifier.step(0, 0.0, &self.curves)?;
         }
         Ok(verifiers)

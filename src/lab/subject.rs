@@ -5,7 +5,7 @@ use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::error::Result;
 use crate::scenes::Scene;
-use crate::verdict::{AbortOn, Stats};
+use crate::verdict::Stats;
 use crate::verifier::Verifier;
 
 /// Curves to measure, with their exact certificate.
@@ -31,7 +31,7 @@ impl Subject {
     ///
     /// Errors: those of the discretization of splines.
     pub fn new(name: &str, curves: CurveSet) -> Result<Subject> {
-        let mut verifier = Verifier::new(AbortOn::Never);
+        let mut verifier = Verifier::default();
         let (exact, stats) = verifier.certify(&curves);
         let exact = exact.clone();
         let segment_pairs = match curves.basis().is_polyline() {

@@ -5,7 +5,7 @@ use super::MeasureArgs;
 use crate::cli::{Outcome, input, output};
 use linkwatch::kernels::{Device, Method, SumCost};
 use linkwatch::lab::{self, AdapterTimes, Effort, Table};
-use linkwatch::{AbortOn, Error, Result, Verifier};
+use linkwatch::{Error, Result, Verifier, VerifierOptions};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -131,8 +131,10 @@ pub fn calibrate(device: &Device, json: bool) -> Result<()> {
 /// Measures the given scenes, or else each kernel on scenes of growing size.
 pub fn measure(args: &MeasureArgs, inputs: &[PathBuf], json: bool) -> Result<Outcome> {
     // Opened once for all measurements.
-    let mut keeper = Verifier::new(AbortOn::Never);
-    keeper.set_device(&args.device)?;
+    let keeper = Verifier::new(VerifierOptions {
+        device: args.device.clone(),
+        ..VerifierOptions::default()
+    })?;
     let Some(device) = keeper.device() else {
         return Err(Error::Device("--device must name an adapter".into()));
     };

@@ -72,6 +72,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         diameter,
         count: args.frames,
         events: args.event_args.events(AbortOn::Never),
+        motion_limit: args.event_args.motion_limit,
     };
     let (curves, segments) = (study.curves.len(), study.curves.segments());
     let threads = rayon::current_num_threads();

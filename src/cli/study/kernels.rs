@@ -13,7 +13,7 @@ use crate::cli::{Outcome, input};
 use linkwatch::kernels::{Accuracy, Device};
 use linkwatch::lab::{self, KernelEffort, KernelRow, Setting, Slope, Subject, Table};
 use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Error, Result, Verifier};
+use linkwatch::{Error, Result, Verifier, VerifierOptions};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
@@ -80,8 +80,10 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         }
     }
     // Opened before the measurements, so that no run includes it.
-    let mut on_device = Verifier::new(AbortOn::Never);
-    on_device.set_device(&args.device)?;
+    let on_device = Verifier::new(VerifierOptions {
+        device: args.device.clone(),
+        ..VerifierOptions::default()
+    })?;
     let device = on_device.device();
     let subject = Subject::new(&args.input, input::read(Path::new(&args.input))?)?;
     // An input that could be read and parses as a scene is a scene, unless it is a file.
