@@ -37,9 +37,7 @@ fn a_verifier_continues_without_its_adapter() {
     let model: Model = "chainmail:rows=5,columns=6".parse().unwrap();
     let built = model.build().unwrap();
     for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_kernel(method, Accuracy::default());
-        verifier.set_device(&Device::Gpu).unwrap();
+        let mut verifier = on_gpu(method);
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         let counts = method == Method::Crossings;
         assert_eq!(verifier.offload().tests > 0, counts);
@@ -52,7 +50,7 @@ fn a_verifier_continues_without_its_adapter() {
             assert_eq!(verifier.offload(), Offload::default());
         }
         // A new request opens a working adapter.
-        verifier.set_device(&Device::Gpu).unwrap();
+        let mut verifier = on_gpu(method);
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         assert_eq!(verifier.offload().tests > 0, counts);
         assert!(verifier.device().is_some());
