@@ -8,8 +8,8 @@
 //!   [the wire format](./wire_format/index.html).
 //! - A program that verifies its own frames calls [`Verifier::step`] with a [`CurveSet`], and gets
 //!   a [`Report`].
-//! - [`model::read`] reads curves from BCC, OBJ and VECT files; [`scenes`] generates some with known
-//!   linking numbers.
+//! - [`model::read`] reads curves from BCC, OBJ and VECT files; [`scenes`] generates some with
+//!   known linking numbers.
 //! - The README has the command, the verdicts, and which curves to publish.
 //!
 #![cfg_attr(feature = "verify", doc = "```")]
@@ -106,6 +106,8 @@ mod pairs;
 pub mod plan;
 #[cfg(feature = "verify")]
 pub mod scenes;
+#[cfg(feature = "verify")]
+mod simd;
 #[cfg(feature = "verify")]
 mod sinks;
 mod verdict;

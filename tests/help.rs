@@ -115,7 +115,8 @@ fn bash_completes_a_command_and_an_option() {
     let ask = |words: &str, at: usize| {
         let script = format!(
             "{script}\nCOMP_WORDS=({words})\nCOMP_CWORD={at}\n\
-             _linkwatch linkwatch \"${{COMP_WORDS[{at}]}}\" \"\"\nprintf '%s\\n' \"${{COMPREPLY[@]}}\"\n"
+             _linkwatch linkwatch \"${{COMP_WORDS[{at}]}}\" \"\"\n\
+             printf '%s\\n' \"${{COMPREPLY[@]}}\"\n"
         );
         give("bash", &["--norc"], &script).expect("bash")
     };

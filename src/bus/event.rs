@@ -1,7 +1,7 @@
 //! Events that the watcher receives from the bus: frames, and simulators that start and end.
 
+use super::ipc::Ipc;
 use super::message::Counters;
-use super::service::Ipc;
 use super::wire::{FLAG_LOCKSTEP, FrameHeader};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};

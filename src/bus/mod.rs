@@ -24,7 +24,8 @@
 mod client;
 #[cfg(feature = "bus")]
 mod event;
-mod loan;
+mod frames;
+mod ipc;
 #[cfg_attr(
     not(feature = "bus"),
     allow(dead_code, reason = "for the watcher's end")
@@ -40,17 +41,19 @@ mod service;
 mod services;
 #[cfg(feature = "bus")]
 mod sidecar;
+mod watcher;
 #[cfg_attr(
     not(feature = "bus"),
     allow(dead_code, reason = "for the watcher's end")
 )]
 mod wire;
 
-pub use client::{Client, ClientOptions, Departure, Outcome};
+pub use client::{Client, ClientOptions, Outcome};
 #[cfg(feature = "bus")]
 pub use event::{Event, Frame};
-pub use loan::FrameLoan;
+pub use frames::FrameLoan;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
 pub use services::{Attached, ServiceInfo, services};
 #[cfg(feature = "bus")]
 pub use sidecar::{Sidecar, SidecarOptions};
+pub use watcher::Departure;

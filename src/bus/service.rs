@@ -11,6 +11,7 @@
 //! server. Bridges do not relay it, and iceoryx2 frees it together with everything else of a dead
 //! process.
 
+use super::ipc::{Ipc, limit_log_level};
 use super::services::user_of;
 use super::wire::{ALIGNMENT, FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
@@ -19,17 +20,14 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::{
-    Alignment, CallbackProgression, Config, LogLevel, Node, NodeBuilder, NodeName, NodeState,
-    PortFactory, ServiceName, SignalHandlingMode, ipc_threadsafe, set_log_level_from_env_or,
+    Alignment, CallbackProgression, Config, Node, NodeBuilder, NodeName, NodeState, PortFactory,
+    ServiceName, SignalHandlingMode,
 };
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::fmt::Debug;
-use std::sync::Once;
 use std::time::{Duration, Instant};
 
-/// Ports that may move to another thread. Compatible with `ipc::Service` in other processes.
-pub(super) type Ipc = ipc_threadsafe::Service;
 pub(super) type FrameService = publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>;
 pub(super) type VerdictService = publish_subscribe::PortFactory<Ipc, VerdictWire, ()>;
 pub(super) type NodeId = iceoryx2::identifiers::UniqueNodeId;
@@ -47,11 +45,11 @@ const FRAME_BORROWS: usize = 4;
 const VERDICT_BUFFER: usize = 64;
 
 /// Time limit for something that another process is creating, removing or leaving.
-const PATIENCE: Duration = Duration::from_millis(1000);
+const TRANSIENT_LIMIT: Duration = Duration::from_millis(1000);
 
 /// Time limit for a living holder of a lock, because a process that was just killed still counts as
 /// alive.
-const LOCK_PATIENCE: Duration = Duration::from_millis(300);
+const LOCK_LIMIT: Duration = Duration::from_millis(300);
 
 /// End of the services.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -197,13 +195,6 @@ fn cleanup() {
     Node::<Ipc>::try_cleanup_dead_nodes(Config::global_config());
 }
 
-/// Limits the log of iceoryx2 to errors, unless IOX2_LOG_LEVEL is set. Its warnings concern
-/// conditions that are handled here (a stopped peer, a missing configuration file).
-pub(super) fn limit_log_level() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| set_log_level_from_env_or(LogLevel::Error));
-}
-
 fn service_name(name: &str, part: &str) -> Result<ServiceName> {
     if name.is_empty() {
         return Err(Error::Bus("the service name is empty".into()));
@@ -253,7 +244,7 @@ fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (),
             }
             CallbackProgression::Continue
         });
-        if start.elapsed() > LOCK_PATIENCE {
+        if start.elapsed() > LOCK_LIMIT {
             let who = match (holder, executable) {
                 (Some(id), Some(file)) => format!("process {}, {file}", id.pid().value()),
                 (Some(id), None) => format!("process {}", id.pid().value()),
@@ -289,7 +280,7 @@ fn retry_transient<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Resul
     let start = Instant::now();
     loop {
         match open() {
-            Err(e) if start.elapsed() < PATIENCE => {
+            Err(e) if start.elapsed() < TRANSIENT_LIMIT => {
                 let words = format!("{e:?}");
                 if !TRANSIENT.iter().any(|t| words.contains(t)) {
                     return Err(e);

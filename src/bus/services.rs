@@ -1,7 +1,7 @@
 //! List of the services of this machine, read from their files alone. Nothing is opened, created or
 //! removed, so running sessions are not disturbed.
 
-use super::service::{Ipc, limit_log_level};
+use super::ipc::{Ipc, limit_log_level};
 use super::wire::{FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use iceoryx2::identifiers::UniqueNodeId;

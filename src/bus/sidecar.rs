@@ -1,8 +1,9 @@
 //! Watcher's end of the bus: receives frames, sends verdicts.
 
 use super::event::{Event, Frame};
+use super::ipc::Ipc;
 use super::message::{Counters, MessageKind};
-use super::service::{Endpoint, Ipc, NodeId, Role, bus};
+use super::service::{Endpoint, NodeId, Role, bus};
 use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED, FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use crate::verdict::{Report, Verdict};
@@ -29,14 +30,14 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 const BATCH: usize = 64;
 
 /// Number of ended sessions whose late frames are recognised.
-const RETIRED: usize = 16;
+const ENDED_SESSIONS: usize = 16;
 
 /// Upper bound of the sequence numbers: a frame every 100 ns for 28 years, and exact in JSON.
-const MOST_FRAMES: u64 = 1 << 53;
+const MAX_SEQUENCE: u64 = 1 << 53;
 
 /// Upper bound of the frames that a simulator can publish per microsecond. The smallest frames were
 /// measured to take 0.2 us each without a reader, and 3 us with a watcher.
-const FASTEST: u64 = 8;
+const MAX_FRAMES_PER_US: u64 = 8;
 
 /// Number of frames by which a sequence number may exceed this rate: the clock is read a moment
 /// after the frame is received, and a bridge delivers in bursts.
@@ -88,8 +89,13 @@ impl Seen {
     /// simulator can have reached by now.
     fn next(self) -> (u64, u64) {
         let micros = u64::try_from(self.at.elapsed().as_micros()).unwrap_or(u64::MAX);
-        let most = micros.saturating_mul(FASTEST).saturating_add(AHEAD);
-        (self.seq + 1, self.seq.saturating_add(most).min(MOST_FRAMES))
+        let most = micros
+            .saturating_mul(MAX_FRAMES_PER_US)
+            .saturating_add(AHEAD);
+        (
+            self.seq + 1,
+            self.seq.saturating_add(most).min(MAX_SEQUENCE),
+        )
     }
 
     fn precedes(self, seq: u64) -> bool {
@@ -111,24 +117,24 @@ impl Session {
             at: Instant::now(),
         };
         let follows = |last: Seen| last.precedes(seq);
-        if seq < MOST_FRAMES
+        if seq < MAX_SEQUENCE
             && (self.last_seen.is_none_or(follows) || self.stray.is_some_and(follows))
         {
             self.last_seen = Some(seen);
             self.stray = None;
             return Ok(());
         }
-        self.stray = (seq < MOST_FRAMES).then_some(seen);
+        self.stray = (seq < MAX_SEQUENCE).then_some(seen);
         Err(match self.last_seen {
             Some(last) => format!("{seq} after {}", last.seq),
-            None => format!("{seq}, expected less than {MOST_FRAMES}"),
+            None => format!("{seq}, expected less than {MAX_SEQUENCE}"),
         })
     }
 
     /// Returns the number of published frames, given the number that the end of the session claims,
     /// and an error if that number is impossible.
     fn published(&self, claimed: u64) -> (u64, Option<Error>) {
-        let (seen, most) = self.last_seen.map_or((0, MOST_FRAMES), Seen::next);
+        let (seen, most) = self.last_seen.map_or((0, MAX_SEQUENCE), Seen::next);
         let why = (!(seen..=most).contains(&claimed)).then(|| {
             let what = format_args!("{claimed} frames published, {seen} expected");
             Error::format("end of a session", "sequence number", what)
@@ -157,7 +163,7 @@ pub struct Sidecar {
     max_frame_bytes: usize,
     session: Option<Session>,
     /// Ended sessions, newest last. A late frame of one of them does not start a new session.
-    retired: VecDeque<u64>,
+    ended: VecDeque<u64>,
     newest: Option<Frame>,
     /// Frame that was received, but must wait until the session before it has ended.
     held: Option<Frame>,
@@ -193,7 +199,7 @@ impl Sidecar {
             publisher,
             max_frame_bytes: options.max_frame_bytes,
             session: None,
-            retired: VecDeque::new(),
+            ended: VecDeque::new(),
             newest: None,
             held: None,
             pending: VecDeque::new(),
@@ -279,7 +285,7 @@ impl Sidecar {
             Some(session) if session.id == header.session => {}
             // A leftover of a simulator that ended, or a second simulator on another host. The
             // simulator that came last is the one that is watched.
-            _ if self.retired.contains(&header.session) => return,
+            _ if self.ended.contains(&header.session) => return,
             Some(_) => {
                 self.flush();
                 self.pending.push_back(Pending::Lost);
@@ -382,7 +388,7 @@ impl Sidecar {
                 let published = published.max(session.delivered);
                 session.skip_to(published);
                 let counters = session.counters;
-                self.retire();
+                self.end_session();
                 Event::End {
                     session: id,
                     published,
@@ -392,7 +398,7 @@ impl Sidecar {
             }
             Pending::Lost => {
                 let counters = session.counters;
-                self.retire();
+                self.end_session();
                 Event::SimulatorLost {
                     session: id,
                     counters,
@@ -402,12 +408,12 @@ impl Sidecar {
     }
 
     /// Ends the session and says goodbye.
-    fn retire(&mut self) {
+    fn end_session(&mut self) {
         let _ = self.send_message(MessageKind::Goodbye);
         if let Some(session) = self.session.take() {
-            self.retired.push_back(session.id);
-            if self.retired.len() > RETIRED {
-                self.retired.pop_front();
+            self.ended.push_back(session.id);
+            if self.ended.len() > ENDED_SESSIONS {
+                self.ended.pop_front();
             }
         }
     }

@@ -1,8 +1,8 @@
 //! Comparison of two certificates: lost, gained and changed links.
 
-use super::{Certificate, Change, Link};
+use super::Certificate;
 use crate::error::{Error, Result};
-use crate::verdict::{Defect, DefectKind, Place};
+use crate::verdict::{Change, Defect, DefectKind, Link, Place};
 
 /// Result of comparing a frame with its baseline.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -16,9 +16,9 @@
 //! line, because other readers most likely ignore it there: verifycurves reads the number with
 //! `atoi`, and table readers skip the first line. Files without the comment are accepted.
 
-use super::{Certificate, Link};
+use super::Certificate;
 use crate::error::{Error, Result};
-use crate::verdict::{Defect, DefectKind, Place};
+use crate::verdict::{Defect, DefectKind, Link, Place};
 use std::fmt;
 use std::path::Path;
 

@@ -4,10 +4,9 @@
 mod compare;
 mod file;
 
-pub use crate::verdict::{Change, Link};
 pub use compare::Comparison;
 
-use crate::verdict::Defect;
+use crate::verdict::{Defect, Link};
 
 /// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021,
 /// section 3).

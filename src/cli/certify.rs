@@ -146,8 +146,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         tracing::info!("{}: {}", path.display(), summary(&c));
         if c.stats.exact > 0 {
             tracing::info!(
-                "{}: {} exceeded floating-point precision and were decided exactly ({}): slower, \
-                 but equally certain",
+                "{}: {} decided exactly ({}), because floating-point numbers were not precise \
+                 enough: slower, but equally certain",
                 path.display(),
                 plural(c.stats.exact, "orientation test"),
                 percent(c.stats.exact_share()),

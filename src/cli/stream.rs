@@ -119,7 +119,7 @@ pub fn detach(overflow: Overflow) -> io::Result<()> {
     for stream in [&OUT, &ERR] {
         let mut state = stream.lock();
         if state.overflow.replace(overflow).is_none() {
-            state.patience = overflow.patience();
+            state.patience = overflow.max_wait();
             let thread = std::thread::Builder::new().name("linkwatch-output".into());
             thread.spawn(|| stream.work())?;
         }
@@ -209,7 +209,7 @@ impl Stream {
             state.note(text.lines, outcome);
             let overflow = state.overflow.unwrap_or(Overflow::DropOldest);
             if state.waiting.is_empty() || !matches!(overflow, Overflow::Wait(_)) {
-                state.patience = overflow.patience();
+                state.patience = overflow.max_wait();
             }
             drop(state);
             self.drained.notify_all();

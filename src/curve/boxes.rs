@@ -1,9 +1,7 @@
 //! Axis-aligned boxes, single and in groups of eight.
 
 use super::pow2;
-
-/// Number of boxes in a [`BoxGroup`], and of children of a tree node.
-pub(crate) const LANES: usize = 8;
+use crate::simd::LANES;
 
 /// A closed axis-aligned box in single precision. Values that are not representable are rounded
 /// outward, so a box always contains what it bounds.

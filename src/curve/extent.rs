@@ -3,10 +3,12 @@
 use super::{CurveSet, Point, significant};
 use std::fmt;
 
-/// A segment is suspicious if it spans more than this share of the scene along an axis,
+/// Share of the extent of a scene along an axis above which the extent of a segment along it is
+/// suspicious, if the segment is also much longer than the average ([`AVERAGES`]).
 const SHARE: f64 = 0.5;
 
-/// and is longer than this many segments of average length.
+/// Number of average segment lengths above which the extent of a segment along an axis is
+/// suspicious, if it is also a large share of the scene ([`SHARE`]).
 const AVERAGES: f64 = 3.0;
 
 /// A segment that spans more than half of the scene.
@@ -43,46 +45,73 @@ impl fmt::Display for LongSegment {
     }
 }
 
-impl CurveSet {
-    /// Returns the sides of the bounding box of all control points.
-    fn sides(&self) -> Point {
-        let mut low = [f64::INFINITY; 3];
-        let mut high = [f64::NEG_INFINITY; 3];
-        for i in 0..self.len() {
-            for k in 0..self.curve(i).points as usize {
-                let p = self.point(i, k);
-                for x in 0..3 {
-                    low[x] = low[x].min(p[x]);
-                    high[x] = high[x].max(p[x]);
-                }
-            }
-        }
-        // Halved, since the difference of two finite numbers may be infinite.
-        [0, 1, 2].map(|x| (2.0 * (0.5 * high[x] - 0.5 * low[x])).clamp(0.0, f64::MAX))
+/// Bounding box of points.
+struct Bounds {
+    low: Point,
+    high: Point,
+}
+
+impl Bounds {
+    const EMPTY: Bounds = Bounds {
+        low: [f64::INFINITY; 3],
+        high: [f64::NEG_INFINITY; 3],
+    };
+
+    fn add(&mut self, p: Point) {
+        self.low = [0, 1, 2].map(|x| self.low[x].min(p[x]));
+        self.high = [0, 1, 2].map(|x| self.high[x].max(p[x]));
     }
 
+    /// Returns the sides of the box. An infinite side counts as the largest number.
+    fn sides(&self) -> Point {
+        // Halved, since the difference of two finite numbers may be infinite.
+        [0, 1, 2].map(|x| (2.0 * (0.5 * self.high[x] - 0.5 * self.low[x])).clamp(0.0, f64::MAX))
+    }
+}
+
+impl CurveSet {
     /// Returns the longest side of the bounding box of all control points, in the units of the
     /// simulation. Infinite extents count as the largest number. Costs a pass over all points.
     pub fn extent(&self) -> f64 {
-        self.sides().into_iter().fold(0.0, f64::max)
+        let mut bounds = Bounds::EMPTY;
+        for i in 0..self.len() {
+            for k in 0..self.curve(i).points as usize {
+                bounds.add(self.point(i, k));
+            }
+        }
+        bounds.sides().into_iter().fold(0.0, f64::max)
     }
 
     /// Returns the longest of the segments that span more than half of the scene along an axis and
-    /// are much longer than the average segment, or `None` if there are no such segments. Costs two
-    /// passes over all points.
+    /// are much longer than the average segment, or `None` if there are no such segments. Costs a
+    /// pass over all points, and a second one if there is such a segment.
     ///
     /// In a scene without a periodic box such a segment is unusual, but valid.
     pub fn long_segment(&self) -> Option<LongSegment> {
-        let sides = self.sides();
+        let mut bounds = Bounds::EMPTY;
         let (mut sum, mut edges) = (0.0, 0.0);
-        self.for_each_edge(|_, _, [x, y, z]| {
+        let mut most = [0.0f64; 3];
+        self.for_each_edge(|_, _, a, b| {
+            bounds.add(a);
+            bounds.add(b);
+            let [x, y, z] = vector(a, b);
             edges += 1.0;
             sum += x.hypot(y).hypot(z);
+            most = [
+                most[0].max(x.abs()),
+                most[1].max(y.abs()),
+                most[2].max(z.abs()),
+            ];
         });
+        let sides = bounds.sides();
         let limit = sides.map(|side| (SHARE * side).max(AVERAGES * sum / edges));
+        if (0..3).all(|x| most[x] <= limit[x]) {
+            return None;
+        }
         let mut longest: Option<LongSegment> = None;
         let mut count = 0;
-        self.for_each_edge(|curve, segment, d| {
+        self.for_each_edge(|curve, segment, a, b| {
+            let d = vector(a, b);
             let axes = (0..3).filter(|&x| d[x].abs() > limit[x]);
             let Some(x) = axes.max_by(|&a, &b| d[a].abs().total_cmp(&d[b].abs())) else {
                 return;
@@ -103,16 +132,21 @@ impl CurveSet {
         longest.map(|l| LongSegment { count, ..l })
     }
 
-    /// Visits all vectors from a control point to the next one of its curve.
-    fn for_each_edge(&self, mut visit: impl FnMut(usize, usize, Point)) {
+    /// Visits each control point that has a next one in its curve, with that one: curve, index,
+    /// both points.
+    fn for_each_edge(&self, mut visit: impl FnMut(usize, usize, Point, Point)) {
         for (i, c) in self.curves().iter().enumerate() {
             let n = c.points as usize;
             for k in 0..n - usize::from(!c.closed) {
-                let (a, b) = (self.point(i, k), self.point(i, (k + 1) % n));
-                visit(i, k, [0, 1, 2].map(|x| b[x] - a[x]));
+                visit(i, k, self.point(i, k), self.point(i, (k + 1) % n));
             }
         }
     }
+}
+
+/// Returns the vector from one point to another.
+fn vector(from: Point, to: Point) -> Point {
+    [0, 1, 2].map(|x| to[x] - from[x])
 }
 
 #[cfg(test)]

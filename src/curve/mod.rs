@@ -17,16 +17,18 @@ mod coordinates;
 #[cfg(feature = "verify")]
 mod extent;
 #[cfg(feature = "verify")]
-mod lanes;
+mod leaf_boxes;
 mod notation;
 #[cfg(feature = "verify")]
 mod set;
+#[cfg(feature = "verify")]
+mod support;
 
 pub use basis::Basis;
 #[cfg(feature = "verify")]
 pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
 #[cfg(feature = "verify")]
-pub(crate) use boxes::{Box3, BoxGroup, LANES};
+pub(crate) use boxes::{Box3, BoxGroup};
 #[cfg(feature = "verify")]
 pub use builder::CurveSetBuilder;
 #[cfg(feature = "verify")]
@@ -34,10 +36,6 @@ pub(crate) use coordinates::{Axes, Knots, ReadKnots};
 pub use coordinates::{Positions, Precision};
 #[cfg(feature = "verify")]
 pub use extent::LongSegment;
-#[cfg(all(feature = "verify", target_arch = "x86_64"))]
-pub(crate) use lanes::Avx2;
-#[cfg(feature = "verify")]
-pub(crate) use lanes::{Lanes, Portable};
 pub(crate) use notation::{Notation, significant};
 #[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};

@@ -1,10 +1,10 @@
 //! All curves of one frame, as a structure of arrays.
 
-use super::basis::{Real, bspline_knot, uniform_bounds};
-use super::boxes::{BoxGroup, LANES, above, below, larger, smaller};
+use super::basis::bspline_knot;
 use super::coordinates::{Axes, Coordinates, Knots};
 use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
 use crate::error::{Error, Result};
+use crate::simd::LANES;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -75,7 +75,7 @@ pub struct CurveSet {
     pub(super) segments: usize,
     pub(super) open_curves: usize,
     /// Largest magnitude of any coordinate.
-    max_abs: f64,
+    pub(super) max_abs: f64,
 }
 
 impl Clone for CurveSet {
@@ -261,43 +261,6 @@ impl CurveSet {
         self.max_abs
     }
 
-    /// Returns an upper bound of the error of computed points and boxes of splines. Boxes are
-    /// padded by it. It is 0 for polylines, whose vertices are the input.
-    ///
-    /// # Derivation: the error is below `32 M u = M 2^-48`
-    ///
-    /// `M` is the largest coordinate and `u = 2^-53`. Bezier control points have coordinates of at
-    /// most `5/3 M` (B-spline and Bezier: `M`; Catmull-Rom: `4/3 M`), with an error of at most
-    /// `4 M u` ([`Basis::hull`]). Sub-segments add at most `15 * 5/3 M u` ([`sub_segment`]).
-    /// Together that is `29 M u`. The tiny constant covers underflow.
-    ///
-    /// [`sub_segment`]: super::sub_segment
-    pub(crate) fn pad(&self) -> f64 {
-        if self.basis.is_polyline() {
-            0.0
-        } else {
-            self.max_abs * pow2(-48) + 1e-300
-        }
-    }
-
-    /// Returns the padding of boxes of uniform splines that are computed in single precision, or
-    /// `None` if this computation could overflow.
-    ///
-    /// # Derivation: the error is below `8 M u = M 2^-21`
-    ///
-    /// `M` is the largest coordinate and `u = 2^-24`. In single precision, the operations of
-    /// [`Basis::hull`] have an error below `4 M u`, as shown there. The padded bound has a
-    /// magnitude of at most `5/3 M + pad`, and rounding it adds `1.7 M u`. Points that the
-    /// discretization computes are within `M 2^-48` of the curve (see [`CurveSet::pad`]). The sum
-    /// is below `6 M u`; the padding is `8 M u`. The constant covers underflow: each of the few
-    /// products has an error of at most `2^-150`.
-    fn single_pad(&self) -> Option<f32> {
-        const LARGEST: f64 = pow2(120);
-        const SHARE: f64 = pow2(-21);
-        const TINY: f64 = pow2(-140);
-        (self.max_abs <= LARGEST).then_some((self.max_abs * SHARE + TINY) as f32)
-    }
-
     /// Returns the coordinates of all slots: control points, the copies that wrap closed curves,
     /// and padding.
     pub(crate) fn axes(&self) -> Axes<'_> {
@@ -316,75 +279,8 @@ impl CurveSet {
         first..first + c.points as usize
     }
 
-    /// Returns the slots of the control points that segment `s` of curve `i` depends on. Copies are
-    /// mapped to their originals.
-    pub(crate) fn support(&self, i: usize, s: u32) -> impl Iterator<Item = usize> + use<> {
-        let c = self.curves[i];
-        let body = self.body(i);
-        let (n, lead) = (c.points as usize, self.basis.lead(c.closed));
-        let at = s as usize * self.basis.stride();
-        (at..at + self.basis.window()).map(move |k| {
-            let k = k + n - lead;
-            // Rarely a division.
-            body.start
-                + if k < n {
-                    k
-                } else if k < 2 * n {
-                    k - n
-                } else {
-                    k % n
-                }
-        })
-    }
-
-    /// Calls `segment` with the segments of closed curves, and of open curves if `open` is set,
-    /// that depend on a point in one of these slots or on a copy of it.
-    pub(crate) fn segments_at(
-        &self,
-        slots: Range<usize>,
-        open: bool,
-        mut segment: impl FnMut(u32, u32),
-    ) {
-        let (stride, window) = (self.basis.stride(), self.basis.window());
-        let first = self
-            .curves
-            .partition_point(|c| (c.first as usize) <= slots.start);
-        for i in first.saturating_sub(1)..self.curves.len() {
-            let body = self.body(i);
-            if body.start >= slots.end {
-                break;
-            }
-            let (c, lead) = (self.curves[i], self.basis.lead(self.curves[i].closed));
-            let here = slots.start.max(body.start)..slots.end.min(body.end);
-            if !c.closed && !open {
-                continue;
-            }
-            for slot in here {
-                // Windows that contain the slot. Windows of closed curves may wrap around the end.
-                let (n, at) = (c.segments as usize, slot - body.start + lead);
-                let last = at / stride;
-                for back in 0..window.div_ceil(stride) {
-                    if !c.closed {
-                        let before = last.checked_sub(back).filter(|&s| s < n);
-                        if let Some(s) = before.filter(|s| at - s * stride < window) {
-                            segment(i as u32, s as u32);
-                        }
-                        continue;
-                    }
-                    let s = (last + n - back) % n;
-                    let start = s * stride;
-                    let total = n * stride;
-                    let offset = (at + total - start) % total;
-                    if offset < window {
-                        segment(i as u32, s as u32);
-                    }
-                }
-            }
-        }
-    }
-
     /// Returns the slot at which segment `s` of curve `i` starts.
-    fn slot(&self, i: usize, s: usize) -> usize {
+    pub(super) fn slot(&self, i: usize, s: usize) -> usize {
         self.curves[i].first as usize + s * self.basis.stride()
     }
 
@@ -479,69 +375,6 @@ impl CurveSet {
         }
     }
 
-    /// Returns the boxes of the segments `8 g .. 8 g + 8` of curve `i`. Lanes past the last segment
-    /// are empty.
-    ///
-    /// Each box contains the segment, its chord, and every point that the discretization may
-    /// compute on it.
-    #[inline(always)]
-    pub(crate) fn leaf_boxes(&self, i: usize, g: usize) -> BoxGroup {
-        let count = self.curves[i].segments as usize - g * LANES;
-        let first = self.slot(i, g * LANES);
-        let mut group = match self.basis {
-            Basis::Polyline => match &self.coordinates {
-                Coordinates::F32(v) => edge_boxes(v, first, smaller, larger),
-                Coordinates::F64(v) => edge_boxes(
-                    v,
-                    first,
-                    |p, q| below(if p < q { p } else { q }),
-                    |p, q| above(if p > q { p } else { q }),
-                ),
-            },
-            Basis::CatmullRom | Basis::BSpline => match &self.coordinates {
-                Coordinates::F32(v) => match self.single_pad() {
-                    Some(pad) => {
-                        uniform_boxes(self.basis, v, first, |lo: f32| lo - pad, |hi: f32| hi + pad)
-                    }
-                    None => self.wide_boxes(v, first),
-                },
-                Coordinates::F64(v) => self.wide_boxes(v, first),
-            },
-            Basis::Bezier => self.bezier_boxes(i, g, count.min(LANES)),
-        };
-        if count < LANES {
-            group.clear_from(count);
-        }
-        group
-    }
-
-    /// Returns the boxes of eight segments of a uniform cubic basis, computed in double precision.
-    #[inline(always)]
-    fn wide_boxes<T: Copy + Into<f64>>(&self, v: &[Vec<T>; 3], first: usize) -> BoxGroup {
-        let pad = self.pad();
-        uniform_boxes::<T, f64>(
-            self.basis,
-            v,
-            first,
-            |lo| below(lo - pad),
-            |hi| above(hi + pad),
-        )
-    }
-
-    fn bezier_boxes(&self, i: usize, g: usize, count: usize) -> BoxGroup {
-        let mut group = BoxGroup::EMPTY;
-        let pad = self.pad();
-        for k in 0..count {
-            for (x, points) in self.hull(i, g * LANES + k).iter().enumerate() {
-                let lo = points.iter().fold(f64::INFINITY, |m, &p| m.min(p));
-                let hi = points.iter().fold(f64::NEG_INFINITY, |m, &p| m.max(p));
-                group.lo[x][k] = below(lo - pad);
-                group.hi[x][k] = above(hi + pad);
-            }
-        }
-        group
-    }
-
     /// Returns a reader of the knots of curve `i`, in a coordinate frame whose last axis is `w`.
     pub(crate) fn knots(&self, i: usize, w: usize) -> Knots<'_> {
         // Catmull-Rom segments start at the second point of their window.
@@ -589,125 +422,12 @@ impl CurveSet {
     }
 }
 
-/// Returns the boxes of eight edges of a polyline.
-#[inline(always)]
-fn edge_boxes<T: Copy>(
-    v: &[Vec<T>; 3],
-    first: usize,
-    lo: impl Fn(T, T) -> f32,
-    hi: impl Fn(T, T) -> f32,
-) -> BoxGroup {
-    let mut group = BoxGroup::EMPTY;
-    for (x, v) in v.iter().enumerate() {
-        let p = &v[first..first + LANES + 1];
-        for k in 0..LANES {
-            group.lo[x][k] = lo(p[k], p[k + 1]);
-            group.hi[x][k] = hi(p[k], p[k + 1]);
-        }
-    }
-    group
-}
-
-/// Returns the boxes of eight segments of a uniform cubic basis, computed in the type `R`.
-#[inline(always)]
-fn uniform_boxes<T: Copy + Into<R>, R: Real>(
-    basis: Basis,
-    v: &[Vec<T>; 3],
-    first: usize,
-    below: impl Fn(R) -> f32,
-    above: impl Fn(R) -> f32,
-) -> BoxGroup {
-    let mut group = BoxGroup::EMPTY;
-    for (x, v) in v.iter().enumerate() {
-        let window = &v[first..first + LANES + 3];
-        let mut q = [R::default(); LANES + 3];
-        for (q, &p) in q.iter_mut().zip(window) {
-            *q = p.into();
-        }
-        let [lo, hi] = uniform_bounds(basis, &q);
-        for k in 0..LANES {
-            group.lo[x][k] = below(lo[k]);
-            group.hi[x][k] = above(hi[k]);
-        }
-    }
-    group
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn square() -> Vec<f32> {
         vec![0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.]
-    }
-
-    #[test]
-    fn the_last_segment_of_a_closed_polyline_ends_at_its_start() {
-        let set = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F32(&square())).unwrap();
-        assert_eq!(set.knot(0, 4), set.knot(0, 0));
-        assert_eq!(set.curve(0).segments, 4);
-        let b = set.leaf_boxes(0, 0);
-        assert_eq!(b.lane(3).lo, [0.0, 0.0, 0.0]);
-        assert_eq!(b.lane(3).hi, [0.0, 1.0, 0.0]);
-        assert_eq!(b.lane(4), crate::curve::Box3::EMPTY);
-    }
-
-    #[test]
-    fn segments_are_connected_and_boxes_contain_the_curve() {
-        for basis in Basis::ALL {
-            for closed in [true, false] {
-                let n = if closed { 21 } else { 22 };
-                let xyz: Vec<f32> = (0..3 * n)
-                    .map(|k| ((k * k * 37) % 101) as f32 / 7.0)
-                    .collect();
-                let count = if closed { -n } else { n };
-                let set = CurveSet::from_counts(basis, &[count], Positions::F32(&xyz)).unwrap();
-                let m = set.curve(0).segments as usize;
-                for s in 0..m {
-                    let end = set.eval(0, s, 1.0);
-                    let next = set.knot(0, s + 1);
-                    assert!(
-                        (0..3).all(|x| (end[x] - next[x]).abs() < 1e-12),
-                        "{basis:?} {s}"
-                    );
-                    let b = set.leaf_boxes(0, s / 8).lane(s % 8);
-                    for k in 0..=10 {
-                        let p = set.eval(0, s, f64::from(k) / 10.0);
-                        let inside =
-                            |x: usize| f64::from(b.lo[x]) <= p[x] && p[x] <= f64::from(b.hi[x]);
-                        assert!((0..3).all(inside));
-                    }
-                }
-                if closed {
-                    let (a, b) = (set.knot(0, 0), set.knot(0, m));
-                    assert_eq!(a, b, "{basis:?}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn finds_the_segments_that_depend_on_a_slot() {
-        for basis in Basis::ALL {
-            let counts = [-3, -9, 10, -30, 4];
-            let xyz = vec![0.5f32; 3 * 56];
-            let set = CurveSet::from_counts(basis, &counts, Positions::F32(&xyz)).unwrap();
-            for (from, open) in (0..set.slots()).flat_map(|k| [(k, false), (k, true)]) {
-                for to in from + 1..set.slots().min(from + 9) {
-                    let mut found = Vec::new();
-                    set.segments_at(from..to, open, |i, s| found.push((i, s)));
-                    found.sort_unstable();
-                    found.dedup();
-                    let some = (0..set.len()).filter(|&i| open || set.curve(i).closed);
-                    let all = some.flat_map(|i| (0..set.curve(i).segments).map(move |s| (i, s)));
-                    let want: Vec<(u32, u32)> = all
-                        .filter(|&(i, s)| set.support(i, s).any(|k| (from..to).contains(&k)))
-                        .map(|(i, s)| (i as u32, s))
-                        .collect();
-                    assert_eq!(found, want, "{basis:?} {from}..{to}");
-                }
-            }
-        }
     }
 
     #[test]

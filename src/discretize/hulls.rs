@@ -43,7 +43,7 @@ impl Hull {
     }
 
     /// Returns, approximately, the point of the curve at the parameter of a point of its chord.
-    pub fn beside(&self, p: Point) -> Point {
+    pub fn curve_point_near(&self, p: Point) -> Point {
         let start = self.point(0);
         let d = self.chord();
         let t = dot(sub(p, start), d) / dot(d, d).max(f64::MIN_POSITIVE);

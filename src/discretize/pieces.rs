@@ -8,7 +8,7 @@
 use std::ops::ControlFlow;
 
 /// Maximum number of vertices of a part that is not halved further.
-const FEW: usize = 5;
+const MAX_PART: usize = 5;
 
 /// A test that proves that two parts of polylines with vertices `V` are apart. Then all pairs of
 /// their pieces are apart.
@@ -29,8 +29,8 @@ pub(crate) fn pieces_between<V>(
     sieve: &impl Sieve<V>,
     test: &mut impl FnMut(&[V], &[V]) -> ControlFlow<()>,
 ) -> ControlFlow<()> {
-    if p.len() <= FEW && q.len() <= FEW {
-        return every(p, q, test);
+    if p.len() <= MAX_PART && q.len() <= MAX_PART {
+        return test_all_pairs(p, q, test);
     }
     let parts = [p, q].map(|vertices| (vertices, sieve.bounds(vertices)));
     parts_between([&parts[0], &parts[1]], sieve, test)
@@ -42,9 +42,9 @@ pub(crate) fn pieces_within<V>(
     sieve: &impl Sieve<V>,
     test: &mut impl FnMut(&[V], &[V]) -> ControlFlow<()>,
 ) -> ControlFlow<()> {
-    if p.len() <= FEW {
+    if p.len() <= MAX_PART {
         for k in 1..p.len() - 1 {
-            every(&p[k - 1..=k], &p[k..], test)?;
+            test_all_pairs(&p[k - 1..=k], &p[k..], test)?;
         }
         return ControlFlow::Continue(());
     }
@@ -55,7 +55,7 @@ pub(crate) fn pieces_within<V>(
 }
 
 /// Calls `test` for all pairs of pieces.
-fn every<V>(
+fn test_all_pairs<V>(
     p: &[V],
     q: &[V],
     test: &mut impl FnMut(&[V], &[V]) -> ControlFlow<()>,
@@ -82,8 +82,8 @@ fn parts_between<'a, V, S: Sieve<V>>(
     let halved = |part: &'a [V]| halves(part).map(|half| (half, sieve.bounds(half)));
     if sieve.apart(&p.1, &q.1) {
         ControlFlow::Continue(())
-    } else if p.0.len() <= FEW && q.0.len() <= FEW {
-        every(p.0, q.0, test)
+    } else if p.0.len() <= MAX_PART && q.0.len() <= MAX_PART {
+        test_all_pairs(p.0, q.0, test)
     } else if p.0.len() >= q.0.len() {
         let [left, right] = halved(p.0);
         parts_between([&left, q], sieve, test)?;

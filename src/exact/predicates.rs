@@ -48,7 +48,7 @@ impl Predicates {
     #[inline(never)]
     fn orient2d_exact(&mut self, a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> i32 {
         self.exact += 1;
-        if ![a, b, c].as_flattened().iter().all(suits_expansions) {
+        if ![a, b, c].as_flattened().iter().all(is_in_expansion_range) {
             return big::orient2d(a, b, c);
         }
         let coord = |p: [f64; 2]| Coord { x: p[0], y: p[1] };
@@ -70,7 +70,11 @@ impl Predicates {
     #[inline(never)]
     fn orient3d_exact(&mut self, a: Point, b: Point, c: Point, d: Point) -> i32 {
         self.exact += 1;
-        if ![a, b, c, d].as_flattened().iter().all(suits_expansions) {
+        if ![a, b, c, d]
+            .as_flattened()
+            .iter()
+            .all(is_in_expansion_range)
+        {
             return big::orient3d(a, b, c, d);
         }
         let coord = |p: Point| Coord3D {
@@ -106,7 +110,7 @@ pub(crate) fn volume([a, b, c, d]: [Point; 4]) -> (f64, f64) {
 /// Returns true if expansions of products of three such numbers neither overflow nor underflow. A
 /// number of at least `2^-280` is a multiple of `2^-332`, so a product of three differences is a
 /// multiple of `2^-996`. At the other end, such a product stays below `2^906`.
-fn suits_expansions(x: &f64) -> bool {
+fn is_in_expansion_range(x: &f64) -> bool {
     const SMALLEST: f64 = pow2(-280);
     const LARGEST: f64 = pow2(300);
     *x == 0.0 || (SMALLEST..=LARGEST).contains(&x.abs())

@@ -72,10 +72,10 @@ struct Survey {
 /// Conclusion from the reference frame about the current frame.
 pub(crate) enum Finding {
     /// Nothing is known: compute everything.
-    Nothing,
+    Unknown,
     /// Everything is unchanged except for these pairs, sorted, about which nothing is known.
     /// Usually there are no such pairs.
-    AllBut(Vec<Pair>),
+    UnchangedExcept(Vec<Pair>),
 }
 
 impl Survey {
@@ -94,7 +94,8 @@ impl Survey {
 }
 
 impl Monitor {
-    /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip pairs.
+    /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip
+    /// pairs.
     pub fn new(coverage: Coverage) -> Self {
         Monitor {
             coverage,
@@ -103,8 +104,8 @@ impl Monitor {
     }
 
     /// Compares the frame `set` with the reference frame. A new baseline needs a new monitor.
-    /// `before` is the previous frame, for [`Monitor::may_have_passed`].
-    pub fn look(
+    /// `before` is the previous frame, for [`Monitor::pairs_to_search`].
+    pub fn compare(
         &mut self,
         before: Option<&CurveSet>,
         set: &CurveSet,
@@ -117,13 +118,13 @@ impl Monitor {
         let adopted = self.adopt(set, baseline);
         *work = Work::default();
         let Some(known) = self.reference.as_mut() else {
-            return Finding::Nothing;
+            return Finding::Unknown;
         };
         let reference = &known.reference;
         // The linking numbers of a degenerate loop were not computed in the reference frame.
         let undefined = &reference.certificate.undefined;
         if undefined.iter().any(|d| d.j.is_none()) {
-            return Finding::Nothing;
+            return Finding::Unknown;
         }
         work.blocks = reference.blocks;
         work.reference_age = Some(self.frame - reference.frame);
@@ -133,12 +134,12 @@ impl Monitor {
         self.current.of(reference, set);
         let Survey { affine, chunks } = &self.current;
         let Some(affine) = affine else {
-            return Finding::Nothing;
+            return Finding::Unknown;
         };
         if chunks.is_empty() {
             known.used = true;
             work.route = Route::Quiet;
-            return Finding::AllBut(Vec::new());
+            return Finding::UnchangedExcept(Vec::new());
         }
         let still = Affine::identity();
         let ends = [(&still, &reference.set), (affine, set)];
@@ -146,24 +147,24 @@ impl Monitor {
         work.marked = motion.blocks() as u64;
         // Only the full run reports a loop that has shrunk to a point or a line.
         if !motion.loops().all(|i| set.has_three_distinct_points(i)) {
-            return Finding::Nothing;
+            return Finding::Unknown;
         }
         let (pairs, recertified) = motion.affected(&mut self.search);
         let many = MANY_PAIRS * reference.potential_links as f64;
         if pairs.len() as f64 > many.max(8.0) {
-            return Finding::Nothing;
+            return Finding::Unknown;
         }
         known.used = true;
         work.route = Route::Partial;
         work.recertified = recertified as u64;
         work.recomputed = pairs.len() as u64;
-        Finding::AllBut(pairs)
+        Finding::UnchangedExcept(pairs)
     }
 
     /// Returns the pairs of curves (`(i, i)`: a curve and itself), sorted, that may have passed
     /// through each other between the previous frame and the current one. Returns `None` if nothing
     /// is known.
-    pub fn may_have_passed(&mut self, before: &CurveSet, after: &CurveSet) -> Option<Vec<Pair>> {
+    pub fn pairs_to_search(&mut self, before: &CurveSet, after: &CurveSet) -> Option<Vec<Pair>> {
         let reference = &self.reference.as_ref()?.reference;
         let affines = [
             self.previous.affine.as_ref()?,
@@ -182,7 +183,7 @@ impl Monitor {
     }
 
     /// Returns the linking numbers of the reference frame, and their comparison with the baseline.
-    pub fn known(&self) -> Option<(&Certificate, &Comparison)> {
+    pub fn reference_result(&self) -> Option<(&Certificate, &Comparison)> {
         let known = self.reference.as_ref()?;
         Some((&known.reference.certificate, &known.comparison))
     }
@@ -237,7 +238,7 @@ impl Monitor {
     }
 
     /// Compares the reference frame with a baseline that has adopted linking numbers.
-    pub fn compare_again(&mut self, baseline: &Certificate) {
+    pub fn set_baseline(&mut self, baseline: &Certificate) {
         if let Some(known) = &mut self.reference {
             // Cannot fail: both have the same number of curves.
             if let Ok(comparison) = known.reference.certificate.compare(baseline) {
@@ -247,7 +248,7 @@ impl Monitor {
     }
 
     /// Waits until a reference frame that is being built is complete.
-    pub fn settle(&mut self) {
+    pub fn wait_for_reference(&mut self) {
         while self.build.as_ref().is_some_and(|m| !m.is_finished()) {
             std::thread::sleep(std::time::Duration::from_micros(200));
         }
@@ -255,7 +256,7 @@ impl Monitor {
 
     /// Simulates an error that the paranoid mode must detect: all allowances become infinite.
     #[cfg(test)]
-    pub fn go_blind(&mut self) {
+    pub fn make_allowances_infinite(&mut self) {
         let reference = &mut self.reference.as_mut().expect("a reference").reference;
         reference.allowances.fill(f32::INFINITY);
         reference.packed = super::packed::Packed::blocks(&reference.set, &reference.allowances);

@@ -3,9 +3,10 @@
 use super::affine::Affine;
 use super::reference::Reference;
 use super::slots::CHUNK;
-use crate::curve::{Bezier, Box3, CurveSet, LANES, Point};
+use crate::curve::{Bezier, Box3, CurveSet, Point};
 use crate::discretize::{Hull, MovingSeparation};
 use crate::pairs::{LinkSearch, Pair};
+use crate::simd::LANES;
 use rayon::prelude::*;
 
 /// Segments that moved further than their allowances in a step from one frame to another.

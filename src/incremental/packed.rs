@@ -11,7 +11,8 @@
 
 use super::affine::Affine;
 use super::slots::{BLOCK, Real};
-use crate::curve::{CurveSet, LANES, Point};
+use crate::curve::{CurveSet, Point};
+use crate::simd::{LANES, Simd};
 
 /// Half a unit in the last place of 1, in single and in double precision.
 const U: f64 = f32::EPSILON as f64 / 2.0;
@@ -151,7 +152,7 @@ impl Quick {
 
     /// Returns true if all points of a block are proven to be within their allowances.
     #[inline(always)]
-    pub fn holds<T: Real, const FMA: bool>(&self, block: &Packed, p: [&[T; BLOCK]; 3]) -> bool {
+    pub fn holds<T: Real, S: Simd>(&self, _simd: S, block: &Packed, p: [&[T; BLOCK]; 3]) -> bool {
         if block.allowance == f32::INFINITY {
             return true;
         }
@@ -168,10 +169,10 @@ impl Quick {
         }
         let stray = self.stray * radius;
         if stray < GIVEN_AWAY * bound {
-            let square = block.largest_square::<T, FMA, true>(&self.m, origin, p);
+            let square = block.largest_square::<T, S, true>(&self.m, origin, p);
             f64::from(square) <= (bound - stray) * (bound - stray)
         } else {
-            let square = block.largest_square::<T, FMA, false>(&self.m, origin, p);
+            let square = block.largest_square::<T, S, false>(&self.m, origin, p);
             f64::from(square) <= bound * bound
         }
     }
@@ -181,7 +182,7 @@ impl Packed {
     /// Returns the largest squared distance of points from their expected positions. If `SAME` is
     /// set, `m` is replaced by the identity.
     #[inline(always)]
-    fn largest_square<T: Real, const FMA: bool, const SAME: bool>(
+    fn largest_square<T: Real, S: Simd, const SAME: bool>(
         &self,
         m: &[[f32; 3]; 3],
         origin: [T; 3],
@@ -204,13 +205,13 @@ impl Packed {
                 for x in 0..3 {
                     let mut d = (p[x][k + l] - origin[x]).narrowed();
                     if SAME {
-                        d = add_product::<FMA>(d, -self.scale, q[x]);
+                        d = add_product::<S>(d, -self.scale, q[x]);
                     } else {
                         for y in 0..3 {
-                            d = add_product::<FMA>(d, -m[x][y], q[y]);
+                            d = add_product::<S>(d, -m[x][y], q[y]);
                         }
                     }
-                    square = add_product::<FMA>(square, d, d);
+                    square = add_product::<S>(square, d, d);
                 }
                 largest[l] = if square > largest[l] {
                     square
@@ -229,6 +230,6 @@ impl Packed {
 
 /// Returns `a + b c`, in a single instruction if the CPU has FMA.
 #[inline(always)]
-fn add_product<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
-    if FMA { b.mul_add(c, a) } else { a + b * c }
+fn add_product<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
+    if S::FMA { b.mul_add(c, a) } else { a + b * c }
 }

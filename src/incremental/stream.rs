@@ -4,9 +4,8 @@ use super::affine::Affine;
 use super::packed::{Packed, Quick};
 use super::reference::Reference;
 use super::slots::{BLOCK, CHUNK, Real};
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
 use crate::curve::{Axes, CurveSet};
+use crate::simd::{Simd, dispatch, prefetch};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -127,7 +126,7 @@ fn scan_all<T: Real>(
     };
     if scan.allowances.len() <= GRAIN || rayon::current_num_threads() == 1 {
         for range in ranges(GRAIN / 8) {
-            scan.part(range, found);
+            dispatch!(simd => scan.part(simd, range, found));
             // More chunks would not change the decision of the caller.
             if found.len() > limit {
                 return;
@@ -139,7 +138,7 @@ fn scan_all<T: Real>(
         .par_bridge()
         .map(|range| {
             let mut found = Vec::new();
-            scan.part(range, &mut found);
+            dispatch!(simd => scan.part(simd, range, &mut found));
             found
         })
         .collect();
@@ -149,28 +148,6 @@ fn scan_all<T: Real>(
 
 /// Number of blocks of the reference frame by which prefetching is ahead.
 const AHEAD: usize = 16;
-
-/// Prefetches a block. The hardware prefetcher stops at page boundaries, and data that was used a
-/// frame ago may have left the caches.
-#[inline(always)]
-#[cfg_attr(
-    not(target_arch = "x86_64"),
-    expect(unused_variables, reason = "no hint on this architecture")
-)]
-fn prefetch(packed: &[Packed], block: usize) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(block) = packed.get(block) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let start: *const Packed = block;
-        for line in (0..size_of::<Packed>()).step_by(64) {
-            #[expect(unsafe_code, reason = "a hint for the cache")]
-            // SAFETY: a prefetch reads nothing.
-            unsafe {
-                _mm_prefetch::<_MM_HINT_T0>(start.cast::<i8>().wrapping_add(line));
-            }
-        }
-    }
-}
 
 /// A frame, and the reference data with which it is compared.
 struct Scan<'a, T> {
@@ -183,34 +160,19 @@ struct Scan<'a, T> {
 }
 
 impl<T: Real> Scan<'_, T> {
-    /// Adds the moved chunks of a range of slots, which starts at a block. Uses AVX2 and FMA if
-    /// available.
-    fn part(&self, range: Range<usize>, found: &mut Vec<u32>) {
-        #[cfg(target_arch = "x86_64")]
-        if Avx2::detect().is_some() && std::arch::is_x86_feature_detected!("fma") {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the CPU has been checked for all of these instructions.
-            return unsafe { self.blocks_avx2(range, found) };
-        }
-        self.blocks::<false>(range, found);
-    }
-
-    /// [`Scan::blocks`], compiled with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,fma,popcnt")]
-    fn blocks_avx2(&self, range: Range<usize>, found: &mut Vec<u32>) {
-        self.blocks::<true>(range, found);
-    }
-
+    /// Adds the moved chunks of a range of slots, which starts at a block.
     #[inline(always)]
-    fn blocks<const FMA: bool>(&self, range: Range<usize>, found: &mut Vec<u32>) {
+    fn part<S: Simd>(&self, simd: S, range: Range<usize>, found: &mut Vec<u32>) {
         let [px, py, pz] = cut(self.p, range.clone()).map(|v| v.as_chunks::<BLOCK>().0);
         let packed = &self.packed[range.start / BLOCK..range.end / BLOCK];
         let points = px.iter().zip(py).zip(pz);
         let mut at = range.start;
         for (b, (packed, ((px, py), pz))) in packed.iter().zip(points).enumerate() {
-            prefetch(self.packed, range.start / BLOCK + b + AHEAD);
-            if !self.quick.holds::<T, FMA>(packed, [px, py, pz]) {
+            // Data that was used a frame ago may have left the caches.
+            if let Some(block) = self.packed.get(range.start / BLOCK + b + AHEAD) {
+                prefetch(block);
+            }
+            if !self.quick.holds(simd, packed, [px, py, pz]) {
                 self.chunks(at..at + BLOCK, found);
             }
             at += BLOCK;
@@ -239,6 +201,7 @@ mod tests {
     use crate::certificate::Certificate;
     use crate::curve::{Basis, Positions};
     use crate::incremental::Coverage;
+    use crate::simd::Portable;
     use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
 
@@ -392,11 +355,11 @@ mod tests {
                 let holds = match frame.axes() {
                     Axes::F32(p) => {
                         let p = cut(p, part).map(|v| v.as_array().unwrap());
-                        quick.holds::<f32, false>(packed, p)
+                        quick.holds(Portable, packed, p)
                     }
                     Axes::F64(p) => {
                         let p = cut(p, part).map(|v| v.as_array().unwrap());
-                        quick.holds::<f64, true>(packed, p)
+                        dispatch!(simd => quick.holds(simd, packed, p))
                     }
                 };
                 // Except for blocks with a part of the open curve, which has no copies at its ends.

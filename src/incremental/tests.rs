@@ -129,8 +129,8 @@ fn reference_speed() {
             allowances.sort_by(f32::total_cmp);
             let at = |percent: usize| allowances[(allowances.len() - 1) * percent / 100];
             println!(
-                "{input:15} {coverage:?}: {:.1} ms; allowances {:.4} (1 %) {:.4} (10 %) {:.4} (50 %) \
-                 {:.4} (90 %)",
+                "{input:15} {coverage:?}: {:.1} ms; allowances {:.4} (1 %) {:.4} (10 %) \
+                 {:.4} (50 %) {:.4} (90 %)",
                 times[3],
                 at(1),
                 at(10),

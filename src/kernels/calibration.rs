@@ -4,8 +4,8 @@
 //! the user's cache folder. It is made on request only ([`crate::plan::calibrate`]), never during
 //! verification. Without a calibration the CPU is chosen.
 //!
-//! An entry of the file with a missing field is one of an older version, and is ignored. Fields that
-//! were renamed are read under both names.
+//! An entry of the file with a missing field is one of an older version, and is ignored. Fields
+//! that were renamed are read under both names.
 
 use super::device::DeviceInfo;
 use crate::curve::CurveSet;

@@ -1,9 +1,8 @@
 //! Results of counting crossings for a list of pairs.
 
 use super::Linking;
-use crate::certificate::Link;
 use crate::pairs::Pair;
-use crate::verdict::{Defect, Stats};
+use crate::verdict::{Defect, Link, Stats};
 
 /// Linking numbers of consecutive pairs of a list, in their order.
 #[derive(Debug, Default)]

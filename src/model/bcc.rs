@@ -10,7 +10,7 @@
 //! | 8 | u64: number of curves |
 //! | 16 | u64: control points of all curves |
 //! | 24 | 40 bytes of text; some writers leave them undefined |
-//! | 64 | curve after curve: i32 number of control points, negative if closed; f32 `x y z` of each |
+//! | 64 | for each curve: i32 number of control points, negative if closed; f32 `x y z` of each |
 
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
@@ -219,7 +219,7 @@ fn write(out: &mut impl Write, set: &CurveSet) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::tests::{curves, says};
+    use crate::model::tests::{assert_error_contains, curves};
     use proptest::prelude::*;
 
     fn bytes_of(set: &CurveSet) -> Vec<u8> {
@@ -326,14 +326,14 @@ mod tests {
             b[at..at + new.len()].copy_from_slice(new);
             parse(&b)
         };
-        says(with(0, b"PNG"), "byte 0): 'PNG', expected 'BCC'");
-        says(with(3, &[0x48]), "unsupported BCC: number sizes 0x48");
-        says(with(4, b"C1"), "unsupported BCC: curve type 'C1'");
-        says(with(4, b"CH"), "unsupported BCC: curve type 'CH'");
-        says(with(6, &[2]), "in 2 dimensions");
+        assert_error_contains(with(0, b"PNG"), "byte 0): 'PNG', expected 'BCC'");
+        assert_error_contains(with(3, &[0x48]), "unsupported BCC: number sizes 0x48");
+        assert_error_contains(with(4, b"C1"), "unsupported BCC: curve type 'C1'");
+        assert_error_contains(with(4, b"CH"), "unsupported BCC: curve type 'CH'");
+        assert_error_contains(with(6, &[2]), "in 2 dimensions");
         for huge in [1 << 40, u64::MAX, u64::MAX / 12] {
-            says(with(8, &u64::to_le_bytes(huge)), "the file has");
-            says(with(16, &u64::to_le_bytes(huge)), "the file has");
+            assert_error_contains(with(8, &u64::to_le_bytes(huge)), "the file has");
+            assert_error_contains(with(16, &u64::to_le_bytes(huge)), "the file has");
         }
         // Fewer points and more curves that take the same number of bytes.
         let mut b = good.clone();
@@ -342,9 +342,9 @@ mod tests {
         assert!(parse(&b).is_err());
         let mut longer = good.clone();
         longer.push(0);
-        says(parse(&longer), "the file has 521");
-        says(parse(&good[..63]), "63 bytes, the header has 64");
-        says(parse(&[]), "0 bytes");
+        assert_error_contains(parse(&longer), "the file has 521");
+        assert_error_contains(parse(&good[..63]), "63 bytes, the header has 64");
+        assert_error_contains(parse(&[]), "0 bytes");
     }
 
     #[test]
@@ -355,30 +355,30 @@ mod tests {
             b[64..68].copy_from_slice(&count.to_le_bytes());
             parse(&b)
         };
-        says(with(i32::MIN), "byte 64, curve 0): 2147483648 points");
-        says(with(i32::MAX), "2147483647 points promised, 37 of the file");
-        says(with(38), "38 points promised, 37");
-        says(with(0), "curve 0: 0 control points");
-        says(with(1), "curve 0: 1 control points");
+        assert_error_contains(with(i32::MIN), "byte 64, curve 0): 2147483648 points");
+        assert_error_contains(with(i32::MAX), "2147483647 points promised, 37 of the file");
+        assert_error_contains(with(38), "38 points promised, 37");
+        assert_error_contains(with(0), "curve 0: 0 control points");
+        assert_error_contains(with(1), "curve 0: 1 control points");
         assert!(with(-11).is_err());
         // The last curve lacks a point, so its point remains.
         let mut b = good.clone();
         let last = b.len() - 12 * 12 - 4;
         b[last..last + 4].copy_from_slice(&(-11i32).to_le_bytes());
-        says(
+        assert_error_contains(
             parse(&b),
             "byte 16): 37 points promised, the curves have 36",
         );
         // A file that shrank after its length was read.
         let cut = read(&good[..100], good.len() as u64);
-        says(cut, "byte 68, curve 0): the file ends here");
+        assert_error_contains(cut, "byte 68, curve 0): the file ends here");
     }
 
     #[test]
     fn errors_name_values_that_are_not_finite() {
         let mut b = bytes_of(&sample(Basis::CatmullRom));
         b[68 + 12 + 4..68 + 12 + 8].copy_from_slice(&f32::NAN.to_le_bytes());
-        says(parse(&b), "curve 0, point 1: coordinate y is NaN");
+        assert_error_contains(parse(&b), "curve 0, point 1: coordinate y is NaN");
     }
 
     proptest! {

@@ -57,7 +57,7 @@ impl<'a> Chains<'a> {
     }
 
     /// Returns the end of edge `e` other than `v`.
-    fn across(&self, v: u32, e: usize) -> u32 {
+    fn other_end(&self, v: u32, e: usize) -> u32 {
         let [a, b] = self.edges[e].ends;
         if a == v { b } else { a }
     }
@@ -71,7 +71,7 @@ impl<'a> Chains<'a> {
             match self.other(v, e) {
                 None => break false,
                 Some(before) if before == first => break true,
-                Some(before) => (v, e) = (self.across(v, before), before),
+                Some(before) => (v, e) = (self.other_end(v, before), before),
             }
         };
         if closed {
@@ -82,7 +82,7 @@ impl<'a> Chains<'a> {
         loop {
             chain.push(v);
             used[e] = true;
-            v = self.across(v, e);
+            v = self.other_end(v, e);
             if closed && v == start {
                 return true;
             }

@@ -137,7 +137,7 @@ mod tests {
     }
 
     /// Asserts that the message of an error contains `expected`.
-    pub(super) fn says(result: Result<CurveSet>, expected: &str) {
+    pub(super) fn assert_error_contains(result: Result<CurveSet>, expected: &str) {
         let message = result.unwrap_err().to_string();
         assert!(message.contains(expected), "{message:?} lacks {expected:?}");
     }
@@ -175,22 +175,22 @@ mod tests {
     #[test]
     fn the_error_of_a_folder_shows_how_to_name_its_models() {
         let folder = tempfile::tempdir().unwrap();
-        let says = |path: &Path| read(path).unwrap_err().to_string();
+        let error = |path: &Path| read(path).unwrap_err().to_string();
         let path = folder.path();
         let empty = format!(
             "{}: not a regular file but a folder; it holds no models",
             path.display()
         );
-        assert!(says(path).starts_with(&empty), "{}", says(path));
+        assert!(error(path).starts_with(&empty), "{}", error(path));
         for name in ["b.bcc", "notes.txt"] {
             std::fs::write(path.join(name), "").unwrap();
         }
         let advice = format!("for the models in it, give {}/*.bcc", path.display());
-        assert!(says(path).ends_with(&advice), "{}", says(path));
+        assert!(error(path).ends_with(&advice), "{}", error(path));
         // A folder may have the name of a model.
         let inner = path.join("frames.bcc");
         std::fs::create_dir(&inner).unwrap();
-        assert!(says(&inner).contains("a folder"), "{}", says(&inner));
+        assert!(error(&inner).contains("a folder"), "{}", error(&inner));
     }
 
     #[test]
@@ -276,7 +276,7 @@ mod tests {
         assert!(matches!(&e, Error::File { path, .. } if *path == missing));
         let folder = dir.path().join("folder.vect");
         std::fs::create_dir(&folder).unwrap();
-        says(read(&folder), "folder.vect: not a regular file");
+        assert_error_contains(read(&folder), "folder.vect: not a regular file");
     }
 
     #[test]

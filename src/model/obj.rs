@@ -24,7 +24,7 @@ const FORMAT: &str = "OBJ";
 const CHUNK: usize = 1024;
 
 /// A line of more than two vertices, as a range of the indices.
-struct Long {
+struct LongLine {
     start: usize,
     end: usize,
     closed: bool,
@@ -36,7 +36,7 @@ struct Long {
 struct Statements {
     vertices: Vec<Point>,
     indices: Vec<u32>,
-    long: Vec<Long>,
+    long: Vec<LongLine>,
     edges: Vec<Edge>,
     /// Largest index, and its line.
     furthest: (u32, u64),
@@ -162,7 +162,7 @@ impl Statements {
                 if a == b {
                     self.indices.pop();
                 }
-                self.long.push(Long {
+                self.long.push(LongLine {
                     start,
                     end: self.indices.len(),
                     closed: a == b,
@@ -253,7 +253,7 @@ impl Output<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::tests::{curves, says};
+    use crate::model::tests::{assert_error_contains, curves};
 
     fn parse(text: &str) -> Result<CurveSet> {
         read(text.as_bytes())
@@ -393,7 +393,7 @@ mod tests {
             ("v 1 inf 1\n", "'inf' is not a finite number"),
             ("l 1 \\\n2 \\\n\u{1b}[2J\n", "line 11): '\\u{1b}[2J'"),
         ] {
-            says(parse(&with_vertices(lines)), expected);
+            assert_error_contains(parse(&with_vertices(lines)), expected);
         }
     }
 

@@ -14,7 +14,7 @@ use std::str::FromStr;
 
 const FORMAT: &str = "VECT";
 /// Maximum length of a word: far more digits than a number needs, and a bound on memory.
-const LONGEST: usize = 1024;
+const MAX_WORD_LENGTH: usize = 1024;
 /// Number of points that are stored at once.
 const CHUNK: usize = 1024;
 
@@ -142,7 +142,7 @@ impl<R: BufRead> Words<R> {
                     comment = true;
                 } else if !between {
                     self.word.push(b);
-                    if self.word.len() > LONGEST {
+                    if self.word.len() > MAX_WORD_LENGTH {
                         ended = true;
                         break;
                     }
@@ -150,9 +150,9 @@ impl<R: BufRead> Words<R> {
             }
             self.input.consume(used);
             self.consumed += used as u64;
-            if self.word.len() > LONGEST {
+            if self.word.len() > MAX_WORD_LENGTH {
                 let what = format!(
-                    "{}.. is a word of more than {LONGEST} bytes",
+                    "{}.. is a word of more than {MAX_WORD_LENGTH} bytes",
                     quote(&self.word)
                 );
                 return Err(self.bad(what));
@@ -201,7 +201,7 @@ impl<R: BufRead> Words<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::tests::{curves, says};
+    use crate::model::tests::{assert_error_contains, curves};
     use proptest::prelude::*;
 
     fn parse(text: &str) -> Result<CurveSet> {
@@ -301,7 +301,7 @@ mod tests {
                 "a word of more than 1024 bytes",
             ),
         ] {
-            says(parse(&text), expected);
+            assert_error_contains(parse(&text), expected);
         }
     }
 
@@ -309,14 +309,14 @@ mod tests {
     fn rejects_wrong_counts_before_allocating() {
         let huge = [1 << 30, 1 << 40, u64::MAX];
         for n in huge {
-            says(parse(&format!("VECT {n} 0 0 1 1")), "too many for 4 bytes");
-            says(parse(&format!("VECT 1 {n} 0 1 1")), "too many for 4 bytes");
-            says(parse(&format!("VECT 1 0 {n} 1 1")), "too many for 4 bytes");
+            assert_error_contains(parse(&format!("VECT {n} 0 0 1 1")), "too many for 4 bytes");
+            assert_error_contains(parse(&format!("VECT 1 {n} 0 1 1")), "too many for 4 bytes");
+            assert_error_contains(parse(&format!("VECT 1 0 {n} 1 1")), "too many for 4 bytes");
         }
         for n in ["-2147483648", "2147483647", "-2147483647"] {
-            says(parse(&format!("VECT 1 1 0 {n} 0 0 0 0")), "1 promised");
+            assert_error_contains(parse(&format!("VECT 1 1 0 {n} 0 0 0 0")), "1 promised");
         }
-        says(
+        assert_error_contains(
             parse("VECT 1 1 0 2147483648 0 0 0 0"),
             "expected the vertices",
         );

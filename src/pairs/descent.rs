@@ -1,7 +1,8 @@
 //! Simultaneous depth-first descent of the trees of two curves to segment pairs.
 
 use super::trees::{CurveTree, Node};
-use crate::curve::{Box3, BoxGroup, LANES, Lanes};
+use crate::curve::{Box3, BoxGroup};
+use crate::simd::{LANES, Lanes};
 
 /// Node pairs to visit: node of the first curve, node of the second one.
 pub(crate) type Agenda = Vec<(Node, Node)>;

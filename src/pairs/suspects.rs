@@ -1,8 +1,8 @@
 //! Order of the potential links for an early exit at the first change.
 
 use super::Pair;
-use crate::certificate::Link;
 use crate::curve::Box3;
+use crate::verdict::Link;
 
 /// Sorts pairs so that those most likely to have changed come first: pairs that are linked in the
 /// baseline, then pairs whose curves have moved furthest since the boxes `before` (if these are

@@ -4,9 +4,8 @@
 //! garments. It is quadratic if all boxes overlap along the axis.
 
 use super::Pair;
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{Box3, LANES, Lanes, Portable};
+use crate::curve::Box3;
+use crate::simd::{LANES, Lanes, dispatch};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -45,7 +44,8 @@ impl LinkSearch {
         parts.resize_with(Self::tasks(n).max(parts.len()), Vec::new);
         parts.par_iter_mut().enumerate().for_each(|(c, part)| {
             part.clear();
-            sweep.run((c * CHUNK).min(n)..((c + 1) * CHUNK).min(n), part);
+            let range = (c * CHUNK).min(n)..((c + 1) * CHUNK).min(n);
+            dispatch!(simd => sweep.run(simd, range, part));
         });
         pairs.clear();
         for part in parts.iter() {
@@ -136,25 +136,8 @@ impl Sweep {
     }
 
     /// Adds the pairs whose first box in the order is in `range`.
-    fn run(&self, range: Range<usize>, found: &mut Vec<Pair>) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::detect() {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token proves that the CPU has these instructions.
-            return unsafe { self.run_avx2(avx2, range, found) };
-        }
-        self.run_with(Portable, range, found)
-    }
-
-    /// [`Sweep::run_with`], compiled with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn run_avx2(&self, avx2: Avx2, range: Range<usize>, found: &mut Vec<Pair>) {
-        self.run_with(avx2, range, found)
-    }
-
     #[inline(always)]
-    fn run_with<L: Lanes>(&self, simd: L, range: Range<usize>, found: &mut Vec<Pair>) {
+    fn run<L: Lanes>(&self, simd: L, range: Range<usize>, found: &mut Vec<Pair>) {
         for k in range {
             let i = self.order[k];
             let (end, lo1, hi1, lo2, hi2) = (
@@ -235,6 +218,7 @@ fn widest_axis(boxes: &[Box3]) -> usize {
 mod tests {
     use super::*;
     use crate::pairs::potential_links_brute;
+    use crate::simd::Portable;
     use proptest::prelude::*;
 
     proptest! {
@@ -259,7 +243,7 @@ mod tests {
             search.find(&[Box3 { lo: [-1.0; 3], hi: [100.0; 3] }; 700]);
             prop_assert_eq!(&*search.find(&boxes), &want);
             let mut portable = Vec::new();
-            search.sweep.run_with(Portable, 0..search.sweep.order.len(), &mut portable);
+            search.sweep.run(Portable, 0..search.sweep.order.len(), &mut portable);
             portable.sort_unstable();
             prop_assert_eq!(&portable, &want);
         }

@@ -7,9 +7,8 @@
 //! time a leaf is visited, which costs no more than loading them. The boxes of spline segments are
 //! stored.
 
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{Basis, Box3, BoxGroup, Curve, CurveSet, LANES, Lanes, Portable};
+use crate::curve::{Basis, Box3, BoxGroup, Curve, CurveSet};
+use crate::simd::{LANES, Lanes, dispatch};
 
 /// Number of levels of the deepest tree: `8^11 > 2^32` segments.
 const LEVELS: usize = 11;
@@ -358,7 +357,7 @@ fn refit_curve<S: Leaves>(source: S, i: usize, layout: &Layout, groups: &mut [Bo
     strip.refit();
     while !level.is_empty() {
         let (next, rest) = level.split_at_mut(below.len().div_ceil(LANES));
-        raise(below, next);
+        dispatch!(simd => raise(simd, below, next));
         (below, level) = (next, rest);
     }
     below[0].bounds()
@@ -382,7 +381,7 @@ impl<S: Leaves> Strip<'_, S> {
     /// Refits the leaves and the level above. Splits the strip into tasks while it is large enough.
     fn refit(self) {
         if !Trees::shares_out(self.leaves * LANES) {
-            return self.refit_part();
+            return dispatch!(simd => self.refit_part(simd));
         }
         let mid = self.below.len() / 2;
         let Strip {
@@ -415,25 +414,8 @@ impl<S: Leaves> Strip<'_, S> {
         rayon::join(|| left.refit(), || right.refit());
     }
 
-    fn refit_part(self) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::detect() {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token proves that the CPU has these instructions.
-            return unsafe { self.refit_part_avx2(avx2) };
-        }
-        self.refit_part_with(Portable)
-    }
-
-    /// [`Strip::refit_part_with`], compiled with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn refit_part_avx2(self, avx2: Avx2) {
-        self.refit_part_with(avx2)
-    }
-
     #[inline(always)]
-    fn refit_part_with<L: Lanes>(self, simd: L) {
+    fn refit_part<L: Lanes>(self, simd: L) {
         let mut eight = [BoxGroup::EMPTY; LANES];
         for (k, group) in self.below.iter_mut().enumerate() {
             let at = k * LANES;
@@ -451,25 +433,8 @@ impl<S: Leaves> Strip<'_, S> {
 }
 
 /// Refits a level from the level below.
-fn raise(below: &[BoxGroup], level: &mut [BoxGroup]) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = Avx2::detect() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token proves that the CPU has these instructions.
-        return unsafe { raise_avx2(avx2, below, level) };
-    }
-    raise_with(Portable, below, level)
-}
-
-/// [`raise_with`], compiled with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-fn raise_avx2(avx2: Avx2, below: &[BoxGroup], level: &mut [BoxGroup]) {
-    raise_with(avx2, below, level)
-}
-
 #[inline(always)]
-fn raise_with<L: Lanes>(simd: L, below: &[BoxGroup], level: &mut [BoxGroup]) {
+fn raise<L: Lanes>(simd: L, below: &[BoxGroup], level: &mut [BoxGroup]) {
     for (groups, parent) in below.chunks(LANES).zip(level) {
         *parent = match groups.try_into() {
             Ok(eight) => bounds_of_eight(simd, eight),

@@ -3,9 +3,9 @@
 use super::isotopy::{Isotopy, Shear};
 use super::pen::Pen;
 use super::{Generated, Kind, Parameter, Scene, rounding};
-use crate::certificate::Link;
 use crate::curve::{Basis, Point};
 use crate::error::Result;
+use crate::verdict::Link;
 use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {

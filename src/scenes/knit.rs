@@ -62,7 +62,7 @@ fn build(scene: &Scene) -> Result<Generated> {
     let segments = scene.count("segments");
     let each = segments / (rows * stitches);
     if each < 8 || !segments.is_multiple_of(rows * stitches) {
-        return Err(scene.refuse(format!(
+        return Err(scene.error(format!(
             "segments must be a multiple of rows * stitches = {}, 8 times it or more",
             rows * stitches
         )));

@@ -42,9 +42,10 @@ mod woundball;
 pub use motion::{Frames, Motion, MotionKind};
 pub use pull_through::{PullThrough, pull_throughs};
 
-use crate::certificate::{Certificate, Link};
+use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
+use crate::verdict::Link;
 use std::fmt;
 use std::str::FromStr;
 
@@ -230,7 +231,7 @@ impl Scene {
     }
 
     /// Creates the error of a scene that cannot be built.
-    fn refuse(&self, what: impl Into<String>) -> Error {
+    fn error(&self, what: impl Into<String>) -> Error {
         Error::Scene {
             scene: self.to_string(),
             what: what.into(),
@@ -243,7 +244,7 @@ impl Scene {
         if off < gap {
             return Ok(());
         }
-        Err(self.refuse(format!(
+        Err(self.error(format!(
             "its curves are only {gap:.1e} apart, but two polygons may deviate from them by \
                  {off:.1e}: {advice}"
         )))
@@ -306,14 +307,14 @@ fn clip(text: &str) -> String {
 /// Returns the known names, and the one most similar to a misspelt name.
 fn hint(word: &str, known: &[&str]) -> String {
     /// Similarity, from 0 to 1, from which a name is suggested.
-    const ALIKE: f64 = 0.8;
+    const MIN_SIMILARITY: f64 = 0.8;
     let word = word.to_lowercase();
     let alike = known
         .iter()
         .map(|name| (strsim::jaro_winkler(&word, name), name));
     let nearest = alike.max_by(|a, b| a.0.total_cmp(&b.0));
     let nearest = nearest
-        .filter(|(likeness, _)| *likeness > ALIKE)
+        .filter(|(likeness, _)| *likeness > MIN_SIMILARITY)
         .map_or(String::new(), |(_, name)| {
             format!("; the nearest is '{name}'")
         });

@@ -284,7 +284,7 @@ impl Frames {
             let c = self.centre;
             Step::Affine(m, [0, 1, 2].map(|x| c[x] - dot(m[x], c)))
         };
-        let random = || Random::keyed([self.seed, frame, k]);
+        let random = || Random::from_key([self.seed, frame, k]);
         Some(match kind {
             MotionKind::Still => return None,
             MotionKind::Smooth => {
@@ -301,11 +301,11 @@ impl Frames {
             },
             MotionKind::Translate => {
                 let way = VELOCITY.map(|v| v * self.length * frame as f64);
-                Step::Affine(diagonal([1.0; 3]), way)
+                Step::Affine(diagonal_matrix([1.0; 3]), way)
             }
             MotionKind::Rotate => about_centre(rotation(TURN.to_radians() * frame as f64)),
-            MotionKind::Stretch => about_centre(diagonal([factor, 1.0, 1.0])),
-            MotionKind::Scale => about_centre(diagonal([factor; 3])),
+            MotionKind::Stretch => about_centre(diagonal_matrix([factor, 1.0, 1.0])),
+            MotionKind::Scale => about_centre(diagonal_matrix([factor; 3])),
         })
     }
 }
@@ -358,7 +358,7 @@ fn fill<T: Copy + Send + Sync>(
         };
         let mut randoms: Vec<Random> = steps
             .iter()
-            .map(|s| Random::keyed([key(s), chunk as u64]))
+            .map(|s| Random::from_key([key(s), chunk as u64]))
             .collect();
         for (to, &p) in to.chunks_exact_mut(3).zip(base) {
             let steps = steps.iter().zip(&mut randoms);
@@ -372,7 +372,7 @@ fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn diagonal([x, y, z]: Point) -> [Point; 3] {
+fn diagonal_matrix([x, y, z]: Point) -> [Point; 3] {
     [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]]
 }
 
@@ -381,7 +381,7 @@ fn rotation(angle: f64) -> [Point; 3] {
     let (s, c) = angle.sin_cos();
     let [x, y, z] = AXIS;
     let across = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
-    let one = diagonal([c; 3]);
+    let one = diagonal_matrix([c; 3]);
     [0, 1, 2]
         .map(|i| [0, 1, 2].map(|j| one[i][j] + s * across[i][j] + (1.0 - c) * AXIS[i] * AXIS[j]))
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// Displacement of a piece, in distances of the two curves: to the other side, and little further,
 /// because other curves may be there.
-const WAY: f64 = 1.5;
+const DISPLACEMENT: f64 = 1.5;
 
 /// Minimum sine of the angle at which two curves pass one another. If they are parallel, a moved
 /// piece may go around the other curve, which changes nothing.
@@ -86,7 +86,7 @@ fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Opti
         pair,
         place,
         points: window.collect(),
-        by: [0, 1, 2].map(|x| WAY * (q[x] - p[x])),
+        by: [0, 1, 2].map(|x| DISPLACEMENT * (q[x] - p[x])),
     })
 }
 

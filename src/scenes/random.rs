@@ -9,7 +9,7 @@ impl Random {
     }
 
     /// Creates an independent generator for each key.
-    pub fn keyed<const N: usize>(key: [u64; N]) -> Random {
+    pub fn from_key<const N: usize>(key: [u64; N]) -> Random {
         Random(
             key.iter()
                 .fold(0, |state, part| Random(state ^ part).next()),

@@ -31,7 +31,7 @@ const SEGMENTS: usize = 50;
 const RADIUS: f64 = 0.8;
 
 /// Relative amplitude of the radius of a band, with two periods around it.
-const OVAL: f64 = 0.25;
+const OVAL_AMPLITUDE: f64 = 0.25;
 
 /// Side of the square cell of a band in its layer.
 const CELL: f64 = 2.15;
@@ -49,10 +49,10 @@ fn build(scene: &Scene) -> Result<Generated> {
         side += 1;
     }
     let layers = bands.div_ceil(side * side);
-    let isotopy = heap();
-    let gap = LAYER.min(CELL - 2.0 * RADIUS * (1.0 + OVAL));
-    // The radius changes by up to twice `OVAL` of itself per radian.
-    let edge = TAU / SEGMENTS as f64 * RADIUS * (1.0 + OVAL).hypot(2.0 * OVAL);
+    let isotopy = piled_waves();
+    let gap = LAYER.min(CELL - 2.0 * RADIUS * (1.0 + OVAL_AMPLITUDE));
+    // The radius changes by up to twice `OVAL_AMPLITUDE` of itself per radian.
+    let edge = TAU / SEGMENTS as f64 * RADIUS * (1.0 + OVAL_AMPLITUDE).hypot(2.0 * OVAL_AMPLITUDE);
     let extent = CELL * (side + 1) as f64 / 2.0 + isotopy.reach();
     let off = 2.0 * (isotopy.sagitta(edge) + rounding(extent));
     scene.check_gap(gap / isotopy.stretch(), off, "take fewer bands")?;
@@ -71,7 +71,7 @@ fn build(scene: &Scene) -> Result<Generated> {
             let turned = TAU * random.unit();
             pen.closed(SEGMENTS, |k| {
                 let t = TAU * k as f64 / SEGMENTS as f64;
-                let r = RADIUS * (1.0 + OVAL * (2.0 * (t - turned)).cos());
+                let r = RADIUS * (1.0 + OVAL_AMPLITUDE * (2.0 * (t - turned)).cos());
                 isotopy.apply([x + r * t.cos(), y + r * t.sin(), z])
             })?;
         }
@@ -80,7 +80,7 @@ fn build(scene: &Scene) -> Result<Generated> {
 }
 
 /// Returns waves a few bands long, which fold over one another.
-fn heap() -> Isotopy {
+fn piled_waves() -> Isotopy {
     let diagonal = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
     let up = [0.0, 0.0, 1.0];
     let shear = |direction, normal, phase| Shear {

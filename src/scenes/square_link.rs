@@ -3,9 +3,9 @@
 
 use super::pen::{Pen, share};
 use super::{Generated, Kind, MOST_SEGMENTS, Parameter, Scene};
-use crate::certificate::Link;
 use crate::curve::Basis;
 use crate::error::Result;
+use crate::verdict::Link;
 
 pub(super) const KIND: Kind = Kind {
     name: "square_link",
@@ -36,7 +36,7 @@ const THICKNESS: f64 = 0.5;
 
 /// Distance of the centres of both bundles. The near side of each goes through the middle of the
 /// other.
-const APART: f64 = 1.5;
+const CENTRE_DISTANCE: f64 = 1.5;
 
 /// Builds the link. The first bundle lies in planes `z = const` and runs counterclockwise seen from
 /// above; the second one lies in planes `y = const` and goes up through the first.
@@ -48,10 +48,10 @@ const APART: f64 = 1.5;
 fn build(scene: &Scene) -> Result<Generated> {
     let (loops, segments) = (scene.count("loops"), scene.count("segments"));
     if loops % 2 == 1 {
-        return Err(scene.refuse("two bundles need an even number of loops"));
+        return Err(scene.error("two bundles need an even number of loops"));
     }
     if segments < 4 * loops {
-        return Err(scene.refuse(format!(
+        return Err(scene.error(format!(
             "{loops} squares need at least {} segments",
             4 * loops
         )));
@@ -71,7 +71,7 @@ fn build(scene: &Scene) -> Result<Generated> {
             let [u, v] = on_square(k, n).map(|x| half_side * x);
             match bundle {
                 0 => [u, v, height],
-                _ => [u + APART, height, -v],
+                _ => [u + CENTRE_DISTANCE, height, -v],
             }
         })?;
     }

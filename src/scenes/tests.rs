@@ -13,7 +13,7 @@ fn bytes(text: &str) -> Vec<u8> {
     out
 }
 
-fn says<T: std::fmt::Debug>(result: Result<T>, expected: &str) {
+fn assert_error_contains<T: std::fmt::Debug>(result: Result<T>, expected: &str) {
     let message = result.unwrap_err().to_string();
     assert!(message.contains(expected), "{message:?} lacks {expected:?}");
 }
@@ -176,7 +176,7 @@ fn descriptions_round_trip() {
             }
             for value in [p.min - 1.0, p.max + 1.0] {
                 let text = format!("{}:{}={value}", kind.name, p.name);
-                says(
+                assert_error_contains(
                     text.parse::<Scene>(),
                     &format!("from {} to {}", p.min, p.max),
                 );
@@ -200,9 +200,9 @@ fn a_misspelt_name_suggests_the_nearest() {
             "(known: segments, lambda); the nearest is 'segments'",
         ),
     ] {
-        says(text.parse::<Scene>(), expected);
+        assert_error_contains(text.parse::<Scene>(), expected);
     }
-    says("smoth".parse::<Motion>(), "; the nearest is 'smooth'");
+    assert_error_contains("smoth".parse::<Motion>(), "; the nearest is 'smooth'");
     let e = "rope".parse::<Scene>().unwrap_err().to_string();
     assert!(!e.contains("nearest"), "{e}");
 }
@@ -241,7 +241,7 @@ fn rejects_bad_descriptions_with_a_reason() {
         ),
         ("\x1b[2J", "scene \\u{1b}[2J: unknown"),
     ] {
-        says(text.parse::<Scene>(), expected);
+        assert_error_contains(text.parse::<Scene>(), expected);
     }
     let long = "x".repeat(10_000);
     assert!(long.parse::<Scene>().unwrap_err().to_string().len() < 250);
@@ -277,6 +277,6 @@ fn rejects_invalid_combinations_of_parameters() {
         ("knit:rows=251", "multiple of rows * stitches = 22590"),
         ("knit:rows=2,stitches=16,segments=224", "8 times it or more"),
     ] {
-        says(scene(text).build(), expected);
+        assert_error_contains(scene(text).build(), expected);
     }
 }

@@ -40,7 +40,7 @@ const TUBES: [f64; 4] = [0.3, 0.4, 0.5, 0.6];
 fn build(scene: &Scene) -> Result<Generated> {
     let (segments, periods) = (scene.count("segments"), scene.count("periods"));
     if periods % 2 == 1 {
-        return Err(scene.refuse("an odd number of periods leaves the curves open"));
+        return Err(scene.error("an odd number of periods leaves the curves open"));
     }
     let step = TAU / (segments / 4) as f64;
     let outermost = 1.0 + TUBES[3];

@@ -40,7 +40,7 @@ pub enum Overflow {
 
 impl Overflow {
     /// Returns the longest time that the caller waits while the sink takes no frame.
-    pub fn patience(self) -> Duration {
+    pub fn max_wait(self) -> Duration {
         match self {
             Overflow::Wait(limit) | Overflow::WaitForProgress(limit) => limit,
             Overflow::DropOldest => Duration::ZERO,
@@ -202,7 +202,7 @@ impl SinkQueue {
             filled: Condvar::new(),
             drained: Condvar::new(),
         });
-        shared.lock().patience = overflow.patience();
+        shared.lock().patience = overflow.max_wait();
         let worker = Worker {
             shared: Arc::clone(&shared),
         };
@@ -251,7 +251,7 @@ impl SinkQueue {
     }
 
     /// Returns true if every frame should arrive: a dropped frame makes the sink incomplete.
-    pub fn is_to_be_complete(&self) -> bool {
+    pub fn requires_all_frames(&self) -> bool {
         self.shared.overflow != Overflow::DropOldest
     }
 
@@ -400,7 +400,7 @@ impl Worker {
         self.shared.lock().opening = Opening::Done(Ok(()));
         self.shared.drained.notify_all();
         let mut sink = sink;
-        let outcome = match self.feed(sink.as_mut()) {
+        let outcome = match self.process_events(sink.as_mut()) {
             Ok(true) => sink.finish(),
             // Another thread marked it as failed because it was late: the sink is dropped here, on
             // its own thread.
@@ -440,7 +440,7 @@ impl Worker {
 
     /// Passes events to the sink until the queue closes (returns true) or the sink has failed
     /// (returns false).
-    fn feed(&self, sink: &mut dyn Sink) -> Result<bool> {
+    fn process_events(&self, sink: &mut dyn Sink) -> Result<bool> {
         let mut flushed = Instant::now();
         let mut dirty = false;
         loop {
@@ -486,7 +486,7 @@ impl Worker {
                         Overflow::WaitForProgress(_) | Overflow::DropOldest => true,
                     };
                     if caught_up {
-                        state.patience = self.shared.overflow.patience();
+                        state.patience = self.shared.overflow.max_wait();
                     }
                     urgent = record.report.verdict != Verdict::Intact;
                 }

@@ -2,7 +2,7 @@
 
 use super::ladder::{Ladder, Sums};
 use super::{Progress, Timings};
-use crate::certificate::{Certificate, Comparison, Link};
+use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Box3, CurveSet, pow2};
 use crate::error::Result;
 use crate::kernels::choice::{Choice, Predictions};
@@ -12,7 +12,7 @@ use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
 use crate::pairs::{
     LinkSearch, Pair, Trees, curves_of, degenerate_curves, most_suspect_first, potential_links,
 };
-use crate::verdict::Stats;
+use crate::verdict::{Link, Stats};
 use rayon::prelude::*;
 use std::slice::SliceIndex;
 use std::sync::Arc;

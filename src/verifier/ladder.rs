@@ -1,14 +1,14 @@
 //! Ladder of kernels: a kernel that sums runs first, and crossings are counted if its bound decides
 //! nothing.
 
-use crate::certificate::{Certificate, Link};
+use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::homotopic_polylines;
 use crate::kernels::choice::LongLink;
 use crate::kernels::sums::fmm::{self, Fmm};
 use crate::kernels::{Accuracy, Estimate, GpuUse, Method, Summation};
 use crate::pairs::{Pair, curves_of};
-use crate::verdict::Defect;
+use crate::verdict::{Defect, Link};
 use std::time::{Duration, Instant};
 
 /// Numbers of linking numbers decided by sums and by counting, and the accuracy of the sums.

@@ -284,7 +284,7 @@ impl Verifier {
     /// Waits until background work has ended, so that the next frame profits from it. For
     /// measurements.
     pub fn settle(&mut self) {
-        self.monitor.settle();
+        self.monitor.wait_for_reference();
     }
 
     /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
@@ -414,7 +414,7 @@ impl Verifier {
         let (comparison, stats) = compared?;
         // With early exit, unchecked pairs have no linking number yet.
         if stats.unchecked == 0 && baseline.adopt(&comparison) {
-            self.monitor.compare_again(baseline);
+            self.monitor.set_baseline(baseline);
         }
         Ok((comparison, self.counted(set, stats)))
     }
@@ -453,8 +453,9 @@ impl Verifier {
         baseline: &Certificate,
     ) -> Result<(Comparison, Stats)> {
         let before = self.steps.before();
-        let finding = self.monitor.look(before, set, baseline, &mut self.work);
-        let (Finding::AllBut(pairs), Some((known, comparison))) = (finding, self.monitor.known())
+        let finding = self.monitor.compare(before, set, baseline, &mut self.work);
+        let (Finding::UnchangedExcept(pairs), Some((known, comparison))) =
+            (finding, self.monitor.reference_result())
         else {
             let compared = self.compare_fully(set, baseline)?;
             self.offer_reference(set);
@@ -549,7 +550,7 @@ impl Verifier {
             return Default::default();
         }
         let pairs = match (self.incremental, self.steps.before()) {
-            (true, Some(before)) => self.monitor.may_have_passed(before, set),
+            (true, Some(before)) => self.monitor.pairs_to_search(before, set),
             _ => None,
         };
         let (mut outcome, searched) = self.steps.outcome(set, pairs.as_deref());

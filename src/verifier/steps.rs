@@ -102,7 +102,7 @@ impl Steps {
     #[cfg(test)]
     pub fn falsify(&mut self) {
         let last = self.last.as_mut().expect("a frame before");
-        last.comparison.changes.push(crate::certificate::Change {
+        last.comparison.changes.push(crate::verdict::Change {
             i: 0,
             j: 1,
             expected: 1,

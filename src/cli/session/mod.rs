@@ -479,7 +479,7 @@ impl Session {
         let mut summaries = Vec::new();
         let start = Instant::now();
         for queue in std::mem::take(&mut self.queues) {
-            let complete = queue.is_to_be_complete();
+            let complete = queue.requires_all_frames();
             let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
             let all = plural(summary.written + summary.dropped, "frame");
             match &summary.failed {

@@ -122,7 +122,7 @@ impl MovingEdges<BigInt> {
             if g.is_zero() {
                 return 0;
             }
-            let g = &g.clone().without_ends();
+            let g = &g.clone().without_roots_at_ends();
             let ends = [&interval.from, &interval.to].map(|t| g.sign_at(t));
             let constant =
                 ends[0] == ends[1] && ends[0] != 0 && g.signs_at_roots(&one, interval) == 0;
@@ -208,12 +208,12 @@ pub(super) fn events(before: &Edges, after: &Edges, ties: Ties) -> Option<Vec<Ev
         return Some([0, 1].into_iter().filter_map(unchanged).collect());
     }
     // Edges that do not touch at an end of the step have no passage next to it.
-    let plane = plane.without_ends();
+    let plane = plane.without_roots_at_ends();
     let free = plane.square_free();
     let mut roots = Vec::new();
     free.isolate(Interval::step(), &mut roots);
     for interval in &mut roots {
-        interval.leave_the_ends(&free);
+        interval.exclude_ends(&free);
     }
     let mut net_passages = |interval: &Interval| {
         translated
@@ -308,11 +308,11 @@ impl<R: Ring> MovingEdges<R> {
         // b, d - b. The other way round: a - c, b - c, and a - d, b - d.
         let from = |p: &Track<R>, edge: &Track<R>| [0, 1, 2].map(|x| p[x].minus(&edge[x]));
         let (from_b, from_d) = (from(c, &self.first), from(a, &self.second));
-        let handed_over = handed_over(c, d, interval, w, -1)
-            - handed_over(&from_b, &sum(&from_b, &self.second), interval, w, -1)
-            - handed_over(a, b, interval, w, 1)
-            + handed_over(&from_d, &sum(&from_d, &self.first), interval, w, 1);
-        crossings - handed_over
+        let net_gain = net_gain(c, d, interval, w, -1)
+            - net_gain(&from_b, &sum(&from_b, &self.second), interval, w, -1)
+            - net_gain(a, b, interval, w, 1)
+            + net_gain(&from_d, &sum(&from_d, &self.first), interval, w, 1);
+        crossings - net_gain
     }
 
     /// Returns the contribution of the pair to the linking number at time `t`, seen against axis
@@ -331,7 +331,7 @@ impl<R: Ring> MovingEdges<R> {
 /// under (1) the other edge, seen against axis `w`.
 ///
 /// `x` and `y` are the vectors from that end to the ends of the other edge.
-fn handed_over<R: Ring>(
+fn net_gain<R: Ring>(
     x: &Track<R>,
     y: &Track<R>,
     interval: &Interval,
@@ -351,8 +351,8 @@ fn handed_over<R: Ring>(
         .filter(|root| {
             let start = root.sign_of(&x[u]);
             start * root.sign_of(&y[u]) < 0
-                && root.sign_of(&interval.from.passed()) > 0
-                && root.sign_of(&interval.to.passed()) < 0
+                && root.sign_of(&interval.from.linear_factor()) > 0
+                && root.sign_of(&interval.to.linear_factor()) < 0
                 && start * root.sign_of(&lift) == height
         })
         .map(|root| root.direction)

@@ -167,7 +167,7 @@ impl Search<'_> {
                 return true;
             }
         }
-        let signs = piece.volume.map(|v| certain(v, bound));
+        let signs = piece.volume.map(|v| certain_sign(v, bound));
         if signs[0] * signs[3] == -1 && (signs[1] == signs[0] || signs[2] == signs[3]) {
             // One change of sign, whatever the signs of the uncertain coefficients are.
             return self.root(piece, bound, side_bound);
@@ -187,9 +187,9 @@ impl Search<'_> {
         // Twice as wide as the uncertainty of the values.
         let width = (2.0 * bound / slope.abs()).max(f64::EPSILON);
         let (lo, hi) = ((time - width).max(0.0), (time + width).min(1.0));
-        let direction = certain(piece.volume[3], bound);
-        let bracketed = certain(value(&piece.volume, lo), bound) == -direction
-            && certain(value(&piece.volume, hi), bound) == direction;
+        let direction = certain_sign(piece.volume[3], bound);
+        let bracketed = certain_sign(value(&piece.volume, lo), bound) == -direction
+            && certain_sign(value(&piece.volume, hi), bound) == direction;
         if !bracketed {
             return false;
         }
@@ -202,7 +202,7 @@ impl Search<'_> {
             let unit = self.bounds.sides[k / 2];
             let bound = (side_bound + 2.0 * SIDE_BOUND[1]) * unit + 1.01 * steep * (hi - lo);
             let value = value(&[g0, g1, g2], time);
-            (value, certain(value, bound))
+            (value, certain_sign(value, bound))
         };
         let [a, b, c, d] = [0, 1, 2, 3].map(side);
         match (a.1 * b.1, c.1 * d.1) {
@@ -276,7 +276,7 @@ fn dot(p: Point, q: Point) -> f64 {
 
 /// Returns the sign of a number with an error of at most `bound`, or 0 if it is uncertain.
 #[inline(always)]
-fn certain(x: f64, bound: f64) -> i32 {
+fn certain_sign(x: f64, bound: f64) -> i32 {
     i32::from(x > bound) - i32::from(x < -bound)
 }
 

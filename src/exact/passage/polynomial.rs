@@ -38,7 +38,7 @@ impl Dyadic {
     }
 
     /// Returns a polynomial that is positive after this time and negative before it.
-    pub fn passed<R: Ring>(&self) -> Polynomial<R> {
+    pub fn linear_factor<R: Ring>(&self) -> Polynomial<R> {
         let slope = BigInt::from(1) << self.exponent;
         Polynomial::new([-&self.numerator, slope].map(R::from))
     }
@@ -89,7 +89,7 @@ impl Interval {
 
     /// Shortens this interval until it does not begin at time 0 and does not end at time 1. Keeps
     /// the single simple root of `f`, which is at neither.
-    pub fn leave_the_ends<R: Ring>(&mut self, f: &Polynomial<R>) {
+    pub fn exclude_ends<R: Ring>(&mut self, f: &Polynomial<R>) {
         let before = f.sign_at(&self.from);
         let ends = Interval::step();
         while self.from.is(&ends.from) || self.to.is(&ends.to) {
@@ -221,7 +221,7 @@ impl<R: Ring> Polynomial<R> {
 
     /// Returns this polynomial, which is not 0, without its roots at the times 0 and 1. The result
     /// has the same sign between them.
-    pub fn without_ends(mut self) -> Self {
+    pub fn without_roots_at_ends(mut self) -> Self {
         let number = |n: i32| R::from(BigInt::from(n));
         for (end, factor) in [(0, [0, 1]), (1, [1, -1])] {
             while self.sign_at(&Dyadic::new(end, 0)) == 0 {
@@ -490,7 +490,7 @@ mod tests {
         /// Every root between the ends of the step gets a separate interval and its time.
         #[test]
         fn isolates_every_root_and_finds_its_time(roots in roots()) {
-            let f = with_roots(&roots).without_ends();
+            let f = with_roots(&roots).without_roots_at_ends();
             let free = f.square_free();
             let mut found = Vec::new();
             free.isolate(Interval::step(), &mut found);
@@ -517,7 +517,7 @@ mod tests {
             prop_assume!(!f.is_zero() && f.sign_at(&within.from) * f.sign_at(&within.to) != 0);
             prop_assume!(f.square_free().coefficients().len() == f.coefficients().len());
             let inside: Vec<_> = Root::all(&f).into_iter().filter(|root| {
-                root.sign_of(&within.from.passed()) > 0 && root.sign_of(&within.to.passed()) < 0
+                root.sign_of(&within.from.linear_factor()) > 0 && root.sign_of(&within.to.linear_factor()) < 0
             }).collect();
             let signs: i32 = inside.iter().map(|root| root.sign_of(&g)).sum();
             prop_assert_eq!(signs, f.signs_at_roots(&g, &within));
@@ -543,8 +543,8 @@ mod tests {
         let roots = Root::all(&f);
         assert_eq!(roots.len(), 2);
         let root = roots.iter().find(|r| r.direction == 1).unwrap();
-        assert_eq!(root.sign_of(&Dyadic::new(0, 0).passed()), 1);
-        assert_eq!(root.sign_of(&Dyadic::new(1, 1000).passed()), -1);
+        assert_eq!(root.sign_of(&Dyadic::new(0, 0).linear_factor()), 1);
+        assert_eq!(root.sign_of(&Dyadic::new(1, 1000).linear_factor()), -1);
         let less = |k: u32| Polynomial::new([Infinitesimal::zero().minus(&e(k)), one.clone()]);
         assert_eq!(root.sign_of(&less(1)), 1);
         assert_eq!(root.sign_of(&f), 0);

@@ -3,10 +3,9 @@
 
 use super::passages::Findings;
 use super::task::Task;
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{Box3, BoxGroup, LANES, Lanes, Portable};
+use crate::curve::{Box3, BoxGroup};
 use crate::pairs::{Agenda, CurveTree, Node, Query, SegmentPairs, descend, overlapping};
+use crate::simd::{LANES, Lanes, Portable, dispatch};
 use std::ops::Range;
 use std::sync::atomic::Ordering;
 
@@ -60,22 +59,9 @@ impl Task<'_> {
         self.visit(Visit::Agenda, gathered);
     }
 
-    /// Makes a part of the visits. Uses AVX2 if available.
+    /// Makes a part of the visits.
     fn visit(&self, visit: Visit, gathered: &mut Gathered) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::detect() {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token proves that the CPU has these instructions.
-            return unsafe { self.visit_avx2(avx2, visit, gathered) };
-        }
-        self.visit_with(Portable, visit, gathered);
-    }
-
-    /// [`Task::visit_with`], compiled with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn visit_avx2(&self, avx2: Avx2, visit: Visit, gathered: &mut Gathered) {
-        self.visit_with(avx2, visit, gathered);
+        dispatch!(simd => self.visit_with(simd, visit, gathered))
     }
 
     #[inline(always)]

@@ -101,7 +101,7 @@ pub(crate) struct Touching {
 
 /// Findings of a step about contacts.
 #[derive(Debug, Default)]
-pub(crate) struct Settled {
+pub(crate) struct Followed {
     /// Passages through contacts that ended.
     pub events: Vec<PullThrough>,
     /// Contacts that ended, but whose sum of passages is unknown.
@@ -140,24 +140,24 @@ impl Contacts {
     /// Follows the contacts of the first frame of a step to the last one. `found` has all contacts
     /// of the step, sorted by pair. An undecided pair has none in `found`: its contacts are
     /// discarded, and the sums of those that the next step finds are unknown.
-    pub(super) fn settle(&self, found: &[Contact], frames: [&CurveSet; 2]) -> Settled {
-        let mut settled = Settled::default();
+    pub(super) fn follow(&self, found: &[Contact], frames: [&CurveSet; 2]) -> Followed {
+        let mut followed = Followed::default();
         for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
             let pair = found[0].pair();
             let from = self.components.partition_point(|c| c.pair < pair);
             let to = self.components.partition_point(|c| c.pair <= pair);
-            settle_pair(&self.components[from..to], found, frames, &mut settled);
+            follow_pair(&self.components[from..to], found, frames, &mut followed);
         }
-        settled
+        followed
     }
 }
 
-/// [`Contacts::settle`] for one pair of curves.
-fn settle_pair(
+/// [`Contacts::follow`] for one pair of curves.
+fn follow_pair(
     open: &[Component],
     found: &[Contact],
     frames: [&CurveSet; 2],
-    settled: &mut Settled,
+    followed: &mut Followed,
 ) {
     let pair = found[0].pair();
     let (start, end): (Vec<&Contact>, Vec<&Contact>) = found.iter().partition(|c| c.at_start());
@@ -201,19 +201,19 @@ fn settle_pair(
                     sign: sum.signum(),
                     ..c.event
                 });
-                settled.events.extend((0..sum.abs()).filter_map(|_| event));
+                followed.events.extend((0..sum.abs()).filter_map(|_| event));
             }
             Passed::Unknown => {
                 let defect = start
                     .iter()
                     .find(is_in_component)
                     .map(|c| defect(c, frames[1]));
-                settled.undecided.extend(defect);
+                followed.undecided.extend(defect);
             }
         }
     }
-    settled.touching.extend(touching(&ends, &end, frames[1]));
-    settled.contacts.components.extend(ends);
+    followed.touching.extend(touching(&ends, &end, frames[1]));
+    followed.contacts.components.extend(ends);
 }
 
 /// Maps each pair of segments to its component.

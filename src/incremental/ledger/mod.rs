@@ -51,9 +51,10 @@
 //! same place of both curves, within the proven accuracy of times, cancel: nothing passed through.
 //! Two real passages that cancel are at different times or places.
 
+mod cancellation;
 mod candidates;
 mod contact;
-mod net;
+
 mod outcome;
 mod pair;
 mod passages;
@@ -152,14 +153,14 @@ impl Ledger {
             return Outcome::default();
         }
         let (mut outcome, found) = self.search([before, after], coverage, pairs.as_deref());
-        let settled = contacts.settle(&found, [before, after]);
-        outcome.events.extend(settled.events);
+        let followed = contacts.follow(&found, [before, after]);
+        outcome.events.extend(followed.events);
         sort(&mut outcome.events);
         sort(&mut outcome.unresolved);
-        outcome.undecided.extend(settled.undecided);
+        outcome.undecided.extend(followed.undecided);
         outcome.undecided.sort_by_key(|d| (d.i, d.j));
-        outcome.touching = settled.touching;
-        outcome.contacts = settled.contacts;
+        outcome.touching = followed.touching;
+        outcome.contacts = followed.contacts;
         outcome
     }
 

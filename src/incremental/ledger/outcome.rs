@@ -1,9 +1,9 @@
 //! Result of a step of the ledger, and its work counters.
 
 use super::contact::{Contacts, Touching};
-use crate::certificate::{Comparison, Link};
+use crate::certificate::Comparison;
 use crate::pairs::Pair;
-use crate::verdict::{Defect, PullThrough};
+use crate::verdict::{Defect, Link, PullThrough};
 use std::collections::BTreeMap;
 
 /// Result of a step.

@@ -1,16 +1,15 @@
 //! Passages of one pair of curves, or of a curve and itself.
 
+use super::cancellation::cancel;
 use super::candidates::Gathered;
 use super::contact::Contact;
-use super::net::cancel;
 use super::outcome::Counts;
 use super::passages::Findings;
 use super::pieces::Cuts;
 use super::task::{Step, Task};
 use super::unresolved::far_and_cancelling;
-use crate::certificate::Link;
 use crate::pairs::{Pair, closest_of_segments};
-use crate::verdict::{Defect, DefectKind, PullThrough};
+use crate::verdict::{Defect, DefectKind, Link, PullThrough};
 
 /// Results of one task.
 #[derive(Debug, Default)]

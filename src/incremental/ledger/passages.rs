@@ -1,7 +1,7 @@
 //! Passages of two edges of polylines, or of the pieces of two spline segments.
 
+use super::cancellation::Found;
 use super::contact::Contact;
-use super::net::Found;
 use super::outcome::Counts;
 use super::pieces::{Cuts, MovingBoxes, PIECES, Vertex};
 use super::task::Task;

@@ -1,7 +1,7 @@
 //! Tests of the ledger against linking numbers, against all pairs of pieces, and against planted
 //! passages.
 
-use super::net::{Found, cancel};
+use super::cancellation::{Found, cancel};
 use super::pair::Part;
 use super::planted::{Plant, Random, planted_step};
 use super::*;

@@ -33,11 +33,10 @@ use super::clearance::typical_clearance;
 use super::covered::Covered;
 use super::gap::{DEPTH, GOOD, distance, gap, least_component};
 use crate::certificate::Certificate;
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{Basis, Box3, CurveSet, Lanes, Point, Portable, pow2};
+use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Trees, descend};
+use crate::simd::{Lanes, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -131,7 +130,8 @@ impl<'a> Allowances<'a> {
         pairs
             .par_iter()
             .for_each_init(Buffers::default, |buffers, &(i, j)| {
-                self.keep_apart([i as usize, j as usize], within, buffers);
+                let curves = [i as usize, j as usize];
+                dispatch!(simd => self.keep_apart(simd, curves, within, buffers));
             });
         self.slots
             .into_iter()
@@ -152,27 +152,9 @@ impl<'a> Allowances<'a> {
         self.lower(self.covered.set.body(i), most);
     }
 
-    /// Applies the bounds that keep segments of two curves apart, or of a curve and itself. Uses
-    /// AVX2 if available.
-    fn keep_apart(&self, curves: [usize; 2], within: f32, buffers: &mut Buffers) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::detect() {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the token proves that the CPU has these instructions.
-            return unsafe { self.keep_apart_avx2(avx2, curves, within, buffers) };
-        }
-        self.keep_apart_with(Portable, curves, within, buffers);
-    }
-
-    /// [`Allowances::keep_apart_with`], compiled with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn keep_apart_avx2(&self, avx2: Avx2, curves: [usize; 2], within: f32, buffers: &mut Buffers) {
-        self.keep_apart_with(avx2, curves, within, buffers);
-    }
-
+    /// Applies the bounds that keep segments of two curves apart, or of a curve and itself.
     #[inline(always)]
-    fn keep_apart_with<L: Lanes>(
+    fn keep_apart<L: Lanes>(
         &self,
         simd: L,
         curves: [usize; 2],

@@ -2,9 +2,10 @@
 
 use super::covered::Covered;
 use super::gap::{distance, near_points};
-use crate::curve::{Box3, BoxGroup, LANES};
+use crate::curve::{Box3, BoxGroup};
 use crate::discretize::Hull;
 use crate::pairs::{Node, Trees};
+use crate::simd::LANES;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

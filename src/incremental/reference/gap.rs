@@ -60,7 +60,7 @@ fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
 pub(super) fn near_points(a: &Hull, b: &Hull) -> [Point; 2] {
     let [[p0, p3], [q0, q3]] = [a, b].map(|h| [0, 3].map(|k| h.point(k)));
     let [p, q] = closest_points(p0, p3, q0, q3);
-    [a.beside(p), b.beside(q)]
+    [a.curve_point_near(p), b.curve_point_near(q)]
 }
 
 /// Returns the gap between two hulls, each of which contains one of the points, along the best axis

@@ -6,8 +6,9 @@
 //! remains in a direction, the linking number is 0. Most pairs of a garment are decided here.
 
 use super::Direction;
-use crate::curve::{Box3, BoxGroup, LANES, Lanes};
+use crate::curve::{Box3, BoxGroup};
 use crate::pairs::{Agenda, CurveTree, Node};
+use crate::simd::{LANES, Lanes};
 
 /// Number of node pairs at which the pass stops and chooses.
 const ENOUGH: usize = 192;

@@ -2,11 +2,10 @@
 //! decide one at a time, exactly.
 
 use super::gather::Task;
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
 use crate::curve::{Knots, Point, ReadKnots};
 use crate::discretize::{Sieve, Splits, pieces_between};
 use crate::exact::{Batch, Crossing, Predicates, crossing, segments_touch};
+use crate::simd::dispatch;
 use crate::verdict::Stats;
 use std::ops::ControlFlow;
 
@@ -75,20 +74,7 @@ impl SignedCount {
         if task.input.cancelled() {
             return;
         }
-        #[cfg(target_arch = "x86_64")]
-        if Avx2::detect().is_some() {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the feature has just been detected.
-            return unsafe { self.add_avx2(task, tests) };
-        }
-        self.add(task, tests);
-    }
-
-    /// [`SignedCount::add`], compiled with AVX2.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-    fn add_avx2(&mut self, task: &Task<'_>, tests: &[(u32, u32)]) {
-        self.add(task, tests);
+        dispatch!(self.add(task, tests));
     }
 
     /// Adds candidates of whole segments.

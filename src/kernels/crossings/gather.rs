@@ -4,13 +4,10 @@
 //! A task with much work left splits its node pairs in two halves and runs them in parallel. The
 //! split depends on the curves alone, so the result is deterministic.
 
-use super::evaluate::SignedCount;
 use super::{Input, Workspace};
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{Lanes, Portable};
 use crate::discretize::Separation;
 use crate::pairs::{Query, SegmentPairs, descend};
+use crate::simd::{Lanes, dispatch};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of candidates after which they are evaluated.
@@ -153,7 +150,7 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
 fn split(task: &Task<'_>, workspace: &mut Workspace) {
     let workspaces = task.input.workspaces;
     let mut other = workspaces.take();
-    other.count = SignedCount::default();
+    other.count = Default::default();
     other.candidates.clear();
     other.agenda.clear();
     // Alternating node pairs, because those at the start of the agenda have more work below them.
@@ -175,18 +172,5 @@ fn split(task: &Task<'_>, workspace: &mut Workspace) {
 
 /// Runs [`gather`] with the best instruction set of the CPU.
 pub(super) fn resume(task: &Task<'_>, workspace: &mut Workspace) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = Avx2::detect() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token proves that the CPU supports these instructions.
-        return unsafe { resume_avx2(avx2, task, workspace) };
-    }
-    gather(Portable, task, workspace);
-}
-
-/// [`gather`], compiled with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-fn resume_avx2(avx2: Avx2, task: &Task<'_>, workspace: &mut Workspace) {
-    gather(avx2, task, workspace);
+    dispatch!(simd => gather(simd, task, workspace))
 }

@@ -45,11 +45,10 @@ pub use self::tasks::Parallelism;
 pub(crate) use self::tasks::{linking_numbers, parallelism};
 use super::Linking;
 use crate::cancel::Cancel;
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{CurveSet, Lanes, Portable};
+use crate::curve::CurveSet;
 use crate::discretize::Halving;
 use crate::pairs::{Agenda, Pair, Trees, closest_approach, closest_of_segments};
+use crate::simd::{Lanes, dispatch};
 use crate::verdict::{DefectKind, Stats};
 use std::sync::{Mutex, PoisonError};
 
@@ -162,26 +161,7 @@ pub(crate) fn linking_number(
     fixed: Option<Direction>,
     workspace: &mut Workspace,
 ) -> Linking {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = Avx2::detect() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token proves that the CPU supports these instructions.
-        return unsafe { with_avx2(avx2, input, pair, fixed, workspace) };
-    }
-    compute(Portable, input, pair, fixed, workspace)
-}
-
-/// [`compute`], compiled with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-fn with_avx2(
-    avx2: Avx2,
-    input: Input<'_>,
-    pair: Pair,
-    fixed: Option<Direction>,
-    workspace: &mut Workspace,
-) -> Linking {
-    compute(avx2, input, pair, fixed, workspace)
+    dispatch!(simd => compute(simd, input, pair, fixed, workspace))
 }
 
 #[inline(always)]

@@ -1,9 +1,9 @@
 //! Estimate of the work of a pair, from a sample.
 
 use super::{Input, SignedCount, Workspace, direction, gather};
-use crate::curve::Portable;
 use crate::kernels::KernelWork;
 use crate::pairs::{Agenda, Pair, Query, SegmentPairs, descend};
+use crate::simd::Portable;
 use crate::verdict::Stats;
 
 /// Buffers of a sample.

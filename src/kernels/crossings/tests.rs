@@ -6,6 +6,7 @@ use crate::kernels::conformance::polygons::{
     Polygon, Random, exact_set_of, floats, set_of, winding,
 };
 use crate::kernels::oracle;
+use crate::simd::Portable;
 use rayon::prelude::*;
 
 /// Returns the linking number by the kernel, in one direction or in the one that it chooses.

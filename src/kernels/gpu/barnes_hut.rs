@@ -1,11 +1,11 @@
 //! Barnes-Hut for all pairs of curves at once. Both trees are descended level by level, all node
 //! pairs of a level in parallel.
 //!
-//! The expansion and its remainder are those of [`crate::kernels::sums::barnes_hut`]. The trees are its
-//! trees, built from the uploaded vertices, with leaves of 16 segments. The difference is single
-//! precision: moments are divided by the length and by powers of the radius of their node, and the
-//! distance is the unit of length, so that no product underflows. Pairs of leaves that are not
-//! expanded become tiles of the direct sum ([`super::direct`]).
+//! The expansion and its remainder are those of [`crate::kernels::sums::barnes_hut`]. The trees are
+//! its trees, built from the uploaded vertices, with leaves of 16 segments. The difference is
+//! single precision: moments are divided by the length and by powers of the radius of their node,
+//! and the distance is the unit of length, so that no product underflows. Pairs of leaves that are
+//! not expanded become tiles of the direct sum ([`super::direct`]).
 //!
 //! # Bound of the rounding error
 //!

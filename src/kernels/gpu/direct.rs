@@ -3,9 +3,9 @@
 //!
 //! # Formula
 //!
-//! The terms are those of [`crate::kernels::sums::direct`], divided by the distances, so that no product
-//! of lengths underflows. Let `a = l0 - k0`, `b = l0 - k1`, `c = l1 - k1`, `d = l1 - k0`, let
-//! `a^ ..` be their unit vectors, and let `e = k1 - k0`, `f = l1 - l0`. Then
+//! The terms are those of [`crate::kernels::sums::direct`], divided by the distances, so that no
+//! product of lengths underflows. Let `a = l0 - k0`, `b = l0 - k1`, `c = l1 - k1`, `d = l1 - k0`,
+//! let `a^ ..` be their unit vectors, and let `e = k1 - k0`, `f = l1 - l0`. Then
 //!
 //! ```text
 //! q  = (a^ . (f x e)) / |c|                     P1 = q / |b|     P2 = q / |d|
@@ -35,8 +35,8 @@
 //!   are above that.
 //! * Let `m = min(max(D1, |P1|), max(D2, |P2|))`. If `(delta_P1 + delta_P2 + 2 delta_D) / m <= 1/8`
 //!   ([`DOUBT`] is less), the computed and the true `z1` are on the same side of the negative axis,
-//!   as in [`crate::kernels::sums::direct::block`], and with `|z1| >= max(D1, |P1|)` their arguments
-//!   differ by
+//!   as in [`crate::kernels::sums::direct::block`], and with `|z1| >= max(D1, |P1|)` their
+//!   arguments differ by
 //!   `asin((|D1| delta_P1 + |P1| delta_D) / (|z1| |z1'|))`, which is at most
 //!   `1.15 (delta_P1 + delta_D |P1| / m) / m`. The same holds for `z2`.
 //! * The product is off by `4 u (|D1 D2| + |P1 P2|)` in its real part and by

@@ -87,7 +87,8 @@ fn structs_have_the_same_layout_in_rust_and_in_shaders() {
     same_layout!(Roots: first, count);
     same_layout!(Undecided: pair, upper, lower);
     same_layout!(
-        Node: centre, radius, centre_rest, length, second, fourth, first, segments, tangents, right, leaf, moments, padding
+        Node: centre, radius, centre_rest, length, second, fourth, first, segments, tangents,
+        right, leaf, moments, padding
     );
     same_layout!(NodePair: pair, first, second);
     same_layout!(Criterion: beta, share);
@@ -402,8 +403,8 @@ fn sums_have_the_same_bits_on_every_run_and_for_either_order_of_the_curves() {
     }
 }
 
-/// A scene with so many strands so close together that the error bound of single precision is above
-/// 1/2.
+/// A scene with many strands close to one another, for which the error bound of single precision
+/// exceeds 1/2.
 const CROWDED: &str = "woundball:segments=20001,crossings=300";
 
 #[test]

@@ -1,12 +1,14 @@
 //! Conversions of the messages in a recording from and to library types.
 
 use super::schema;
-use crate::certificate::{Certificate, Change, Link};
+use crate::certificate::Certificate;
 use crate::curve::{Basis, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::{Route, Work};
 use crate::sinks::BaselineRecord;
-use crate::verdict::{Defect, DefectKind, Place, PullThrough, Report, Stats, Verdict};
+use crate::verdict::{
+    Change, Defect, DefectKind, Link, Place, PullThrough, Report, Stats, Verdict,
+};
 use std::sync::Arc;
 
 /// Compiled form of `schemas/linkwatch.proto`: the schema that every recording carries.

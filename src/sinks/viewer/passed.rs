@@ -3,8 +3,7 @@
 
 use super::local;
 use crate::curve::{CurveSet, Point};
-use crate::verdict::PullThrough;
-use crate::verdict::Report;
+use crate::verdict::{PullThrough, Report};
 use std::collections::VecDeque;
 
 /// Maximum number of marks, the newest; more would hide the curves.

@@ -1,6 +1,7 @@
 //! Destinations of the viewer sink: a file for later, a running viewer, or one to start.
 
-use super::{APPLICATION, failed};
+use super::names::APPLICATION;
+use super::stream::failed;
 use crate::error::Result;
 use rerun::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
 use std::net::{TcpStream, ToSocketAddrs};

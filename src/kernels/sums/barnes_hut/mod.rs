@@ -21,13 +21,12 @@ mod tests;
 mod trees;
 
 use super::{Estimate, Summation};
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
 use crate::curve::CurveSet;
 use crate::pairs::Pair;
 #[cfg(feature = "gpu")]
 pub(crate) use packed::{LEAF_SEGMENTS, PackedNode, pack};
 
+use crate::simd::dispatch;
 use bound::{Bounds, OUTWARD, ROUNDING, bounds};
 use evaluate::{BATCH, expand_batch, next_order};
 use rayon::prelude::*;
@@ -382,25 +381,11 @@ impl Walk<'_> {
 
     /// Sums all node pairs of the agenda.
     fn run(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
-        #[cfg(target_arch = "x86_64")]
-        if Avx2::detect().is_some() {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the CPU supports these instructions.
-            return unsafe { self.run_avx2(agenda, sum) };
-        }
-        self.run_with(agenda, sum)
-    }
-
-    /// [`Walk::run_with`], compiled with AVX2: the same operations, none of them fused, so the
-    /// results have the same bits.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn run_avx2(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
-        self.run_with(agenda, sum)
+        dispatch!(self.run_inline(agenda, sum))
     }
 
     #[inline(always)]
-    fn run_with(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
+    fn run_inline(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
         let [first, second] = self.trees;
         let reach = [&first.reach[..], &second.reach[..]];
         let moments = [&first.moments[..], &second.moments[..]];

@@ -59,8 +59,8 @@ impl Node {
 /// Tree of a closed curve.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
-    /// Vertices, as an array for each axis. The first vertex is repeated at the end until the last
-    /// leaf is full, and once more.
+    /// Vertices, as an array for each axis: one more than all leaves together have segments. Copies
+    /// of the first vertex fill the end.
     pub vertices: [Vec<f64>; 3],
     pub reach: Vec<Reach>,
     pub moments: Vec<Moments>,

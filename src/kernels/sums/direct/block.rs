@@ -50,6 +50,7 @@
 //! those of a single pair (see above).
 
 use crate::kernels::Estimate;
+use crate::simd::{Simd, dispatch_wide};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Method to sum the angles. Both methods have the same bound, up to rounding.
@@ -84,54 +85,7 @@ const MORE: usize = 8;
 /// Returns the contribution of two strips to the linking number: all pairs of a segment of one and
 /// a segment of the other.
 pub(crate) fn gauss_sum(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-        let wide = std::arch::is_x86_feature_detected!("avx512f")
-            && std::arch::is_x86_feature_detected!("avx512dq");
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the features have just been detected.
-        return unsafe {
-            match wide {
-                true => gauss_sum_avx512(formula, rows, columns),
-                false => gauss_sum_avx2(formula, rows, columns),
-            }
-        };
-    }
-    sum_all::<false>(formula, rows, columns)
-}
-
-/// Returns [`gauss_sum`] without special instructions, and with AVX2 if the CPU supports it.
-#[cfg(test)]
-pub(super) fn narrower(
-    formula: Formula,
-    rows: Strip<'_>,
-    columns: Strip<'_>,
-) -> (Estimate, Option<Estimate>) {
-    let portable = sum_all::<false>(formula, rows, columns);
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the features have just been detected.
-        return (
-            portable,
-            Some(unsafe { gauss_sum_avx2(formula, rows, columns) }),
-        );
-    }
-    (portable, None)
-}
-
-/// [`sum_all`], compiled with AVX-512. The results have the same bits as with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,avx512f,avx512dq")]
-fn gauss_sum_avx512(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
-    sum_all::<true>(formula, rows, columns)
-}
-
-/// [`sum_all`], compiled with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn gauss_sum_avx2(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
-    sum_all::<true>(formula, rows, columns)
+    dispatch_wide!(simd => sum_all(simd, formula, rows, columns))
 }
 
 #[inline(always)]
@@ -144,18 +98,24 @@ fn many(columns: Strip<'_>) -> Block<{ COLUMNS + MORE }> {
     Block::new(columns)
 }
 
+/// [`gauss_sum`] for an instruction set. The results have the same bits with AVX2 and AVX-512.
 #[inline(always)]
-fn sum_all<const FMA: bool>(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -> Estimate {
+pub(super) fn sum_all<S: Simd>(
+    _simd: S,
+    formula: Formula,
+    rows: Strip<'_>,
+    columns: Strip<'_>,
+) -> Estimate {
     let mut sum = Sum::default();
     let last = columns[0].len().saturating_sub(1);
     for first in (0..last).step_by(COLUMNS) {
         let end = last.min(first + COLUMNS);
         let columns = columns.map(|v| &v[first..=end]);
         sum.add(match (formula, end - first <= FEW) {
-            (Formula::Arctangent, true) => few(columns).sum::<FMA, false>(rows),
-            (Formula::Arctangent, false) => many(columns).sum::<FMA, false>(rows),
-            (Formula::AngleSum, true) => few(columns).sum::<FMA, true>(rows),
-            (Formula::AngleSum, false) => many(columns).sum::<FMA, true>(rows),
+            (Formula::Arctangent, true) => few(columns).sum::<S, false>(rows),
+            (Formula::Arctangent, false) => many(columns).sum::<S, false>(rows),
+            (Formula::AngleSum, true) => few(columns).sum::<S, true>(rows),
+            (Formula::AngleSum, false) => many(columns).sum::<S, true>(rows),
         });
     }
     sum.estimate()
@@ -189,15 +149,15 @@ impl Sum {
     }
 }
 
-/// Returns `a b + c`, rounded once if `FMA`.
+/// Returns `a b + c`, rounded once if the CPU has FMA.
 #[inline(always)]
-fn fma<const FMA: bool>(a: f64, b: f64, c: f64) -> f64 {
-    if FMA { a.mul_add(b, c) } else { a * b + c }
+fn fma<S: Simd>(a: f64, b: f64, c: f64) -> f64 {
+    if S::FMA { a.mul_add(b, c) } else { a * b + c }
 }
 
 #[inline(always)]
-fn dot<const FMA: bool>(a: [f64; 3], b: [f64; 3]) -> f64 {
-    fma::<FMA>(a[0], b[0], fma::<FMA>(a[1], b[1], a[2] * b[2]))
+fn dot<S: Simd>(a: [f64; 3], b: [f64; 3]) -> f64 {
+    fma::<S>(a[0], b[0], fma::<S>(a[1], b[1], a[2] * b[2]))
 }
 
 #[inline(always)]
@@ -261,13 +221,13 @@ impl<const N: usize> Block<N> {
     }
 
     #[inline(always)]
-    fn sum<const FMA: bool, const PRODUCT: bool>(&mut self, rows: Strip<'_>) -> Estimate {
+    fn sum<S: Simd, const PRODUCT: bool>(&mut self, rows: Strip<'_>) -> Estimate {
         let n = self.filled.min(N - MORE);
         for j in 0..n {
             let f = minus(self.vertex(j + 1), self.vertex(j));
             let [x, y, z] = &mut self.edges;
             (x[j], y[j], z[j]) = (f[0], f[1], f[2]);
-            self.lengths[j] = dot::<FMA>(f, f).sqrt();
+            self.lengths[j] = dot::<S>(f, f).sqrt();
         }
         if PRODUCT {
             self.sums[0] = [1.0; N];
@@ -278,73 +238,73 @@ impl<const N: usize> Block<N> {
             return Sum::default().estimate();
         };
         let point = |i: usize| [x[i], y[i], z[i]];
-        self.start::<FMA>(point(0), n);
+        self.start::<S>(point(0), n);
         for i in 0..end {
-            self.row::<FMA, PRODUCT>(point(i), point(i + 1), n);
+            self.row::<S, PRODUCT>(point(i), point(i + 1), n);
         }
-        self.finish::<FMA, PRODUCT>(end, n)
+        self.finish::<S, PRODUCT>(end, n)
     }
 
     /// Computes distances and dot products from the first vertex of all rows, as if it were the end
     /// of a row.
     #[inline(always)]
-    fn start<const FMA: bool>(&mut self, k: [f64; 3], n: usize) {
+    fn start<S: Simd>(&mut self, k: [f64; 3], n: usize) {
         for j in 0..n + 4 {
             let a = minus(self.vertex(j), k);
-            self.near[1][j] = dot::<FMA>(a, a).sqrt();
+            self.near[1][j] = dot::<S>(a, a).sqrt();
         }
         for j in 0..n {
             let (a, d) = (minus(self.vertex(j), k), minus(self.vertex(j + 1), k));
-            self.along[1][j] = dot::<FMA>(a, d);
+            self.along[1][j] = dot::<S>(a, d);
         }
     }
 
     /// Adds the angles of one row, the segment `k0 k1`.
     #[inline(always)]
-    fn row<const FMA: bool, const PRODUCT: bool>(&mut self, k0: [f64; 3], k1: [f64; 3], n: usize) {
+    fn row<S: Simd, const PRODUCT: bool>(&mut self, k0: [f64; 3], k1: [f64; 3], n: usize) {
         let e = minus(k1, k0);
-        let length = 12.0 * U * dot::<FMA>(e, e).sqrt();
+        let length = 12.0 * U * dot::<S>(e, e).sqrt();
         self.near.swap(0, 1);
         self.along.swap(0, 1);
         for j in 0..n + 4 {
             let l = self.vertex(j);
             let (a, b) = (minus(l, k0), minus(l, k1));
-            self.across[j] = dot::<FMA>(a, b);
-            self.near[1][j] = dot::<FMA>(b, b).sqrt();
+            self.across[j] = dot::<S>(a, b);
+            self.near[1][j] = dot::<S>(b, b).sqrt();
         }
         for j in 0..n {
             let (l0, l1) = (self.vertex(j), self.vertex(j + 1));
             let (a, b, c) = (minus(l0, k0), minus(l0, k1), minus(l1, k1));
             let (na, nd) = (self.near[0][j], self.near[0][j + 1]);
             let (nb, nc) = (self.near[1][j], self.near[1][j + 1]);
-            let bc = dot::<FMA>(b, c);
+            let bc = dot::<S>(b, c);
             self.along[1][j] = bc;
             let f = [self.edges[0][j], self.edges[1][j], self.edges[2][j]];
             let cross = [
-                fma::<FMA>(f[1], e[2], -(f[2] * e[1])),
-                fma::<FMA>(f[2], e[0], -(f[0] * e[2])),
-                fma::<FMA>(f[0], e[1], -(f[1] * e[0])),
+                fma::<S>(f[1], e[2], -(f[2] * e[1])),
+                fma::<S>(f[2], e[0], -(f[0] * e[2])),
+                fma::<S>(f[0], e[1], -(f[1] * e[0])),
             ];
-            let p = dot::<FMA>(a, cross);
-            let diagonal = fma::<FMA>(na, nc, dot::<FMA>(a, c));
+            let p = dot::<S>(a, cross);
+            let diagonal = fma::<S>(na, nc, dot::<S>(a, c));
             let (ab, cd, ad) = (self.across[j], self.across[j + 1], self.along[0][j]);
-            let d1 = fma::<FMA>(nb, diagonal, fma::<FMA>(nc, ab, na * bc));
-            let d2 = fma::<FMA>(nd, diagonal, fma::<FMA>(na, cd, nc * ad));
+            let d1 = fma::<S>(nb, diagonal, fma::<S>(nc, ab, na * bc));
+            let d2 = fma::<S>(nd, diagonal, fma::<S>(na, cd, nc * ad));
 
             let size = p.abs();
             let m1 = if d1 > size { d1 } else { size };
             let m2 = if d2 > size { d2 } else { size };
-            let slack = fma::<FMA>(na, length * self.lengths[j], TINY);
+            let slack = fma::<S>(na, length * self.lengths[j], TINY);
             let ac = 64.0 * U * na * nc;
-            let (delta1, delta2) = (fma::<FMA>(ac, nb, slack), fma::<FMA>(ac, nd, slack));
+            let (delta1, delta2) = (fma::<S>(ac, nb, slack), fma::<S>(ac, nd, slack));
             // Divided by the power of two below the product, which is faster; the result is above
             // 1/8 if the product is 0.
-            let parts = fma::<FMA>(delta1, m2, fma::<FMA>(delta2, m1, 1e-307));
+            let parts = fma::<S>(delta1, m2, fma::<S>(delta2, m1, 1e-307));
             let kappa = parts * reciprocal_power(m1 * m2);
             let certain = kappa <= 0.125;
             let sum = d1 + d2;
             let sum = if sum > 0.0 { sum } else { 0.0 };
-            let (x, y) = (fma::<FMA>(d1, d2, -(p * p)), p * sum);
+            let (x, y) = (fma::<S>(d1, d2, -(p * p)), p * sum);
             let x = if certain { x } else { 1.0 };
             let y = if certain { y } else { 0.0 };
             self.errors[j] += if certain { kappa } else { PI };
@@ -356,8 +316,8 @@ impl<const N: usize> Block<N> {
             if PRODUCT {
                 let [sx, sy, turns] = &mut self.sums;
                 let (tx, ty) = (
-                    fma::<FMA>(sx[j], x, -(sy[j] * y)),
-                    fma::<FMA>(sx[j], y, sy[j] * x),
+                    fma::<S>(sx[j], x, -(sy[j] * y)),
+                    fma::<S>(sx[j], y, sy[j] * x),
                 );
                 let (tx, ty, quarter) = turned(tx, ty);
                 let scale = reciprocal_power(tx);
@@ -366,23 +326,23 @@ impl<const N: usize> Block<N> {
                 turns[j] += half + quarter;
             } else {
                 let (x, y, quarter) = turned(x, y);
-                let angle = fma::<FMA>(half + quarter, FRAC_PI_2, arctangent::<FMA>(x, y));
+                let angle = fma::<S>(half + quarter, FRAC_PI_2, arctangent::<S>(x, y));
                 let sum = self.sums[0][j] + angle;
                 self.sums[0][j] = sum;
-                self.errors[j] = fma::<FMA>(U, sum.abs(), self.errors[j]);
+                self.errors[j] = fma::<S>(U, sum.abs(), self.errors[j]);
             }
         }
     }
 
     #[inline(always)]
-    fn finish<const FMA: bool, const PRODUCT: bool>(&self, rows: usize, n: usize) -> Estimate {
+    fn finish<S: Simd, const PRODUCT: bool>(&self, rows: usize, n: usize) -> Estimate {
         let mut sum = Sum::default();
         // Additional error of every pair: see the module documentation.
         let each = rows as f64 * 16.0 * U;
         for j in 0..n {
             let value = if PRODUCT {
                 let [sx, sy, turns] = &self.sums;
-                turns[j] * FRAC_PI_2 + arctangent::<FMA>(sx[j], sy[j])
+                turns[j] * FRAC_PI_2 + arctangent::<S>(sx[j], sy[j])
             } else {
                 self.sums[0][j]
             };
@@ -430,10 +390,10 @@ const ATAN_HALF: f64 = 0.463_647_609_000_806_1;
 /// `-1/7` and `1/3`, with a relative error of `3 u`. The truncation error of 16 terms of its
 /// alternating series is below the next term, `6e-18`.
 #[inline(always)]
-fn arctangent<const FMA: bool>(x: f64, y: f64) -> f64 {
+fn arctangent<S: Simd>(x: f64, y: f64) -> f64 {
     let size = y.abs();
     let over = 3.0 * size > x;
-    let (top, bottom) = (fma::<FMA>(2.0, size, -x), fma::<FMA>(2.0, x, size));
+    let (top, bottom) = (fma::<S>(2.0, size, -x), fma::<S>(2.0, x, size));
     let top = if over { top } else { size };
     let bottom = if over { bottom } else { x };
     let base = if over { ATAN_HALF } else { 0.0 };
@@ -443,7 +403,7 @@ fn arctangent<const FMA: bool>(x: f64, y: f64) -> f64 {
     let mut k = 14i32;
     while k >= 0 {
         let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
-        series = fma::<FMA>(series, s, sign / f64::from(2 * k + 1));
+        series = fma::<S>(series, s, sign / f64::from(2 * k + 1));
         k -= 1;
     }
     (base + t * series).copysign(y)

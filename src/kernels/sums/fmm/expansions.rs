@@ -8,8 +8,7 @@
 use super::harmonics::{Buffers, Lanes, ShiftBuffers, add_segments, add_shifted, count};
 use super::norms::Norms;
 use super::tree::{Ball, GRAIN, LEAF, Tree};
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
+use crate::simd::dispatch;
 use std::ops::Range;
 
 /// Number of segments whose moments are computed together.
@@ -109,7 +108,7 @@ impl Build<'_> {
         }
         if leaves <= DIRECT || !both {
             let range = first * LEAF..(first + leaves) * LEAF;
-            expand(self.tree, order, range, &ball, own);
+            dispatch!(expand(self.tree, order, range, &ball, own));
         } else {
             let mut buffers = ShiftBuffers::new(order);
             for place in [at[0][0], at[1][0]] {
@@ -124,26 +123,8 @@ impl Build<'_> {
 }
 
 /// Computes the moments of a range of segments.
-fn expand(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
-    #[cfg(target_arch = "x86_64")]
-    if Avx2::detect().is_some() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the CPU supports these instructions.
-        return unsafe { expand_avx2(tree, order, range, ball, out) };
-    }
-    expand_with(tree, order, range, ball, out)
-}
-
-/// [`expand_with`], compiled with AVX2: the same operations, none of them fused, so the results
-/// have the same bits.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn expand_avx2(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
-    expand_with(tree, order, range, ball, out)
-}
-
 #[inline(always)]
-fn expand_with(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
+fn expand(tree: &Tree, order: usize, range: Range<usize>, ball: &Ball, out: &mut [f64]) {
     let mut buffers: Buffers<TOGETHER> = Buffers::new(order);
     let mut sums: Vec<Lanes<TOGETHER>> = vec![[0.0; TOGETHER]; 2 * count(order)];
     let [starts, ends] = &tree.ends;

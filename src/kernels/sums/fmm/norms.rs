@@ -15,8 +15,7 @@
 use super::bound::ROUNDING;
 use super::harmonics::{MOST, at};
 use super::tree::{Ball, GRAIN, LEAF, Tree};
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
+use crate::simd::dispatch;
 use std::ops::Range;
 
 /// Norms of all nodes of a tree: of `P`, then of `T`, for degrees 1 to one above the order.
@@ -124,7 +123,7 @@ fn outline(tree: &Tree, order: usize, [place, first, leaves]: [usize; 3], out: &
         power *= radius;
     }
     let range = first * LEAF..(first + leaves) * LEAF;
-    let integral = powers(order, tree, range, ball).min(length * power);
+    let integral = dispatch!(powers(order, tree, range, ball)).min(length * power);
     [own_p[order], own_t[order]] = most(order + 1, integral, radius).map(|x| x * UP);
 }
 
@@ -152,26 +151,8 @@ pub(super) fn most(n: usize, integral: f64, radius: f64) -> [f64; 2] {
 /// Returns an upper bound of the integral of `|x|^order` over segments, in units of the node.
 ///
 /// On a segment the power is convex, so it is below its chords between both ends and the middle.
-fn powers(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
-    #[cfg(target_arch = "x86_64")]
-    if Avx2::detect().is_some() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the CPU supports these instructions.
-        return unsafe { powers_avx2(order, tree, range, ball) };
-    }
-    powers_with(order, tree, range, ball)
-}
-
-/// [`powers_with`], compiled with AVX2: the same operations, none of them fused, so the results
-/// have the same bits.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn powers_avx2(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
-    powers_with(order, tree, range, ball)
-}
-
 #[inline(always)]
-fn powers_with(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
+fn powers(order: usize, tree: &Tree, range: Range<usize>, ball: &Ball) -> f64 {
     const TOGETHER: usize = 8;
     let half = order / 2;
     let unit = 1.0 / ball.size;

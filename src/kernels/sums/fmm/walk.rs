@@ -8,6 +8,7 @@ use super::tree::{Ball, LEAF, Tree};
 use crate::curve::Point;
 use crate::kernels::Estimate;
 use crate::kernels::sums::barnes_hut::{Angles, Node};
+use crate::simd::dispatch;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -293,25 +294,11 @@ impl<'a> Walk<'a> {
 
     /// Sums all node pairs of the agenda.
     pub fn run(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
-        #[cfg(target_arch = "x86_64")]
-        if crate::curve::Avx2::detect().is_some() {
-            #[expect(unsafe_code, reason = "vector instructions")]
-            // SAFETY: the CPU supports these instructions.
-            return unsafe { self.run_avx2(agenda) };
-        }
-        self.run_with(agenda)
-    }
-
-    /// [`Walk::run_with`], compiled with AVX2: the same operations, none of them fused, so the
-    /// results have the same bits.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn run_avx2(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
-        self.run_with(agenda)
+        dispatch!(self.run_inline(agenda))
     }
 
     #[inline(always)]
-    fn run_with(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
+    fn run_inline(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
         let order = self.expansions.map_or(0, |e| e[0].order);
         let mut buffers = Buffers::new(order);
         let mut sum = Sum::ZERO;

@@ -14,14 +14,13 @@
 //!
 //! Cost: that of counting crossings, and of the segment pairs whose boxes are within `2 R`.
 
-#[cfg(target_arch = "x86_64")]
-use crate::curve::Avx2;
-use crate::curve::{CurveSet, Lanes, Point, Portable};
+use crate::curve::{CurveSet, Point};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{self, Input, Workspace};
 use crate::pairs::{
     CurveTree, Pair, Query, SegmentPairs, closest_approach, closest_of_segments, descend,
 };
+use crate::simd::{Lanes, dispatch};
 use crate::verdict::DefectKind;
 
 /// Returns the linking number of two closed polylines if it is the same for all positions of the
@@ -83,20 +82,7 @@ fn may_meet(input: Input<'_>, curves: [usize; 2], noise: f64) -> Meeting {
         // Boxes are dilated in single precision, with a relative rounding error of 2^-24.
         reach: (1.001 * (2.0 * noise + 1e-6 * size)) as f32,
     };
-    #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = Avx2::detect() {
-        #[expect(unsafe_code, reason = "vector instructions")]
-        // SAFETY: the token proves that the CPU supports these instructions.
-        return unsafe { search_avx2(avx2, &search) };
-    }
-    search.run(Portable)
-}
-
-/// [`Search::run`], compiled with AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-fn search_avx2(avx2: Avx2, search: &Search<'_>) -> Meeting {
-    search.run(avx2)
+    dispatch!(simd => search.run(simd))
 }
 
 struct Search<'a> {

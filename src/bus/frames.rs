@@ -1,0 +1,300 @@
+//! Frames of a session, which the simulator writes into shared memory.
+
+use super::ipc::Ipc;
+use super::service::{Endpoint, bus};
+use super::wire::{
+    FLAG_LOCKSTEP, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, VerdictWire, cast_mut, payload_bytes,
+    table_bytes,
+};
+use crate::curve::{Basis, Precision};
+use crate::error::{Error, Result};
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
+use iceoryx2::sample_mut::SampleMut;
+use std::fmt;
+use std::hash::{BuildHasher, Hasher, RandomState};
+
+/// Number of frames that are allocated from the start. This suffices for two subscribers that hold
+/// as many frames as they may, out of at most four. More subscribers grow the buffer, which is
+/// slow. Only memory that was written to is resident.
+const FRAMES_SET_ASIDE: usize = 16;
+
+/// Connection of the client with the watcher.
+pub(super) struct Connection {
+    pub subscriber: Subscriber<Ipc, VerdictWire, ()>,
+    pub endpoint: Endpoint,
+}
+
+impl Connection {
+    /// Connects to watchers that started since the last call. Call this before sending anything
+    /// that a watcher may answer: messages that it sends earlier are lost, including its goodbye.
+    fn connect(&self) -> Result<()> {
+        let connected = self.subscriber.update_connections();
+        connected.map_err(bus("connect to a watcher"))
+    }
+}
+
+/// Frames of a session: their layout and their numbers.
+pub(super) struct Frames {
+    publisher: Option<Publisher<Ipc, [u8], FrameHeader>>,
+    pub session: u64,
+    lockstep: bool,
+    layout: Option<Layout>,
+    /// Number of the next frame.
+    pub next: u64,
+    /// Number of cuts so far. Frames with different numbers do not belong to one motion.
+    cuts: u32,
+}
+
+struct Layout {
+    basis: Basis,
+    precision: Precision,
+    points: usize,
+    curves: usize,
+    /// The counts in their form in the payload, padding included.
+    table: Vec<u8>,
+}
+
+impl Frames {
+    /// Starts a session. `lockstep` informs the watcher that the simulator waits for each verdict.
+    pub fn new(lockstep: bool) -> Frames {
+        Frames {
+            publisher: None,
+            session: random(),
+            lockstep,
+            layout: None,
+            next: 0,
+            cuts: 0,
+        }
+    }
+
+    /// Returns true if something was sent or declared.
+    pub fn has_publisher(&self) -> bool {
+        self.publisher.is_some()
+    }
+
+    /// Connects to watchers that started since the last frame. A failed connection is retried by
+    /// the next call.
+    pub fn connect(&self) {
+        if let Some(publisher) = &self.publisher {
+            let _ = publisher.update_connections();
+        }
+    }
+
+    /// Marks the next frame as not continuing the previous one.
+    pub fn cut(&mut self) {
+        self.cuts = self.cuts.wrapping_add(1);
+    }
+
+    /// Declares the curves of every frame; see [`Client::describe`](crate::Client::describe).
+    pub fn describe(
+        &mut self,
+        connection: &Connection,
+        basis: Basis,
+        precision: Precision,
+        counts: &[i32],
+    ) -> Result<()> {
+        if self.next > 0 {
+            return Err(Error::Bus(
+                "the curves of a session cannot change after its first frame: finish this client \
+                 and open another one"
+                    .into(),
+            ));
+        }
+        let mut points = 0;
+        for (curve, &count) in counts.iter().enumerate() {
+            let n = count.unsigned_abs() as usize;
+            let closed = count < 0;
+            if basis.segments(n, closed).is_none() {
+                return Err(Error::CurveTooShort {
+                    curve,
+                    points: n,
+                    kind: basis.describe(closed),
+                    needed: basis.needs(closed),
+                });
+            }
+            points += n;
+        }
+        let bytes = payload_bytes(counts.len(), points, precision);
+        let (Some(bytes), Some(table_len)) = (bytes, table_bytes(counts.len())) else {
+            return Err(Error::Bus(format!(
+                "{points} points do not fit into memory"
+            )));
+        };
+        let mut table: Vec<u8> = counts.iter().flat_map(|c| c.to_ne_bytes()).collect();
+        table.resize(table_len, 0);
+        self.layout = Some(Layout {
+            basis,
+            precision,
+            points,
+            curves: counts.len(),
+            table,
+        });
+        self.publisher(connection, bytes)?;
+        Ok(())
+    }
+
+    /// Returns the publisher, creating it if necessary. Its memory initially fits frames of `bytes`
+    /// bytes, and grows.
+    fn publisher(
+        &mut self,
+        connection: &Connection,
+        bytes: usize,
+    ) -> Result<&Publisher<Ipc, [u8], FrameHeader>> {
+        if self.publisher.is_none() {
+            let builder = connection.endpoint.frames.publisher_builder();
+            let publisher = builder
+                .initial_max_slice_len(bytes.max(1))
+                .allocation_strategy(AllocationStrategy::PowerOfTwo)
+                .max_loaned_samples(2)
+                .override_sample_preallocation(|worst| worst.min(FRAMES_SET_ASIDE))
+                .backpressure_strategy(BackpressureStrategy::DiscardData)
+                .create();
+            self.publisher = Some(publisher.map_err(bus("publisher of frames"))?);
+        }
+        Ok(self.publisher.as_ref().expect("created above"))
+    }
+
+    fn header(&self, flags: u32) -> FrameHeader {
+        let lockstep = if self.lockstep { FLAG_LOCKSTEP } else { 0 };
+        FrameHeader {
+            magic: FRAME_MAGIC,
+            version: LAYOUT_VERSION,
+            flags: flags | lockstep,
+            session: self.session,
+            seq: self.next,
+            time: 0.0,
+            n_points: 0,
+            n_curves: 0,
+            basis: 0,
+            coordinate_bytes: 4,
+            cuts: self.cuts,
+        }
+    }
+
+    /// Sends a header without curves.
+    pub fn signal(&mut self, connection: &Connection, flags: u32) -> Result<()> {
+        connection.connect()?;
+        let header = self.header(flags);
+        let publisher = self.publisher(connection, 1)?;
+        let mut sample = publisher.loan_slice(0).map_err(bus("loan"))?;
+        *sample.user_header_mut() = header;
+        sample.send().map_err(bus("send"))?;
+        connection.endpoint.notify();
+        Ok(())
+    }
+
+    /// Returns memory for the next frame, at `time` seconds of simulation.
+    pub fn loan<'a>(&'a mut self, connection: &'a Connection, time: f64) -> Result<FrameLoan<'a>> {
+        let Some(layout) = &self.layout else {
+            return Err(Error::Bus(
+                "no curves are declared: call Client::describe before the first frame".into(),
+            ));
+        };
+        let (basis, precision) = (layout.basis, layout.precision);
+        let header = FrameHeader {
+            time,
+            n_points: layout.points as u64,
+            n_curves: layout.curves as u32,
+            basis: basis.code(),
+            coordinate_bytes: precision.bytes() as u32,
+            ..self.header(0)
+        };
+        let table = layout.table.len();
+        let bytes = table + 3 * layout.points * precision.bytes();
+        let publisher = self.publisher.as_ref().expect("`describe` created it");
+        let sample = publisher.loan_slice_uninit(bytes).map_err(bus("loan"))?;
+        #[expect(unsafe_code, reason = "shared memory is lent as uninitialised")]
+        // SAFETY: the memory is a shared mapping. Each of its bytes was written by the system
+        // (zeros) or by an earlier frame of this publisher, all of whose bytes were initialised;
+        // the compiler can assume nothing else of memory that it did not allocate. Every bit
+        // pattern is a valid `u8`.
+        let mut sample = unsafe { sample.assume_init() };
+        *sample.user_header_mut() = header;
+        let payload = sample.payload_mut();
+        payload[..table].copy_from_slice(&layout.table);
+        if cfg!(debug_assertions) {
+            // All bits set is NaN in both precisions, so a missing coordinate is rejected.
+            payload[table..].fill(0xff);
+        }
+        Ok(FrameLoan {
+            sample,
+            table,
+            precision,
+            next: &mut self.next,
+            connection,
+        })
+    }
+}
+
+/// Shared memory of a frame that is being written. Nothing is sent if it is dropped without
+/// [`publish`](FrameLoan::publish).
+pub struct FrameLoan<'a> {
+    sample: SampleMut<Ipc, [u8], FrameHeader>,
+    /// Bytes of the counts before the positions.
+    table: usize,
+    precision: Precision,
+    /// Number of the frame, which is counted when it is published.
+    next: &'a mut u64,
+    connection: &'a Connection,
+}
+
+impl fmt::Debug for FrameLoan<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FrameLoan")
+            .field("header", self.sample.user_header())
+            .finish_non_exhaustive()
+    }
+}
+
+impl FrameLoan<'_> {
+    /// Returns the number of coordinates: three per point.
+    pub(super) fn coordinates(&self) -> usize {
+        (self.sample.payload().len() - self.table) / self.precision.bytes()
+    }
+
+    fn bytes_of(&mut self, precision: Precision) -> Result<&mut [u8]> {
+        if precision != self.precision {
+            return Err(Error::LayoutChanged {
+                what: "bytes of a coordinate",
+                before: self.precision.bytes() as u64,
+                now: precision.bytes() as u64,
+            });
+        }
+        Ok(&mut self.sample.payload_mut()[self.table..])
+    }
+
+    /// Returns the memory of the positions, `x y z x y z ..` curve after curve, 64-byte aligned.
+    ///
+    /// Write all of it: it initially holds zeros or an earlier frame (NaN in debug builds).
+    ///
+    /// Errors: [`Error::LayoutChanged`] if the curves were described in double precision.
+    pub fn positions_f32(&mut self) -> Result<&mut [f32]> {
+        Ok(cast_mut(self.bytes_of(Precision::F32)?).expect("the service aligns to 64 bytes"))
+    }
+
+    /// Returns the memory of the positions in double precision; see
+    /// [`positions_f32`](FrameLoan::positions_f32).
+    pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
+        Ok(cast_mut(self.bytes_of(Precision::F64)?).expect("the service aligns to 64 bytes"))
+    }
+
+    /// Publishes the frame. Returns its sequence number.
+    pub fn publish(self) -> Result<u64> {
+        self.connection.connect()?;
+        self.sample.send().map_err(bus("send"))?;
+        let seq = *self.next;
+        *self.next += 1;
+        self.connection.endpoint.notify();
+        Ok(seq)
+    }
+}
+
+/// Returns a random session number, never 0, from the random seed of hash maps.
+fn random() -> u64 {
+    let mut hasher = RandomState::new().build_hasher();
+    hasher.write_u32(std::process::id());
+    hasher.finish().max(1)
+}

@@ -1,0 +1,103 @@
+//! Control points and the segments that depend on them.
+
+use super::CurveSet;
+use std::ops::Range;
+
+impl CurveSet {
+    /// Returns the slots of the control points that segment `s` of curve `i` depends on. Copies are
+    /// mapped to their originals.
+    pub(crate) fn support(&self, i: usize, s: u32) -> impl Iterator<Item = usize> + use<> {
+        let c = self.curves[i];
+        let body = self.body(i);
+        let (n, lead) = (c.points as usize, self.basis.lead(c.closed));
+        let at = s as usize * self.basis.stride();
+        (at..at + self.basis.window()).map(move |k| {
+            let k = k + n - lead;
+            // Rarely a division.
+            body.start
+                + if k < n {
+                    k
+                } else if k < 2 * n {
+                    k - n
+                } else {
+                    k % n
+                }
+        })
+    }
+
+    /// Calls `segment` with the segments of closed curves, and of open curves if `open` is set,
+    /// that depend on a point in one of these slots or on a copy of it.
+    pub(crate) fn segments_at(
+        &self,
+        slots: Range<usize>,
+        open: bool,
+        mut segment: impl FnMut(u32, u32),
+    ) {
+        let (stride, window) = (self.basis.stride(), self.basis.window());
+        let first = self
+            .curves
+            .partition_point(|c| (c.first as usize) <= slots.start);
+        for i in first.saturating_sub(1)..self.curves.len() {
+            let body = self.body(i);
+            if body.start >= slots.end {
+                break;
+            }
+            let (c, lead) = (self.curves[i], self.basis.lead(self.curves[i].closed));
+            let here = slots.start.max(body.start)..slots.end.min(body.end);
+            if !c.closed && !open {
+                continue;
+            }
+            for slot in here {
+                // Windows that contain the slot. Windows of closed curves may wrap around the end.
+                let (n, at) = (c.segments as usize, slot - body.start + lead);
+                let last = at / stride;
+                for back in 0..window.div_ceil(stride) {
+                    if !c.closed {
+                        let before = last.checked_sub(back).filter(|&s| s < n);
+                        if let Some(s) = before.filter(|s| at - s * stride < window) {
+                            segment(i as u32, s as u32);
+                        }
+                        continue;
+                    }
+                    let s = (last + n - back) % n;
+                    let start = s * stride;
+                    let total = n * stride;
+                    let offset = (at + total - start) % total;
+                    if offset < window {
+                        segment(i as u32, s as u32);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Basis, Positions};
+
+    #[test]
+    fn finds_the_segments_that_depend_on_a_slot() {
+        for basis in Basis::ALL {
+            let counts = [-3, -9, 10, -30, 4];
+            let xyz = vec![0.5f32; 3 * 56];
+            let set = CurveSet::from_counts(basis, &counts, Positions::F32(&xyz)).unwrap();
+            for (from, open) in (0..set.slots()).flat_map(|k| [(k, false), (k, true)]) {
+                for to in from + 1..set.slots().min(from + 9) {
+                    let mut found = Vec::new();
+                    set.segments_at(from..to, open, |i, s| found.push((i, s)));
+                    found.sort_unstable();
+                    found.dedup();
+                    let some = (0..set.len()).filter(|&i| open || set.curve(i).closed);
+                    let all = some.flat_map(|i| (0..set.curve(i).segments).map(move |s| (i, s)));
+                    let want: Vec<(u32, u32)> = all
+                        .filter(|&(i, s)| set.support(i, s).any(|k| (from..to).contains(&k)))
+                        .map(|(i, s)| (i as u32, s))
+                        .collect();
+                    assert_eq!(found, want, "{basis:?} {from}..{to}");
+                }
+            }
+        }
+    }
+}

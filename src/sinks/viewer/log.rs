@@ -1,0 +1,107 @@
+//! Log lines of the frames, and the status in words.
+
+use super::passed::Passed;
+use super::picture::SHOWN;
+use super::status::{Findings, Key, keys, status};
+use super::style::{CYAN, ORANGE, QUIET, RED};
+use crate::verdict::{Report, Verdict};
+use rerun::{Color, TextLog, TextLogLevel};
+
+/// Number of frames between log lines while nothing changes.
+const QUIET_FRAMES: u64 = 200;
+
+/// State of the log at the last frame, to log only what is new.
+#[derive(Default)]
+pub(super) struct Log {
+    last: Option<Logged>,
+}
+
+/// New lines of a frame, and the status if the previous one is outdated.
+pub(super) struct News {
+    pub lines: Vec<TextLog>,
+    pub status: Option<String>,
+}
+
+/// State of the log. A frame that differs in it gets a log line.
+struct Logged {
+    verdict: Verdict,
+    /// First frame of this verdict.
+    since: u64,
+    findings: Findings,
+    /// True if the status lists pull-throughs of its frame.
+    events: bool,
+    /// Frame of the last line.
+    at: u64,
+}
+
+impl Log {
+    /// Returns a line for a frame with news, a sentence for each new finding, and occasionally a
+    /// line for a frame without news.
+    pub fn news(&mut self, report: &Report, passed: &Passed) -> News {
+        let before = self.last.take();
+        let turned = before.as_ref().is_none_or(|t| t.verdict != report.verdict);
+        let since = match &before {
+            Some(t) if !turned => t.since,
+            _ => report.seq,
+        };
+        let last = before.as_ref().map_or(report.seq, |t| t.at);
+        let had_events = before.as_ref().is_some_and(|t| t.events);
+        let known = before.map(|t| t.findings).unwrap_or_default();
+        let findings: Findings = keys(report)
+            .flatten()
+            .map(|key| (key, known.get(&key).copied().unwrap_or(report.seq)))
+            .collect();
+        // The findings contain the first frame of each, so a finding that returns is new.
+        let has_events = !report.events.is_empty();
+        let news = turned || has_events || findings != known;
+        let due = news || report.seq.abs_diff(last) >= QUIET_FRAMES;
+        let mut lines = Vec::new();
+        if due {
+            lines.push(line(report.verdict, report.headline()));
+        }
+        if news {
+            let sentences = keys(report).zip(report.findings());
+            let is_new = |key: &Option<Key>| key.is_none_or(|k| !known.contains_key(&k));
+            let mut new = sentences.filter(|(key, _)| is_new(key));
+            for (key, text) in new.by_ref().take(SHOWN) {
+                let line = line(report.verdict, text);
+                // In the colour of its mark.
+                lines.push(match key {
+                    None => line.with_color(Color::from_u32(CYAN)),
+                    Some(_) => line,
+                });
+            }
+            let more = new.count();
+            if more > 0 {
+                lines.push(line(report.verdict, format!("and {more} more")));
+            }
+        }
+        let outdated = news || had_events;
+        let status = outdated.then(|| status(report, since, &findings, passed, SHOWN));
+        self.last = Some(Logged {
+            verdict: report.verdict,
+            since,
+            findings,
+            events: has_events,
+            at: if due { report.seq } else { last },
+        });
+        News { lines, status }
+    }
+}
+
+/// Returns a line in the colour of a verdict.
+pub(super) fn line(verdict: Verdict, text: impl Into<String>) -> TextLog {
+    let level = match verdict {
+        Verdict::Intact => TextLogLevel::INFO,
+        Verdict::Changed => TextLogLevel::ERROR,
+        _ => TextLogLevel::WARN,
+    };
+    let color = match verdict {
+        Verdict::Intact => QUIET,
+        Verdict::Changed => RED,
+        _ => ORANGE,
+    };
+    TextLog::new(text.into())
+        .with_level(level)
+        .with_color(Color::from_u32(color))
+}

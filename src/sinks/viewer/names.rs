@@ -1,0 +1,39 @@
+//! Names in the viewer: the application, the timelines, and the paths of the entities.
+
+/// Name under which viewers group runs and remember layouts.
+pub(super) const APPLICATION: &str = "linkwatch";
+
+/// Timelines: the number of the frame, and the simulation time.
+pub(super) const FRAME: &str = "frame";
+pub(super) const SIM_TIME: &str = "sim_time";
+
+/// Timeline of the frames up to the first violation, in files. A layout cannot place the time
+/// cursor, but a viewer that follows a timeline opens at its end.
+pub(super) const UNTIL: &str = "until_violation";
+
+/// Paths of the entities.
+pub(super) mod entity {
+    pub const CURVES: &str = "curves";
+    pub const INTACT: &str = "curves/intact";
+    pub const BROKEN: &str = "curves/broken";
+    pub const UNDECIDED: &str = "curves/undecided";
+    pub const PLACES: &str = "curves/places";
+    pub const LABELS: &str = "curves/labels";
+    pub const LEADERS: &str = "curves/labels/lines";
+    pub const EVENTS: &str = "curves/pull-throughs/now";
+    pub const STARS: &str = "curves/pull-throughs/stars";
+    pub const PASSED: &str = "curves/pull-throughs/before";
+    pub const LOG: &str = "log";
+    pub const STATUS: &str = "status";
+    pub const KEY: &str = "key";
+    pub const LOST: &str = "links/lost";
+    pub const GAINED: &str = "links/gained";
+    pub const CHANGED: &str = "links/changed";
+    pub const EVENT_COUNT: &str = "links/pull-throughs";
+    pub const CHECK: &str = "check/time";
+    /// In the order of [`crate::Route::ALL`].
+    pub const ROUTES: [&str; 3] = ["check/full", "check/quiet", "check/partial"];
+    pub const MARKED: &str = "marked/blocks";
+    pub const RECOMPUTED: &str = "recomputed/pairs";
+    pub const SKIPPED: &str = "skipped/frames";
+}

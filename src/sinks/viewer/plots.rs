@@ -1,0 +1,93 @@
+//! Plots of the counts and times of the frames.
+
+use super::names::entity;
+use super::stream::{log, log_static};
+use super::style::{CYAN, DARK_GREEN, GREEN, ORANGE, RED, VIOLET, series_points};
+use crate::error::Result;
+use crate::incremental::Route;
+use crate::sinks::FrameRecord;
+use crate::verdict::{ChangeKind, Verdict};
+use rerun::components::{InterpolationMode, MarkerShape};
+use rerun::{RecordingStream, Scalars, SeriesLines};
+
+/// Logs the names and colours of all series except for the pull-throughs.
+pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
+    let series = [
+        (entity::LOST, RED, "links lost"),
+        (entity::GAINED, VIOLET, "links gained"),
+        (entity::CHANGED, ORANGE, "links changed"),
+        (entity::CHECK, DARK_GREEN, "check, ms a frame"),
+        (entity::MARKED, ORANGE, "blocks marked, %"),
+        (entity::RECOMPUTED, RED, "pairs recomputed"),
+        (entity::SKIPPED, ORANGE, "frames skipped so far"),
+    ];
+    for (path, color, name) in series {
+        // Counts change in steps; times are measured at single frames.
+        let mode = match path {
+            entity::CHECK => InterpolationMode::Linear,
+            _ => InterpolationMode::StepAfter,
+        };
+        let style = SeriesLines::new()
+            .with_colors([color])
+            .with_names([name])
+            .with_widths([2.5])
+            .with_interpolation_mode(mode);
+        log_static(rec, path, &style)?;
+    }
+    for (path, route) in entity::ROUTES.into_iter().zip(Route::ALL) {
+        let color = match route {
+            Route::Full => RED,
+            Route::Quiet => GREEN,
+            Route::Partial => ORANGE,
+        };
+        let style = series_points(color, route.word(), MarkerShape::Circle, 3.5);
+        log_static(rec, path, &style)?;
+    }
+    Ok(())
+}
+
+/// Logs the name and colour of the pull-throughs. Call it before the first one but no earlier,
+/// because the viewer reports an error for a series without data.
+pub(super) fn describe_events(rec: &RecordingStream) -> Result<()> {
+    let style = series_points(CYAN, "pull-throughs", MarkerShape::Diamond, 6.0);
+    log_static(rec, entity::EVENT_COUNT, &style)
+}
+
+/// Logs the counts and times of a frame.
+pub(super) fn add(rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
+    for (path, kind) in [
+        (entity::LOST, ChangeKind::Lost),
+        (entity::GAINED, ChangeKind::Gained),
+        (entity::CHANGED, ChangeKind::Changed),
+    ] {
+        let count = record.report.count(kind) as f64;
+        log(rec, path, &Scalars::single(count))?;
+    }
+    // A point for each frame that has some, because a line would cover that of the links.
+    if !record.report.events.is_empty() {
+        let events = record.report.events.len() as f64;
+        log(rec, entity::EVENT_COUNT, &Scalars::single(events))?;
+    }
+    let check_ms = record.check.as_secs_f64() * 1e3;
+    log(rec, entity::CHECK, &Scalars::single(check_ms))?;
+    if record.report.verdict != Verdict::Rejected {
+        let work = &record.work;
+        let route = entity::ROUTES[work.route as usize];
+        log(rec, route, &Scalars::single(check_ms))?;
+        // A frame that was not compared with a reference frame has no blocks to mark.
+        if work.blocks > 0 {
+            let marked = 100.0 * work.marked as f64 / work.blocks as f64;
+            log(rec, entity::MARKED, &Scalars::single(marked))?;
+        }
+        log(
+            rec,
+            entity::RECOMPUTED,
+            &Scalars::single(work.recomputed as f64),
+        )?;
+    }
+    log(
+        rec,
+        entity::SKIPPED,
+        &Scalars::single(record.skipped as f64),
+    )
+}

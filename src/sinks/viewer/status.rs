@@ -1,0 +1,233 @@
+//! Status of a run in words, and the findings that last over several frames.
+
+use super::passed::{Passed, name};
+use crate::verdict::{Defect, Report, Verdict};
+use std::collections::BTreeMap;
+
+/// Identity of a finding that lasts over several frames: the curves, and the number found or the
+/// kind of the defect.
+pub(super) type Key = (u32, Option<u32>, i64);
+
+/// Findings that last, each with the frame since which it has persisted.
+pub(super) type Findings = BTreeMap<Key, u64>;
+
+/// Returns the key of each finding, in the order of [`Report::findings`]. Events have the key
+/// `None`, because they do not last: each one is new.
+pub(super) fn keys(report: &Report) -> impl Iterator<Item = Option<Key>> + '_ {
+    let changes = report.changes.iter().map(|c| (c.i, Some(c.j), c.found));
+    let events = report.events.iter().map(|_| None);
+    // Larger than every linking number of a frame.
+    let kind = |d: &Defect| i64::MAX - d.kind as i64;
+    let defects = report.defects.iter().map(move |d| (d.i, d.j, kind(d)));
+    let unresolved = report.unresolved.iter().map(|_| None);
+    let lasting = defects.map(Some);
+    changes
+        .map(Some)
+        .chain(events)
+        .chain(lasting)
+        .chain(unresolved)
+}
+
+/// Returns the status as markdown: the verdict, its first frame, the pairs, and the pull-throughs
+/// in this frame and so far.
+pub(super) fn status(
+    report: &Report,
+    since: u64,
+    seen: &Findings,
+    passed: &Passed,
+    shown: usize,
+) -> String {
+    // If the linking numbers are as expected, the status concerns this frame only.
+    let only_events = !report.events.is_empty() && report.changes.is_empty();
+    let title = match report.verdict {
+        Verdict::Intact => "Intact",
+        Verdict::Changed if only_events => "PULLED THROUGH",
+        Verdict::Changed => "TOPOLOGY CHANGED",
+        Verdict::Contact => "Contact",
+        Verdict::Undecided => "Undecided",
+        Verdict::Stale => "Not verified in time",
+        Verdict::Rejected => "Frame rejected",
+    };
+    let when = match report.verdict {
+        Verdict::Changed if only_events => format!("in frame {}", report.seq),
+        _ => format!("since frame {since}"),
+    };
+    let s = &report.stats;
+    let detail = report.rejected.clone().unwrap_or_else(|| {
+        match s.potential_links {
+            // Not counted if the frame was compared with a reference frame.
+            0 => format!("{} curves", s.curves),
+            pairs => format!("{} curves, {pairs} pairs that could be linked", s.curves),
+        }
+    });
+    let mut text = format!("# {title}\n## {when}\n\n{detail}\n");
+    if only_events && report.defects.is_empty() {
+        text.push_str("\nEvery linking number is the expected one.\n");
+    }
+    if !(report.changes.is_empty() && report.defects.is_empty()) {
+        text.push_str("\n| curves | linking number | since |\n|---|---|---|\n");
+    }
+    let changes = report.changes.iter().map(|c| {
+        let words = format!("was {}, is {}", c.expected, c.found);
+        (c.i, Some(c.j), words)
+    });
+    let defects = report.defects.iter().map(|d| {
+        let words = d.kind.words().to_owned();
+        (d.i, d.j, words)
+    });
+    let rows = changes.chain(defects).zip(keys(report).flatten());
+    let frame = |key| seen.get(&key).copied().unwrap_or(since);
+    let mut rows: Vec<_> = rows.map(|(row, key)| (frame(key), row)).collect();
+    rows.sort_by_key(|(frame, _)| *frame);
+    for (frame, (i, j, words)) in rows.into_iter().take(shown) {
+        let curves = j.map_or(format!("{i}"), |j| format!("{i} & {j}"));
+        text.push_str(&format!("| **{curves}** | {words} | {frame} |\n"));
+    }
+    let more = |count: usize| {
+        let more = count.saturating_sub(shown);
+        (more > 0).then(|| format!("\nand {more} more\n"))
+    };
+    text.extend(more(report.changes.len() + report.defects.len()));
+    if !report.events.is_empty() {
+        text.push_str("\n| pulled in this frame | sign | moment |\n|---|---|---|\n");
+    }
+    for e in report.events.iter().take(shown) {
+        let row = format!("| **{}** | {:+} | {:.3} |\n", name(e), e.sign, e.fraction);
+        text.push_str(&row);
+    }
+    text.extend(more(report.events.len()));
+    match report.unresolved.len() {
+        0 => {}
+        1 => text.push_str("\n1 unresolved pull-through: the frames are too far apart.\n"),
+        n => text.push_str(&format!(
+            "\n{n} unresolved pull-throughs: the frames are too far apart.\n"
+        )),
+    }
+    text.extend(passed.words().map(|words| format!("\n{words}\n")));
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::{Change, DefectKind, Place, PullThrough};
+
+    fn report(changes: u32) -> Report {
+        let change = |k| Change {
+            i: k,
+            j: k + 100,
+            expected: 1,
+            found: 0,
+            place: None,
+        };
+        Report {
+            seq: 9,
+            time: 0.0,
+            verdict: Verdict::Changed,
+            abort: true,
+            changes: (0..changes).map(change).collect(),
+            events: Vec::new(),
+            unresolved: Vec::new(),
+            adopted: Vec::new(),
+            defects: Vec::new(),
+            rejected: None,
+            stats: Default::default(),
+        }
+    }
+
+    #[test]
+    fn the_status_names_the_broken_pairs_and_the_first_frame() {
+        let report = report(5);
+        let seen = keys(&report).flatten().zip(3..).collect();
+        let text = status(&report, 2, &seen, &Passed::default(), 4);
+        assert!(
+            text.starts_with("# TOPOLOGY CHANGED\n## since frame 2\n"),
+            "{text}"
+        );
+        assert!(text.contains("| **1 & 101** | was 1, is 0 | 4 |"), "{text}");
+        assert!(text.ends_with("\nand 1 more\n"), "{text}");
+    }
+
+    #[test]
+    fn the_table_is_sorted_by_the_frame_of_the_break() {
+        let report = report(3);
+        let seen = keys(&report).flatten().zip([30, 10, 20]).collect();
+        let text = status(&report, 2, &seen, &Passed::default(), 2);
+        let rows: Vec<&str> = text.lines().filter(|l| l.starts_with("| **")).collect();
+        assert_eq!(
+            rows,
+            [
+                "| **1 & 101** | was 1, is 0 | 10 |",
+                "| **2 & 102** | was 1, is 0 | 20 |"
+            ]
+        );
+        let header = "| curves | linking number | since |";
+        assert!(text.contains(header), "{text}");
+    }
+
+    fn event(i: u32, j: u32) -> PullThrough {
+        PullThrough {
+            i,
+            j,
+            segments: [3, 4],
+            fraction: 0.25,
+            sign: -1,
+            point: [0.0; 3],
+            lengths: 0.5,
+        }
+    }
+
+    #[test]
+    fn every_finding_has_its_key() {
+        let mut report = report(2);
+        report.events = vec![event(0, 1), event(7, 7)];
+        report.unresolved = vec![event(0, 2)];
+        let place = Place {
+            segments: [0, 0],
+            point: [0.0; 3],
+            distance: 0.0,
+        };
+        report.defects.push(Defect {
+            i: 5,
+            j: None,
+            kind: DefectKind::Degenerate,
+            place,
+        });
+        assert_eq!(keys(&report).count(), report.findings().count());
+        for (key, sentence) in keys(&report).zip(report.findings()) {
+            assert_eq!(key.is_none(), sentence.contains("through"), "{sentence}");
+            if let Some((i, ..)) = key {
+                assert!(sentence.contains(&format!(" {i} ")), "{sentence}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_status_of_an_event_alone_reports_the_expected_numbers() {
+        let mut report = report(0);
+        report.events = vec![event(18, 19), event(7, 7)];
+        let mut passed = Passed::default();
+        passed.add(&report, None);
+        let text = status(&report, 2, &Findings::new(), &passed, 4);
+        assert!(
+            text.starts_with("# PULLED THROUGH\n## in frame 9\n"),
+            "{text}"
+        );
+        assert!(
+            text.contains("\nEvery linking number is the expected one.\n"),
+            "{text}"
+        );
+        assert!(
+            text.contains("| **18 through 19** | -1 | 0.250 |"),
+            "{text}"
+        );
+        assert!(text.contains("| **7 through itself** |"), "{text}");
+        let so_far = "\n2 pull-throughs so far, the last in frame 9\n";
+        assert!(text.ends_with(so_far), "{text}");
+        // In later frames the status is intact.
+        (report.verdict, report.events) = (Verdict::Intact, Vec::new());
+        let text = status(&report, 10, &Findings::new(), &passed, 4);
+        assert!(text.starts_with("# Intact\n"), "{text}");
+        assert!(text.ends_with(so_far), "{text}");
+    }
+}

@@ -1,0 +1,40 @@
+//! Colours, and styles of points, lines and series.
+
+use crate::curve::Point;
+use rerun::components::MarkerShape;
+use rerun::{LineStrips3D, Points3D, Radius, SeriesPoints};
+
+pub(super) const QUIET: u32 = 0x6f809cff;
+pub(super) const RED: u32 = 0xff3b30ff;
+pub(super) const ORANGE: u32 = 0xff9f0aff;
+/// Marks are paler than the curves below them, and labels, which have the same colour, stay
+/// readable.
+pub(super) const PALE_RED: u32 = 0xffe3dfff;
+pub(super) const PALE_ORANGE: u32 = 0xfff0d2ff;
+pub(super) const VIOLET: u32 = 0xbf5af2ff;
+pub(super) const GREEN: u32 = 0x30d158ff;
+pub(super) const CYAN: u32 = 0x40d8ffff;
+pub(super) const DARK_GREEN: u32 = 0x1d6b33ff;
+
+/// Returns the style of a series of points.
+pub(super) fn series_points(color: u32, name: &str, shape: MarkerShape, size: f32) -> SeriesPoints {
+    SeriesPoints::new()
+        .with_colors([color])
+        .with_names([name])
+        .with_markers([shape])
+        .with_marker_sizes([size])
+}
+
+/// Returns points with a size on the screen.
+pub(super) fn points(points: impl IntoIterator<Item = [f32; 3]>, size: f32) -> Points3D {
+    Points3D::new(points).with_radii([Radius::new_ui_points(size)])
+}
+
+/// Returns lines with a width on the screen.
+pub(super) fn lines(lines: impl IntoIterator<Item = [[f32; 3]; 2]>, width: f32) -> LineStrips3D {
+    LineStrips3D::new(lines).with_radii([Radius::new_ui_points(width)])
+}
+
+pub(super) fn narrow(p: Point) -> [f32; 3] {
+    p.map(|x| x as f32)
+}

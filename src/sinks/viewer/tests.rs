@@ -1,0 +1,240 @@
+//! Tests on the messages that a viewer would receive.
+
+use super::names::APPLICATION;
+use super::*;
+use crate::curve::{Basis, Positions};
+use crate::incremental::Work;
+use crate::verdict::{PullThrough, Report};
+use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
+use rerun::log::{Chunk, LogMsg};
+use rerun::sink::MemorySinkStorage;
+use rerun::{LineStrips3D, Points3D, RecordingStreamBuilder};
+use std::time::SystemTime;
+
+/// A triangle at height `z`; `None` for a frame without curves.
+fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> FrameRecord {
+    let set = |z| {
+        let points = [0.0, 0.0, z, 2.0, 0.0, z, 0.0, 2.0, z];
+        CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F32(&points)).unwrap()
+    };
+    let mut report = Report {
+        seq,
+        time: seq as f64,
+        verdict: match (z, events.is_empty()) {
+            (None, _) => Verdict::Rejected,
+            (_, true) => Verdict::Intact,
+            (_, false) => Verdict::Changed,
+        },
+        abort: false,
+        changes: Vec::new(),
+        events,
+        unresolved: Vec::new(),
+        adopted: Vec::new(),
+        defects: Vec::new(),
+        rejected: None,
+        stats: Default::default(),
+    };
+    report.abort = report.verdict == Verdict::Changed;
+    FrameRecord {
+        curves: z.map(set).map(Arc::new),
+        cuts: 0,
+        report: Arc::new(report),
+        verified: seq,
+        skipped: 0,
+        rejected: 0,
+        check: Duration::from_millis(1),
+        work: Work::default(),
+        received: SystemTime::UNIX_EPOCH,
+    }
+}
+
+fn event(point: Point) -> PullThrough {
+    PullThrough {
+        i: 0,
+        j: 0,
+        segments: [1, 2],
+        fraction: 0.5,
+        sign: -1,
+        point,
+        lengths: 0.5,
+    }
+}
+
+/// Returns the chunks logged for an entity.
+fn chunks(messages: &[LogMsg], path: &str) -> impl Iterator<Item = Chunk> {
+    let chunks = messages.iter().filter_map(|message| match message {
+        LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
+        _ => None,
+    });
+    chunks.filter(move |c| *c.entity_path() == path.into())
+}
+
+/// Points of an entity with their labels, a row for each time that they were logged.
+type Points = Vec<(Vec<[f32; 3]>, Vec<String>)>;
+
+fn points(messages: &[LogMsg], path: &str) -> Points {
+    let mut rows = Vec::new();
+    for chunk in chunks(messages, path) {
+        let positions = Points3D::descriptor_positions().component;
+        let labels = Points3D::descriptor_labels().component;
+        let mut labels = chunk.iter_slices::<String>(labels);
+        for row in chunk.iter_slices::<[f32; 3]>(positions) {
+            let words = labels.next().unwrap_or_default();
+            rows.push((row.to_vec(), words.iter().map(|w| w.to_string()).collect()));
+        }
+    }
+    rows
+}
+
+fn logged(frames: &[FrameRecord]) -> Vec<LogMsg> {
+    let (rec, storage): (_, MemorySinkStorage) =
+        RecordingStreamBuilder::new(APPLICATION).memory().unwrap();
+    let mut sink = ViewerSink::log_to(rec, false).unwrap();
+    for frame in frames {
+        sink.frame(frame).unwrap();
+    }
+    storage.take()
+}
+
+#[test]
+fn a_pull_through_keeps_a_mark_that_moves_with_the_curve() {
+    let messages = logged(&[
+        record(1, Some(0.0), Vec::new()),
+        record(
+            2,
+            Some(1.0),
+            vec![event([1.0, 1.25, 1.0]), event([1.0, 1.25, 1.0])],
+        ),
+        record(3, None, Vec::new()),
+        record(4, Some(7.0), Vec::new()),
+    ]);
+    let marked = |path| {
+        points(&messages, path)
+            .into_iter()
+            .map(|(p, _)| p)
+            .collect()
+    };
+    let now: Vec<Vec<_>> = marked(entity::EVENTS);
+    assert_eq!(now, [vec![], vec![[1.0, 1.25, 1.0]; 2], vec![]]);
+    let before: Vec<Vec<_>> = marked(entity::PASSED);
+    assert_eq!(before, [vec![], vec![], vec![[0.875, 1.125, 7.0]; 2]]);
+    // One label for both, in their frame only.
+    let places = points(&messages, entity::LABELS);
+    let labels: Vec<_> = places.into_iter().map(|(_, words)| words).collect();
+    let both = "0 through itself\n0 through itself".to_owned();
+    assert_eq!(labels, [vec![], vec![both], vec![]]);
+    let broken: Vec<_> = strips(&messages, entity::BROKEN);
+    assert_eq!(broken, [0, 1, 0]);
+}
+
+/// Returns the messages of a file.
+fn written(frames: &[FrameRecord]) -> Vec<LogMsg> {
+    let (rec, storage): (_, MemorySinkStorage) =
+        RecordingStreamBuilder::new(APPLICATION).memory().unwrap();
+    let mut sink = ViewerSink::log_to(rec, true).unwrap();
+    for frame in frames {
+        sink.frame(frame).unwrap();
+    }
+    Box::new(sink).finish().unwrap();
+    storage.take()
+}
+
+/// Returns the timelines of the layouts, in the order in which they were sent, and the number
+/// of eyes.
+fn layouts(messages: &[LogMsg]) -> (Vec<String>, usize) {
+    let chunks = messages.iter().filter_map(|message| match message {
+        LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
+        _ => None,
+    });
+    let is_eye = |c: &Chunk| c.entity_path().to_string().ends_with("EyeControls3D");
+    let eyes = chunks.filter(is_eye).count();
+    let timeline = TimePanelBlueprint::descriptor_timeline().component;
+    let mut timelines = Vec::new();
+    for chunk in self::chunks(messages, "time_panel") {
+        let rows = chunk.iter_slices::<String>(timeline);
+        timelines.extend(rows.flatten().map(|name| name.to_string()));
+    }
+    (timelines, eyes)
+}
+
+fn broken(seq: u64) -> FrameRecord {
+    record(seq, Some(0.0), vec![event([1.0, 1.0, 0.0])])
+}
+
+fn intact(seq: u64) -> FrameRecord {
+    record(seq, Some(0.0), Vec::new())
+}
+
+#[test]
+fn a_file_opens_at_the_first_violation_and_has_the_whole_log() {
+    let messages = written(&[intact(1), broken(2), intact(3), broken(4)]);
+    let (timelines, eyes) = layouts(&messages);
+    assert_eq!(timelines, ["frame", "frame", "until_violation"]);
+    assert_eq!(eyes, 2, "at the violation, and at the end");
+    let until = UNTIL.into();
+    let ends = messages.iter().filter_map(|message| match message {
+        LogMsg::ArrowMsg(_, message) => Chunk::from_arrow_msg(message).ok(),
+        _ => None,
+    });
+    let ends = ends.filter_map(|c| Some(c.timelines().get(&until)?.time_range().max()));
+    assert_eq!(ends.max().map(|t| t.as_i64()), Some(2));
+    let is_until = |c: &Chunk| c.timelines().contains_key(&until);
+    let lines = chunks(&messages, entity::LOG).filter(is_until);
+    let lines: usize = lines.map(|c| c.num_rows()).sum();
+    assert_eq!(lines, texts(&messages, entity::LOG).len());
+    // Chunks of different timelines may come in any order; the note is on one timeline only.
+    let mut noted = chunks(&messages, entity::STATUS).filter(|c| c.timelines().len() == 1);
+    let text = TextDocument::descriptor_text().component;
+    let note = noted.next().unwrap();
+    assert!(is_until(&note) && noted.next().is_none());
+    let words: Vec<_> = note.iter_slices::<String>(text).flatten().collect();
+    let follow = "This is the first violation. 2 frames follow: click";
+    assert!(words[0].contains(follow), "{words:?}");
+}
+
+#[test]
+fn a_file_opens_at_its_end_if_nothing_follows_the_violation() {
+    for frames in [[intact(1), broken(2)], [intact(1), intact(2)]] {
+        let (timelines, eyes) = layouts(&written(&frames));
+        assert_eq!(timelines.last().map(String::as_str), Some("frame"));
+        assert!(eyes > 0);
+    }
+}
+
+#[test]
+fn the_eye_of_a_live_viewer_is_moved_once() {
+    let messages = logged(&[intact(1), broken(2), broken(3), intact(4), broken(5)]);
+    let (timelines, eyes) = layouts(&messages);
+    assert_eq!(timelines, ["frame", "frame"]);
+    assert_eq!(eyes, 1);
+}
+
+/// Returns the number of curves of an entity, for each time that it was logged.
+fn strips(messages: &[LogMsg], path: &str) -> Vec<usize> {
+    let component = LineStrips3D::descriptor_strips().component;
+    let mut counts = Vec::new();
+    for chunk in chunks(messages, path) {
+        let rows = chunk.iter_component::<rerun::components::LineStrip3D>(component);
+        rows.for_each(|row| counts.push(row.as_slice().len()));
+    }
+    counts
+}
+
+#[test]
+fn every_pull_through_is_logged() {
+    let frame = |seq| record(seq, Some(0.0), vec![event([0.0; 3])]);
+    let messages = logged(&[frame(1), frame(2), frame(3)]);
+    let texts = texts(&messages, entity::LOG);
+    let logged = texts.iter().filter(|t| t.contains("passed through itself"));
+    assert_eq!(logged.count(), 3, "{texts:?}");
+}
+
+fn texts(messages: &[LogMsg], path: &str) -> Vec<String> {
+    let component = TextLog::descriptor_text().component;
+    let mut texts = Vec::new();
+    for chunk in chunks(messages, path) {
+        let rows = chunk.iter_slices::<String>(component);
+        texts.extend(rows.flatten().map(|text| text.to_string()));
+    }
+    texts
+}
