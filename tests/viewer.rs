@@ -389,26 +389,3 @@ fn a_viewer_that_never_answers_delays_no_caller() {
     let summary = queue.finish(Duration::from_millis(500));
     assert!(summary.failed.is_some(), "{summary:?}");
 }
-
-/// Measures the cost of a frame of 14,400 rings for the thread of the sink. Run by hand, with
-/// `--release --ignored`.
-#[test]
-#[ignore = "a measurement"]
-fn cost_of_a_large_frame() {
-    let folder = tempfile::tempdir().unwrap();
-    let target = ViewerTarget::File(folder.path().join("large.rrd"));
-    let mut sink = Box::new(ViewerSink::open(&target, "large").unwrap());
-    let frames: Vec<_> = (1..=30)
-        .map(|seq| record(seq, mail(seq, 120, 15)))
-        .collect();
-    let start = std::time::Instant::now();
-    for frame in &frames {
-        sink.frame(frame).unwrap();
-    }
-    let logged = start.elapsed() / 30;
-    sink.finish().unwrap();
-    println!(
-        "logged in {logged:?}, on disk after {:?}, a frame",
-        start.elapsed() / 30
-    );
-}
