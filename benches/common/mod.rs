@@ -5,7 +5,7 @@
 #![allow(dead_code)]
 
 use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Certificate, CurveSet, Stats, Verifier, model};
+use linkwatch::{Certificate, CurveSet, Stats, Verifier, model};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
@@ -337,7 +337,7 @@ pub struct Measured {
 /// result.
 pub fn measure(case: &Case, pools: &Pools, repeat: usize) -> Measured {
     let runs = pools.alternate(repeat, || {
-        let mut verifier = Verifier::new(AbortOn::Never);
+        let mut verifier = Verifier::default();
         let mut certify = || {
             let start = cpu_ms();
             let (certificate, stats) = verifier.certify(&case.curves);

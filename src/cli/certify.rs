@@ -6,9 +6,7 @@ use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, input, measure, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
-use linkwatch::{
-    AbortOn, Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines,
-};
+use linkwatch::{Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -62,10 +60,9 @@ struct Certified {
 /// Reads a model and computes its certificate.
 fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let set = input::read(path)?;
-    let mut verifier = Verifier::new(AbortOn::Never);
     let name = path.display().to_string();
     let start = std::time::Instant::now();
-    args.kernel.set(&mut verifier)?;
+    let mut verifier = Verifier::new(args.kernel.options()?)?;
     let (certificate, stats) =
         with_progress(&name, verifier.progress(), || match args.discretize {
             _ if args.noise.is_some() => {

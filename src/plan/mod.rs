@@ -285,7 +285,7 @@ impl Plan {
     }
 
     /// Plans a frame of a verifier with this device
-    /// ([`Verifier::set_device`](crate::Verifier::set_device)).
+    /// ([`VerifierOptions::device`](crate::VerifierOptions::device)).
     ///
     /// Errors: [`Error::Device`](crate::Error::Device) if a requested adapter does not exist or
     /// cannot be used.

@@ -262,7 +262,7 @@ mod tests {
     use super::*;
     use crate::curve::Basis;
     use crate::scenes::{Scene, pull_throughs};
-    use crate::verdict::{AbortOn, Verdict};
+    use crate::verdict::Verdict;
     use crate::verifier::Verifier;
 
     fn curves(text: &str) -> CurveSet {
@@ -340,7 +340,7 @@ mod tests {
                 "scale+smooth",
                 "iid+translate",
             ] {
-                let mut verifier = Verifier::new(AbortOn::Never);
+                let mut verifier = Verifier::default();
                 for frame in 0..12 {
                     set.update(frames.at(&motion(name), 0.05, frame)).unwrap();
                     let report = verifier.step(frame, 0.0, &set).unwrap();
@@ -363,7 +363,7 @@ mod tests {
             let pulls = pull_throughs(&set);
             assert!(!pulls.is_empty(), "{text}");
             let mut frames = Frames::new(&set, 0.1);
-            let mut verifier = Verifier::new(AbortOn::Never);
+            let mut verifier = Verifier::default();
             verifier.step(0, 0.0, &set).unwrap();
             let mut alone = 0;
             for pull in &pulls {

@@ -10,7 +10,6 @@ use super::planted::{Plant, Random, planted_step};
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Point, Positions};
-use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 use std::f64::consts::TAU;
 
@@ -20,7 +19,7 @@ const ALL: Coverage = Coverage {
 };
 
 fn certificate(set: &CurveSet) -> Certificate {
-    Verifier::new(AbortOn::Never).certify(set).0.clone()
+    Verifier::default().certify(set).0.clone()
 }
 
 /// Returns two frames of a few curves, with one of many kinds of motion.

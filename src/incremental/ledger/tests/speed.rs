@@ -48,7 +48,7 @@ fn speed() {
                     open_curves: false,
                 };
                 let mut ledger = Ledger::default();
-                let mut verifier = Verifier::new(AbortOn::Never);
+                let mut verifier = Verifier::default();
                 let mut times = [Vec::new(), Vec::new(), Vec::new()];
                 let mut outcome = Outcome::default();
                 for _ in 0..31 {

@@ -50,8 +50,7 @@ fn announcing_frames_changes_no_verdict() {
     let [first, second] = two_frames();
     let order = [&first, &second, &second, &first];
     let reports = |announce: bool| {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_device(&Device::Gpu).unwrap();
+        let mut verifier = on_gpu(Method::Auto);
         let step = |(k, set): (usize, &&Arc<CurveSet>)| {
             if announce {
                 // The last announced frame is never verified.
@@ -75,21 +74,26 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
         ..wins.clone()
     };
     for (calibration, want) in [(wins, true), (loses, false), (other, false)] {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_gpu(GpuUse::automatic(calibration));
+        let verifier = |kernel: Method| {
+            let options = VerifierOptions {
+                kernel,
+                ..VerifierOptions::default()
+            };
+            Verifier::with_gpu(options, GpuUse::automatic(calibration.clone()))
+        };
         for text in [
             "chainmail:rows=12,columns=12",
             "torus_link:segments=8000,toroidal=40,poloidal=40",
         ] {
             let built = text.parse::<Model>().unwrap().build().unwrap();
             for method in [Method::Auto, Method::Crossings] {
-                verifier.set_kernel(method, Accuracy::default());
+                let mut verifier = verifier(method);
                 assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
                 assert_eq!(verifier.offload().tests > 0, want, "{text}");
                 assert_eq!(verifier.device().is_some(), want);
             }
             for method in [Method::Direct, Method::BarnesHut] {
-                verifier.set_kernel(method, Accuracy::default());
+                let mut verifier = verifier(method);
                 assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
             }
         }
@@ -103,17 +107,19 @@ fn under_auto_the_adapter_is_used_if_its_calibration_predicts_a_gain() {
 fn under_auto_the_adapter_counts_large_blocks_of_an_early_exit_and_no_quiet_frames() {
     let built = "chainmail:rows=24,columns=24".parse::<Model>().unwrap();
     let built = built.build().unwrap();
-    let baseline = || built.certificate.clone();
-    let chosen = || GpuUse::automatic(made_up(0.05, 1e6));
-    let mut early = Verifier::with_baseline(AbortOn::Never, baseline());
-    early.set_gpu(chosen());
-    early.set_early_exit(true);
+    let verifier = |strategy| {
+        let options = VerifierOptions {
+            baseline: Some(built.certificate.clone()),
+            strategy,
+            ..VerifierOptions::default()
+        };
+        Verifier::with_gpu(options, GpuUse::automatic(made_up(0.05, 1e6)))
+    };
+    let mut early = verifier(Strategy::EarlyExit);
     let report = early.step(0, 0.0, &built.curves).unwrap();
     assert_eq!(report.verdict, crate::Verdict::Intact);
     assert!(early.offload().tests > 0);
-    let mut watch = Verifier::with_baseline(AbortOn::Never, baseline());
-    watch.set_gpu(chosen());
-    watch.set_incremental(true);
+    let mut watch = verifier(Strategy::Incremental);
     for (seq, full) in [(0, true), (1, false)] {
         let report = watch.step(seq, 0.0, &built.curves).unwrap();
         assert_eq!(report.verdict, crate::Verdict::Intact);

@@ -39,9 +39,7 @@ fn a_verifier_continues_without_its_adapter() {
     // Other tests share the adapter of `Device::Gpu`.
     let device = Device::Index(adapter().info().index);
     for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_kernel(method, Accuracy::default());
-        verifier.set_device(&device).unwrap();
+        let mut verifier = on(&device, method);
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         let counts = method == Method::Crossings;
         assert_eq!(verifier.offload().tests > 0, counts);
@@ -54,7 +52,7 @@ fn a_verifier_continues_without_its_adapter() {
             assert_eq!(verifier.offload(), Offload::default());
         }
         // A new request opens a working adapter.
-        verifier.set_device(&device).unwrap();
+        let mut verifier = on(&device, method);
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         assert_eq!(verifier.offload().tests > 0, counts);
         assert!(verifier.device().is_some());

@@ -16,16 +16,30 @@ use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
 use crate::kernels::gpu_use::fallback::WithFallback;
 use crate::kernels::sums::direct::{Direct, Formula};
-use crate::kernels::{Accuracy, Calibration, Estimate, GpuUse, Method, Offload, Summation, oracle};
+use crate::kernels::{Calibration, Estimate, GpuUse, Method, Offload, Summation, oracle};
 use crate::pairs::Trees;
 use crate::scenes::Scene as Model;
-use crate::verdict::AbortOn;
-use crate::verifier::Verifier;
+use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use layout::{BoxNode, Criterion, Node, NodePair, Roots, Undecided};
 use std::f64::consts::TAU;
 use std::mem::offset_of;
 use std::sync::LazyLock;
 use wgpu::naga;
+
+/// Returns a verifier that uses an adapter.
+fn on_gpu(kernel: Method) -> Verifier {
+    on(&Device::Gpu, kernel)
+}
+
+/// Returns a verifier that uses a device.
+fn on(device: &Device, kernel: Method) -> Verifier {
+    Verifier::new(VerifierOptions {
+        kernel,
+        device: device.clone(),
+        ..VerifierOptions::default()
+    })
+    .expect("an adapter")
+}
 
 /// Returns direct sums computed in double precision alone, on an adapter of its own.
 pub(crate) fn direct_in_double(set: &CurveSet, pairs: &[Pair]) -> Vec<Estimate> {

@@ -237,7 +237,7 @@ fn the_bound_of_a_pair_fits_into_fixed_point() {
         &[[0., 0., 0.], [0.9, 0., 0.], [0.6, 0., 0.3]],
         false,
     );
-    let mut verifier = Verifier::new(AbortOn::Never);
+    let mut verifier = Verifier::default();
     let want = verifier
         .certify(&set)
         .0
