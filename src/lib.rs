@@ -68,10 +68,11 @@
 //! # The way of a frame
 //!
 //! ```text
-//! simulator ──shared memory──▶ bus ─▶ ingest ─▶ pairs ─▶ discretize ─▶ kernels ─▶ certificate ─▶ verdict ─┬▶ bus
-//!             (iceoryx2)        │        ▲                                                                 ├▶ recording
-//! recording, model file ────────┘        └── incremental: what moved, what it may have broken,             └▶ viewer
-//!                                            and what passed through what
+//! simulator ──shared memory──▶ bus ─▶ ingest ─▶ pairs ─▶ discretize ─▶ kernels ─▶ certificate ─┐
+//!             (iceoryx2)        │        ▲                                                     │
+//! recording, model file ────────┘        └── incremental: what moved, what it may have broken, │
+//!                                            and what passed through what                      │
+//! bus, recording, viewer ◀── verdict ◀─────────────────────────────────────────────────────────┘
 //! ```
 
 #![cfg_attr(docsrs, feature(doc_cfg))]

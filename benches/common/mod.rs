@@ -97,7 +97,9 @@ const MODELS: [Model; 3] = [
     },
 ];
 
-const USAGE: &str = "usage: cargo bench --bench BENCH -- [NAME..] [--repeat N] [--smoke] [--large] [--json] [--models FOLDER]
+const USAGE: &str = "\
+usage: cargo bench --bench BENCH -- [NAME..] [--repeat N] [--smoke] [--large] [--json]
+                                    [--models FOLDER]
   NAME             only scenes whose name contains it
   --repeat N       runs, of which medians are given [default: 21]
   --smoke          once through, small scenes

@@ -22,16 +22,26 @@ pub struct Args {
     #[command(flatten)]
     overwrite: Overwrite,
     /// Method that converts splines to polylines
-    #[arg(long, value_enum, default_value_t, conflicts_with = "method", help_heading = super::KERNELS, hide_short_help = true)]
+    #[arg(
+        long, value_enum, default_value_t, conflicts_with = "method",
+        help_heading = super::KERNELS, hide_short_help = true
+    )]
     discretize: Discretize,
     #[command(flatten)]
     kernel: KernelArgs,
     /// Keep only linking numbers that cannot change if every vertex moves by up to R along each
     /// axis (polylines)
-    #[arg(long, value_name = "R", help_heading = super::KERNELS, conflicts_with_all = ["discretize", "method"])]
+    #[arg(
+        long, value_name = "R", help_heading = super::KERNELS,
+        conflicts_with_all = ["discretize", "method"]
+    )]
     noise: Option<f64>,
     /// Certify each model N times and print the median times of all stages, not the certificate
-    #[arg(long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "method", "noise", "output"])]
+    #[arg(
+        long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true,
+        value_parser = clap::value_parser!(u32).range(1..),
+        conflicts_with_all = ["discretize", "method", "noise", "output"]
+    )]
     repeat: Option<u32>,
 }
 

@@ -33,7 +33,10 @@ pub struct Args {
     #[command(flatten)]
     event_args: EventArgs,
     /// Stop at the first change of a model, the most suspect pairs first
-    #[arg(long, conflicts_with_all = ["events", "with_self", "method"], help_heading = super::COMPARE)]
+    #[arg(
+        long, conflicts_with_all = ["events", "with_self", "method"],
+        help_heading = super::COMPARE
+    )]
     early_exit: bool,
     /// Write the pairs that differ, a line `i,j,expected,found` each
     #[arg(long, value_name = "FILE", help_heading = super::WRITE)]

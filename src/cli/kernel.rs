@@ -19,10 +19,15 @@ pub struct KernelArgs {
     #[arg(long, hide_short_help = true, value_name = "B", value_parser = beta)]
     beta: Option<f64>,
     /// With --beta: sum again if the published estimate of the error is above E
-    #[arg(long, hide_short_help = true, value_name = "E", requires = "beta", value_parser = positive)]
+    #[arg(
+        long, hide_short_help = true, value_name = "E", requires = "beta", value_parser = positive
+    )]
     target: Option<f64>,
     /// fmm: order of the expansions, 2 to 20 [default: by the error bound]
-    #[arg(long, hide_short_help = true, value_name = "P", value_parser = clap::value_parser!(u32).range(2..=20))]
+    #[arg(
+        long, hide_short_help = true, value_name = "P",
+        value_parser = clap::value_parser!(u32).range(2..=20)
+    )]
     order: Option<u32>,
     /// Device that runs the kernel: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
     /// devices`)

@@ -63,7 +63,10 @@ use crate::kernels::choice::costs::{self, Time};
 use crate::kernels::choice::{Choice, Forecast, Predictions};
 use crate::kernels::crossings::{Input, Workspaces, by_formula, parallelism};
 use crate::kernels::{Calibration, Device, GpuUse, KernelWork, Method, Offer, SumCost};
-use crate::pairs::{CurveTree, LinkSearch, Pair, SMALL, Trees, degenerate_curves, potential_links};
+use crate::pairs::{
+    CurveTree, LinkSearch, Pair, SMALL, Trees, degenerate_curves, potential_links,
+    refits_in_parallel,
+};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -400,7 +403,7 @@ impl Boxes {
         let stored_leaves = closed(set)
             .filter(|&i| trees.of(set, i).stores_leaves())
             .count();
-        let busy = match Trees::shares_out(segments) {
+        let busy = match refits_in_parallel(segments) {
             true => threads,
             false => 1,
         };
@@ -413,7 +416,7 @@ impl Boxes {
             stored_leaves,
             computed_leaves: curves - stored_leaves,
             shared_curves: closed(set)
-                .filter(|&i| Trees::shares_out(set.curve(i).segments as usize))
+                .filter(|&i| refits_in_parallel(set.curve(i).segments as usize))
                 .count(),
             bytes: trees.bytes(),
             predicted: Prediction::of(costs::boxes(set.basis(), curves, segments), busy),
