@@ -6,7 +6,7 @@
 
 use linkwatch::scenes::Scene;
 use linkwatch::{
-    AbortOn, Basis, Client, ClientOptions, CurveSet, FrameRecord, Outcome, Positions, Precision,
+    Basis, Client, ClientOptions, CurveSet, FrameRecord, Outcome, Positions, Precision,
     RecordedItem, RecordingReader, RecordingSink, Sink, Verdict, Verifier, ViewerSink,
     ViewerTarget, Work,
 };
@@ -38,7 +38,7 @@ fn main() {
 fn frames(count: u64) -> Vec<FrameRecord> {
     let scene: Scene = "chainmail".parse().expect("a scene");
     let curves = Arc::new(scene.build().expect("a scene").curves);
-    let mut verifier = Verifier::new(AbortOn::Any);
+    let mut verifier = Verifier::default();
     let record = |seq| {
         let report = verifier.step(seq, seq as f64, &curves).expect("a frame");
         assert_eq!(report.verdict, Verdict::Intact);

@@ -3,7 +3,7 @@
 use super::*;
 use crate::curve::{Basis, Point, Positions};
 use crate::incremental::ledger::Ledger;
-use crate::verdict::AbortOn;
+
 use crate::verifier::Verifier;
 use proptest::prelude::*;
 
@@ -161,7 +161,7 @@ proptest! {
         ])),
     ) {
         let set = curves.set(&curves.xyz);
-        let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
+        let certificate = Verifier::default().certify(&set).0.clone();
         let mut ledger = Ledger::default();
         let coverage = Coverage {
                 self_crossings,

@@ -8,8 +8,7 @@ use crate::kernels::conformance::polygons::{Polygon, Random, floats, winding};
 use crate::kernels::crossings::Workspaces;
 use crate::kernels::oracle;
 use crate::pairs::Trees;
-use crate::verdict::AbortOn;
-use crate::verifier::Verifier;
+use crate::verifier::{Verifier, VerifierOptions};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -339,8 +338,11 @@ fn verifiers_that_share_an_adapter_do_not_affect_one_another() {
         .collect();
     let certify = |k: usize, device: &Device| {
         let set = &tangled[k % 4];
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_device(device).unwrap();
+        let mut verifier = Verifier::new(VerifierOptions {
+            device: device.clone(),
+            ..VerifierOptions::default()
+        })
+        .unwrap();
         verifier.announce(&Arc::new(tangled[(k + 1) % 4].clone()));
         verifier.certify(set).0.clone()
     };
@@ -381,9 +383,10 @@ fn incomplete_work_is_an_error() {
     assert!(barnes_hut::tiles(state, &[0; 64], 4, 1).is_err());
     // Two levels with 1 and 4 node pairs, all processed; then one of them not processed.
     let mut counts = [0; 64];
-    (counts[0], counts[1], counts[62], counts[63]) = (1, 4, 5, 7);
+    let [done, tiles] = [counters::DONE, counters::TILES].map(|counter| counter as usize);
+    (counts[0], counts[1], counts[done], counts[tiles]) = (1, 4, 5, 7);
     assert_eq!(barnes_hut::tiles(state, &counts, 2, 1), Ok(Some(7)));
-    counts[62] = 4;
+    counts[done] = 4;
     assert!(barnes_hut::tiles(state, &counts, 2, 1).is_err());
 }
 

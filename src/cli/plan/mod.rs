@@ -1,5 +1,7 @@
 //! `linkwatch plan`: the methods and the predicted cost of every stage, with reasons.
 
+mod report;
+
 use super::measure::{self, Measured};
 use super::{Outcome, input, output};
 use linkwatch::kernels::Device;
@@ -37,7 +39,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             continue;
         }
         output::line(name.display());
-        for line in plan.to_string().lines() {
+        for line in report::lines(&plan) {
             output::line(format_args!("  {line}"));
         }
         if let Some(Measured { later, .. }) = measured {
