@@ -293,29 +293,21 @@ fn reads_files_written_by_the_wire_page() {
 fn the_client_in_python_has_the_fields_of_the_wire_page() {
     const CLIENT: &str = include_str!("../../examples/rings.py");
     assert!(CLIENT.contains(&format!("\nVERSION = {LAYOUT_VERSION}\n")));
-    let in_python = |t: &str| {
-        let (item, times) = match t.trim_matches(['[', ']']).split_once("; ") {
-            Some((item, n)) => (item, format!(" * {n}")),
-            None => (t, String::new()),
-        };
-        let name = match item.split_at(1) {
-            ("f", "64") => "double".to_owned(),
-            ("u", bits) => format!("uint{bits}"),
-            (_, bits) => format!("int{bits}"),
-        };
-        format!("ctypes.c_{name}{times}")
-    };
+    // `[f64; 3]` on the page is `f64*3` in the tables of the client.
+    let in_python = |t: &str| t.trim_matches(['[', ']']).replace("; ", "*");
     for (class, heading) in [("FrameHeader", "## A frame"), ("Verdict", "## A message")] {
         let (_, class) = CLIENT.split_once(&format!("class {class}(")).unwrap();
-        let (fields, _) = class.split_once("    ]").unwrap();
-        let fields: Vec<&str> = fields
-            .lines()
-            .map(str::trim)
-            .filter(|line| line.starts_with("(\""))
-            .collect();
-        let expected: Vec<String> = rows(heading, "offset")
+        let table = class.split("\"\"\"").nth(1).unwrap();
+        // A line has a type and names.
+        let fields = table.lines().flat_map(|line| {
+            let mut words = line.split_whitespace();
+            let kind = words.next().unwrap_or_default();
+            words.map(move |name| [name.to_owned(), kind.to_owned()])
+        });
+        let fields: Vec<[String; 2]> = fields.collect();
+        let expected: Vec<[String; 2]> = rows(heading, "offset")
             .iter()
-            .map(|row| format!("(\"{}\", {}),", row[3], in_python(&row[2])))
+            .map(|row| [row[3].clone(), in_python(&row[2])])
             .collect();
         assert_eq!(fields, expected);
     }

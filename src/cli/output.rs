@@ -41,8 +41,9 @@ impl Write for Log {
     }
 }
 
-/// Writes a line, or several, to stdout. If it is lost, [`finish`] reports that. The work continues, because a
-/// watched simulation still needs its verdicts, and the exit code still gives the outcome.
+/// Writes a line, or several, to stdout. If it is lost, [`finish`] reports that. The work
+/// continues, because a watched simulation still needs its verdicts, and the exit code still gives
+/// the outcome.
 pub fn line(text: impl std::fmt::Display) {
     stream::put(Target::Out, format!("{text}\n").into_bytes());
 }

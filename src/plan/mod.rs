@@ -6,7 +6,7 @@
 //! let scene: Scene = "ribbon:segments=2000".parse()?;
 //! let plan = Plan::of(&scene.build()?.curves);
 //! assert_eq!(plan.potential_links.links, 1);
-//! println!("{plan}");
+//! println!("{plan:#?}");
 //! # Ok::<(), linkwatch::Error>(())
 //! ```
 //!
@@ -48,7 +48,6 @@
 //! The model ignores caches except the last, and CPUs without AVX2, where all stages take longer.
 //! If more than 64 potential links differ much, the sample may miss a rare one of much work.
 
-mod message;
 #[cfg(test)]
 mod tests;
 
@@ -61,12 +60,13 @@ use crate::kernels::choice::{Choice, Forecast, Predictions};
 use crate::kernels::crossings::{Input, Workspaces, by_formula, parallelism};
 use crate::kernels::{Calibration, Device, GpuUse, KernelWork, Method, Offer, SumCost};
 use crate::pairs::{
-    CurveTree, LinkSearch, Pair, Trees, degenerate_curves, potential_links, refits_in_parallel,
+    CurveTree, LinkSearch, Pair, SMALL, Trees, degenerate_curves, potential_links,
+    refits_in_parallel,
 };
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Plan of a verification, stage by stage. Its `Display` form has a line per stage.
+/// Plan of a verification, stage by stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
     /// Number of threads of the plan.
@@ -187,6 +187,8 @@ pub enum Search {
 pub struct Directions {
     /// Number of potential links of two small loops, which use a formula on their boxes.
     pub by_formula: usize,
+    /// Maximum number of segments of a small loop.
+    pub formula_segments: u32,
     /// Number of potential links that use the best of six directions, found by a breadth-first pass
     /// over both trees.
     pub best_of_six: usize,
@@ -307,85 +309,26 @@ impl Plan {
         };
         let predictions = Predictions::new(input, links, Method::Auto);
         let choice = predictions.choose(offer);
-        let device = offer.map(|offer| {
-            let forecast = (offer.calibration).and_then(|c| predictions.forecast(c));
-            DevicePlan::of(offer, choice == Choice::CountOnGpu, forecast)
-        });
         let sample = *predictions.sample();
+        let (parallelism, busy_threads) = parallelism(links.len(), threads, sample.shared);
+        let busy = busy_threads.max(1);
+        let boxes = Boxes::of(set, &trees, threads);
+        let potential_links = PotentialLinks::of(set, &search, degenerate.len(), threads);
+        let discretization = Discretization {
+            choice: match set.basis().is_polyline() {
+                true => DiscretizationChoice::None,
+                false => DiscretizationChoice::PairByPair,
+            },
+            predicted: Prediction::of(costs::discretization(sample.work), busy),
+        };
+        let mut direction = Directions::of(set, &trees, links);
+        direction.predicted = Prediction::of(costs::direction(links.len(), sample.work), busy);
         let long = match choice {
             Choice::SumFirst => predictions.long(),
             Choice::CountOnCpu | Choice::CountOnGpu => &[],
         };
-        let formula = |&&(i, j): &&Pair| {
-            by_formula([i, j].map(|i| -> CurveTree<'_> { trees.of(set, i as usize) }))
-        };
-        let by_formula = links.par_iter().filter(formula).count();
-        let links = links.len();
-        let closed = || (0..set.len()).filter(|&i| set.curve(i).closed);
-        let whole = closed().count() - degenerate.len();
-        let segments: usize = closed().map(|i| set.curve(i).segments as usize).sum();
-        let stored_leaves = closed()
-            .filter(|&i| trees.of(set, i).stores_leaves())
-            .count();
-        let busy_boxes = if refits_in_parallel(segments) {
-            threads
-        } else {
-            1
-        };
-        let boxes = Boxes {
-            segments: set.segments(),
-            levels: closed()
-                .map(|i| trees.of(set, i).root().level + 1)
-                .max()
-                .unwrap_or(0),
-            stored_leaves,
-            computed_leaves: closed().count() - stored_leaves,
-            shared_curves: closed()
-                .filter(|&i| refits_in_parallel(set.curve(i).segments as usize))
-                .count(),
-            bytes: trees.bytes(),
-            predicted: Prediction::of(
-                costs::boxes(set.basis(), closed().count(), segments),
-                busy_boxes,
-            ),
-        };
-        let pairs = whole as u64 * (whole as u64).saturating_sub(1) / 2;
-        let potential_links = PotentialLinks {
-            curves: set.len(),
-            open_curves: set.len() - closed().count(),
-            degenerate_curves: degenerate.len(),
-            pairs,
-            links,
-            search: if pairs <= 1 {
-                Search::Trivial
-            } else {
-                Search::Sweep
-            },
-            steps: search.steps(),
-            bytes: search.bytes(),
-            predicted: Prediction::of(
-                costs::potential_links(closed().count(), search.steps(), links),
-                LinkSearch::tasks(whole).clamp(1, threads),
-            ),
-        };
-        let (parallelism, busy_threads) = parallelism(links, threads, sample.shared);
-        let work = sample.work;
-        let coordinates = 3 * set.points() * set.precision().bytes();
-        let busy = busy_threads.max(1);
-        let discretization = Discretization {
-            choice: if set.basis().is_polyline() {
-                DiscretizationChoice::None
-            } else {
-                DiscretizationChoice::PairByPair
-            },
-            predicted: Prediction::of(costs::discretization(work), busy),
-        };
-        let mut direction = Directions {
-            by_formula,
-            best_of_six: links - by_formula,
-            predicted: Prediction::of(costs::direction(links, work), busy),
-        };
-        let time = costs::crossings(segments, work, coordinates + boxes.bytes).with_sums(long);
+        let bytes = 3 * set.points() * set.precision().bytes() + boxes.bytes;
+        let time = costs::crossings(closed_segments(set), sample.work, bytes).with_sums(long);
         let mut kernel = KernelPlan {
             choice: match choice {
                 Choice::SumFirst => Kernel::Fmm,
@@ -395,12 +338,15 @@ impl Plan {
             parallelism,
             busy_threads,
             sampled: sample.links,
-            work,
+            work: sample.work,
             predicted: Prediction::of(time, busy),
-            device,
+            device: offer.map(|offer| {
+                let forecast = offer.calibration.and_then(|c| predictions.forecast(c));
+                DevicePlan::of(offer, choice == Choice::CountOnGpu, forecast)
+            }),
         };
-        let forecast = kernel.device.as_ref().filter(|d| d.chosen);
-        if let Some(ms) = forecast.and_then(|d| d.adapter_ms) {
+        let chosen = kernel.device.as_ref().filter(|d| d.chosen);
+        if let Some(ms) = chosen.and_then(|d| d.adapter_ms) {
             // The cost of the adapter includes the choice of directions.
             direction.predicted = Prediction::default();
             kernel.predicted = Prediction {
@@ -433,6 +379,85 @@ impl Plan {
                 one_thread_ms: stages.iter().map(|p| p.one_thread_ms).sum(),
                 ms: stages.iter().map(|p| p.ms).sum(),
             },
+        }
+    }
+}
+
+/// Returns the closed curves.
+fn closed(set: &CurveSet) -> impl Iterator<Item = usize> {
+    (0..set.len()).filter(|&i| set.curve(i).closed)
+}
+
+/// Returns the number of segments of all closed curves.
+fn closed_segments(set: &CurveSet) -> usize {
+    closed(set).map(|i| set.curve(i).segments as usize).sum()
+}
+
+impl Boxes {
+    fn of(set: &CurveSet, trees: &Trees, threads: usize) -> Boxes {
+        let (curves, segments) = (closed(set).count(), closed_segments(set));
+        let stored_leaves = closed(set)
+            .filter(|&i| trees.of(set, i).stores_leaves())
+            .count();
+        let busy = match refits_in_parallel(segments) {
+            true => threads,
+            false => 1,
+        };
+        Boxes {
+            segments: set.segments(),
+            levels: closed(set)
+                .map(|i| trees.of(set, i).root().level + 1)
+                .max()
+                .unwrap_or(0),
+            stored_leaves,
+            computed_leaves: curves - stored_leaves,
+            shared_curves: closed(set)
+                .filter(|&i| refits_in_parallel(set.curve(i).segments as usize))
+                .count(),
+            bytes: trees.bytes(),
+            predicted: Prediction::of(costs::boxes(set.basis(), curves, segments), busy),
+        }
+    }
+}
+
+impl PotentialLinks {
+    /// Describes the last search.
+    fn of(set: &CurveSet, search: &LinkSearch, degenerate: usize, threads: usize) -> Self {
+        let closed = closed(set).count();
+        let whole = closed - degenerate;
+        let pairs = whole as u64 * (whole as u64).saturating_sub(1) / 2;
+        let links = search.pairs().len();
+        let busy = LinkSearch::tasks(whole).clamp(1, threads);
+        let time = costs::potential_links(closed, search.steps(), links);
+        PotentialLinks {
+            curves: set.len(),
+            open_curves: set.len() - closed,
+            degenerate_curves: degenerate,
+            pairs,
+            links,
+            search: match pairs {
+                0..=1 => Search::Trivial,
+                _ => Search::Sweep,
+            },
+            steps: search.steps(),
+            bytes: search.bytes(),
+            predicted: Prediction::of(time, busy),
+        }
+    }
+}
+
+impl Directions {
+    /// Counts the links by their choice of direction. Predicts no cost.
+    fn of(set: &CurveSet, trees: &Trees, links: &[Pair]) -> Directions {
+        let formula = |&&(i, j): &&Pair| {
+            by_formula([i, j].map(|i| -> CurveTree<'_> { trees.of(set, i as usize) }))
+        };
+        let by_formula = links.par_iter().filter(formula).count();
+        Directions {
+            by_formula,
+            formula_segments: SMALL,
+            best_of_six: links.len() - by_formula,
+            predicted: Prediction::default(),
         }
     }
 }

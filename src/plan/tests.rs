@@ -84,7 +84,6 @@ fn plans_empty_sets_open_curves_and_degenerate_curves() {
         assert_eq!((links.pairs, links.links, links.open_curves), (0, 0, open));
         assert_eq!(plan.kernel.busy_threads, 0);
         assert_eq!(plan.kernel.work, KernelWork::default());
-        assert!(plan.to_string().contains("direction: none"), "{plan}");
     }
     // Two curves of four distinct points, the third of one, inside the boxes of both.
     let xyz: Vec<f64> = [[0., 0., 0.], [4., 0., 0.], [4., 4., 4.], [0., 4., 0.]]
@@ -100,10 +99,6 @@ fn plans_empty_sets_open_curves_and_degenerate_curves() {
     assert_eq!(
         (links.degenerate_curves, links.pairs, links.links),
         (1, 1, 1)
-    );
-    assert!(
-        plan.to_string().contains("1 degenerate curve skipped"),
-        "{plan}"
     );
 }
 
@@ -188,9 +183,6 @@ fn crossings_go_to_an_adapter_that_is_predicted_to_win() {
             let (there, here) = (device.adapter_ms.unwrap(), device.cpu_ms.unwrap());
             assert_eq!(there < here, want, "{device:?}");
             assert_eq!(plan.kernel.predicted.ms == there, want);
-            let words = plan.to_string();
-            assert_eq!(words.contains("(exact) on made up"), want, "{words}");
-            assert_eq!(words.contains("crossings on the CPU, in"), !want, "{words}");
         }
     }
 }
@@ -249,12 +241,10 @@ fn splines_use_the_cpu_and_a_requested_adapter_is_used() {
             calibration,
         };
         let plan = Plan::with(&polylines, Some(requested));
-        let words = plan.to_string();
         let found = plan.kernel.device.unwrap();
         assert!(found.chosen, "{found:?}");
         assert_eq!(found.adapter_ms.is_some(), calibration.is_some());
         assert_eq!(found.direct_from, Some(0));
-        assert_eq!(words.contains("not calibrated"), calibration.is_none());
         let splines = Plan::with(&splines, Some(requested));
         assert!(!splines.kernel.device.unwrap().chosen);
     }

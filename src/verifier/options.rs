@@ -53,19 +53,19 @@ pub struct VerifierOptions {
     /// Kernel that computes all linking numbers of a frame. The default is [`Method::Auto`].
     ///
     /// A kernel that sums runs first; pairs that its error bound does not decide are decided by
-    /// counting crossings ([`Verifier::ladder`](crate::Verifier::ladder)). Certificates and verdicts
-    /// are the same for all kernels; the work differs. The parts of a frame that incremental
-    /// verification computes are always counted.
+    /// counting crossings ([`Verifier::ladder`](crate::Verifier::ladder)). Certificates and
+    /// verdicts are the same for all kernels; the work differs. The parts of a frame that
+    /// incremental verification computes are always counted.
     pub kernel: Method,
     /// Accuracy of the kernel. The default is the one that its error bound requires.
     pub accuracy: Accuracy,
     /// Device that runs kernels. The default is [`Device::Cpu`].
     ///
     /// A GPU counts the crossings of polylines in full runs, and computes direct and Barnes-Hut
-    /// sums. A requested GPU is always used. With [`Device::Auto`], it is used if it is predicted to
-    /// be faster than the CPU, from the stored measurements of [`calibrate`](crate::plan). If the
-    /// GPU fails, the verifier logs a warning and continues on the CPU. The results are the same;
-    /// only the time differs.
+    /// sums. A requested GPU is always used. With [`Device::Auto`], it is used if it is predicted
+    /// to be faster than the CPU, from the stored measurements of [`calibrate`](crate::plan). If
+    /// the GPU fails, the verifier logs a warning and continues on the CPU. The results are the
+    /// same; only the time differs.
     pub device: Device,
 }
 
@@ -92,7 +92,8 @@ pub enum Strategy {
     /// verifier itself.
     ///
     /// If the results differ, the report is the one of the full run,
-    /// [`Work::disagreed`](crate::Work::disagreed) is set, and every later frame is computed in full.
+    /// [`Work::disagreed`](crate::Work::disagreed) is set, and every later frame is computed in
+    /// full.
     Paranoid,
 }
 

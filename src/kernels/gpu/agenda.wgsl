@@ -1,5 +1,5 @@
 // Lists of node pairs: those to visit next, and those of the lowest level, which are tiles. The
-// constants are defined in src/kernels/gpu/descent.rs.
+// constants are defined in src/kernels/gpu/descent.rs and counters.rs.
 
 // A node pair to visit: a pair of curves and a node of each, that of the upper curve first. The
 // axis of projection is in the highest bits of the pair.

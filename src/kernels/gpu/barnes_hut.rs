@@ -31,7 +31,7 @@
 
 use super::capacity::in_batches;
 use super::commands::{Binding, Buffer, Command, Stage};
-use super::descent::TOO_MANY;
+use super::counters::{self, COUNTS, DONE};
 use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
@@ -61,18 +61,13 @@ const LARGEST: f64 = 16.0;
 /// hold.
 const RUN: u32 = 1024;
 
-/// Number of counters: one for each level; the last two count processed node pairs and tiles.
-const COUNTS: u32 = 64;
-
 /// The shader that descends by one level.
 pub(super) const STAGE: Stage = Stage {
     name: "Barnes-Hut",
     source: || {
-        let whole = [
+        let own = [
             ("THREADS", direct::THREADS),
-            ("COUNTS", COUNTS),
             ("RUN", RUN),
-            ("TOO_MANY", TOO_MANY),
             ("WORDS", word!(FarSum)),
             ("VALUE", word!(FarSum.value)),
             ("BOUND", word!(FarSum.bound)),
@@ -80,6 +75,7 @@ pub(super) const STAGE: Stage = Stage {
             ("EXPANDED", word!(FarSum.expanded)),
             ("VISITED", word!(FarSum.visited)),
         ];
+        let whole = [&own[..], &counters::NAMES].concat();
         let real = [
             ("WIDEST", WIDEST),
             ("PARALLEL", PARALLEL),
@@ -106,7 +102,7 @@ const AGENDAS: [Buffer; 2] = [
 ];
 const TILES: Buffer = Buffer("tiles", "Barnes-Hut");
 const FAR: Buffer = Buffer("sums", "Barnes-Hut");
-const COUNTERS: Buffer = Buffer("counts", "Barnes-Hut");
+const COUNTERS: Binding = counters::binding("Barnes-Hut");
 const PARAMETERS: Buffer = Buffer("parameters", "Barnes-Hut");
 
 /// Maximum number of passes with the error bound as the criterion.
@@ -297,7 +293,7 @@ fn pass(
         .map(|((i, j), _)| root(*i).1 + root(*j).1)
         .max()
         .unwrap_or(0);
-    let levels = levels.min(COUNTS - 3);
+    let levels = levels.min(counters::MOST_LEVELS);
     let start: Vec<NodePair> = (0..)
         .zip(asked)
         .map(|(pair, ((i, j), _))| NodePair {
@@ -329,7 +325,7 @@ fn pass(
         Command::Reserve(AGENDAS[0], agendas[0].size),
         Command::Reserve(AGENDAS[1], agendas[1].size),
         Command::upload(AGENDAS[0], &start),
-        Command::upload(COUNTERS, &counts),
+        Command::upload(COUNTERS.buffer, &counts),
         Command::Reserve(TILES, tile_bytes),
         Command::Clear(FAR, far_bytes),
     ]);
@@ -345,13 +341,13 @@ fn pass(
                 agendas[from],
                 agendas[1 - from],
                 Binding::whole(TILES, tile_bytes),
-                Binding::whole(COUNTERS, u64::from(4 * COUNTS)),
+                COUNTERS,
             ],
             groups: state.strides(),
         });
     }
     commands.push(Command::Download(FAR, far_bytes));
-    commands.push(Command::Download(COUNTERS, u64::from(4 * COUNTS)));
+    commands.push(Command::Download(COUNTERS.buffer, COUNTERS.size));
     state.nodes_of = None;
     let got = state.run(frame, commands)?;
     state.nodes_of = Some(frame.id);
@@ -388,16 +384,18 @@ pub(super) fn tiles(
     asked: usize,
 ) -> Result<Option<u32>, Error> {
     let capacity = state.sum_capacity;
-    let (node_pairs, last) = counts.split_at(levels as usize + 1);
+    let node_pairs = &counts[..=levels as usize];
+    let (done, tiles) = (
+        counters::get(counts, DONE),
+        counters::get(counts, counters::TILES),
+    );
     let listed = node_pairs.iter().map(|&c| c.min(capacity.node_pairs));
-    let gone_through = listed.take(levels as usize).fold(0, u32::wrapping_add);
-    match *last {
-        [.., done, tiles] if done == gone_through && node_pairs[0] as usize == asked => {
-            let fit = |&count: &u32| count <= capacity.node_pairs;
-            Ok((node_pairs.iter().all(fit) && tiles <= capacity.tiles).then_some(tiles))
-        }
-        _ => Err(state.incomplete()),
+    let processed = listed.take(levels as usize).fold(0, u32::wrapping_add);
+    if done != processed || node_pairs[0] as usize != asked {
+        return Err(state.incomplete());
     }
+    let fit = |&count: &u32| count <= capacity.node_pairs;
+    Ok((node_pairs.iter().all(fit) && tiles <= capacity.tiles).then_some(tiles))
 }
 
 fn found(far: &FarSum, near: &AngleSum) -> Found {

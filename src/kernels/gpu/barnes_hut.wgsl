@@ -33,8 +33,7 @@ struct Criterion {
 @group(0) @binding(4) var<storage, read> agenda: array<NodePair>;
 @group(0) @binding(5) var<storage, read_write> next: array<NodePair>;
 @group(0) @binding(6) var<storage, read_write> tiles: array<Tile>;
-// Number of node pairs of each level; the last two are the numbers of processed node pairs and of
-// tiles.
+// Number of node pairs of each level, and the counters of src/kernels/gpu/counters.rs.
 @group(0) @binding(7) var<storage, read_write> counts: array<atomic<u32>, COUNTS>;
 
 // Moments of a node, contracted with the direction, as the expansion needs them.
@@ -198,10 +197,10 @@ fn main(
         let u_leaf = nodes[u].leaf > 0u;
         if t_leaf && u_leaf {
             // Above TOO_MANY the counter is not incremented any more, because it would wrap to 0.
-            if atomicLoad(&counts[COUNTS - 1u]) >= TOO_MANY {
+            if atomicLoad(&counts[TILES]) >= TOO_MANY {
                 continue;
             }
-            let at = atomicAdd(&counts[COUNTS - 1u], 1u);
+            let at = atomicAdd(&counts[TILES], 1u);
             if at < arrayLength(&tiles) {
                 tiles[at] = Tile(item.pair, nodes[t].first, nodes[t].segments, nodes[u].first, nodes[u].segments, array<u32, 3>());
             }
@@ -225,6 +224,6 @@ fn main(
     }
     workgroupBarrier();
     if thread == 0u {
-        atomicAdd(&counts[COUNTS - 2u], atomicLoad(&done));
+        atomicAdd(&counts[DONE], atomicLoad(&done));
     }
 }

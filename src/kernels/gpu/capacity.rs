@@ -1,7 +1,7 @@
 //! Capacity of the lists that shaders write. Only the adapter finds out how long they get.
 
 use super::commands::{Binding, Buffer};
-use super::descent::TOO_MANY;
+use super::counters::TOO_MANY;
 use super::error::Error;
 use super::layout::NodePair;
 use super::{State, Tile};

@@ -30,9 +30,8 @@
 use super::boxes::{self, LEAF, NODES_SHADER};
 use super::capacity::{Capacity, in_batches};
 use super::commands::{Binding, Buffer, Command, Stage};
-use super::descent::{
-    self, AXIS, COUNTERS, CROSSINGS, DONE, OPEN, SEPARATED, TESTS, TILES, TILES_AT, TOO_MANY,
-};
+use super::counters::{self, TOO_MANY};
+use super::descent::{self, AXIS, COUNTERS, TILES};
 use super::error::Error;
 use super::fixed;
 use super::frame::Frame;
@@ -56,13 +55,8 @@ pub(super) const STAGE: Stage = Stage {
     name: "crossings",
     source: || {
         let real = [("FLAT", FLAT), ("SOLID", SOLID), ("TINY", TINY)];
-        let mut whole = descent::WORDS.to_vec();
-        whole.extend([
-            ("LEAF", LEAF),
-            ("OPEN", OPEN),
-            ("TESTS", TESTS),
-            ("CROSSINGS", CROSSINGS),
-        ]);
+        let mut whole = descent::constants();
+        whole.push(("LEAF", LEAF));
         super::shader(
             &whole,
             &real,
@@ -85,7 +79,7 @@ const ENTRY: u64 = size_of::<Undecided>() as u64;
 const READ_AHEAD: u32 = 1 << 12;
 
 /// Maximum number of pairs of curves in a pass: the node pairs of all of them stay below
-/// [`descent::TOO_MANY`], and the index and the axis fit into one word.
+/// [`counters::TOO_MANY`], and the index and the axis fit into one word.
 const MOST_PAIRS: usize = 1 << 22;
 
 /// Rounds of a thread in a tile. All rounds are counted, because a driver that leaves a loop early
@@ -172,15 +166,12 @@ impl Found {
     /// Returns the work that the adapter did for `pairs` pairs of curves. Undecided tests are
     /// counted by the CPU, which decides them.
     fn work(&self, pairs: usize) -> Counted {
-        let long = |at: u32| {
-            let at = at as usize;
-            u64::from(self.counts[at + 1]) << 32 | u64::from(self.counts[at])
-        };
         let stats = Stats {
             potential_links: pairs as u64,
-            separated: self.counts[SEPARATED as usize].into(),
-            tests: long(TESTS).saturating_sub(self.undecided.len() as u64),
-            crossings: long(CROSSINGS),
+            separated: counters::get(&self.counts, counters::SEPARATED).into(),
+            tests: counters::get_wide(&self.counts, counters::TESTS)
+                .saturating_sub(self.undecided.len() as u64),
+            crossings: counters::get_wide(&self.counts, counters::CROSSINGS),
             ..Stats::default()
         };
         Counted {
@@ -318,7 +309,7 @@ pub(super) fn counters(
 ) -> Result<Vec<u32>, Error> {
     let words = |k: usize| bytemuck::pod_collect_to_vec::<u8, u32>(&got[k]);
     let (counts, made) = (words(0), words(3));
-    match counts[DONE as usize] == items(&counts) && made == [state.boxes_made] {
+    match counters::get(&counts, counters::DONE) == items(&counts) && made == [state.boxes_made] {
         true => Ok(counts),
         false => Err(state.incomplete()),
     }
@@ -345,11 +336,12 @@ fn pass(
         let steps = counts[..levels - 1]
             .iter()
             .map(|&c| c.min(capacity.node_pairs));
-        let rounds = counts[TILES_AT as usize].min(tiles).wrapping_mul(ROUNDS);
+        let rounds = counters::get(counts, counters::TILES).min(tiles);
+        let rounds = rounds.wrapping_mul(ROUNDS);
         steps.fold((pairs.len() as u32).wrapping_add(rounds), u32::wrapping_add)
     };
     let mut counts = counters(state, &got, |c| listed(c, lists.part.min(capacity.tiles)))?;
-    let tiles = counts[TILES_AT as usize];
+    let tiles = counters::get(&counts, counters::TILES);
     if counts[..levels].iter().any(|&c| c > capacity.node_pairs) || tiles > capacity.tiles {
         return Ok(None);
     }
@@ -367,7 +359,7 @@ fn pass(
         got = state.run(frame, commands)?;
         counts = counters(state, &got, |c| listed(c, capacity.tiles))?;
     }
-    let open = counts[OPEN as usize];
+    let open = counters::get(&counts, counters::OPEN_TESTS);
     if open > state.undecided_capacity {
         // Repeats the pass with capacity for all of them. If the adapter does not allow that much,
         // later frames keep the old capacity.

@@ -173,8 +173,8 @@ fn main(
             }
             // Above TOO_MANY the counter is not incremented any more, because it would wrap to 0.
             // No list has that capacity.
-            if test.outcome == UNDECIDED && atomicLoad(&counts[OPEN]) < TOO_MANY {
-                let at = atomicAdd(&counts[OPEN], 1u);
+            if test.outcome == UNDECIDED && atomicLoad(&counts[OPEN_TESTS]) < TOO_MANY {
+                let at = atomicAdd(&counts[OPEN_TESTS], 1u);
                 if at < arrayLength(&undecided) {
                     undecided[at] = Undecided(tile.pair, upper + s, lower + t);
                 }

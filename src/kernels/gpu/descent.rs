@@ -4,44 +4,19 @@
 use super::boxes::{FAN, LEVEL, NODES_SHADER};
 use super::commands::{Binding, Buffer, Command, Stage};
 use super::layout::Parameters;
-use super::{Capacity, State};
+use super::{Capacity, State, counters};
 
 /// Threads of a workgroup.
 pub(super) const THREADS: u32 = 64;
 
-/// Number of counters: the node pairs of each level, then the counters below.
-pub(super) const COUNTS: u32 = 64;
-/// Counter of tiles.
-pub(super) const TILES_AT: u32 = 56;
-/// Counter of tests that single precision does not decide.
-pub(super) const OPEN: u32 = 57;
-/// Counter of the pairs of curves that do not overlap in some direction, and so are not linked.
-pub(super) const SEPARATED: u32 = 58;
-/// Counter of tests: low half; the high half follows.
-pub(super) const TESTS: u32 = 59;
-/// Counter of crossings: low half; the high half follows.
-pub(super) const CROSSINGS: u32 = 61;
-/// Counter of processed items of all lists: pairs of curves, node pairs and tiles.
-pub(super) const DONE: u32 = 63;
-
-/// A list counter that has reached this value is not incremented any more. The value is above every
-/// capacity, and threads that have read a smaller value just before add less than would make the
-/// counter wrap to 0.
-pub(super) const TOO_MANY: u32 = 1 << 31;
-
 /// Position of the axis in the first word of a node pair.
 pub(super) const AXIS: u32 = 30;
 
-/// Constants of all shaders of the crossing kernel.
-pub(super) const WORDS: [(&str, u32); 7] = [
-    ("THREADS", THREADS),
-    ("COUNTS", COUNTS),
-    ("TILES", TILES_AT),
-    ("DONE", DONE),
-    ("TOO_MANY", TOO_MANY),
-    ("AXIS", AXIS),
-    ("LEVEL", LEVEL),
-];
+/// Returns the constants of all shaders of the crossing kernel.
+pub(super) fn constants() -> Vec<(&'static str, u32)> {
+    let own = [("THREADS", THREADS), ("AXIS", AXIS), ("LEVEL", LEVEL)];
+    [&own[..], &counters::NAMES].concat()
+}
 
 /// Shader code that appends to the lists.
 pub(super) const AGENDA_SHADER: &str = include_str!("agenda.wgsl");
@@ -50,7 +25,7 @@ pub(super) const AGENDA_SHADER: &str = include_str!("agenda.wgsl");
 pub(super) const STAGE: Stage = Stage {
     name: "descent",
     source: || {
-        let mut whole = WORDS.to_vec();
+        let mut whole = constants();
         whole.push(("FAN", FAN));
         let parts = [NODES_SHADER, AGENDA_SHADER, include_str!("descent.wgsl")];
         super::shader(&whole, &[], &parts)
@@ -65,11 +40,7 @@ pub(super) const TILES: Buffer = Buffer("tiles", STAGE.name);
 const PARAMETERS: Buffer = Buffer("parameters", STAGE.name);
 
 /// Binding of the counters.
-pub(super) const COUNTERS: Binding = Binding {
-    buffer: Buffer("counts", STAGE.name),
-    offset: 0,
-    size: 4 * COUNTS as u64,
-};
+pub(super) const COUNTERS: Binding = counters::binding(STAGE.name);
 
 /// Returns the commands that descend from the initial node pairs to tiles: an upload, and the
 /// dispatches that follow it.

@@ -6,7 +6,7 @@
 
 use super::boxes::{NODES_SHADER, ROOTS};
 use super::commands::{Binding, Buffer, Command, Stage};
-use super::descent::{self, AGENDA_SHADER, COUNTERS, SEPARATED, THREADS};
+use super::descent::{self, AGENDA_SHADER, COUNTERS, THREADS};
 use super::layout::Parameters;
 use super::{Capacity, State};
 use crate::pairs::Pair;
@@ -18,8 +18,8 @@ const SHARE: u32 = (ROOTS * ROOTS).div_ceil(THREADS);
 pub(super) const STAGE: Stage = Stage {
     name: "directions",
     source: || {
-        let mut whole = descent::WORDS.to_vec();
-        whole.extend([("SHARE", SHARE), ("SEPARATED", SEPARATED)]);
+        let mut whole = descent::constants();
+        whole.push(("SHARE", SHARE));
         let parts = [NODES_SHADER, AGENDA_SHADER, include_str!("directions.wgsl")];
         super::shader(&whole, &[], &parts)
     },

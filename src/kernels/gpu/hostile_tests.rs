@@ -384,9 +384,10 @@ fn incomplete_work_is_an_error() {
     assert!(barnes_hut::tiles(state, &[0; 64], 4, 1).is_err());
     // Two levels with 1 and 4 node pairs, all processed; then one of them not processed.
     let mut counts = [0; 64];
-    (counts[0], counts[1], counts[62], counts[63]) = (1, 4, 5, 7);
+    let [done, tiles] = [counters::DONE, counters::TILES].map(|counter| counter as usize);
+    (counts[0], counts[1], counts[done], counts[tiles]) = (1, 4, 5, 7);
     assert_eq!(barnes_hut::tiles(state, &counts, 2, 1), Ok(Some(7)));
-    counts[62] = 4;
+    counts[done] = 4;
     assert!(barnes_hut::tiles(state, &counts, 2, 1).is_err());
 }
 

@@ -36,6 +36,7 @@ pub(crate) mod barnes_hut;
 mod boxes;
 mod capacity;
 mod commands;
+mod counters;
 mod crossings;
 mod descent;
 mod device;

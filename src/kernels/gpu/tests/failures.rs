@@ -36,13 +36,15 @@ fn a_failing_adapter_returns_an_error_and_the_cpu_takes_over() {
 fn a_verifier_continues_without_its_adapter() {
     let model: Model = "chainmail:rows=5,columns=6".parse().unwrap();
     let built = model.build().unwrap();
+    // Other tests share the adapter of `Device::Gpu`.
+    let device = Device::Index(adapter().info().index);
     for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
-        let mut verifier = on_gpu(method);
+        let mut verifier = on(&device, method);
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         let counts = method == Method::Crossings;
         assert_eq!(verifier.offload().tests > 0, counts);
         assert!(verifier.device().is_some());
-        let gpu = Gpu::shared(&Device::Gpu).unwrap();
+        let gpu = Gpu::shared(&device).unwrap();
         gpu.lock().adapter.destroy();
         for _ in 0..2 {
             assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
@@ -50,7 +52,7 @@ fn a_verifier_continues_without_its_adapter() {
             assert_eq!(verifier.offload(), Offload::default());
         }
         // A new request opens a working adapter.
-        let mut verifier = on_gpu(method);
+        let mut verifier = on(&device, method);
         assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
         assert_eq!(verifier.offload().tests > 0, counts);
         assert!(verifier.device().is_some());

@@ -28,9 +28,14 @@ use wgpu::naga;
 
 /// Returns a verifier that uses an adapter.
 fn on_gpu(kernel: Method) -> Verifier {
+    on(&Device::Gpu, kernel)
+}
+
+/// Returns a verifier that uses a device.
+fn on(device: &Device, kernel: Method) -> Verifier {
     Verifier::new(VerifierOptions {
         kernel,
-        device: Device::Gpu,
+        device: device.clone(),
         ..VerifierOptions::default()
     })
     .expect("an adapter")

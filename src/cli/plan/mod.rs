@@ -1,5 +1,7 @@
 //! `linkwatch plan`: the methods and the predicted cost of every stage, with reasons.
 
+mod report;
+
 #[cfg(feature = "lab")]
 use super::repeat;
 use super::{Outcome, input, output};
@@ -41,7 +43,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             continue;
         }
         output::line(name.display());
-        for line in plan.to_string().lines() {
+        for line in report::lines(&plan) {
             output::line(format_args!("  {line}"));
         }
         if let Some(later) = measured {
