@@ -131,7 +131,7 @@ impl<'a> Allowances<'a> {
             .par_iter()
             .for_each_init(Buffers::default, |buffers, &(i, j)| {
                 let curves = [i as usize, j as usize];
-                dispatch!(simd => self.keep_apart(simd, curves, within, buffers));
+                dispatch!(simd => Self::keep_apart(&self, simd, curves, within, buffers));
             });
         self.slots
             .into_iter()

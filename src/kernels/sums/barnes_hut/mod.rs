@@ -381,7 +381,7 @@ impl Walk<'_> {
 
     /// Sums all node pairs of the agenda.
     fn run(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
-        dispatch!(self.run_inline(agenda, sum))
+        dispatch!(Self::run_inline(self, agenda, sum))
     }
 
     #[inline(always)]

@@ -82,7 +82,7 @@ fn may_meet(input: Input<'_>, curves: [usize; 2], noise: f64) -> Meeting {
         // Boxes are dilated in single precision, with a relative rounding error of 2^-24.
         reach: (1.001 * (2.0 * noise + 1e-6 * size)) as f32,
     };
-    dispatch!(simd => search.run(simd))
+    dispatch!(simd => Search::run(&search, simd))
 }
 
 struct Search<'a> {
