@@ -5,7 +5,7 @@
 mod common;
 
 use common::{Cell, Options, Pools, Table, measure, median, ns_each, time};
-use linkwatch::{AbortOn, Polylines, Verifier, homotopic_polylines};
+use linkwatch::{Polylines, Verifier, homotopic_polylines};
 
 fn main() {
     let (options, pools) = (Options::parse(), Pools::new());
@@ -30,7 +30,7 @@ fn main() {
         // Wall-clock and CPU time of the discretization, and of certifying its polylines.
         let runs = pools.alternate(options.repeat, || {
             let (made, wall, cpu) = time(|| homotopic_polylines(&case.curves).expect("as before"));
-            let mut verifier = Verifier::new(AbortOn::Never);
+            let mut verifier = Verifier::default();
             case.check(verifier.certify(&made.curves).0);
             verifier.certify(&made.curves);
             [wall, cpu, verifier.timings().total.as_secs_f64() * 1e3]

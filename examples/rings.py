@@ -1,7 +1,7 @@
 """Publishes rings that OpenMM simulates to `linkwatch watch`, from Python.
 
     pip install iceoryx2==0.9.3 openmm numpy
-    cargo run --release -- watch &
+    linkwatch watch &
     python examples/rings.py                 # a chain of linked rings: intact
     python examples/rings.py --pull          # two rings are pulled apart by force: abort
     python examples/rings.py --pull --roll-back
@@ -30,65 +30,62 @@ VERDICTS = ("intact", "changed", "contact", "undecided", "stale", "rejected")
 POLYLINE = 0
 
 
-class FrameHeader(ctypes.Structure):
-    _fields_ = [
-        ("magic", ctypes.c_uint64),
-        ("version", ctypes.c_uint32),
-        ("flags", ctypes.c_uint32),
-        ("session", ctypes.c_uint64),
-        ("seq", ctypes.c_uint64),
-        ("time", ctypes.c_double),
-        ("n_points", ctypes.c_uint64),
-        ("n_curves", ctypes.c_uint32),
-        ("basis", ctypes.c_uint32),
-        ("coordinate_bytes", ctypes.c_uint32),
-        ("cuts", ctypes.c_uint32),
-    ]
-
-    @staticmethod
-    def type_name():
-        return "linkwatch.FrameHeader"
+def fields(text):
+    """Returns the fields of a structure, from lines of a type and names, as in `u32 i j`."""
+    types = {
+        "u8": ctypes.c_uint8,
+        "u32": ctypes.c_uint32,
+        "u64": ctypes.c_uint64,
+        "i64": ctypes.c_int64,
+        "f64": ctypes.c_double,
+    }
+    found = []
+    for line in text.strip().splitlines():
+        kind, *names = line.split()
+        kind, _, length = kind.partition("*")
+        kind = types[kind] * int(length) if length else types[kind]
+        found += [(name, kind) for name in names]
+    return found
 
 
-class Verdict(ctypes.Structure):
-    _fields_ = [
-        ("magic", ctypes.c_uint64),
-        ("version", ctypes.c_uint32),
-        ("kind", ctypes.c_uint32),
-        ("session", ctypes.c_uint64),
-        ("seq", ctypes.c_uint64),
-        ("time", ctypes.c_double),
-        ("verdict", ctypes.c_uint32),
-        ("abort", ctypes.c_uint32),
-        ("lost", ctypes.c_uint32),
-        ("gained", ctypes.c_uint32),
-        ("changed", ctypes.c_uint32),
-        ("defects", ctypes.c_uint32),
-        ("events", ctypes.c_uint32),
-        ("finding", ctypes.c_uint32),
-        ("i", ctypes.c_uint32),
-        ("j", ctypes.c_uint32),
-        ("defect_kind", ctypes.c_uint32),
-        ("segments", ctypes.c_uint32 * 2),
-        ("has_place", ctypes.c_uint32),
-        ("reason_len", ctypes.c_uint32),
-        ("unresolved", ctypes.c_uint32),
-        ("expected", ctypes.c_int64),
-        ("found", ctypes.c_int64),
-        ("point", ctypes.c_double * 3),
-        ("distance", ctypes.c_double),
-        ("lengths", ctypes.c_double),
-        ("extent", ctypes.c_double),
-        ("verified", ctypes.c_uint64),
-        ("skipped", ctypes.c_uint64),
-        ("rejected", ctypes.c_uint64),
-        ("check_ns", ctypes.c_uint64),
-        ("reason", ctypes.c_uint8 * 192),
-    ]
+class Wire(ctypes.Structure):
+    """A structure that both sides know under the same name."""
 
-    @staticmethod
-    def type_name():
-        return "linkwatch.Verdict"
+    @classmethod
+    def type_name(cls):
+        return f"linkwatch.{cls.__name__}"
+
+
+class FrameHeader(Wire):
+    _fields_ = fields(
+        """
+        u64 magic
+        u32 version flags
+        u64 session seq
+        f64 time
+        u64 n_points
+        u32 n_curves basis coordinate_bytes cuts
+        """
+    )
+
+
+class Verdict(Wire):
+    _fields_ = fields(
+        """
+        u64 magic
+        u32 version kind
+        u64 session seq
+        f64 time
+        u32 verdict abort lost gained changed defects events finding i j defect_kind
+        u32*2 segments
+        u32 has_place reason_len unresolved
+        i64 expected found
+        f64*3 point
+        f64 distance lengths extent
+        u64 verified skipped rejected check_ns
+        u8*192 reason
+        """
+    )
 
     def __str__(self):
         text = f"frame {self.seq} at {self.time:g} s: {VERDICTS[self.verdict]}"

@@ -96,7 +96,7 @@ pub enum Error {
         limit: f64,
     },
     /// No curve of the frame is closed, so there are no linking numbers, and the search for
-    /// pull-throughs is off ([`Verifier::set_events`](crate::Verifier::set_events)).
+    /// pull-throughs is off ([`VerifierOptions::events`](crate::VerifierOptions::events)).
     #[error(
         "nothing to verify: none of {curves} curves is closed (a closed curve has a count below \
          0); --events verifies pull-throughs of open curves"

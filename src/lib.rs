@@ -14,7 +14,7 @@
 //!
 #![cfg_attr(feature = "verify", doc = "```")]
 #![cfg_attr(not(feature = "verify"), doc = "```ignore")]
-//! use linkwatch::{AbortOn, Basis, CurveSet, Positions, Verdict, Verifier};
+//! use linkwatch::{Basis, CurveSet, Positions, Verdict, Verifier};
 //!
 //! # fn main() -> linkwatch::Result<()> {
 //! // Two closed polylines of 4 points: a square at z = 0, and one at y = 0 through the first.
@@ -26,7 +26,7 @@
 //! let positions = Positions::F64(points.as_flattened());
 //! let mut curves = CurveSet::from_counts(Basis::Polyline, &closed, positions)?;
 //!
-//! let mut verifier = Verifier::new(AbortOn::Any); // the first frame is the baseline
+//! let mut verifier = Verifier::default(); // the first frame is the baseline
 //! assert_eq!(verifier.step(0, 0.0, &curves)?.verdict, Verdict::Intact);
 //! let linked = verifier.baseline().expect("the first frame was verified").links[0];
 //! assert_eq!((linked.i, linked.j, linked.lambda.abs()), (0, 1, 1));
@@ -58,7 +58,7 @@
 //! | `verify` | the exact core: `Verifier`, which computes every linking number | rayon |
 //! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
 //! | `cli` | the command `linkwatch`; nothing in the library | clap |
-//! | `gpu` | kernels on a GPU: `Verifier::set_device` | wgpu |
+//! | `gpu` | kernels on a GPU: `VerifierOptions::device` | wgpu |
 //! | `mcap` | recordings: `RecordingSink`, `RecordingReader` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
 //!
@@ -68,10 +68,11 @@
 //! # The way of a frame
 //!
 //! ```text
-//! simulator ──shared memory──▶ bus ─▶ ingest ─▶ pairs ─▶ discretize ─▶ kernels ─▶ certificate ─▶ verdict ─┬▶ bus
-//!             (iceoryx2)        │        ▲                                                                 ├▶ recording
-//! recording, model file ────────┘        └── incremental: what moved, what it may have broken,             └▶ viewer
-//!                                            and what passed through what
+//! simulator ──shared memory──▶ bus ─▶ ingest ─▶ pairs ─▶ discretize ─▶ kernels ─▶ certificate ─┐
+//!             (iceoryx2)        │        ▲                                                     │
+//! recording, model file ────────┘        └── incremental: what moved, what it may have broken, │
+//!                                            and what passed through what                      │
+//! bus, recording, viewer ◀── verdict ◀─────────────────────────────────────────────────────────┘
 //! ```
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
@@ -150,7 +151,7 @@ pub use verdict::{
     Verdict,
 };
 #[cfg(feature = "verify")]
-pub use verifier::{Ladder, Progress, Timings, Verifier};
+pub use verifier::{Ladder, Progress, Strategy, Timings, Verifier, VerifierOptions};
 
 /// Compiles the examples of the README.
 #[cfg(all(doctest, feature = "client"))]

@@ -7,7 +7,7 @@
 mod support;
 
 use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Basis, CurveSet, Positions, Verifier};
+use linkwatch::{Basis, CurveSet, Positions, Verifier};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::backtrace::Backtrace;
 use std::cell::Cell;
@@ -96,7 +96,7 @@ fn tangle(basis: Basis) -> (String, CurveSet) {
         .map(|_| random.between(0.0, 1.0) as f32)
         .collect();
     let set = CurveSet::from_counts(basis, &[-60; 8], Positions::F32(&xyz)).unwrap();
-    let (_, stats) = Verifier::new(AbortOn::Never).certify(&set);
+    let (_, stats) = Verifier::default().certify(&set);
     assert!(stats.refined > 100, "{stats:?}");
     (format!("tangle of {basis:?}"), set)
 }
@@ -131,7 +131,7 @@ fn touching() -> (String, CurveSet) {
     });
     let xyz: Vec<f32> = rings.flatten().collect();
     let set = CurveSet::from_counts(Basis::Polyline, &[-4; 200], Positions::F32(&xyz)).unwrap();
-    let mut verifier = Verifier::new(AbortOn::Never);
+    let mut verifier = Verifier::default();
     let undefined = verifier.certify(&set).0.undefined.len();
     assert!(undefined > 100, "{undefined}");
     ("touching rings".to_owned(), set)
@@ -148,11 +148,11 @@ fn measure(threads: usize, set: &CurveSet) -> [[u64; COUNTED_RUNS]; 2] {
     // All frames run in one call into the pool. A call from outside uses rayon's queue, which
     // allocates for every few dozen calls; within the pool rayon allocates nothing.
     let frames = || {
-        let mut verifier = Verifier::new(AbortOn::Any);
+        let mut verifier = Verifier::default();
         let certify = allocations(|| {
             verifier.certify(set);
         });
-        let mut verifier = Verifier::new(AbortOn::Any);
+        let mut verifier = Verifier::default();
         let step = allocations(|| {
             verifier.step(0, 0.0, set).unwrap();
         });

@@ -2,7 +2,8 @@
 //! through it, for open, closed and mixed pairs, and for a curve and itself.
 
 use linkwatch::{
-    AbortOn, Basis, CurveSet, DefectKind, Events, Point, Positions, Report, Verdict, Verifier,
+    Basis, CurveSet, DefectKind, Events, Point, Positions, Report, Strategy, Verdict, Verifier,
+    VerifierOptions,
 };
 
 /// Kind of contact between the two strands.
@@ -122,13 +123,16 @@ fn frame(curves: Curves, meeting: Meeting, z: f64) -> CurveSet {
 /// Returns the reports on the frames with the moving strand at these heights, from an incremental
 /// verifier that is compared with a full one.
 fn reports(curves: Curves, meeting: Meeting, heights: &[f64]) -> Vec<Report> {
-    let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::Any));
-    incremental.set_incremental(true);
-    incremental.set_paranoid(true);
     let own = matches!(curves, Curves::Itself { .. });
     let events = if own { Events::All } else { Events::Between };
-    incremental.set_events(events);
-    full.set_events(events);
+    let [mut incremental, mut full] = [Strategy::Paranoid, Strategy::Full].map(|strategy| {
+        Verifier::new(VerifierOptions {
+            strategy,
+            events,
+            ..VerifierOptions::default()
+        })
+        .unwrap()
+    });
     let mut verify = |(k, &z): (usize, &f64)| {
         let set = frame(curves, meeting, z);
         let found = incremental.step(k as u64, 0.0, &set).unwrap();

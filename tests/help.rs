@@ -70,7 +70,7 @@ fn short_help_shows_common_options_and_long_help_all() {
     }
     let [short, long] = ["-h", "--help"].map(|help| stdout(&["certify", help]));
     assert!(
-        long.contains("--dipole") && !short.contains("--dipole"),
+        long.contains("--beta") && !short.contains("--beta"),
         "{short}"
     );
     assert!(short.contains("--kernel"), "{short}");
@@ -143,7 +143,7 @@ fn the_manual_has_every_command_and_every_option() {
         }
     }
     // An option that the short help omits is in the manual, too.
-    assert!(manual.contains("expand to dipoles only"));
+    assert!(manual.contains("further apart than B times their radii"));
 }
 
 fn the_manual_formats_without_warnings() {

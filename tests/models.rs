@@ -4,7 +4,7 @@
 mod support;
 
 use libtest_mimic::{Arguments, Failed, Trial};
-use linkwatch::{AbortOn, Basis, Certificate, Verifier, homotopic_polylines, model};
+use linkwatch::{Basis, Certificate, Verifier, homotopic_polylines, model};
 use std::path::PathBuf;
 use support::trial::trial;
 
@@ -26,7 +26,7 @@ fn test(
 
 fn certify(file: &str) -> Result<Certificate, Failed> {
     let set = model::read(&path(file))?;
-    let mut verifier = Verifier::new(AbortOn::Any);
+    let mut verifier = Verifier::default();
     let (certificate, stats) = verifier.certify(&set);
     println!("{file}: {stats:?}");
     assert_eq!(certificate.undefined, []);
@@ -68,7 +68,7 @@ fn has_the_published_polylines(
         assert!(polylines.too_close.is_empty());
         assert!(overlaps.is_none_or(|n| n == polylines.overlaps));
         assert!(segments.is_none_or(|n| n == polylines.curves.segments()));
-        let mut verifier = Verifier::new(AbortOn::Any);
+        let mut verifier = Verifier::default();
         let found = verifier.certify(&polylines.curves).0.clone();
         assert_eq!(found, *verifier.certify(&set).0);
         Ok(())

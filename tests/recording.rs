@@ -516,34 +516,3 @@ fn reads_compressed_chunks_and_survives_their_damage() {
         }
     }
 }
-
-/// Measures the cost of a frame of 14,000 rings for the thread of the sink. Run by hand, with
-/// `--release --ignored`.
-#[test]
-#[ignore = "a measurement"]
-fn cost_of_a_large_frame() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("large.mcap");
-    let mut sink = Box::new(RecordingSink::create(&path, &metadata()).unwrap());
-    let xyz: Vec<f32> = (0..3 * 210_000).map(|k| (k as f32).sin()).collect();
-    let set =
-        CurveSet::from_counts(Basis::Polyline, &vec![-15; 14_000], Positions::F32(&xyz)).unwrap();
-    let frame = record(1, Some(set));
-    let start = std::time::Instant::now();
-    for _ in 0..60 {
-        sink.frame(&frame).unwrap();
-    }
-    let written = start.elapsed() / 60;
-    sink.finish().unwrap();
-    let bytes = std::fs::metadata(&path).unwrap().len() / 60;
-    println!("written in {written:?}, {bytes} bytes, a frame");
-    let start = std::time::Instant::now();
-    let mut reader = RecordingReader::open(&path).unwrap();
-    let mut set = None;
-    while let Some(item) = reader.next_item().unwrap() {
-        if let RecordedItem::Frame(frame) = item {
-            frame.ingest(&mut set).unwrap();
-        }
-    }
-    println!("read back in {:?} a frame", start.elapsed() / 60);
-}

@@ -8,9 +8,9 @@
 //! twenty`.
 
 use linkwatch::{
-    AbortOn, BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events,
-    FrameRecord, Link, Overflow, Place, Positions, PullThrough, Report, Route, Sink, SinkQueue,
-    Stats, Verdict, Verifier, ViewerSink, ViewerTarget, Work,
+    BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameRecord,
+    Link, Overflow, Place, Positions, PullThrough, Report, Route, Sink, SinkQueue, Stats, Verdict,
+    Verifier, VerifierOptions, ViewerSink, ViewerTarget, Work,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -246,8 +246,11 @@ fn shows_pull_throughs_that_linking_numbers_do_not_detect() {
     let path = file("crossings.rrd", folder.path());
     let target = ViewerTarget::File(path.clone());
     let mut sink = Box::new(ViewerSink::open(&target, "crossings").unwrap());
-    let mut verifier = Verifier::new(AbortOn::Any);
-    verifier.set_events(Events::All);
+    let mut verifier = Verifier::new(VerifierOptions {
+        events: Events::All,
+        ..VerifierOptions::default()
+    })
+    .unwrap();
     for seq in 1..=8 {
         let set = Arc::new(crossings(seq));
         let report = verifier.step_shared(seq, seq as f64, &set).unwrap();
@@ -318,8 +321,11 @@ fn show(name: &str, unit: f32, frames: u64, motion: fn(u64) -> Vec<f32>) -> Vec<
         None => ViewerTarget::File(path.clone()),
     };
     let mut sink = Box::new(ViewerSink::open(&target, name).unwrap());
-    let mut verifier = Verifier::new(AbortOn::Any);
-    verifier.set_events(Events::All);
+    let mut verifier = Verifier::new(VerifierOptions {
+        events: Events::All,
+        ..VerifierOptions::default()
+    })
+    .unwrap();
     let mut lost = Vec::new();
     for seq in 0..frames {
         let xyz: Vec<f32> = motion(seq).iter().map(|x| x * unit).collect();
@@ -388,27 +394,4 @@ fn a_viewer_that_never_answers_delays_no_caller() {
     }
     let summary = queue.finish(Duration::from_millis(500));
     assert!(summary.failed.is_some(), "{summary:?}");
-}
-
-/// Measures the cost of a frame of 14,400 rings for the thread of the sink. Run by hand, with
-/// `--release --ignored`.
-#[test]
-#[ignore = "a measurement"]
-fn cost_of_a_large_frame() {
-    let folder = tempfile::tempdir().unwrap();
-    let target = ViewerTarget::File(folder.path().join("large.rrd"));
-    let mut sink = Box::new(ViewerSink::open(&target, "large").unwrap());
-    let frames: Vec<_> = (1..=30)
-        .map(|seq| record(seq, mail(seq, 120, 15)))
-        .collect();
-    let start = std::time::Instant::now();
-    for frame in &frames {
-        sink.frame(frame).unwrap();
-    }
-    let logged = start.elapsed() / 30;
-    sink.finish().unwrap();
-    println!(
-        "logged in {logged:?}, on disk after {:?}, a frame",
-        start.elapsed() / 30
-    );
 }

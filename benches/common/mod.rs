@@ -5,7 +5,7 @@
 #![allow(dead_code)]
 
 use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Certificate, CurveSet, Stats, Verifier, model};
+use linkwatch::{Certificate, CurveSet, Stats, Verifier, model};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
@@ -97,7 +97,9 @@ const MODELS: [Model; 3] = [
     },
 ];
 
-const USAGE: &str = "usage: cargo bench --bench BENCH -- [NAME..] [--repeat N] [--smoke] [--large] [--json] [--models FOLDER]
+const USAGE: &str = "\
+usage: cargo bench --bench BENCH -- [NAME..] [--repeat N] [--smoke] [--large] [--json]
+                                    [--models FOLDER]
   NAME             only scenes whose name contains it
   --repeat N       runs, of which medians are given [default: 21]
   --smoke          once through, small scenes
@@ -337,7 +339,7 @@ pub struct Measured {
 /// result.
 pub fn measure(case: &Case, pools: &Pools, repeat: usize) -> Measured {
     let runs = pools.alternate(repeat, || {
-        let mut verifier = Verifier::new(AbortOn::Never);
+        let mut verifier = Verifier::default();
         let mut certify = || {
             let start = cpu_ms();
             let (certificate, stats) = verifier.certify(&case.curves);

@@ -6,9 +6,7 @@ use super::output::{self, count, millis, percent, plural, plural_of};
 use super::{Outcome, input, measure, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
-use linkwatch::{
-    AbortOn, Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines,
-};
+use linkwatch::{Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -24,16 +22,26 @@ pub struct Args {
     #[command(flatten)]
     overwrite: Overwrite,
     /// Method that converts splines to polylines
-    #[arg(long, value_enum, default_value_t, conflicts_with = "method", help_heading = super::KERNELS, hide_short_help = true)]
+    #[arg(
+        long, value_enum, default_value_t, conflicts_with = "method",
+        help_heading = super::KERNELS, hide_short_help = true
+    )]
     discretize: Discretize,
     #[command(flatten)]
     kernel: KernelArgs,
     /// Keep only linking numbers that cannot change if every vertex moves by up to R along each
     /// axis (polylines)
-    #[arg(long, value_name = "R", help_heading = super::KERNELS, conflicts_with_all = ["discretize", "method"])]
+    #[arg(
+        long, value_name = "R", help_heading = super::KERNELS,
+        conflicts_with_all = ["discretize", "method"]
+    )]
     noise: Option<f64>,
     /// Certify each model N times and print the median times of all stages, not the certificate
-    #[arg(long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["discretize", "method", "noise", "output"])]
+    #[arg(
+        long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true,
+        value_parser = clap::value_parser!(u32).range(1..),
+        conflicts_with_all = ["discretize", "method", "noise", "output"]
+    )]
     repeat: Option<u32>,
 }
 
@@ -62,10 +70,9 @@ struct Certified {
 /// Reads a model and computes its certificate.
 fn certify(path: &Path, args: &Args) -> Result<Certified> {
     let set = input::read(path)?;
-    let mut verifier = Verifier::new(AbortOn::Never);
     let name = path.display().to_string();
     let start = std::time::Instant::now();
-    args.kernel.set(&mut verifier)?;
+    let mut verifier = Verifier::new(args.kernel.options()?)?;
     let (certificate, stats) =
         with_progress(&name, verifier.progress(), || match args.discretize {
             _ if args.noise.is_some() => {

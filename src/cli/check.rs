@@ -2,13 +2,13 @@
 
 use super::Outcome;
 use super::event_args::EventArgs;
-use super::files::{Content, Files, write_text};
+use super::files::{Content, write_text};
 use super::kernel::KernelArgs;
 use super::order;
 use super::output::with_progress;
 use super::session::{Baseline, FrameCounts, Ingested, Judge, Run, Session, Sinks};
 use linkwatch::kernels::Device;
-use linkwatch::{AbortOn, CurveSet, Error, Events, Overflow, Result, Verdict, Verifier, model};
+use linkwatch::{AbortOn, CurveSet, Error, Overflow, Result, Strategy, Verdict, model};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -33,7 +33,10 @@ pub struct Args {
     #[command(flatten)]
     event_args: EventArgs,
     /// Stop at the first change of a model, the most suspect pairs first
-    #[arg(long, conflicts_with_all = ["events", "with_self", "method"], help_heading = super::COMPARE)]
+    #[arg(
+        long, conflicts_with_all = ["events", "with_self", "method"],
+        help_heading = super::COMPARE
+    )]
     early_exit: bool,
     /// Write the pairs that differ, a line `i,j,expected,found` each
     #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
@@ -60,26 +63,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     }
     let from_first_frame = !matches!(args.against, Some(Baseline::File(_)));
     if from_first_frame && models.len() == 1 {
-        let why = "one model and nothing to compare it with: also give later models of its motion \
-                   well, or --against CERT (`linkwatch certify MODEL -o CERT` writes one)";
+        let why = "one model and nothing to compare it with: also give later models of its motion, \
+                   or --against CERT (`linkwatch certify MODEL -o CERT` writes one)";
         return Err(Error::Usage(why.into()));
     }
     if args.early_exit && !matches!(args.kernel.device, Device::Auto | Device::Cpu) {
         let why = "--early-exit computes few pairs at a time, on the CPU: omit --device";
         return Err(Error::Usage(why.into()));
-    }
-    let mut files = Files::new(args.sinks.overwrite);
-    models.iter().for_each(|path| files.reads(path));
-    if let Some(Baseline::File(path)) = &args.against {
-        files.reads(path);
-    }
-    for (option, file) in [
-        ("--diff-pairs", &args.diff_pairs),
-        ("--diff-curves", &args.diff_curves),
-    ] {
-        if let Some(file) = file {
-            files.writes(option, file, Content::Text)?;
-        }
     }
     let judge = Judge {
         baseline: args.against.clone(),
@@ -88,20 +78,33 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         kernel: args.kernel.clone(),
         paranoid: false,
     };
+    let mut files = judge.files(args.sinks.overwrite);
+    models.iter().for_each(|path| files.reads(path));
+    for (option, file) in [
+        ("--diff-pairs", &args.diff_pairs),
+        ("--diff-curves", &args.diff_curves),
+    ] {
+        if let Some(file) = file {
+            files.writes(option, file, Content::Text)?;
+        }
+    }
     let mut session = Session::new(Run {
         judge: &judge,
         sinks: &args.sinks,
         files,
-        full: models.len() == 1 || args.early_exit,
-        early_exit: args.early_exit,
+        strategy: match args.early_exit {
+            true => Strategy::EarlyExit,
+            false if models.len() == 1 => Strategy::Full,
+            false => Strategy::Incremental,
+        },
+        models: true,
         baseline: None,
-        default_events: (Events::Off, Verifier::MOTION_LIMIT),
+        recorded_events: None,
         title: &format!("check of {}", models[0].display()),
         metadata: BTreeMap::from([("models".to_owned(), models.len().to_string())]),
         overflow: Overflow::WaitForProgress(PATIENCE),
         json,
-    })?
-    .of_files();
+    })?;
     let mut tally = FrameCounts::default();
     let mut pairs = BTreeSet::new();
     let mut failed = None;

@@ -21,6 +21,6 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<Outcome> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "linkwatch", &mut script);
-    output::text(script);
+    output::line(String::from_utf8_lossy(&script).trim_end());
     Ok(Outcome::Fine)
 }

@@ -101,7 +101,7 @@ mod measured {
     use super::{Args, Outcome, output};
     use crate::cli::input;
     use linkwatch::kernels::{Device, DeviceTimes, GpuPrecision, Method, SumCost, measure_device};
-    use linkwatch::{AbortOn, Result, Verifier};
+    use linkwatch::{Result, Verifier, VerifierOptions};
     use serde_json::json;
     use std::path::{Path, PathBuf};
 
@@ -227,8 +227,10 @@ mod measured {
     /// Measures the given scenes, or else each kernel on scenes of growing size.
     pub fn measure(args: &Args, inputs: &[PathBuf], json: bool) -> Result<Outcome> {
         // Opened once for all measurements.
-        let mut keeper = Verifier::new(AbortOn::Never);
-        keeper.set_device(&args.device)?;
+        let keeper = Verifier::new(VerifierOptions {
+            device: args.device.clone(),
+            ..VerifierOptions::default()
+        })?;
         let Some(device) = keeper.device() else {
             return Err(linkwatch::Error::Device(
                 "--device must name an adapter".into(),

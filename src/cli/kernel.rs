@@ -3,7 +3,7 @@
 
 use super::number::positive;
 use linkwatch::kernels::{Accuracy, Device, Method};
-use linkwatch::{Error, Verifier};
+use linkwatch::{Error, Result, VerifierOptions};
 
 /// Kernel that computes linking numbers, and its settings.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -19,13 +19,15 @@ pub struct KernelArgs {
     #[arg(long, hide_short_help = true, value_name = "B", value_parser = beta)]
     beta: Option<f64>,
     /// With --beta: sum again if the published estimate of the error is above E
-    #[arg(long, hide_short_help = true, value_name = "E", requires = "beta", value_parser = positive)]
+    #[arg(
+        long, hide_short_help = true, value_name = "E", requires = "beta", value_parser = positive
+    )]
     target: Option<f64>,
-    /// barnes-hut: expand to dipoles only, not to quadrupoles
-    #[arg(long, hide_short_help = true)]
-    dipole: bool,
     /// fmm: order of the expansions, 2 to 20 [default: by the error bound]
-    #[arg(long, hide_short_help = true, value_name = "P", value_parser = clap::value_parser!(u32).range(2..=20))]
+    #[arg(
+        long, hide_short_help = true, value_name = "P",
+        value_parser = clap::value_parser!(u32).range(2..=20)
+    )]
     order: Option<u32>,
     /// Device that runs the kernel: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
     /// devices`)
@@ -34,13 +36,13 @@ pub struct KernelArgs {
 }
 
 impl KernelArgs {
-    /// Configures a verifier with these settings.
-    pub fn set(&self, verifier: &mut Verifier) -> linkwatch::Result<()> {
-        let of_barnes_hut = [("--beta", self.beta.is_some()), ("--dipole", self.dipole)];
-        let options = of_barnes_hut.map(|(name, given)| (name, given, Method::BarnesHut));
-        let order = ("--order", self.order.is_some(), Method::Fmm);
-        for (name, _, method) in options.into_iter().chain([order]).filter(|o| o.1) {
-            if self.method != method {
+    /// Returns the options of a verifier with this kernel and device.
+    pub fn options(&self) -> Result<VerifierOptions> {
+        for (name, given, method) in [
+            ("--beta", self.beta.is_some(), Method::BarnesHut),
+            ("--order", self.order.is_some(), Method::Fmm),
+        ] {
+            if given && self.method != method {
                 let why = format!(
                     "{name} needs --kernel {method}, not --kernel {}",
                     self.method
@@ -51,11 +53,15 @@ impl KernelArgs {
         let accuracy = Accuracy {
             beta: self.beta,
             target: self.target,
-            dipole: self.dipole,
             order: self.order,
+            ..Accuracy::default()
         };
-        verifier.set_kernel(self.method, accuracy);
-        verifier.set_device(&self.device)
+        Ok(VerifierOptions {
+            kernel: self.method,
+            accuracy,
+            device: self.device.clone(),
+            ..VerifierOptions::default()
+        })
     }
 }
 

@@ -28,7 +28,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         for command in descendants(&command) {
             page += &section(command)?;
         }
-        output::text(page.into_bytes());
+        output::line(page.trim_end());
         return Ok(Outcome::Fine);
     };
     std::fs::create_dir_all(folder).map_err(|e| Error::Io(e).in_file(folder))?;

@@ -6,7 +6,7 @@
 use super::output::{self, count, percent};
 use super::{Outcome, input};
 use linkwatch::kernels::Device;
-use linkwatch::{AbortOn, CurveSet, Result, Stats, Timings, Verifier};
+use linkwatch::{CurveSet, Result, Stats, Timings, Verifier, VerifierOptions};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::fmt;
@@ -38,8 +38,10 @@ pub fn measure(set: &CurveSet, n: u32, device: &Device) -> Result<Measured> {
     let (mut first, mut later) = (Vec::new(), Vec::new());
     let (mut links, mut undefined, mut stats) = (0, 0, Stats::default());
     for _ in 0..n.max(1) {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_device(device)?;
+        let mut verifier = Verifier::new(VerifierOptions {
+            device: device.clone(),
+            ..VerifierOptions::default()
+        })?;
         for costs in [&mut first, &mut later] {
             let start = cpu_ms();
             let (certificate, counts) = verifier.certify(set);

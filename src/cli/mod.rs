@@ -40,7 +40,9 @@ use std::sync::Arc;
 
 /// Verifies the topology of moving curves (yarn, chainmail or any loopy structure), frame by frame
 #[derive(Debug, Parser)]
-#[command(version, about, after_help = EXIT_CODES, disable_help_flag = true, disable_version_flag = true)]
+#[command(
+    version, about, after_help = EXIT_CODES, disable_help_flag = true, disable_version_flag = true
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -51,7 +53,10 @@ struct Cli {
     #[arg(short, long, global = true, help_heading = GENERAL)]
     quiet: bool,
     /// Number of CPU threads to compute with [default: one per core]
-    #[arg(long, global = true, help_heading = GENERAL, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    #[arg(
+        long, global = true, help_heading = GENERAL, value_name = "N",
+        value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS)
+    )]
     threads: Option<u16>,
     /// Print help (`-h`: common options, `--help`: all options)
     #[arg(short, long, global = true, help_heading = GENERAL, action = ArgAction::Help)]

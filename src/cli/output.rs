@@ -41,15 +41,10 @@ impl Write for Log {
     }
 }
 
-/// Writes a line to stdout. If it is lost, [`finish`] reports that. The work continues, because a
+/// Writes a line, or several, to stdout. If it is lost, [`finish`] reports that. The work continues, because a
 /// watched simulation still needs its verdicts, and the exit code still gives the outcome.
 pub fn line(text: impl std::fmt::Display) {
     stream::put(Target::Out, format!("{text}\n").into_bytes());
-}
-
-/// Writes a text of several lines to stdout, as [`line`] does.
-pub fn text(bytes: Vec<u8>) {
-    stream::put(Target::Out, bytes);
 }
 
 /// Writes a value as one line of JSON to stdout.

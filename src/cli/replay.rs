@@ -1,7 +1,6 @@
 //! `linkwatch replay`: verifies a recording again.
 
 use super::Outcome;
-use super::files::Files;
 use super::kernel::KernelArgs;
 use super::output::{self, count, plural};
 use super::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks};
@@ -72,7 +71,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         kernel: args.kernel.clone(),
         ..args.judge.clone()
     };
-    let mut files = Files::new(args.sinks.overwrite);
+    let mut files = judge.files(args.sinks.overwrite);
     files.reads(&args.recording);
     let overflow = Overflow::WaitForProgress(PATIENCE);
     output::detach(overflow)?;
@@ -98,10 +97,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             judge: &judge,
             sinks: &args.sinks,
             files,
-            full: false,
-            early_exit: false,
+            strategy: judge.strategy(),
+            models: false,
             baseline,
-            default_events: (recorded_events, limit),
+            recorded_events: Some((recorded_events, limit)),
             title: &title,
             metadata,
             overflow,

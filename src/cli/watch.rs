@@ -1,15 +1,12 @@
 //! `linkwatch watch`: verifies a live simulation and sends verdicts back.
 
-use super::files::Files;
 use super::kernel::KernelArgs;
 use super::number::{seconds, share};
 use super::output::{self, count, percent, plural};
 use super::session::{FrameCounts, Ingested, Judge, Judged, Run, Session, Sinks};
 use super::signals::{TICK, stop_on_signals};
 use super::{Outcome, services};
-use linkwatch::{
-    Counters, Error, Event, Events, Overflow, Result, Sidecar, SidecarOptions, Verifier,
-};
+use linkwatch::{Counters, Error, Event, Overflow, Result, Sidecar, SidecarOptions};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -62,11 +59,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut session = Session::new(Run {
         judge: &judge,
         sinks: &args.sinks,
-        files: Files::new(args.sinks.overwrite),
-        full: false,
-        early_exit: false,
+        files: judge.files(args.sinks.overwrite),
+        strategy: judge.strategy(),
+        models: false,
         baseline: None,
-        default_events: (Events::Off, Verifier::MOTION_LIMIT),
+        recorded_events: None,
         title: &args.service,
         metadata,
         overflow: Overflow::Wait(PATIENCE),

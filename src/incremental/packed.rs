@@ -19,7 +19,7 @@ const U: f64 = f32::EPSILON as f64 / 2.0;
 const U_DOUBLE: f64 = f64::EPSILON / 2.0;
 
 /// Share of the allowance of a block that may be given up for a cheaper comparison.
-const GIVEN_AWAY: f64 = 0.125;
+const MAX_LOSS: f64 = 0.125;
 
 /// The points of a block of slots in the reference frame: `origin + scale * offset`.
 #[derive(Debug)]
@@ -118,7 +118,7 @@ impl Packed {
 /// If `M` is so near the identity that `|M - I| r` is small, that is subtracted as well, and the
 /// product with `M` is skipped.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Quick {
+pub(super) struct PackedCondition {
     affine: Affine,
     m: [[f32; 3]; 3],
     sigma: f64,
@@ -129,13 +129,17 @@ pub(super) struct Quick {
     stray: f64,
 }
 
-impl Quick {
-    pub fn new<T: Real>(affine: &Affine, reference: &CurveSet, current: &CurveSet) -> Quick {
+impl PackedCondition {
+    pub fn new<T: Real>(
+        affine: &Affine,
+        reference: &CurveSet,
+        current: &CurveSet,
+    ) -> PackedCondition {
         let largest = affine.largest_row().max(1.0);
         let size = largest * reference.max_abs() + affine.t.amax() + current.max_abs();
         let error = (3.0 * T::U + 32.0 * U_DOUBLE) * size + f64::from(f32::TINY);
         let stray = (affine.m - nalgebra::Matrix3::identity()).norm();
-        Quick {
+        PackedCondition {
             affine: *affine,
             m: [0, 1, 2].map(|r| [0, 1, 2].map(|c| affine.m[(r, c)] as f32)),
             sigma: affine.sigma * (1.0 - 64.0 * U),
@@ -168,7 +172,7 @@ impl Quick {
             *origin = T::from_f64(m[(x, 0)] * u + m[(x, 1)] * v + m[(x, 2)] * w + t[x]);
         }
         let stray = self.stray * radius;
-        if stray < GIVEN_AWAY * bound {
+        if stray < MAX_LOSS * bound {
             let square = block.largest_square::<T, S, true>(&self.m, origin, p);
             f64::from(square) <= (bound - stray) * (bound - stray)
         } else {

@@ -1,7 +1,7 @@
 //! One pass over a frame that finds the points that moved further than their allowances.
 
 use super::affine::Affine;
-use super::packed::{Packed, Quick};
+use super::packed::{Packed, PackedCondition};
 use super::reference::Reference;
 use super::slots::{BLOCK, CHUNK, Real};
 use crate::curve::{Axes, CurveSet};
@@ -114,7 +114,7 @@ fn scan_all<T: Real>(
     };
     let scan = Scan {
         condition,
-        quick: Quick::new::<T>(affine, &reference.set, set),
+        quick: PackedCondition::new::<T>(affine, &reference.set, set),
         packed: &reference.packed,
         p,
         q,
@@ -152,7 +152,7 @@ const AHEAD: usize = 16;
 /// A frame, and the reference data with which it is compared.
 struct Scan<'a, T> {
     condition: Condition<T>,
-    quick: Quick,
+    quick: PackedCondition,
     packed: &'a [Packed],
     p: [&'a [T]; 3],
     q: [&'a [T]; 3],
@@ -347,8 +347,8 @@ mod tests {
             let affine = Affine::new(rotation, Vector3::x()).unwrap();
             let frame = set(&moved(&r, &affine, |_| Vector3::x() * 1e-3), single);
             let quick = match single {
-                true => Quick::new::<f32>(&affine, &r.set, &frame),
-                false => Quick::new::<f64>(&affine, &r.set, &frame),
+                true => PackedCondition::new::<f32>(&affine, &r.set, &frame),
+                false => PackedCondition::new::<f64>(&affine, &r.set, &frame),
             };
             for (b, packed) in r.packed.iter().enumerate() {
                 let part = b * BLOCK..(b + 1) * BLOCK;

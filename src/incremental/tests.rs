@@ -6,7 +6,7 @@ use super::reference::Reference;
 use super::{Coverage, Events, Route};
 use crate::curve::{Basis, CurveSet};
 use crate::verdict::{AbortOn, Report};
-use crate::verifier::Verifier;
+use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::time::Instant;
 
 /// Number of frames before a planted step, and after it.
@@ -15,14 +15,16 @@ const AROUND: u64 = 3;
 /// Verifies a stream that is at rest except for one planted step, each frame incrementally and in
 /// full.
 fn follow(planted: &PlantedStep, events: Events, routes: &mut [u64; 3]) -> Vec<Report> {
-    let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::Event));
-    incremental.set_incremental(true);
-    incremental.set_paranoid(true);
-    incremental.set_events(events);
-    full.set_events(events);
-    for verifier in [&mut incremental, &mut full] {
-        verifier.set_motion_limit(f64::INFINITY).unwrap();
-    }
+    let [mut incremental, mut full] = [Strategy::Paranoid, Strategy::Full].map(|strategy| {
+        Verifier::new(VerifierOptions {
+            abort_on: AbortOn::Event,
+            strategy,
+            events,
+            motion_limit: Some(f64::INFINITY),
+            ..VerifierOptions::default()
+        })
+        .unwrap()
+    });
     let [before, after] = &planted.frames;
     let frames = (0..2 * AROUND).map(|k| if k < AROUND { before } else { after });
     let verify = |(k, set): (usize, &CurveSet)| {
@@ -109,7 +111,7 @@ fn reference_speed() {
         let Some(set) = scene_or_model(input) else {
             continue;
         };
-        let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
+        let certificate = Verifier::default().certify(&set).0.clone();
         for all in [false, true] {
             let coverage = Coverage {
                 self_crossings: all,

@@ -15,7 +15,7 @@ pub struct Work {
     /// Number of pairs with recomputed linking numbers: all potential links on the full route.
     pub recomputed: u64,
     /// Number of recomputed pairs that the bound of a sum decided
-    /// ([`Verifier::set_kernel`](crate::Verifier::set_kernel)).
+    /// ([`VerifierOptions::kernel`](crate::VerifierOptions::kernel)).
     pub summed: u64,
     /// Number of pairs of curves (and of curves with themselves) that were searched for
     /// pull-throughs since the previous frame.
@@ -23,7 +23,7 @@ pub struct Work {
     /// Number of frames since the reference frame, if the frame was compared with one.
     pub reference_age: Option<u64>,
     /// True if the full run gave another result
-    /// ([`Verifier::set_paranoid`](crate::Verifier::set_paranoid)): an error of linkwatch. The
+    /// ([`Strategy::Paranoid`](crate::Strategy::Paranoid)): an error of linkwatch. The
     /// report is that of the full run.
     pub disagreed: bool,
 }

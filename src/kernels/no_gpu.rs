@@ -1,5 +1,5 @@
-//! Stand-in for the kernels on a GPU, in a build without the feature `gpu`: there is no adapter, and
-//! none can be opened.
+//! Stand-in for the kernels on a GPU, in a build without the feature `gpu`: there is no adapter,
+//! and none can be opened.
 
 use super::crossings::Input;
 use super::device::{Device, DeviceInfo};

@@ -3,7 +3,8 @@
 //! Branch and bound over both trees. For display and messages only: the distance is that of the
 //! polylines (splines: eight chords per segment), in floating point, without an error bound.
 
-use super::trees::{Node, Trees};
+use super::layout::Node;
+use super::trees::Trees;
 use crate::curve::vector::{add_scaled, distance, dot, half_difference, sub};
 use crate::curve::{BoxGroup, CurveSet, Point, point_at, pow2};
 use crate::verdict::Place;

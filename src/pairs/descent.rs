@@ -1,6 +1,7 @@
 //! Simultaneous depth-first descent of the trees of two curves to segment pairs.
 
-use super::trees::{CurveTree, Node};
+use super::layout::Node;
+use super::trees::CurveTree;
 use crate::curve::{Box3, BoxGroup};
 use crate::simd::{LANES, Lanes};
 

@@ -7,8 +7,10 @@
 mod brute;
 mod closest;
 mod descent;
+mod layout;
 mod links;
 mod overlaps;
+mod refit;
 mod suspects;
 mod sweep;
 mod trees;
@@ -17,11 +19,13 @@ mod trees;
 pub(crate) use brute::potential_links_brute;
 pub(crate) use closest::{closest_approach, closest_of_segments, closest_points};
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
+pub(crate) use layout::{Leaves, Node, SMALL};
 pub(crate) use links::{degenerate_curves, potential_links};
 pub(crate) use overlaps::overlapping_segments;
+pub(crate) use refit::refits_in_parallel;
 pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;
-pub(crate) use trees::{CurveTree, Leaves, Node, SMALL, Trees};
+pub(crate) use trees::{CurveTree, Trees};
 
 /// A pair of curves, `i < j`.
 pub(crate) type Pair = (u32, u32);

@@ -13,8 +13,7 @@ use crate::kernels::{
 };
 use crate::pairs::{LinkSearch, Pair, Trees, degenerate_curves, potential_links};
 use crate::scenes::Scene as Model;
-use crate::verdict::AbortOn;
-use crate::verifier::Verifier;
+use crate::verifier::{Verifier, VerifierOptions};
 use nalgebra::{DMatrix, DVector};
 use std::time::{Duration, Instant};
 
@@ -210,8 +209,10 @@ impl MeasuredScene {
 
     /// Measures counting on the CPU.
     fn cpu_ms(&self) -> Result<f64> {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_kernel(Method::Crossings, Accuracy::default());
+        let mut verifier = Verifier::new(VerifierOptions {
+            kernel: Method::Crossings,
+            ..VerifierOptions::default()
+        })?;
         median_ms(|_| {
             verifier.certify(&self.set);
             Ok(verifier.timings().links.as_secs_f64() * 1e3)

@@ -64,7 +64,9 @@ use crate::kernels::choice::costs::{self, Time};
 use crate::kernels::choice::{Choice, Forecast, Predictions};
 use crate::kernels::crossings::{Input, Workspaces, by_formula, parallelism};
 use crate::kernels::{Calibration, Device, GpuUse, KernelWork, Method, Offer, SumCost};
-use crate::pairs::{CurveTree, LinkSearch, Pair, Trees, degenerate_curves, potential_links};
+use crate::pairs::{
+    CurveTree, LinkSearch, Pair, Trees, degenerate_curves, potential_links, refits_in_parallel,
+};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -284,7 +286,7 @@ impl Plan {
     }
 
     /// Plans a frame of a verifier with this device
-    /// ([`Verifier::set_device`](crate::Verifier::set_device)).
+    /// ([`VerifierOptions::device`](crate::VerifierOptions::device)).
     ///
     /// Errors: [`Error::Device`](crate::Error::Device) if a requested adapter does not exist or
     /// cannot be used.
@@ -329,7 +331,7 @@ impl Plan {
         let stored_leaves = closed()
             .filter(|&i| trees.of(set, i).stores_leaves())
             .count();
-        let busy_boxes = if Trees::shares_out(segments) {
+        let busy_boxes = if refits_in_parallel(segments) {
             threads
         } else {
             1
@@ -343,7 +345,7 @@ impl Plan {
             stored_leaves,
             computed_leaves: closed().count() - stored_leaves,
             shared_curves: closed()
-                .filter(|&i| Trees::shares_out(set.curve(i).segments as usize))
+                .filter(|&i| refits_in_parallel(set.curve(i).segments as usize))
                 .count(),
             bytes: trees.bytes(),
             predicted: Prediction::of(

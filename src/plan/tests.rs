@@ -1,7 +1,6 @@
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::pairs::SMALL;
-use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 
 fn scene(text: &str) -> CurveSet {
@@ -135,7 +134,7 @@ fn the_sample_predicts_the_work() {
     ] {
         let set = scene(text);
         let plan = Plan::of(&set);
-        let (_, stats) = Verifier::new(AbortOn::Never).certify(&set);
+        let (_, stats) = Verifier::default().certify(&set);
         assert_eq!(plan.potential_links.links as u64, stats.potential_links);
         let KernelWork {
             tests, overlaps, ..

@@ -25,6 +25,7 @@
 //! [`Frames`] moves a scene, or any other set of curves; [`pull_throughs`] break it.
 
 mod chainmail;
+mod frames;
 mod isotopy;
 mod knit;
 mod motion;
@@ -39,7 +40,8 @@ mod torus_link;
 mod torus_zero;
 mod woundball;
 
-pub use motion::{Frames, Motion, MotionKind};
+pub use frames::Frames;
+pub use motion::{Motion, MotionKind};
 pub use pull_through::{PullThrough, pull_throughs};
 
 use crate::certificate::Certificate;

@@ -1,5 +1,4 @@
 use super::*;
-use crate::verdict::AbortOn;
 use crate::verifier::Verifier;
 
 fn scene(text: &str) -> Scene {
@@ -21,7 +20,7 @@ fn assert_error_contains<T: std::fmt::Debug>(result: Result<T>, expected: &str) 
 /// Asserts that the kernel finds the linking numbers of the construction. Returns the number of
 /// potential links.
 fn verified(text: &str, generated: &Generated) -> u64 {
-    let mut verifier = Verifier::new(AbortOn::Never);
+    let mut verifier = Verifier::default();
     let (found, stats) = verifier.certify(&generated.curves);
     // Not printed, because there may be very many links.
     assert!(*found == generated.certificate, "{text}");

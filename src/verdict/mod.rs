@@ -222,7 +222,7 @@ pub struct Report {
     /// searched for ([`Events`](crate::Events)).
     pub events: Vec<PullThrough>,
     /// Pull-throughs that cannot be resolved, because the frames are too far apart: they cancel
-    /// within their pair, and moved further than [the limit](crate::Verifier::set_motion_limit). In
+    /// within their pair, and moved further than [the limit](crate::VerifierOptions::motion_limit). In
     /// chronological order.
     pub unresolved: Vec<PullThrough>,
     /// Pairs and curves that could not be decided or compared, sorted by pair.

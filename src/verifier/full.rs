@@ -32,7 +32,7 @@ pub(super) struct FullRun {
     before: Vec<Box3>,
     workspaces: Workspaces,
     /// Method and accuracy of sums.
-    pub kernel: (Method, Accuracy),
+    kernel: (Method, Accuracy),
     /// GPU that runs kernels, if one is used.
     pub gpu: GpuUse,
     /// Certificate of the last frame.
@@ -44,6 +44,15 @@ pub(super) struct FullRun {
 }
 
 impl FullRun {
+    /// Creates the state. `kernel` computes sums, or counts crossings.
+    pub fn new(kernel: (Method, Accuracy), gpu: GpuUse) -> Self {
+        FullRun {
+            kernel,
+            gpu,
+            ..FullRun::default()
+        }
+    }
+
     /// Computes the certificate of a frame.
     pub fn certify(&mut self, set: &CurveSet) -> Stats {
         self.gpu.start_frame();
@@ -187,6 +196,11 @@ impl FullRun {
     pub fn refit(&mut self, set: &CurveSet, pairs: &[Pair]) {
         self.trees
             .refit_some(set, &curves_of(pairs.iter().copied()));
+    }
+
+    /// Returns the method of a full run.
+    pub fn method(&self) -> Method {
+        self.kernel.0
     }
 
     /// Returns the trees. They belong to the last frame as far as it needed them.

@@ -5,11 +5,13 @@
 
 mod full;
 mod ladder;
+mod options;
 mod steps;
 #[cfg(test)]
 mod tests;
 
 pub use ladder::Ladder;
+pub use options::{Strategy, VerifierOptions};
 
 use self::full::{FullRun, sizes};
 use self::steps::Steps;
@@ -17,8 +19,8 @@ use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Events, Finding, MOTION_LIMIT, Monitor, Outcome, Route, Work};
-use crate::kernels::{Accuracy, Device, DeviceInfo, GpuUse, Method, Offload, segment_pairs};
+use crate::incremental::{Events, Finding, Monitor, Outcome, Route, Work};
+use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
@@ -82,13 +84,11 @@ pub struct Timings {
 /// Verifies successive frames against a baseline. Its buffers are reused for every frame.
 ///
 /// The result does not depend on the number of threads of the rayon pool in which it is called.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Verifier {
     abort_on: AbortOn,
     baseline: Option<Certificate>,
-    early_exit: bool,
-    incremental: bool,
-    paranoid: bool,
+    strategy: Strategy,
     full: FullRun,
     monitor: Monitor,
     steps: Steps,
@@ -97,64 +97,41 @@ pub struct Verifier {
     extent: Option<f64>,
 }
 
+impl Default for Verifier {
+    /// Creates a verifier with the default options.
+    fn default() -> Self {
+        Verifier::with_gpu(VerifierOptions::default(), GpuUse::default())
+    }
+}
+
 impl Verifier {
-    /// Default of [`Verifier::set_motion_limit`], in segment lengths.
-    pub const MOTION_LIMIT: f64 = MOTION_LIMIT;
+    /// Creates a verifier and opens its device.
+    ///
+    /// Errors: [`Error::Usage`] if an option has an invalid value, or excludes another one;
+    /// [`Error::Device`] if no adapter matches, or it cannot be used.
+    pub fn new(options: VerifierOptions) -> Result<Self> {
+        options.check()?;
+        let gpu = GpuUse::open(&options.device)?;
+        Ok(Verifier::with_gpu(options, gpu))
+    }
 
-    /// Creates a verifier that takes the first frame as its baseline.
-    pub fn new(abort_on: AbortOn) -> Self {
+    /// Creates a verifier whose kernels run on an adapter that is open already.
+    pub(crate) fn with_gpu(options: VerifierOptions, gpu: GpuUse) -> Self {
+        let full = FullRun::new((options.kernel, options.accuracy), gpu);
+        let limit = options
+            .motion_limit
+            .unwrap_or(VerifierOptions::MOTION_LIMIT);
+        let steps = Steps::new(options.events, limit, full.progress.cancel.clone());
         Verifier {
-            abort_on,
-            ..Verifier::default()
+            abort_on: options.abort_on,
+            baseline: options.baseline,
+            strategy: options.strategy,
+            full,
+            monitor: Monitor::new(steps.coverage()),
+            steps,
+            work: Work::default(),
+            extent: None,
         }
-    }
-
-    /// Creates a verifier with the given baseline.
-    pub fn with_baseline(abort_on: AbortOn, baseline: Certificate) -> Self {
-        Verifier {
-            abort_on,
-            baseline: Some(baseline),
-            ..Verifier::default()
-        }
-    }
-
-    /// Sets if [`Verifier::step`] stops at the first change, and does not check the other pairs.
-    ///
-    /// Pairs are computed in the order in which they are likely to have changed, so a broken frame
-    /// is detected long before all numbers are known. An intact frame takes as long as before.
-    /// Early exit cannot be combined with [`Verifier::set_incremental`] or
-    /// [`Verifier::set_events`], which need all linking numbers.
-    pub fn set_early_exit(&mut self, early_exit: bool) {
-        self.early_exit = early_exit;
-    }
-
-    /// Sets if [`Verifier::step`] computes only the part of a frame that may differ from an earlier
-    /// frame, and proves that the rest is unchanged.
-    ///
-    /// The verdicts are the same. [`Report::stats`] then has the sizes of the scene alone, because
-    /// the work depends on earlier frames; see [`Verifier::work`].
-    pub fn set_incremental(&mut self, incremental: bool) {
-        self.incremental = incremental;
-        // The monitor must not draw conclusions from frames that it did not see.
-        self.monitor = Monitor::new(self.steps.coverage());
-    }
-
-    /// Sets if an incremental verifier also computes every frame in full and compares the results.
-    /// This is a test of the verifier itself. If the results differ, the report is the one of the
-    /// full run, [`Work::disagreed`] is set, and every later frame is computed in full.
-    pub fn set_paranoid(&mut self, paranoid: bool) {
-        self.paranoid = paranoid;
-    }
-
-    /// Sets the kernel that computes all linking numbers of a frame. A kernel that sums runs first;
-    /// pairs that its error bound does not decide are decided by counting crossings
-    /// ([`Verifier::ladder`]). Certificates and verdicts are the same for all kernels; the work
-    /// differs.
-    ///
-    /// The parts of a frame that incremental verification and early exit compute are always
-    /// counted.
-    pub fn set_kernel(&mut self, method: Method, accuracy: Accuracy) {
-        self.full.kernel = (method, accuracy);
     }
 
     /// Returns which linking numbers of the last full run were decided by sums, and which by
@@ -167,58 +144,6 @@ impl Verifier {
     /// trees. `set` must be the set of those links, or its polylines.
     pub fn segment_pairs(&self, set: &CurveSet) -> u64 {
         segment_pairs(set, self.full.pairs())
-    }
-
-    /// Sets which pull-throughs [`Verifier::step`] reports, from one frame to the next
-    /// ([`Report::events`]).
-    ///
-    /// A frame with a pull-through is [`Verdict::Changed`], whatever its linking numbers. The sum
-    /// of the signs of the pull-throughs of two closed curves is always compared with the change of
-    /// their linking number. If the two differ, the frame has a defect
-    /// ([`DefectKind::Unaccounted`]). The first frame has no previous frame, and so no
-    /// pull-throughs.
-    pub fn set_events(&mut self, events: Events) {
-        let limit = self.steps.motion_limit();
-        self.steps = Steps::new(events, self.full.progress.cancel.clone());
-        self.steps.set_motion_limit(limit);
-        self.monitor = Monitor::new(self.steps.coverage());
-    }
-
-    /// Sets the motion between two frames, in segment lengths, up to which pull-throughs that
-    /// cancel count as real ([`PullThrough::lengths`]). The default is [`Verifier::MOTION_LIMIT`].
-    ///
-    /// Pull-throughs assume that points move on straight lines from frame to frame. If frames are
-    /// far apart in time, curves that went around one another seem to pass through one another and
-    /// back. So two pull-throughs are [`Report::unresolved`] if they cancel within their pair of
-    /// curves and both moved further than the limit. With an infinite limit there are none.
-    ///
-    /// Errors: [`Error::Usage`] if the limit is negative or not a number.
-    pub fn set_motion_limit(&mut self, lengths: f64) -> Result<()> {
-        if lengths.is_nan() || lengths < 0.0 {
-            let what = format!("a motion limit of {lengths} segment lengths, expected 0 or more");
-            return Err(Error::Usage(what));
-        }
-        self.steps.set_motion_limit(lengths);
-        Ok(())
-    }
-
-    /// Sets the device that runs kernels. The results are the same; only the time differs.
-    ///
-    /// A GPU counts the crossings of polylines in full runs, and computes direct and Barnes-Hut
-    /// sums. A requested GPU is always used. With [`Device::Auto`], it is used if it is predicted
-    /// to be faster than the CPU, from the stored measurements of [`calibrate`](crate::plan). If
-    /// the GPU fails, the verifier logs a warning and continues on the CPU.
-    ///
-    /// Errors: [`Error::Device`] if no adapter matches, or it cannot be used.
-    pub fn set_device(&mut self, device: &Device) -> Result<()> {
-        self.full.gpu = GpuUse::open(device)?;
-        Ok(())
-    }
-
-    /// Sets the adapter that runs kernels, with any calibration.
-    #[cfg(all(test, feature = "gpu"))]
-    pub(crate) fn set_gpu(&mut self, gpu: GpuUse) {
-        self.full.gpu = gpu;
     }
 
     /// Returns the GPU in use. With [`Device::Auto`], `None` until it was chosen.
@@ -264,8 +189,14 @@ impl Verifier {
     /// moves within a cube of half-width `noise` around its position (Arai 2013, remark 4). Pairs
     /// that may touch within the noise have no linking number; their defect names two segments.
     ///
-    /// Errors: [`Error::Usage`] for splines, or if `noise` is not a length.
+    /// Errors: [`Error::Usage`] for splines, if `noise` is not a length, or if the verifier has a
+    /// kernel other than [`Method::Auto`].
     pub fn certify_noisy(&mut self, set: &CurveSet, noise: f64) -> Result<(&Certificate, Stats)> {
+        let method = self.full.method();
+        if method != Method::Auto {
+            let what = format!("noise excludes the kernel {method}: it has a kernel of its own");
+            return Err(Error::Usage(what));
+        }
         if !set.basis().is_polyline() {
             let what = "noise applies to the vertices of polylines; these curves are splines";
             return Err(Error::Usage(what.into()));
@@ -338,11 +269,6 @@ impl Verifier {
                 model: set.len(),
             });
         }
-        if self.early_exit && (self.incremental || self.steps.events() != Events::Off) {
-            let what = "early exit leaves linking numbers unknown: it excludes incremental \
-                        verification and the search for pull-throughs";
-            return Err(Error::Usage(what.into()));
-        }
         let closed = set.open_curves() < set.len();
         if !closed && self.steps.events() == Events::Off {
             return Err(Error::NothingClosed { curves: set.len() });
@@ -393,7 +319,7 @@ impl Verifier {
         Ok((report, comparison))
     }
 
-    /// Compares a frame with the baseline, by the configured method.
+    /// Compares a frame with the baseline, by the strategy of the verifier.
     fn compare(&mut self, set: &CurveSet) -> Result<(Comparison, Stats)> {
         let Some(baseline) = self.baseline.take() else {
             let stats = self.certify_fully(set)?;
@@ -403,12 +329,12 @@ impl Verifier {
             self.offer_reference(set);
             return Ok((comparison?, self.counted(set, stats)));
         };
-        let compared = if self.incremental {
-            self.compare_incrementally(set, &baseline)
-        } else if self.early_exit {
-            self.full.compare_until_change(set, &baseline)
-        } else {
-            self.compare_fully(set, &baseline)
+        let compared = match self.strategy {
+            Strategy::Full => self.compare_fully(set, &baseline),
+            Strategy::EarlyExit => self.full.compare_until_change(set, &baseline),
+            Strategy::Incremental | Strategy::Paranoid => {
+                self.compare_incrementally(set, &baseline)
+            }
         };
         let baseline = self.baseline.insert(baseline);
         let (comparison, stats) = compared?;
@@ -421,7 +347,7 @@ impl Verifier {
 
     /// Returns the counts of a report. Work is counted only if it depends on the frame alone.
     fn counted(&self, set: &CurveSet, stats: Stats) -> Stats {
-        match self.incremental {
+        match self.strategy.is_incremental() {
             true => sizes(set),
             false => stats,
         }
@@ -476,7 +402,7 @@ impl Verifier {
                 comparison
             }
         };
-        if self.paranoid {
+        if self.strategy == Strategy::Paranoid {
             let stats = self.full.certify(set);
             self.full.progress.check()?;
             let full = self.full.certificate.compare(baseline)?;
@@ -491,12 +417,12 @@ impl Verifier {
     /// Records an error of the incremental verification, and switches it off.
     fn disagree(&mut self) {
         self.work.disagreed = true;
-        self.incremental = false;
+        self.strategy = Strategy::Full;
     }
 
     /// Makes the last certified frame the reference frame, if that may pay.
     fn offer_reference(&mut self, set: &CurveSet) {
-        if self.incremental && self.monitor.wants_reference(&self.work) {
+        if self.strategy.is_incremental() && self.monitor.wants_reference(&self.work) {
             let links = self.full.potential_links();
             let certificate = self.full.certificate.clone();
             self.monitor.make_reference(set.clone(), certificate, links);
@@ -549,12 +475,12 @@ impl Verifier {
         if self.steps.events() == Events::Off {
             return Default::default();
         }
-        let pairs = match (self.incremental, self.steps.before()) {
+        let pairs = match (self.strategy.is_incremental(), self.steps.before()) {
             (true, Some(before)) => self.monitor.pairs_to_search(before, set),
             _ => None,
         };
         let (mut outcome, searched) = self.steps.outcome(set, pairs.as_deref());
-        if self.paranoid && pairs.is_some() {
+        if self.strategy == Strategy::Paranoid && pairs.is_some() {
             let (full, _) = self.steps.outcome(set, None);
             let findings = |o: Outcome| (o.events, o.unresolved, o.undecided, o.touching);
             if findings(full.clone()) != findings(outcome) {

@@ -31,26 +31,18 @@ struct Last {
 }
 
 impl Steps {
-    /// Creates the state. `cancel` ends a search for pull-throughs early.
-    pub fn new(events: Events, cancel: Cancel) -> Self {
+    /// Creates the state, with a motion limit in segment lengths. `cancel` ends a search for
+    /// pull-throughs early.
+    pub fn new(events: Events, motion_limit: f64, cancel: Cancel) -> Self {
         Steps {
             events,
-            ledger: Ledger::new(cancel),
+            ledger: Ledger::new(motion_limit, cancel),
             ..Steps::default()
         }
     }
 
     pub fn events(&self) -> Events {
         self.events
-    }
-
-    /// Returns the motion limit in segment lengths.
-    pub fn motion_limit(&self) -> f64 {
-        self.ledger.motion_limit
-    }
-
-    pub fn set_motion_limit(&mut self, lengths: f64) {
-        self.ledger.motion_limit = lengths;
     }
 
     /// Returns the kinds of pull-throughs that the ledger finds.

@@ -78,7 +78,7 @@ fn rejects_options_that_exclude_one_another() {
         ([&early[..], &["--device", "gpu"]].concat(), "--device"),
         (vec!["certify", model, "--beta", "2"], "--kernel barnes-hut"),
         (
-            vec!["certify", model, "--kernel", "fmm", "--dipole"],
+            vec!["certify", model, "--kernel", "fmm", "--beta", "2"],
             "--kernel barnes-hut",
         ),
         (

@@ -77,7 +77,7 @@ fn kernels_agree_and_report_how_pairs_were_decided() {
         ("direct", &[][..]),
         ("angle-sum", &[]),
         ("barnes-hut", &[]),
-        ("barnes-hut", &["--beta", "2", "--dipole"]),
+        ("barnes-hut", &["--beta", "2"]),
         ("barnes-hut", &["--beta", "2", "--target", "0.01"]),
         ("fmm", &[]),
         ("fmm", &["--order", "3"]),

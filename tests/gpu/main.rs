@@ -23,9 +23,9 @@ mod support;
 mod touching;
 
 use libtest_mimic::{Arguments, Failed};
-use linkwatch::kernels::{Accuracy, Device, Method, devices};
+use linkwatch::kernels::{Device, Method, devices};
 use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Error, Verdict, Verifier};
+use linkwatch::{Error, Verdict, Verifier, VerifierOptions};
 use runner::{Kernel, ON_DEVICE, Views};
 use support::trial::trial;
 
@@ -67,15 +67,21 @@ const SCENES: [&str; 7] = [
     "rubber_bands:bands=60",
 ];
 
+fn verifier(device: Device, kernel: Method) -> linkwatch::Result<Verifier> {
+    Verifier::new(VerifierOptions {
+        kernel,
+        device,
+        ..VerifierOptions::default()
+    })
+}
+
 /// The certificates of scenes equal those of their constructions, for every kernel and in both
 /// precisions.
 fn scenes() -> Result<(), Failed> {
-    let mut verifier = Verifier::new(AbortOn::Never);
-    verifier.set_device(&Device::Gpu)?;
     for text in SCENES {
         let built = text.parse::<Scene>()?.build()?;
         for method in [Method::Crossings, Method::Direct, Method::BarnesHut] {
-            verifier.set_kernel(method, Accuracy::default());
+            let mut verifier = verifier(Device::Gpu, method)?;
             let (found, stats) = verifier.certify(&built.curves);
             if *found != built.certificate {
                 return Err(format!("{text}, {method}: {found:?}").into());
@@ -100,8 +106,7 @@ fn frames() -> Result<(), Failed> {
         moved.iter_mut().for_each(|x| *x += 100.0);
     });
     let reports = |device| -> Result<_, Failed> {
-        let mut verifier = Verifier::new(AbortOn::Any);
-        verifier.set_device(&device)?;
+        let mut verifier = verifier(device, Method::Auto)?;
         let frames = [&built.curves, &broken, &built.curves];
         let step = |(k, set)| verifier.step(k, 0.0, set).map_err(Failed::from);
         (0..).zip(frames).map(step).collect::<Result<Vec<_>, _>>()
@@ -120,8 +125,8 @@ fn frames() -> Result<(), Failed> {
 
 /// The error of an unknown name lists the adapters.
 fn names() -> Result<(), Failed> {
-    let mut verifier = Verifier::new(AbortOn::Never);
-    let Err(Error::Device(words)) = verifier.set_device(&Device::Named("none such".into())) else {
+    let unknown = verifier(Device::Named("none such".into()), Method::Auto);
+    let Err(Error::Device(words)) = unknown else {
         return Err("found".into());
     };
     let all = devices();
@@ -134,8 +139,7 @@ fn names() -> Result<(), Failed> {
 fn main() {
     let arguments = Arguments::from_args();
     // Kept, so that the adapter is opened only once.
-    let mut keeper = Verifier::new(AbortOn::Never);
-    let opened = keeper.set_device(&Device::Gpu);
+    let opened = verifier(Device::Gpu, Method::Auto);
     if let Err(e) = &opened {
         println!("no adapter: {e}");
     }

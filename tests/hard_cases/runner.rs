@@ -4,8 +4,8 @@ use crate::case::{Answer, Case};
 use crate::{integers, links, numbers, splines, touching};
 use linkwatch::kernels::{Accuracy, Device, Method};
 use linkwatch::{
-    AbortOn, Certificate, Change, CurveSet, Defect, DefectKind, Events, Link, Positions, Precision,
-    Verdict, Verifier,
+    Certificate, Change, CurveSet, Defect, DefectKind, Events, Link, Positions, Precision,
+    Strategy, Verdict, Verifier, VerifierOptions,
 };
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::collections::BTreeMap;
@@ -47,7 +47,7 @@ pub struct Kernel {
 pub const FULL: Kernel = Kernel {
     name: "certify",
     rule: Rule::Complete,
-    certify: |set| Verifier::new(AbortOn::Never).certify(set).0.clone(),
+    certify: |set| Verifier::default().certify(set).0.clone(),
 };
 
 /// Verifies a frame that does not move, by an incremental verifier.
@@ -117,10 +117,13 @@ fn last_of(frames: [&CurveSet; 3], events: Events) -> Certificate {
         curves,
         ..Certificate::default()
     };
-    let mut verifier = Verifier::with_baseline(AbortOn::Never, nothing);
-    verifier.set_incremental(true);
-    verifier.set_paranoid(true);
-    verifier.set_events(events);
+    let mut verifier = Verifier::new(VerifierOptions {
+        baseline: Some(nothing),
+        strategy: Strategy::Paranoid,
+        events,
+        ..VerifierOptions::default()
+    })
+    .expect("valid options");
     let mut certificate = Certificate::default();
     for (seq, set) in (0..).zip(frames) {
         let report = verifier.step(seq, 0.0, set).expect("a valid frame");
@@ -147,8 +150,11 @@ pub const EARLY_EXIT: Kernel = Kernel {
     name: "early exit",
     rule: Rule::Complete,
     certify: |set| {
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_early_exit(true);
+        let mut verifier = Verifier::new(VerifierOptions {
+            strategy: Strategy::EarlyExit,
+            ..VerifierOptions::default()
+        })
+        .expect("valid options");
         verifier.step(0, 0.0, set).expect("a valid frame");
         let baseline = verifier.baseline().expect("the first frame").clone();
         let report = verifier.step(1, 0.0, set).expect("a valid frame");
@@ -250,11 +256,15 @@ fn summed_with(set: &CurveSet, method: Method, accuracy: Accuracy) -> Certificat
 fn certified_on(
     device: &Device,
     set: &CurveSet,
-    (method, accuracy): (Method, Accuracy),
+    (kernel, accuracy): (Method, Accuracy),
 ) -> Certificate {
-    let mut verifier = Verifier::new(AbortOn::Never);
-    verifier.set_device(device).expect("an adapter");
-    verifier.set_kernel(method, accuracy);
+    let mut verifier = Verifier::new(VerifierOptions {
+        kernel,
+        accuracy,
+        device: device.clone(),
+        ..VerifierOptions::default()
+    })
+    .expect("an adapter");
     verifier.certify(set).0.clone()
 }
 

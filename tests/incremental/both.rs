@@ -1,6 +1,9 @@
 //! Two verifiers that must agree, and checks of their reports.
 
-use linkwatch::{AbortOn, CurveSet, Defect, DefectKind, Events, Report, Route, Verdict, Verifier};
+use linkwatch::{
+    CurveSet, Defect, DefectKind, Events, Report, Route, Strategy, Verdict, Verifier,
+    VerifierOptions,
+};
 use std::collections::BTreeMap;
 
 /// The verifier under test, and the reference verifier.
@@ -14,10 +17,14 @@ pub struct Both {
 
 impl Both {
     pub fn new(events: Events) -> Both {
-        let [mut incremental, mut full] = [(); 2].map(|()| Verifier::new(AbortOn::default()));
-        incremental.set_incremental(true);
-        incremental.set_events(events);
-        full.set_events(events);
+        let [incremental, full] = [Strategy::Incremental, Strategy::Full].map(|strategy| {
+            Verifier::new(VerifierOptions {
+                strategy,
+                events,
+                ..VerifierOptions::default()
+            })
+            .unwrap()
+        });
         Both {
             incremental,
             full,
@@ -93,7 +100,7 @@ struct Since {
 impl Balance {
     fn new() -> Balance {
         Balance {
-            numbers: Verifier::new(AbortOn::Never),
+            numbers: Verifier::default(),
             pairs: BTreeMap::new(),
             through_contact: [0; 2],
         }

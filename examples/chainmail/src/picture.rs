@@ -67,7 +67,7 @@ fn svg(set: &CurveSet, report: &Report) -> Option<String> {
     let pixel = |x: f64| half + x * half / REACH;
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{WIDTH}\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n<g stroke-linecap=\"round\">\n"
+         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n<g>\n"
     );
     for (_, color, a, b) in segments {
         let ends = format!(
@@ -78,10 +78,11 @@ fn svg(set: &CurveSet, report: &Report) -> Option<String> {
             pixel(b[1])
         );
         // Writing to a string cannot fail.
-        for (color, width) in [("white", BORDER), (color, LINE)] {
+        for (color, width, end) in [("white", BORDER, "butt"), (color, LINE, "round")] {
             let _ = writeln!(
                 text,
-                "<line {ends} stroke=\"{color}\" stroke-width=\"{width}\"/>"
+                "<line {ends} stroke=\"{color}\" stroke-width=\"{width}\" \
+                 stroke-linecap=\"{end}\"/>"
             );
         }
     }

@@ -11,14 +11,15 @@ use self::news::{New, News};
 use self::summary::{Durations, Unresolved};
 use super::Outcome;
 use super::event_args::EventArgs;
-use super::files::Files;
+use super::files::{Files, Overwrite};
 use super::kernel::KernelArgs;
 use super::live::Live;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameRecord, Overflow, Progress,
-    Report, Result, Route, SinkQueue, SinkSummary, Verdict, Verifier, Work,
+    Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict, Verifier, VerifierOptions,
+    Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -63,6 +64,26 @@ pub struct Judge {
     /// Also verify every frame in full, and compare: slow, a test of linkwatch itself
     #[arg(long, hide_short_help = true)]
     pub paranoid: bool,
+}
+
+impl Judge {
+    /// Returns the files of a command with these settings, for its other inputs and its outputs.
+    pub fn files(&self, overwrite: Overwrite) -> Files {
+        let mut files = Files::new(overwrite);
+        if let Some(Baseline::File(path)) = &self.baseline {
+            files.reads(path);
+        }
+        files
+    }
+
+    /// Returns the strategy of a stream of frames.
+    #[cfg(any(feature = "bus", feature = "mcap"))]
+    pub fn strategy(&self) -> Strategy {
+        match self.paranoid {
+            true => Strategy::Paranoid,
+            false => Strategy::Incremental,
+        }
+    }
 }
 
 /// Source of the expected linking numbers.
@@ -118,13 +139,13 @@ pub struct Run<'a> {
     pub sinks: &'a Sinks,
     /// Inputs and outputs of the command so far.
     pub files: Files,
-    /// True if all frames are verified in full.
-    pub full: bool,
-    /// True if the verification of a frame stops at its first change.
-    pub early_exit: bool,
-    /// Baseline, events and motion limit that apply if the user gives none.
+    pub strategy: Strategy,
+    /// True if frames are model files, which have names and cannot be skipped.
+    pub models: bool,
+    /// Baseline that applies if the user gives none, and its origin.
     pub baseline: Option<(Certificate, String)>,
-    pub default_events: (Events, f64),
+    /// Events and motion limit of a recording. They apply if the user gives none.
+    pub recorded_events: Option<(Events, f64)>,
     /// Names the run in the viewer.
     pub title: &'a str,
     /// Metadata of the run, for a recording.
@@ -140,10 +161,8 @@ pub struct Session {
     /// Number of cuts before the last verified frame. A frame with another number does not continue
     /// it.
     cuts: u32,
-    /// Origin of the baseline, in words.
-    origin: String,
-    /// True if the first frame is the baseline.
-    from_first_frame: bool,
+    /// Origin of the baseline; `None` if it is the first frame.
+    origin: Option<String>,
     /// Events to report.
     events: Events,
     queues: Vec<SinkQueue>,
@@ -166,7 +185,7 @@ pub struct Session {
     /// Number of open curves of the frames, once a frame was verified.
     open_curves: Option<u64>,
     /// True if frames are model files.
-    files: bool,
+    models: bool,
     /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
     comparison: Option<(String, serde_json::Value)>,
 }
@@ -179,14 +198,10 @@ impl Session {
             sinks,
             mut files,
             mut metadata,
-            default_events: (default_events, default_limit),
             ..
         } = run;
-        if let Some(Baseline::File(path)) = &judge.baseline {
-            files.reads(path);
-        }
         sinks.check_files(&mut files)?;
-        let given = match &judge.baseline {
+        let baseline = match &judge.baseline {
             Some(Baseline::File(path)) => {
                 Some((Certificate::read(path)?, path.display().to_string()))
             }
@@ -195,26 +210,32 @@ impl Session {
         };
         let abort_on = judge.abort_on.unwrap_or_default();
         metadata.insert("abort_on".into(), abort_on.to_string());
+        let (default_events, default_limit) = run
+            .recorded_events
+            .unwrap_or((Events::Off, VerifierOptions::MOTION_LIMIT));
         let events = judge.event_args.events(abort_on).max(default_events);
         metadata.insert("events".into(), events.to_string());
-        let limit = judge.event_args.motion_limit.unwrap_or(default_limit);
+        let given_limit = judge.event_args.motion_limit;
+        let limit = given_limit.unwrap_or(default_limit);
         metadata.insert(MOTION_LIMIT.into(), limit.to_string());
-        let from_first_frame = given.is_none();
-        let (mut verifier, origin) = match given {
-            Some((certificate, origin)) => (Verifier::with_baseline(abort_on, certificate), origin),
-            None => (Verifier::new(abort_on), "first frame".to_owned()),
-        };
-        verifier.set_incremental(!run.full);
-        verifier.set_early_exit(run.early_exit);
-        judge.kernel.set(&mut verifier)?;
-        verifier.set_paranoid(judge.paranoid);
-        verifier.set_events(events);
-        verifier.set_motion_limit(limit)?;
+        let (certificate, origin) = baseline.unzip();
+        let verifier = Verifier::new(VerifierOptions {
+            abort_on,
+            baseline: certificate,
+            strategy: run.strategy,
+            events,
+            motion_limit: match (events, run.recorded_events) {
+                // The limit of a replay may differ from the recorded one without any effect.
+                (Events::Off, Some(_)) => None,
+                (Events::Off, None) => given_limit,
+                _ => Some(limit),
+            },
+            ..judge.kernel.options()?
+        })?;
         Ok(Session {
             verifier,
             cuts: 0,
             origin,
-            from_first_frame,
             events,
             queues: sinks.open(run.title, &metadata, run.overflow)?,
             begun: false,
@@ -234,7 +255,7 @@ impl Session {
             last_check: None,
             routes: [0; 3],
             open_curves: None,
-            files: false,
+            models: run.models,
             comparison: None,
         })
     }
@@ -305,7 +326,7 @@ impl Session {
         });
         let (report, curves) = match outcome {
             Ok(verified) => verified,
-            Err(Error::CertificateMismatch { certificate, model }) if self.from_first_frame => {
+            Err(Error::CertificateMismatch { certificate, model }) if self.origin.is_none() => {
                 let other_curves = Error::LayoutChanged {
                     what: "curves",
                     before: certificate as u64,
@@ -368,7 +389,7 @@ impl Session {
         if let Some(certificate) = self.verifier.baseline().filter(|_| !self.begun) {
             let record = Arc::new(BaselineRecord {
                 certificate: Arc::new(certificate.clone()),
-                origin: self.origin.clone(),
+                origin: self.origin.clone().unwrap_or_else(|| "first frame".into()),
             });
             self.queues
                 .iter()
@@ -466,12 +487,6 @@ impl Session {
         self.comparison = Some((words, json));
     }
 
-    /// Treats frames as model files, which have names and cannot be skipped.
-    pub fn of_files(mut self) -> Session {
-        self.files = true;
-        self
-    }
-
     /// Closes the sinks and prints the summary. `tally` has the final counts of all frames.
     pub fn finish(mut self, tally: FrameCounts) -> Outcome {
         self.tally = tally;
@@ -508,7 +523,7 @@ impl Session {
         }
         self.live.clear();
         // The verdict on a single model is its summary.
-        if !(self.files && tally.verified + tally.rejected <= 1) {
+        if !(self.models && tally.verified + tally.rejected <= 1) {
             self.sum_up(&summaries, kept);
         }
         self.outcome
@@ -547,7 +562,7 @@ impl Session {
             }));
             return;
         }
-        let mut line = format!("{word}: {}", tally.words(self.files));
+        let mut line = format!("{word}: {}", tally.words(self.models));
         if tally.verified > 0 {
             line += &format!("; {}", self.checks.words());
         }
@@ -557,7 +572,7 @@ impl Session {
         }
         match first {
             // The findings of each model are printed above.
-            Some(first) if self.files => line += &format!("\nfirst violation: {}", first.name),
+            Some(first) if self.models => line += &format!("\nfirst violation: {}", first.name),
             Some(first) => line += &format!("\nfirst violation: {first}"),
             None => {}
         }

@@ -21,10 +21,10 @@ impl FrameCounts {
     }
 
     /// Returns the counts in words. Model files cannot be skipped.
-    pub fn words(self, files: bool) -> String {
+    pub fn words(self, models: bool) -> String {
         let mut parts = vec![format!("{} verified", plural(self.verified, "frame"))];
         match self.skipped {
-            0 if files => {}
+            0 if models => {}
             0 => parts.push("0 skipped".into()),
             n => {
                 let share = percent(self.skipped_share());

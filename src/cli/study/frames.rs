@@ -10,7 +10,10 @@ use crate::cli::input;
 use crate::cli::number::positive;
 use crate::cli::output::{self, count, plural};
 use linkwatch::scenes::{Frames, Motion, Scene};
-use linkwatch::{AbortOn, CurveSet, Error, Events, Positions, Report, Result, Verifier};
+use linkwatch::{
+    AbortOn, CurveSet, Error, Events, Positions, Report, Result, Strategy, Verifier,
+    VerifierOptions,
+};
 use serde_json::{Value, json};
 use std::hint::black_box;
 use std::path::Path;
@@ -108,7 +111,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
     for (motion, amplitude) in cases {
         bar.set_message(format!("{motion} {amplitude}"));
         let mut row = Row::new(motion, amplitude);
-        let mut verifiers = Verifiers::of(&mut set, &mut frames, events)?;
+        let mut verifiers = Verifiers::of(&mut set, &mut frames, args.event_args)?;
         for frame in 1..=args.frames {
             let positions = frames.at(motion, amplitude * diameter, frame);
             // The search for pull-throughs must see every frame.
@@ -172,15 +175,21 @@ struct Verifiers {
 
 impl Verifiers {
     /// Creates both verifiers. Both have seen frame 0, which is their baseline.
-    fn of(set: &mut CurveSet, frames: &mut Frames, events: Events) -> Result<Verifiers> {
-        let mut verifiers = Verifiers {
-            incremental: Verifier::new(AbortOn::Never),
-            full: Verifier::new(AbortOn::Never),
+    fn of(set: &mut CurveSet, frames: &mut Frames, event_args: EventArgs) -> Result<Verifiers> {
+        let verifier = |strategy| {
+            Verifier::new(VerifierOptions {
+                strategy,
+                events: event_args.events(AbortOn::Never),
+                motion_limit: event_args.motion_limit,
+                ..VerifierOptions::default()
+            })
         };
-        verifiers.incremental.set_incremental(true);
+        let mut verifiers = Verifiers {
+            incremental: verifier(Strategy::Incremental)?,
+            full: verifier(Strategy::Full)?,
+        };
         set.update(frames.at(&Motion::new([]), 0.0, 0))?;
         for verifier in [&mut verifiers.incremental, &mut verifiers.full] {
-            verifier.set_events(events);
             verifier.step(0, 0.0, set)?;
         }
         Ok(verifiers)

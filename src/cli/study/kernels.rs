@@ -17,7 +17,7 @@ use crate::cli::output::{self, count, plural, plural_of};
 use crate::cli::{Outcome, input};
 use linkwatch::kernels::Device;
 use linkwatch::scenes::Scene;
-use linkwatch::{AbortOn, Result, Verifier};
+use linkwatch::{Result, Verifier, VerifierOptions};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -84,8 +84,10 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         }
     }
     // Opened before the measurements, so that no run includes it.
-    let mut on_device = Verifier::new(AbortOn::Never);
-    on_device.set_device(&args.device)?;
+    let on_device = Verifier::new(VerifierOptions {
+        device: args.device.clone(),
+        ..VerifierOptions::default()
+    })?;
     let device = on_device.device();
     let subject = StudyModel::new(input::read(Path::new(&args.input))?)?;
     // An input that could be read and parses as a scene is a scene, unless it is a file.

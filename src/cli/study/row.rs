@@ -4,7 +4,9 @@ use super::frames::median_of;
 use super::setting::Setting;
 use crate::cli::measure::cpu_ms;
 use linkwatch::kernels::{Accuracy, Device, Method};
-use linkwatch::{AbortOn, Certificate, CurveSet, Ladder, Result, Verifier, homotopic_polylines};
+use linkwatch::{
+    Certificate, CurveSet, Ladder, Result, Verifier, VerifierOptions, homotopic_polylines,
+};
 use serde_json::{Value, json};
 use std::time::Instant;
 
@@ -21,7 +23,7 @@ pub struct StudyModel {
 impl StudyModel {
     /// Certifies curves as a reference.
     pub fn new(set: CurveSet) -> Result<StudyModel> {
-        let mut verifier = Verifier::new(AbortOn::Never);
+        let mut verifier = Verifier::default();
         let (certificate, stats) = verifier.certify(&set);
         let exact = certificate.clone();
         let segment_pairs = match set.basis().is_polyline() {
@@ -209,10 +211,13 @@ impl Measured {
         let mut warm = effort.device == Device::Cpu;
         loop {
             // Each run starts with a new verifier.
-            let mut verifier = Verifier::new(AbortOn::Never);
-            verifier.set_device(&effort.device)?;
+            let mut verifier = Verifier::new(VerifierOptions {
+                kernel: method,
+                accuracy,
+                device: effort.device.clone(),
+                ..VerifierOptions::default()
+            })?;
             let (start, cpu) = (Instant::now(), cpu_ms());
-            verifier.set_kernel(method, accuracy);
             let (certificate, _) = verifier.certify(&subject.set);
             if !std::mem::replace(&mut warm, true) {
                 continue;

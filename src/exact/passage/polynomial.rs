@@ -517,7 +517,8 @@ mod tests {
             prop_assume!(!f.is_zero() && f.sign_at(&within.from) * f.sign_at(&within.to) != 0);
             prop_assume!(f.square_free().coefficients().len() == f.coefficients().len());
             let inside: Vec<_> = Root::all(&f).into_iter().filter(|root| {
-                root.sign_of(&within.from.linear_factor()) > 0 && root.sign_of(&within.to.linear_factor()) < 0
+                root.sign_of(&within.from.linear_factor()) > 0
+                    && root.sign_of(&within.to.linear_factor()) < 0
             }).collect();
             let signs: i32 = inside.iter().map(|root| root.sign_of(&g)).sum();
             prop_assert_eq!(signs, f.signs_at_roots(&g, &within));

@@ -95,7 +95,7 @@ pub(crate) const MOTION_LIMIT: f64 = 1.5;
 /// The outcome does not depend on the number of threads of the rayon pool that it is called in.
 #[derive(Debug)]
 pub(crate) struct Ledger {
-    /// See [`Verifier::set_motion_limit`](crate::Verifier::set_motion_limit).
+    /// Motion in segment lengths up to which pull-throughs that cancel count as real.
     pub motion_limit: f64,
     trees: Trees,
     search: LinkSearch,
@@ -120,8 +120,9 @@ impl Default for Ledger {
 impl Ledger {
     /// Returns a ledger whose steps end early if `cancel` is set. Their results are meaningless
     /// then.
-    pub fn new(cancel: Cancel) -> Self {
+    pub fn new(motion_limit: f64, cancel: Cancel) -> Self {
         Ledger {
+            motion_limit,
             cancel,
             ..Ledger::default()
         }

@@ -4,7 +4,7 @@ use super::*;
 use crate::curve::vector::{distance, norm, sub};
 use crate::curve::{Basis, Point, Positions};
 use crate::incremental::ledger::Ledger;
-use crate::verdict::AbortOn;
+
 use crate::verifier::Verifier;
 use proptest::prelude::*;
 
@@ -160,7 +160,7 @@ proptest! {
         ])),
     ) {
         let set = curves.set(&curves.xyz);
-        let certificate = Verifier::new(AbortOn::Never).certify(&set).0.clone();
+        let certificate = Verifier::default().certify(&set).0.clone();
         let mut ledger = Ledger::default();
         let coverage = Coverage {
                 self_crossings,

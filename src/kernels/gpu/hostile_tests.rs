@@ -8,8 +8,7 @@ use crate::kernels::conformance::polygons::{Polygon, Random, floats, winding};
 use crate::kernels::crossings::Workspaces;
 use crate::kernels::oracle;
 use crate::pairs::Trees;
-use crate::verdict::AbortOn;
-use crate::verifier::Verifier;
+use crate::verifier::{Verifier, VerifierOptions};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -339,8 +338,11 @@ fn verifiers_that_share_an_adapter_do_not_affect_one_another() {
         .collect();
     let certify = |k: usize, device: &Device| {
         let set = &tangled[k % 4];
-        let mut verifier = Verifier::new(AbortOn::Never);
-        verifier.set_device(device).unwrap();
+        let mut verifier = Verifier::new(VerifierOptions {
+            device: device.clone(),
+            ..VerifierOptions::default()
+        })
+        .unwrap();
         verifier.announce(&Arc::new(tangled[(k + 1) % 4].clone()));
         verifier.certify(set).0.clone()
     };

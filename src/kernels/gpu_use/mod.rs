@@ -1,7 +1,7 @@
 //! Use of a GPU by the kernels: off, requested or automatic.
 //!
-//! After a failure of the adapter, this and all later frames are computed on the CPU. The failure is
-//! logged once.
+//! After a failure of the adapter, this and all later frames are computed on the CPU. The failure
+//! is logged once.
 
 pub(super) mod fallback;
 mod uploads;
@@ -103,7 +103,8 @@ impl GpuUse {
         })
     }
 
-    /// Uses the adapter of a calibration if the calibration predicts that it is faster than the CPU.
+    /// Uses the adapter of a calibration if the calibration predicts that it is faster than the
+    /// CPU.
     pub fn automatic(calibration: Calibration) -> GpuUse {
         GpuUse {
             mode: Mode::Automatic {

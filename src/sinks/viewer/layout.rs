@@ -1,19 +1,20 @@
 //! Layout of the viewer's views.
 
 use super::names::{APPLICATION, FRAME, entity};
-use rerun::blueprint::components::{BackgroundKind, PanelState, PlayState};
-use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
-use rerun::blueprint::{
+use re_sdk::blueprint::components::{BackgroundKind, PanelState, PlayState};
+use re_sdk::blueprint::datatypes::{TextLogColumn, TextLogColumnKind, TimelineColumn};
+use re_sdk::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel,
     Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
-use rerun::external::re_sdk_types::blueprint::archetypes::{
+use re_sdk::log::LogMsg;
+use re_sdk::{
+    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
+};
+use re_sdk_types::blueprint::archetypes::{
     Background, EyeControls3D, LineGrid3D, PlotLegend, TextLogColumns,
 };
-use rerun::log::LogMsg;
-use rerun::{
-    AsComponents, Color, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
-};
+use re_sdk_types::components::Color;
 
 /// Legend in words, because legends in the plots would cover a third of them.
 pub(super) const KEY: &str = "\

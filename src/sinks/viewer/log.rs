@@ -5,7 +5,8 @@ use super::picture::SHOWN;
 use super::status::{Findings, Key, keys, status};
 use super::style::{CYAN, ORANGE, QUIET, RED};
 use crate::verdict::{Report, Verdict};
-use rerun::{Color, TextLog, TextLogLevel};
+use re_sdk_types::archetypes::TextLog;
+use re_sdk_types::components::{Color, TextLogLevel};
 
 /// Number of frames between log lines while nothing changes.
 const QUIET_FRAMES: u64 = 200;

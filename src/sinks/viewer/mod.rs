@@ -41,8 +41,9 @@ use crate::curve::{CurveSet, Point};
 use crate::error::Result;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::verdict::Verdict;
-use rerun::external::re_sdk_types::blueprint::archetypes::EyeControls3D;
-use rerun::{RecordingStream, TextDocument, TextLog, Transform3D};
+use re_sdk::RecordingStream;
+use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
+use re_sdk_types::blueprint::archetypes::EyeControls3D;
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -9,7 +9,9 @@ use super::view::View;
 use crate::curve::CurveSet;
 use crate::error::Result;
 use crate::verdict::Report;
-use rerun::{LineStrips3D, Radius, RecordingStream};
+use re_sdk::RecordingStream;
+use re_sdk_types::archetypes::LineStrips3D;
+use re_sdk_types::components::Radius;
 
 /// Maximum number of findings of a kind with a mark and a table row, and of findings with a log
 /// line, because more would hide one another.

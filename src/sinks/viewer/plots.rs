@@ -7,8 +7,9 @@ use crate::error::Result;
 use crate::incremental::Route;
 use crate::sinks::FrameRecord;
 use crate::verdict::{ChangeKind, Verdict};
-use rerun::components::{InterpolationMode, MarkerShape};
-use rerun::{RecordingStream, Scalars, SeriesLines};
+use re_sdk::RecordingStream;
+use re_sdk_types::archetypes::{Scalars, SeriesLines};
+use re_sdk_types::components::{InterpolationMode, MarkerShape};
 
 /// Logs the names and colours of all series except for the pull-throughs.
 pub(super) fn describe(rec: &RecordingStream) -> Result<()> {

@@ -1,7 +1,7 @@
 //! Stream of data to the viewer.
 
 use crate::error::{Error, Result};
-use rerun::{AsComponents, RecordingStream};
+use re_sdk::{AsComponents, RecordingStream};
 
 /// Logs components of an entity at the current time.
 pub(super) fn log(rec: &RecordingStream, path: &str, what: &impl AsComponents) -> Result<()> {

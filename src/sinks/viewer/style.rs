@@ -1,8 +1,9 @@
 //! Colours, and styles of points, lines and series.
 
 use crate::curve::Point;
-use rerun::components::MarkerShape;
-use rerun::{LineStrips3D, Points3D, Radius, SeriesPoints};
+use re_sdk_types::archetypes::{LineStrips3D, Points3D, SeriesPoints};
+use re_sdk_types::components::MarkerShape;
+use re_sdk_types::components::Radius;
 
 pub(super) const QUIET: u32 = 0x6f809cff;
 pub(super) const RED: u32 = 0xff3b30ff;

@@ -3,7 +3,7 @@
 use super::names::APPLICATION;
 use super::stream::failed;
 use crate::error::Result;
-use rerun::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
+use re_sdk::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -5,10 +5,11 @@ use super::*;
 use crate::curve::{Basis, Positions};
 use crate::incremental::Work;
 use crate::verdict::{PullThrough, Report};
-use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
-use rerun::log::{Chunk, LogMsg};
-use rerun::sink::MemorySinkStorage;
-use rerun::{LineStrips3D, Points3D, RecordingStreamBuilder};
+use re_sdk::RecordingStreamBuilder;
+use re_sdk::log::{Chunk, LogMsg};
+use re_sdk::sink::MemorySinkStorage;
+use re_sdk_types::archetypes::{LineStrips3D, Points3D};
+use re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
 use std::time::SystemTime;
 
 /// A triangle at height `z`; `None` for a frame without curves.
@@ -214,7 +215,7 @@ fn strips(messages: &[LogMsg], path: &str) -> Vec<usize> {
     let component = LineStrips3D::descriptor_strips().component;
     let mut counts = Vec::new();
     for chunk in chunks(messages, path) {
-        let rows = chunk.iter_component::<rerun::components::LineStrip3D>(component);
+        let rows = chunk.iter_component::<re_sdk_types::components::LineStrip3D>(component);
         rows.for_each(|row| counts.push(row.as_slice().len()));
     }
     counts

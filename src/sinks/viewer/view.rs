@@ -2,7 +2,7 @@
 
 use crate::curve::vector::{hypot, sub};
 use crate::curve::{CurveSet, Point};
-use rerun::external::re_sdk_types::blueprint::archetypes::EyeControls3D;
+use re_sdk_types::blueprint::archetypes::EyeControls3D;
 
 /// Distance of the eye from the centre of the scene, in radii of the scene.
 const EYE_DISTANCE: f64 = 2.0;
@@ -108,7 +108,7 @@ pub(super) fn scale(set: &CurveSet) -> f64 {
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
-    use rerun::Loggable;
+    use re_sdk::Loggable;
 
     #[test]
     fn small_scenes_are_drawn_larger() {
@@ -130,7 +130,7 @@ mod tests {
         let position = |place, scale| {
             let eye = scene.eye(place, scale);
             let batch = eye.position.unwrap().array;
-            let points = rerun::components::Position3D::from_arrow(&batch).unwrap();
+            let points = re_sdk_types::components::Position3D::from_arrow(&batch).unwrap();
             [points[0].x(), points[0].y(), points[0].z()].map(f64::from)
         };
         let distance = |p: Point, q: Point| (0..3).map(|x| (p[x] - q[x]).powi(2)).sum::<f64>();

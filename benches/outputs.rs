@@ -1,0 +1,126 @@
+//! Cost of what happens to a verified frame: recording it, reading it back, writing it for the
+//! viewer, and the round trip between a simulator in lockstep and `linkwatch watch`.
+//!
+//! `cargo bench --bench outputs` measures; with `--smoke` (or under `cargo test`) it runs each step
+//! a few times.
+
+use linkwatch::scenes::Scene;
+use linkwatch::{
+    Basis, Client, ClientOptions, CurveSet, FrameRecord, Outcome, Positions, Precision,
+    RecordedItem, RecordingReader, RecordingSink, Sink, Verdict, Verifier, ViewerSink,
+    ViewerTarget, Work,
+};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+const DEADLINE: Duration = Duration::from_secs(20);
+
+fn main() {
+    let args: Vec<String> = std::env::args().collect();
+    let has = |word: &str| args.iter().any(|a| a == word);
+    let measures = has("--bench") && !has("--smoke");
+    let frames = frames(if measures { 60 } else { 3 });
+    let folder = tempfile::tempdir().expect("a folder");
+    let recording = folder.path().join("frames.mcap");
+    let sink = RecordingSink::create(&recording, &Default::default()).expect("a recording");
+    write("recording", Box::new(sink), &frames);
+    read(&recording, frames.len());
+    let target = ViewerTarget::File(folder.path().join("frames.rrd"));
+    let sink = ViewerSink::open(&target, "frames").expect("a file for the viewer");
+    write("viewer", Box::new(sink), &frames);
+    for (curves, segments) in [(2, 4), (100, 10), (100, 20), (400, 50)] {
+        round_trips(curves, segments, if measures { 2000 } else { 20 });
+    }
+}
+
+/// Returns records of a sheet of chainmail.
+fn frames(count: u64) -> Vec<FrameRecord> {
+    let scene: Scene = "chainmail".parse().expect("a scene");
+    let curves = Arc::new(scene.build().expect("a scene").curves);
+    let mut verifier = Verifier::default();
+    let record = |seq| {
+        let report = verifier.step(seq, seq as f64, &curves).expect("a frame");
+        assert_eq!(report.verdict, Verdict::Intact);
+        FrameRecord {
+            curves: Some(curves.clone()),
+            cuts: 0,
+            report: Arc::new(report),
+            verified: seq + 1,
+            skipped: 0,
+            rejected: 0,
+            check: Duration::ZERO,
+            work: Work::default(),
+            received: SystemTime::now(),
+        }
+    };
+    (0..count).map(record).collect()
+}
+
+fn write(what: &str, mut sink: Box<dyn Sink>, frames: &[FrameRecord]) {
+    let start = Instant::now();
+    for frame in frames {
+        sink.frame(frame).expect("the frame is written");
+    }
+    let taken = start.elapsed() / frames.len() as u32;
+    sink.finish().expect("the file is closed");
+    let written = start.elapsed() / frames.len() as u32;
+    println!("{what}: taken in {taken:?}, on disk after {written:?}, a frame");
+}
+
+fn read(recording: &std::path::Path, frames: usize) {
+    let start = Instant::now();
+    let mut reader = RecordingReader::open(recording).expect("a recording");
+    let mut set: Option<CurveSet> = None;
+    let mut found = 0;
+    while let Some(item) = reader.next_item().expect("an item") {
+        if let RecordedItem::Frame(frame) = item {
+            frame.ingest(&mut set).expect("curves");
+            found += 1;
+        }
+    }
+    assert_eq!(found, frames);
+    let taken = start.elapsed() / frames as u32;
+    println!("recording: read back in {taken:?} a frame");
+}
+
+/// Measures the time from a frame of separate rings to its verdict, with `linkwatch watch` as a
+/// process.
+fn round_trips(curves: usize, segments: i32, count: usize) {
+    let service = format!("bench-{}-{curves}-{segments}", std::process::id());
+    let mut watch = Command::new(env!("CARGO_BIN_EXE_linkwatch"))
+        .args(["watch", "--quiet", "--service", &service])
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the command starts");
+    let mut client = Client::open(&service, &ClientOptions::lockstep()).expect("a client");
+    let counts = vec![-segments; curves];
+    let described = client.describe(Basis::Polyline, Precision::F32, &counts);
+    described.expect("valid curves");
+    assert!(client.wait_for_watcher(DEADLINE).expect("the bus"));
+    let points = (0..curves).flat_map(|i| {
+        (0..segments).flat_map(move |k| {
+            let t = std::f32::consts::TAU * k as f32 / segments as f32;
+            [3.0 * i as f32 + t.cos(), t.sin(), 0.1 * (2.0 * t).sin()]
+        })
+    });
+    let points: Vec<f32> = points.collect();
+    let trip = |frame| {
+        let start = Instant::now();
+        let seq = client.publish(frame as f64, Positions::F32(&points));
+        let outcome = client.wait(seq.expect("the bus"), DEADLINE);
+        let Outcome::Verdict(message) = outcome.expect("the bus") else {
+            panic!("no verdict on frame {frame}");
+        };
+        assert_eq!(message.verdict, Verdict::Intact);
+        start.elapsed()
+    };
+    let mut trips: Vec<Duration> = (0..count).map(trip).collect();
+    trips.sort();
+    let [median, slow] = [trips[count / 2], trips[count * 19 / 20]];
+    println!(
+        "round trip of {curves} curves of {segments} segments: {median:?}, {slow:?} for one in 20"
+    );
+    client.finish().expect("the bus");
+    assert!(watch.wait().expect("it ends").success());
+}

@@ -1,0 +1,123 @@
+//! Nodes of the trees of boxes, their leaves, and the positions of the stored boxes.
+
+use crate::curve::{Basis, BoxGroup, Curve, CurveSet};
+use crate::simd::LANES;
+
+/// Number of levels of the deepest tree: `8^11 > 2^32` segments.
+pub(super) const LEVELS: usize = 11;
+
+/// Maximum number of segments of a small curve: its leaves are the lanes of one group.
+pub(crate) const SMALL: u32 = (LANES * LANES) as u32;
+
+/// A node: its level (0: its children are segments) and its index in that level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Node {
+    pub level: u8,
+    pub index: u32,
+}
+
+impl Node {
+    #[inline]
+    pub fn new(level: u8, index: u32) -> Node {
+        Node { level, index }
+    }
+
+    /// Returns the child in lane `k`. A node of level 0 has no children.
+    #[inline]
+    pub fn child(self, k: u32) -> Node {
+        Node {
+            level: self.level - 1,
+            index: self.lane(k),
+        }
+    }
+
+    /// Returns the index of the item in lane `k`: of a child node in the level below, or of a
+    /// segment if the node is a leaf.
+    #[inline]
+    pub fn lane(self, k: u32) -> u32 {
+        self.index * LANES as u32 + k
+    }
+}
+
+/// Source of the segment boxes to which trees are refitted.
+pub(crate) trait Leaves: Copy + Send + Sync {
+    /// Returns the curves. Only their sizes are used.
+    fn curves(&self) -> &[Curve];
+    /// Returns true if curve `i` has a tree. If not, its root is empty.
+    fn has_tree(&self, i: usize) -> bool;
+    /// Returns true if the segment boxes of a curve with this number of segments are stored. If
+    /// not, [`CurveTree::children`] computes them from the set of curves.
+    fn stored(&self, segments: u32) -> bool;
+    /// Returns the boxes of the segments `8 g .. 8 g + 8` of curve `i`. Lanes past the last segment
+    /// are empty.
+    fn boxes(&self, i: usize, g: usize) -> BoxGroup;
+}
+
+/// Boxes of the closed curves of a frame.
+impl Leaves for &CurveSet {
+    fn curves(&self) -> &[Curve] {
+        CurveSet::curves(self)
+    }
+
+    fn has_tree(&self, i: usize) -> bool {
+        self.curve(i).closed
+    }
+
+    fn stored(&self, segments: u32) -> bool {
+        stores_leaves(self.basis(), segments)
+    }
+
+    #[inline(always)]
+    fn boxes(&self, i: usize, g: usize) -> BoxGroup {
+        self.leaf_boxes(i, g)
+    }
+}
+
+/// Returns true if the boxes of single segments are stored: for splines, because their boxes cost
+/// more to compute than to load, and for small curves, because they are visited by many pairs
+/// relative to their size.
+pub(super) fn stores_leaves(basis: Basis, segments: u32) -> bool {
+    !basis.is_polyline() || segments <= SMALL
+}
+
+/// Positions of the groups of one curve.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layout {
+    /// First group of each stored level.
+    pub first: [u32; LEVELS],
+    pub levels: u8,
+    /// First group of the curve.
+    pub start: u32,
+    /// Number of groups of all stored levels.
+    pub groups: u32,
+    pub segments: u32,
+    /// True if level 0, the boxes of single segments, is stored.
+    pub leaves: bool,
+}
+
+impl Layout {
+    pub fn new(segments: u32, leaves: bool, mut at: u32) -> Layout {
+        let start = at;
+        let mut first = [0; LEVELS];
+        let mut levels = 1;
+        let mut nodes = segments.div_ceil(LANES as u32);
+        if leaves {
+            first[0] = at;
+            at += nodes;
+        }
+        while nodes > 1 {
+            nodes = nodes.div_ceil(LANES as u32);
+            first[levels] = at;
+            at += nodes;
+            levels += 1;
+        }
+        Layout {
+            first,
+            levels: levels as u8,
+            start,
+            groups: at - start,
+            segments,
+            leaves,
+        }
+    }
+}

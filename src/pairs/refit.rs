@@ -1,0 +1,196 @@
+//! Computation of the boxes of the trees from those of their leaves, in parallel.
+
+use super::layout::{Layout, Leaves};
+use crate::curve::{Box3, BoxGroup};
+use crate::simd::{LANES, Lanes, dispatch};
+
+/// Maximum number of segments that a single task refits.
+const GRAIN: usize = 1 << 15;
+
+/// Returns true if the boxes of this many segments are refitted by several threads. The segments
+/// may belong to several curves or to a single one.
+pub(crate) fn refits_in_parallel(segments: usize) -> bool {
+    segments > GRAIN
+}
+
+/// Refits the trees of the curves from `first` on. Splits the range into tasks while it is large
+/// enough.
+pub(super) fn refit_range<S: Leaves>(
+    source: S,
+    first: usize,
+    layouts: &[Layout],
+    groups: &mut [BoxGroup],
+    roots: &mut [Box3],
+) {
+    let work: usize = layouts.iter().map(|l| l.segments as usize).sum();
+    if layouts.len() > 1 && refits_in_parallel(work) {
+        let mid = layouts.len() / 2;
+        let (left, right) = layouts.split_at(mid);
+        let split = left.iter().map(|l| l.groups as usize).sum();
+        let (left_groups, right_groups) = groups.split_at_mut(split);
+        let (left_roots, right_roots) = roots.split_at_mut(mid);
+        rayon::join(
+            || refit_range(source, first, left, left_groups, left_roots),
+            || refit_range(source, first + mid, right, right_groups, right_roots),
+        );
+        return;
+    }
+    let mut at = 0;
+    for (k, layout) in layouts.iter().enumerate() {
+        let stored = &mut groups[at..at + layout.groups as usize];
+        at += stored.len();
+        roots[k] = if source.has_tree(first + k) {
+            refit_curve(source, first + k, layout, stored)
+        } else {
+            Box3::EMPTY
+        };
+    }
+}
+
+/// Refits the tree of one curve. Returns its root box.
+pub(super) fn refit_curve<S: Leaves>(
+    source: S,
+    i: usize,
+    layout: &Layout,
+    groups: &mut [BoxGroup],
+) -> Box3 {
+    let leaves = (layout.segments as usize).div_ceil(LANES);
+    let (stored, upper) = groups.split_at_mut(if layout.leaves { leaves } else { 0 });
+    if leaves == 1 {
+        let leaf = source.boxes(i, 0);
+        stored.fill(leaf);
+        return leaf.bounds();
+    }
+    let (mut below, mut level) = upper.split_at_mut(leaves.div_ceil(LANES));
+    let strip = Strip {
+        source,
+        i,
+        first: 0,
+        leaves,
+        below: &mut *below,
+        stored,
+    };
+    strip.refit();
+    while !level.is_empty() {
+        let (next, rest) = level.split_at_mut(below.len().div_ceil(LANES));
+        dispatch!(simd => raise(simd, below, &mut *next));
+        (below, level) = (next, rest);
+    }
+    below[0].bounds()
+}
+
+/// Consecutive leaves of a curve, with the groups one level above.
+struct Strip<'a, S> {
+    source: S,
+    /// The curve.
+    i: usize,
+    /// First leaf.
+    first: usize,
+    leaves: usize,
+    /// Groups whose lanes are the leaves.
+    below: &'a mut [BoxGroup],
+    /// The leaves, if they are stored.
+    stored: &'a mut [BoxGroup],
+}
+
+impl<S: Leaves> Strip<'_, S> {
+    /// Refits the leaves and the level above. Splits the strip into tasks while it is large enough.
+    fn refit(self) {
+        if !refits_in_parallel(self.leaves * LANES) {
+            return dispatch!(simd => Self::refit_part(self, simd));
+        }
+        let mid = self.below.len() / 2;
+        let Strip {
+            source,
+            i,
+            first,
+            leaves,
+            below,
+            stored,
+        } = self;
+        let left_leaves = mid * LANES;
+        let (left_below, right_below) = below.split_at_mut(mid);
+        let (left_stored, right_stored) = stored.split_at_mut(left_leaves.min(stored.len()));
+        let left = Strip {
+            source,
+            i,
+            first,
+            leaves: left_leaves,
+            below: left_below,
+            stored: left_stored,
+        };
+        let right = Strip {
+            source,
+            i,
+            first: first + left_leaves,
+            leaves: leaves - left_leaves,
+            below: right_below,
+            stored: right_stored,
+        };
+        rayon::join(|| left.refit(), || right.refit());
+    }
+
+    #[inline(always)]
+    fn refit_part<L: Lanes>(self, simd: L) {
+        let mut eight = [BoxGroup::EMPTY; LANES];
+        for (k, group) in self.below.iter_mut().enumerate() {
+            let at = k * LANES;
+            let count = (self.leaves - at).min(LANES);
+            for (g, leaf) in eight[..count].iter_mut().enumerate() {
+                *leaf = self.source.boxes(self.i, self.first + at + g);
+            }
+            eight[count..].fill(BoxGroup::EMPTY);
+            if !self.stored.is_empty() {
+                self.stored[at..at + count].copy_from_slice(&eight[..count]);
+            }
+            *group = bounds_of_eight(simd, &eight);
+        }
+    }
+}
+
+/// Refits a level from the level below.
+#[inline(always)]
+fn raise<L: Lanes>(simd: L, below: &[BoxGroup], level: &mut [BoxGroup]) {
+    for (groups, parent) in below.chunks(LANES).zip(level) {
+        *parent = match groups.try_into() {
+            Ok(eight) => bounds_of_eight(simd, eight),
+            Err(_) => {
+                let mut eight = [BoxGroup::EMPTY; LANES];
+                eight[..groups.len()].copy_from_slice(groups);
+                bounds_of_eight(simd, &eight)
+            }
+        };
+    }
+}
+
+/// Returns the bounding boxes of eight groups, one per lane.
+#[inline(always)]
+fn bounds_of_eight<L: Lanes>(simd: L, groups: &[BoxGroup; LANES]) -> BoxGroup {
+    let mut out = BoxGroup::EMPTY;
+    let [a, b, c, d, e, f, g, h] = groups;
+    for x in 0..3 {
+        let lo = [
+            simd.load(&a.lo[x]),
+            simd.load(&b.lo[x]),
+            simd.load(&c.lo[x]),
+            simd.load(&d.lo[x]),
+            simd.load(&e.lo[x]),
+            simd.load(&f.lo[x]),
+            simd.load(&g.lo[x]),
+            simd.load(&h.lo[x]),
+        ];
+        simd.store_floats(simd.least(lo), &mut out.lo[x]);
+        let hi = [
+            simd.load(&a.hi[x]),
+            simd.load(&b.hi[x]),
+            simd.load(&c.hi[x]),
+            simd.load(&d.hi[x]),
+            simd.load(&e.hi[x]),
+            simd.load(&f.hi[x]),
+            simd.load(&g.hi[x]),
+            simd.load(&h.hi[x]),
+        ];
+        simd.store_floats(simd.greatest(hi), &mut out.hi[x]);
+    }
+    out
+}

@@ -1,0 +1,297 @@
+//! Options of a verifier, and the check that they fit together.
+
+use crate::certificate::Certificate;
+use crate::error::{Error, Result};
+use crate::incremental::{Events, MOTION_LIMIT};
+use crate::kernels::{Accuracy, Device, Method};
+use crate::verdict::AbortOn;
+
+/// Options of a [`Verifier`](crate::Verifier).
+///
+/// Set the fields that differ from the defaults. Later versions may have more fields.
+///
+/// ```
+/// use linkwatch::{Events, Strategy, Verifier, VerifierOptions};
+///
+/// # fn main() -> linkwatch::Result<()> {
+/// let verifier = Verifier::new(VerifierOptions {
+///     strategy: Strategy::Incremental,
+///     events: Events::Between,
+///     ..VerifierOptions::default()
+/// })?;
+/// # let _ = verifier;
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct VerifierOptions {
+    /// Findings that ask the simulator to stop. The default is [`AbortOn::Any`].
+    pub abort_on: AbortOn,
+    /// Expected linking numbers. `None`, the default: those of the first frame.
+    pub baseline: Option<Certificate>,
+    /// Part of each frame that is computed. The default is [`Strategy::Full`].
+    pub strategy: Strategy,
+    /// Pull-throughs to report, from one frame to the next
+    /// ([`Report::events`](crate::Report::events)). The default is [`Events::Off`].
+    ///
+    /// A frame with a pull-through is [`Verdict::Changed`](crate::Verdict::Changed), whatever its
+    /// linking numbers. The sum of the signs of the pull-throughs of two closed curves is always
+    /// compared with the change of their linking number. If the two differ, the frame has a defect
+    /// ([`DefectKind::Unaccounted`](crate::DefectKind::Unaccounted)). The first frame has no
+    /// previous frame, and so no pull-throughs.
+    pub events: Events,
+    /// Motion between two frames, in segment lengths, up to which pull-throughs that cancel count
+    /// as real ([`PullThrough::lengths`](crate::PullThrough::lengths)). `None`, the default:
+    /// [`VerifierOptions::MOTION_LIMIT`].
+    ///
+    /// Pull-throughs assume that points move on straight lines from frame to frame. If frames are
+    /// far apart in time, curves that went around one another seem to pass through one another and
+    /// back. So two pull-throughs are [unresolved](crate::Report::unresolved) if they cancel within
+    /// their pair of curves and both moved further than the limit. With an infinite limit there are
+    /// none.
+    pub motion_limit: Option<f64>,
+    /// Kernel that computes all linking numbers of a frame. The default is [`Method::Auto`].
+    ///
+    /// A kernel that sums runs first; pairs that its error bound does not decide are decided by
+    /// counting crossings ([`Verifier::ladder`](crate::Verifier::ladder)). Certificates and verdicts
+    /// are the same for all kernels; the work differs. The parts of a frame that incremental
+    /// verification computes are always counted.
+    pub kernel: Method,
+    /// Accuracy of the kernel. The default is the one that its error bound requires.
+    pub accuracy: Accuracy,
+    /// Device that runs kernels. The default is [`Device::Cpu`].
+    ///
+    /// A GPU counts the crossings of polylines in full runs, and computes direct and Barnes-Hut
+    /// sums. A requested GPU is always used. With [`Device::Auto`], it is used if it is predicted to
+    /// be faster than the CPU, from the stored measurements of [`calibrate`](crate::plan). If the
+    /// GPU fails, the verifier logs a warning and continues on the CPU. The results are the same;
+    /// only the time differs.
+    pub device: Device,
+}
+
+/// Part of each frame that [`Verifier::step`](crate::Verifier::step) computes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Strategy {
+    /// All linking numbers.
+    #[default]
+    Full,
+    /// Linking numbers up to the first change, the most suspect pairs first.
+    ///
+    /// A broken frame is detected long before all numbers are known. An intact frame takes as long
+    /// as a full run. Excludes [`VerifierOptions::events`] and kernels that sum, because both need
+    /// all linking numbers.
+    EarlyExit,
+    /// Linking numbers that may differ from an earlier frame. The others are proven to be
+    /// unchanged.
+    ///
+    /// The verdicts are those of a full run. [`Report::stats`](crate::Report::stats) has the sizes
+    /// of the scene alone, because the work depends on earlier frames
+    /// ([`Verifier::work`](crate::Verifier::work)).
+    Incremental,
+    /// Both: the incremental result is compared with that of a full run. This is a test of the
+    /// verifier itself.
+    ///
+    /// If the results differ, the report is the one of the full run,
+    /// [`Work::disagreed`](crate::Work::disagreed) is set, and every later frame is computed in full.
+    Paranoid,
+}
+
+impl Strategy {
+    /// Returns true if earlier frames are used.
+    pub(crate) fn is_incremental(self) -> bool {
+        matches!(self, Strategy::Incremental | Strategy::Paranoid)
+    }
+}
+
+impl Default for VerifierOptions {
+    fn default() -> Self {
+        VerifierOptions {
+            abort_on: AbortOn::default(),
+            baseline: None,
+            strategy: Strategy::default(),
+            events: Events::default(),
+            motion_limit: None,
+            kernel: Method::default(),
+            accuracy: Accuracy::default(),
+            device: Device::Cpu,
+        }
+    }
+}
+
+impl VerifierOptions {
+    /// Default of [`VerifierOptions::motion_limit`], in segment lengths.
+    pub const MOTION_LIMIT: f64 = MOTION_LIMIT;
+
+    /// Checks that every option has an effect.
+    ///
+    /// Errors: [`Error::Usage`], with the names of both options if two exclude one another.
+    pub(super) fn check(&self) -> Result<()> {
+        let refuse = |why: String| Err(Error::Usage(why));
+        let searches = self.events != Events::Off;
+        let sums = !matches!(self.kernel, Method::Auto | Method::Crossings);
+        if self.strategy == Strategy::EarlyExit && searches {
+            return refuse(
+                "early exit excludes events: the search for pull-throughs needs all linking \
+                 numbers"
+                    .into(),
+            );
+        }
+        if self.strategy == Strategy::EarlyExit && sums {
+            return refuse(format!(
+                "early exit excludes the kernel {}: it counts the crossings of few pairs at a time",
+                self.kernel
+            ));
+        }
+        if self.abort_on == AbortOn::Event && !searches {
+            return refuse("abort on event needs events, which are off".into());
+        }
+        if let Some(limit) = self.motion_limit {
+            if limit.is_nan() || limit < 0.0 {
+                return refuse(format!(
+                    "a motion limit of {limit} segment lengths, expected 0 or more"
+                ));
+            }
+            if !searches {
+                return refuse("the motion limit needs events, which are off".into());
+            }
+        }
+        let Accuracy {
+            beta,
+            target,
+            dipole,
+            order,
+        } = self.accuracy;
+        let needed = [
+            ("beta", beta.is_some(), Method::BarnesHut),
+            ("dipole", dipole, Method::BarnesHut),
+            ("order", order.is_some(), Method::Fmm),
+        ];
+        let unused = |&&(_, set, kernel): &&(_, bool, _)| set && kernel != self.kernel;
+        if let Some((name, _, kernel)) = needed.iter().find(unused) {
+            return refuse(format!(
+                "{name} needs the kernel {kernel}, not {}",
+                self.kernel
+            ));
+        }
+        match (target, beta) {
+            (Some(_), None) => refuse("target needs beta".into()),
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verifier::Verifier;
+
+    /// Asserts that a verifier is refused, and that the error contains these words.
+    fn assert_refused(options: VerifierOptions, words: [&str; 2]) {
+        match Verifier::new(options.clone()) {
+            Err(Error::Usage(why)) => {
+                assert!(words.iter().all(|word| why.contains(word)), "{why}");
+            }
+            other => panic!("{options:?}: {other:?}"),
+        }
+    }
+
+    fn of(kernel: Method, accuracy: Accuracy) -> VerifierOptions {
+        VerifierOptions {
+            kernel,
+            accuracy,
+            ..VerifierOptions::default()
+        }
+    }
+
+    #[test]
+    fn early_exit_excludes_events() {
+        for events in [Events::Between, Events::All] {
+            let options = VerifierOptions {
+                strategy: Strategy::EarlyExit,
+                events,
+                ..VerifierOptions::default()
+            };
+            assert_refused(options, ["early exit", "events"]);
+        }
+    }
+
+    #[test]
+    fn early_exit_excludes_kernels_that_sum() {
+        for kernel in Method::ALL {
+            let options = VerifierOptions {
+                strategy: Strategy::EarlyExit,
+                ..of(kernel, Accuracy::default())
+            };
+            match kernel {
+                Method::Auto | Method::Crossings => assert!(Verifier::new(options).is_ok()),
+                _ => assert_refused(options, ["early exit", kernel.word()]),
+            }
+        }
+    }
+
+    #[test]
+    fn abort_on_event_needs_events() {
+        let options = VerifierOptions {
+            abort_on: AbortOn::Event,
+            ..VerifierOptions::default()
+        };
+        assert_refused(options, ["abort on event", "events"]);
+    }
+
+    #[test]
+    fn a_motion_limit_needs_events() {
+        let options = VerifierOptions {
+            motion_limit: Some(2.0),
+            ..VerifierOptions::default()
+        };
+        assert_refused(options, ["motion limit", "events"]);
+    }
+
+    #[test]
+    fn rejects_a_motion_limit_that_is_not_a_length() {
+        for limit in [f64::NAN, -1.0] {
+            let options = VerifierOptions {
+                events: Events::Between,
+                motion_limit: Some(limit),
+                ..VerifierOptions::default()
+            };
+            assert_refused(options, ["motion limit", "0 or more"]);
+        }
+    }
+
+    #[test]
+    fn beta_and_dipole_need_barnes_hut() {
+        let none = Accuracy::default();
+        let beta = Accuracy {
+            beta: Some(2.0),
+            ..none
+        };
+        let dipole = Accuracy {
+            dipole: true,
+            ..none
+        };
+        for (name, accuracy) in [("beta", beta), ("dipole", dipole)] {
+            assert_refused(of(Method::Fmm, accuracy), [name, "barnes-hut"]);
+            assert!(Verifier::new(of(Method::BarnesHut, accuracy)).is_ok());
+        }
+    }
+
+    #[test]
+    fn an_order_needs_the_fast_multipole_method() {
+        let accuracy = Accuracy {
+            order: Some(3),
+            ..Accuracy::default()
+        };
+        assert_refused(of(Method::Auto, accuracy), ["order", "fmm"]);
+        assert!(Verifier::new(of(Method::Fmm, accuracy)).is_ok());
+    }
+
+    #[test]
+    fn a_target_needs_beta() {
+        let accuracy = Accuracy {
+            target: Some(0.1),
+            ..Accuracy::default()
+        };
+        assert_refused(of(Method::BarnesHut, accuracy), ["target", "beta"]);
+    }
+}
