@@ -359,7 +359,7 @@ mod tests {
                     }
                     Axes::F64(p) => {
                         let p = cut(p, part).map(|v| v.as_array().unwrap());
-                        dispatch!(simd => Quick::holds(&quick, simd, packed, p))
+                        dispatch!(simd => PackedCondition::holds(&quick, simd, packed, p))
                     }
                 };
                 // Except for blocks with a part of the open curve, which has no copies at its ends.

@@ -1,7 +1,6 @@
 //! Pull-throughs that the frames are too far apart to resolve: those that cancel and moved further
 //! than the limit.
 
-use crate::curve::Point;
 use crate::curve::vector::{half_difference, hypot, mix};
 use crate::exact::Edges;
 use crate::verdict::PullThrough;
@@ -38,6 +37,7 @@ pub(super) fn relative_motion(frames: [&Edges; 2], at: [f64; 2], shares: [f64; 2
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::Point;
 
     #[test]
     fn motions_are_in_lengths_of_the_longer_segment_for_any_split() {
