@@ -23,6 +23,8 @@ mod notation;
 mod set;
 #[cfg(feature = "verify")]
 mod support;
+#[cfg(feature = "verify")]
+pub(crate) mod vector;
 
 pub use basis::Basis;
 #[cfg(feature = "verify")]

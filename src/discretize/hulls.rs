@@ -1,5 +1,6 @@
 //! Separation of the convex hulls of two cubic segments, by more than rounding errors.
 
+use crate::curve::vector::{add, cross, dot, sub};
 use crate::curve::{Bezier, Bounds, Point, pow2};
 
 /// Convex hull of a cubic segment, given by its control points: `points[axis][k]`.
@@ -285,30 +286,6 @@ pub(super) fn tight_bounds(p: &Bezier) -> Bounds {
 /// Returns true if two boxes are more than `2 margin` apart along an axis.
 pub(super) fn boxes_apart(a: &Bounds, b: &Bounds, margin: f64) -> bool {
     (0..3).any(|x| a.1[x] + 2.0 * margin < b.0[x] || b.1[x] + 2.0 * margin < a.0[x])
-}
-
-#[inline(always)]
-fn add(a: Point, b: Point) -> Point {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-#[inline(always)]
-fn sub(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-#[inline(always)]
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-fn cross(a: Point, b: Point) -> Point {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 #[cfg(test)]

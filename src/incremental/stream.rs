@@ -126,7 +126,7 @@ fn scan_all<T: Real>(
     };
     if scan.allowances.len() <= GRAIN || rayon::current_num_threads() == 1 {
         for range in ranges(GRAIN / 8) {
-            dispatch!(simd => scan.part(simd, range, found));
+            dispatch!(simd => Scan::part(&scan, simd, range, &mut *found));
             // More chunks would not change the decision of the caller.
             if found.len() > limit {
                 return;
@@ -138,7 +138,7 @@ fn scan_all<T: Real>(
         .par_bridge()
         .map(|range| {
             let mut found = Vec::new();
-            dispatch!(simd => scan.part(simd, range, &mut found));
+            dispatch!(simd => Scan::part(&scan, simd, range, &mut found));
             found
         })
         .collect();
@@ -359,7 +359,7 @@ mod tests {
                     }
                     Axes::F64(p) => {
                         let p = cut(p, part).map(|v| v.as_array().unwrap());
-                        dispatch!(simd => quick.holds(simd, packed, p))
+                        dispatch!(simd => PackedCondition::holds(&quick, simd, packed, p))
                     }
                 };
                 // Except for blocks with a part of the open curve, which has no copies at its ends.

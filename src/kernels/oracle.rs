@@ -7,6 +7,8 @@
 //!
 //! Cost: quadratic.
 
+use crate::curve::vector::{cross, dot, sub};
+
 /// Maximum magnitude of a coordinate: `2^40`. Determinants then stay below `2^126`.
 pub const LIMIT: i64 = 1 << 40;
 
@@ -101,11 +103,8 @@ fn turn(a: [i128; 2], b: [i128; 2], c: [i128; 2]) -> i128 {
 
 /// Returns six times the signed volume of a tetrahedron, `(a - d) . ((b - d) x (c - d))`.
 fn volume(a: [i64; 3], b: [i64; 3], c: [i64; 3], d: [i64; 3]) -> i128 {
-    let sub = |p: [i64; 3]| [0, 1, 2].map(|x| i128::from(p[x]) - i128::from(d[x]));
-    let (a, b, c) = (sub(a), sub(b), sub(c));
-    a[0] * (b[1] * c[2] - b[2] * c[1])
-        + a[1] * (b[2] * c[0] - b[0] * c[2])
-        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    let [a, b, c, d] = [a, b, c, d].map(|p| p.map(i128::from));
+    dot(sub(a, d), cross(sub(b, d), sub(c, d)))
 }
 
 /// Returns true if two closed polygons share a point.
@@ -116,15 +115,8 @@ pub fn touch(a: &[[i64; 3]], b: &[[i64; 3]]) -> bool {
 /// Returns true if two segments share a point, by solving `p0 + s d = q0 + t e` in rational
 /// numbers.
 fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> bool {
-    let sub = |a: [i64; 3], b: [i64; 3]| [0, 1, 2].map(|x| i128::from(a[x]) - i128::from(b[x]));
-    let cross = |a: [i128; 3], b: [i128; 3]| {
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    };
-    let (d, e, r) = (sub(p1, p0), sub(q1, q0), sub(q0, p0));
+    let [a0, a1, b0, b1] = [p0, p1, q0, q1].map(|p| p.map(i128::from));
+    let (d, e, r) = (sub(a1, a0), sub(b1, b0), sub(b0, a0));
     let n = cross(d, e);
     if n != [0; 3] {
         // Not parallel: r = s d - t e has a solution only if r lies in their plane; r x e = s n, r
@@ -139,7 +131,7 @@ fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> boo
         };
         // The segments are coplanar exactly if r is orthogonal to n. 3 * 2^41 * 2^83 fits into 128
         // bits.
-        let coplanar = r[0] * n[0] + r[1] * n[1] + r[2] * n[2] == 0;
+        let coplanar = dot(r, n) == 0;
         let within = |v: i128| {
             if n[x] > 0 {
                 (0..=n[x]).contains(&v)
@@ -165,26 +157,19 @@ fn segments_touch(p0: [i64; 3], p1: [i64; 3], q0: [i64; 3], q1: [i64; 3]) -> boo
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::vector::norm;
 
     const A: [[i64; 3]; 4] = [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]];
     const B: [[i64; 3]; 4] = [[0, 0, -1], [0, 0, 1], [5, 0, 1], [5, 0, -1]];
 
     /// Returns Arai's sum (Arai 2013, Theorem 1): two arctangents for every pair of edges.
     fn arai(a: &[[i64; 3]], b: &[[i64; 3]]) -> f64 {
-        let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
         let mut sum = 0.0;
         for (l0, l1) in edges(a) {
             for (k0, k1) in edges(b) {
-                let sub = |p: [i64; 3], q: [i64; 3]| [0, 1, 2].map(|x| (p[x] - q[x]) as f64);
                 let v = [sub(l0, k0), sub(l0, k1), sub(l1, k1), sub(l1, k0)];
-                let n = v.map(|p| dot(p, p).sqrt());
-                let cross = |p: [f64; 3], q: [f64; 3]| {
-                    [
-                        p[1] * q[2] - p[2] * q[1],
-                        p[2] * q[0] - p[0] * q[2],
-                        p[0] * q[1] - p[1] * q[0],
-                    ]
-                };
+                let v = v.map(|p| p.map(|x| x as f64));
+                let n = v.map(norm);
                 let p = dot(v[0], cross(v[1], v[2]));
                 let angle = |k: usize| {
                     let d = n[0] * n[k] * n[2]

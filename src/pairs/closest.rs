@@ -5,6 +5,7 @@
 
 use super::layout::Node;
 use super::trees::Trees;
+use crate::curve::vector::{add_scaled, distance, dot, half_difference, sub};
 use crate::curve::{BoxGroup, CurveSet, Point, point_at, pow2};
 use crate::verdict::Place;
 
@@ -124,15 +125,13 @@ fn closest_place(p0: Point, p1: Point, q0: Point, q1: Point) -> (Point, f64) {
     let [a, b] = closest_points(p0, p1, q0, q1);
     // Halves are added, because the sum may overflow.
     let middle = [0, 1, 2].map(|x| 0.5 * a[x] + 0.5 * b[x]);
-    (middle, distance(a, b))
+    (middle, scaled_distance(a, b))
 }
 
-/// Returns the distance between two points.
-fn distance(a: Point, b: Point) -> f64 {
+/// Returns the distance between two points, even if they are extreme.
+fn scaled_distance(a: Point, b: Point) -> f64 {
     let scale = Scale::of([a, b].into_iter());
-    let [a, b] = [a, b].map(|p| scale.apply(p));
-    let c = [0, 1, 2].map(|x| a[x] - b[x]);
-    scale.undo((c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt())
+    scale.undo(distance(scale.apply(a), scale.apply(b)))
 }
 
 /// A power of two that scales points so that products of four differences neither overflow nor
@@ -148,7 +147,7 @@ impl Scale {
     fn of(points: impl Iterator<Item = Point> + Clone) -> Scale {
         let first = points.clone().next().unwrap_or_default();
         // Halves are subtracted, because the difference of two finite numbers may overflow.
-        let halves = |p: Point| [0, 1, 2].map(|x| (0.5 * p[x] - 0.5 * first[x]).abs());
+        let halves = |p: Point| half_difference(p, first).map(f64::abs);
         let largest = points
             .flat_map(halves)
             .fold(0.0, |m: f64, x| if x > m { x } else { m });
@@ -178,14 +177,11 @@ pub(crate) fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> [Poi
 
 /// [`closest_points`] for segments of ordinary size.
 fn closest_points_scaled(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
-    let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let along = |a: Point, d: Point, t: f64| [0, 1, 2].map(|x| a[x] + t * d[x]);
     let (d, e, r) = (sub(p1, p0), sub(q1, q0), sub(p0, q0));
     let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
     let mut best = ([p0, q0], f64::INFINITY);
     let mut consider = |s: f64, t: f64| {
-        let (a, b) = (along(p0, d, s), along(q0, e, t));
+        let (a, b) = (add_scaled(p0, s, d), add_scaled(q0, t, e));
         let c = sub(a, b);
         let distance_sq = dot(c, c);
         if distance_sq < best.1 {

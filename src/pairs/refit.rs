@@ -73,7 +73,7 @@ pub(super) fn refit_curve<S: Leaves>(
     strip.refit();
     while !level.is_empty() {
         let (next, rest) = level.split_at_mut(below.len().div_ceil(LANES));
-        dispatch!(simd => raise(simd, below, next));
+        dispatch!(simd => raise(simd, below, &mut *next));
         (below, level) = (next, rest);
     }
     below[0].bounds()
@@ -97,7 +97,7 @@ impl<S: Leaves> Strip<'_, S> {
     /// Refits the leaves and the level above. Splits the strip into tasks while it is large enough.
     fn refit(self) {
         if !refits_in_parallel(self.leaves * LANES) {
-            return dispatch!(simd => self.refit_part(simd));
+            return dispatch!(simd => Self::refit_part(self, simd));
         }
         let mid = self.below.len() / 2;
         let Strip {

@@ -45,7 +45,7 @@ impl LinkSearch {
         parts.par_iter_mut().enumerate().for_each(|(c, part)| {
             part.clear();
             let range = (c * CHUNK).min(n)..((c + 1) * CHUNK).min(n);
-            dispatch!(simd => sweep.run(simd, range, part));
+            dispatch!(simd => Sweep::run(&*sweep, simd, range, part));
         });
         pairs.clear();
         for part in parts.iter() {

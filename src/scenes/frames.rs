@@ -19,6 +19,7 @@
 use super::motion::{Motion, MotionKind};
 use super::pull_through::PullThrough;
 use super::random::Random;
+use crate::curve::vector::dot;
 use crate::curve::{CurveSet, Point, Positions, Precision};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -237,10 +238,6 @@ fn fill<T: Copy + Send + Sync>(
             to.copy_from_slice(&p.map(&round));
         }
     });
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 fn diagonal_matrix([x, y, z]: Point) -> [Point; 3] {

@@ -86,11 +86,7 @@ impl Isotopy {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn distance(p: Point, q: Point) -> f64 {
-        let square = |k: usize| (p[k] - q[k]) * (p[k] - q[k]);
-        (square(0) + square(1) + square(2)).sqrt()
-    }
+    use crate::curve::vector::distance;
 
     fn sample() -> Isotopy {
         let shear = |direction, normal, wavelength, slope, phase| Shear {

@@ -89,6 +89,7 @@ fn build(scene: &Scene) -> Result<Generated> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::vector::{distance, sub};
     use crate::curve::{CurveSet, Point};
 
     /// Returns points of a row, several per segment, with their values of `t`.
@@ -105,10 +106,6 @@ mod tests {
 
     fn built(text: &str) -> CurveSet {
         text.parse::<Scene>().unwrap().build().unwrap().curves
-    }
-
-    fn distance(p: Point, q: Point) -> f64 {
-        (p[0] - q[0]).hypot(p[1] - q[1]).hypot(p[2] - q[2])
     }
 
     #[test]
@@ -179,7 +176,6 @@ mod tests {
     /// Returns the position along segment `p` at which it crosses segment `q` seen along the third
     /// axis, and the distance by which `p` is farther out.
     fn crossing(p: [Point; 2], q: [Point; 2]) -> Option<(f64, f64)> {
-        let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
         let cross = |a: Point, b: Point| a[0] * b[1] - a[1] * b[0];
         let (d, e, r) = (sub(p[1], p[0]), sub(q[1], q[0]), sub(q[0], p[0]));
         let area = cross(d, e);

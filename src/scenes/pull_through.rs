@@ -1,5 +1,6 @@
 //! Synthetic pull-throughs: a piece of one curve is moved through a neighbouring one.
 
+use crate::curve::vector::{add_scaled, cross, distance, dot, norm, sub};
 use crate::curve::{CurveSet, Point, point_at};
 use crate::pairs::{LinkSearch, Pair, Trees, closest_approach};
 use crate::verdict::Place;
@@ -108,28 +109,8 @@ fn nearest(set: &CurveSet, i: usize, segment: u32, to: Point) -> (Point, Point) 
         let t = dot(sub(to, start), d) / dot(d, d);
         // A segment without length has no direction: NaN becomes 0.
         let t = if t > 0.0 { t.min(1.0) } else { 0.0 };
-        (std::array::from_fn(|x| start[x] + t * d[x]), d)
+        (add_scaled(start, t, d), d)
     });
-    let distance = |c: &(Point, Point)| norm(sub(c.0, to));
-    let nearest = candidates.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let nearest = candidates.min_by(|a, b| distance(a.0, to).total_cmp(&distance(b.0, to)));
     nearest.expect("a segment has chords")
-}
-
-fn sub(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Point, b: Point) -> Point {
-    [0, 1, 2].map(|x| {
-        let (y, z) = ((x + 1) % 3, (x + 2) % 3);
-        a[y] * b[z] - a[z] * b[y]
-    })
-}
-
-fn norm(a: Point) -> f64 {
-    dot(a, a).sqrt()
 }

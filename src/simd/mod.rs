@@ -5,11 +5,11 @@
 //! that has a token may use them. Code that is generic over the token ([`Simd`], [`Lanes`]) is
 //! compiled once per instruction set. [`dispatch`] detects the CPU and calls the right version.
 //!
-//! Target features are a property of a function, and [`Simd::vectorize`] is the only function that
-//! has them. Everything between it and the operations must be `#[inline(always)]`, so that it is
-//! compiled as a part of it. This holds for generic methods, and for functions without any token
-//! whose loops the compiler vectorizes. It does not hold for closures without that attribute: they
-//! are compiled without the target features if the compiler does not inline them.
+//! Target features are a property of a function, here of the methods `call2`, `call3`, .. of a
+//! token. Everything between them and the operations must be `#[inline(always)]`, so that it is
+//! compiled as a part of them. This holds for generic functions, and for functions without any
+//! token whose loops the compiler vectorizes. It does not hold for closures without that attribute:
+//! they are compiled without the target features if the compiler does not inline them.
 //!
 //! No result depends on the instruction set, except where code asks for [`Simd::FMA`]: the compiler
 //! never fuses operations by itself.
@@ -50,54 +50,66 @@ pub(crate) const LANES: usize = 8;
 /// A row of eight lanes.
 type Row<T> = [T; LANES];
 
-/// Evaluates an expression with the best instruction set of the CPU, AVX2 or none:
-/// `dispatch!(simd => self.run(simd, range))`. The name before the arrow is that of the token in
-/// the expression, which is a single call of an `#[inline(always)]` function. A function whose
-/// loops the compiler vectorizes needs no token: `dispatch!(self.run(range))`.
+/// Calls an `#[inline(always)]` function with the best instruction set of the CPU, AVX2 or none:
+/// `dispatch!(simd => Sweep::run(sweep, simd, range))`, where `simd` names the token among the
+/// arguments. A function whose loops the compiler vectorizes needs no token: `dispatch!(sum(v))`.
+///
+/// The function is named by its path, and a receiver is the first argument, because the arguments
+/// become those of a function with target features. If a closure captured them, the compiler would
+/// no longer know that no other reference overlaps a `&mut`, and would load values again.
 macro_rules! dispatch {
-    ($simd:ident => $call:expr) => {
+    ($simd:ident => $($f:ident)::+ ($($arg:expr),+ $(,)?)) => {
         match $crate::simd::avx2() {
-            Some($simd) => $crate::simd::Simd::vectorize(
-                $simd,
-                #[inline(always)]
-                || $call,
-            ),
-            None => {
+            #[cfg(target_arch = "x86_64")]
+            Some($simd) => $crate::simd::call!($simd, ($($f)::+), $($arg),+),
+            _ => {
                 let $simd = $crate::simd::Portable;
-                $call
+                $($f)::+($($arg),+)
             }
         }
     };
-    ($call:expr) => {
-        $crate::simd::dispatch!(_simd => $call)
+    ($($f:ident)::+ ($($arg:expr),+ $(,)?)) => {
+        $crate::simd::dispatch!(_simd => $($f)::+($($arg),+))
     };
 }
 
 /// Same as [`dispatch`], with AVX-512 if the CPU has it. That pays for long loops over
 /// double-precision numbers only.
 macro_rules! dispatch_wide {
-    ($simd:ident => $call:expr) => {
+    ($simd:ident => $($f:ident)::+ ($($arg:expr),+ $(,)?)) => {
         match $crate::simd::avx512() {
-            Some($simd) => $crate::simd::Simd::vectorize(
-                $simd,
-                #[inline(always)]
-                || $call,
-            ),
-            None => $crate::simd::dispatch!($simd => $call),
+            #[cfg(target_arch = "x86_64")]
+            Some($simd) => $crate::simd::call!($simd, ($($f)::+), $($arg),+),
+            _ => $crate::simd::dispatch!($simd => $($f)::+($($arg),+)),
         }
     };
 }
 
+/// Calls a function compiled for the instruction set of a token.
+#[cfg(target_arch = "x86_64")]
+macro_rules! call {
+    ($simd:ident, ($($f:tt)+), $a:expr, $b:expr) => {
+        $simd.call2(#[inline(always)] |a, b| $($f)+(a, b), $a, $b)
+    };
+    ($simd:ident, ($($f:tt)+), $a:expr, $b:expr, $c:expr) => {
+        $simd.call3(#[inline(always)] |a, b, c| $($f)+(a, b, c), $a, $b, $c)
+    };
+    ($simd:ident, ($($f:tt)+), $a:expr, $b:expr, $c:expr, $d:expr) => {
+        $simd.call4(#[inline(always)] |a, b, c, d| $($f)+(a, b, c, d), $a, $b, $c, $d)
+    };
+    ($simd:ident, ($($f:tt)+), $a:expr, $b:expr, $c:expr, $d:expr, $e:expr) => {
+        $simd.call5(#[inline(always)] |a, b, c, d, e| $($f)+(a, b, c, d, e), $a, $b, $c, $d, $e)
+    };
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) use call;
 pub(crate) use {dispatch, dispatch_wide};
 
 /// An instruction set. A value is a token: the CPU has the instructions.
 pub(crate) trait Simd: Copy {
     /// True if `a.mul_add(b, c)`, which rounds once, is a single instruction.
     const FMA: bool;
-
-    /// Calls a function, compiled for this instruction set. The function must be
-    /// `#[inline(always)]`.
-    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;
 }
 
 /// Operations on eight lanes. No number is NaN.

@@ -8,11 +8,6 @@ pub(crate) struct Portable;
 
 impl Simd for Portable {
     const FMA: bool = false;
-
-    #[inline(always)]
-    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
-        f()
-    }
 }
 
 impl Lanes for Portable {

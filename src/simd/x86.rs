@@ -3,6 +3,7 @@
 use super::{LANES, Lanes, PACKED, Row, Simd};
 use std::arch::is_x86_feature_detected as has;
 use std::arch::x86_64::*;
+use std::sync::LazyLock;
 
 /// AVX2, and the instructions for bits and FMA that came with it.
 #[derive(Clone, Copy, Debug)]
@@ -14,42 +15,56 @@ pub(crate) struct Avx512(());
 
 /// Returns the token if the CPU has AVX2.
 pub(crate) fn avx2() -> Option<Avx2> {
-    let all = has!("avx2") && has!("fma") && has!("bmi1") && has!("bmi2") && has!("popcnt");
-    all.then_some(Avx2(()))
+    static FOUND: LazyLock<bool> = LazyLock::new(|| {
+        has!("avx2") && has!("fma") && has!("bmi1") && has!("bmi2") && has!("popcnt")
+    });
+    FOUND.then_some(Avx2(()))
 }
 
 /// Returns the token if the CPU has AVX-512.
 pub(crate) fn avx512() -> Option<Avx512> {
-    let all = avx2().is_some() && has!("avx512f") && has!("avx512dq");
-    all.then_some(Avx512(()))
+    static FOUND: LazyLock<bool> =
+        LazyLock::new(|| avx2().is_some() && has!("avx512f") && has!("avx512dq"));
+    FOUND.then_some(Avx512(()))
 }
 
 impl Simd for Avx2 {
     const FMA: bool = true;
-
-    #[inline(always)]
-    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
-        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
-        fn call<R>(f: impl FnOnce() -> R) -> R {
-            f()
-        }
-        // SAFETY: the token proves that the CPU has these instructions.
-        unsafe { call(f) }
-    }
 }
 
 impl Simd for Avx512 {
     const FMA: bool = true;
+}
 
-    #[inline(always)]
-    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
-        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt,avx512f,avx512dq")]
-        fn call<R>(f: impl FnOnce() -> R) -> R {
-            f()
-        }
-        // SAFETY: the token proves that the CPU has these instructions.
-        unsafe { call(f) }
-    }
+/// Defines methods of a token that call a function, compiled with these target features. The
+/// function must be `#[inline(always)]`.
+macro_rules! calls {
+    ($token:ident: $features:literal, $($name:ident($($x:ident: $X:ident),+))+) => {
+        impl $token {$(
+            #[inline(always)]
+            pub(crate) fn $name<$($X,)+ R>(self, f: impl FnOnce($($X),+) -> R, $($x: $X),+) -> R {
+                #[target_feature(enable = $features)]
+                fn call<$($X,)+ R>(f: impl FnOnce($($X),+) -> R, $($x: $X),+) -> R {
+                    f($($x),+)
+                }
+                // SAFETY: the token proves that the CPU has these instructions.
+                unsafe { call(f, $($x),+) }
+            }
+        )+}
+    };
+}
+
+calls! {
+    Avx2: "avx2,fma,bmi1,bmi2,popcnt",
+    call2(a: A, b: B)
+    call3(a: A, b: B, c: C)
+    call4(a: A, b: B, c: C, d: D)
+    call5(a: A, b: B, c: C, d: D, e: E)
+}
+
+calls! {
+    Avx512: "avx2,fma,bmi1,bmi2,popcnt,avx512f,avx512dq",
+    call4(a: A, b: B, c: C, d: D)
 }
 
 /// Prefetches a value. The hardware prefetcher stops at page boundaries.

@@ -31,6 +31,7 @@
 //! `P, Q, R`.
 
 use super::{Edges, Moment, Passage, along};
+use crate::curve::vector::{cross, dot, sub};
 use crate::curve::{Point, pow2};
 
 /// Half a unit in the last place of 1: the largest relative error of one operation.
@@ -78,7 +79,6 @@ pub(super) type Found = [Option<Passage>; 3];
 
 /// Returns all passages, or `None` if floating point cannot decide.
 pub(super) fn passages(before: &Edges, after: &Edges) -> Option<Found> {
-    let sub = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let differences = |[[a, b], [c, d]]: &Edges| [sub(*b, *a), sub(*d, *c), sub(*c, *a)];
     let ([p0, q0, r0], [p1, q1, r1]) = (differences(before), differences(after));
     let size = |v: Point, w: Point| v.iter().chain(&w).fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -258,20 +258,6 @@ fn bernstein(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 3] {
         [0, 1, 2].map(|x| 0.5 * (s[x] + t[x])),
         cross(p1, q1),
     ]
-}
-
-#[inline(always)]
-fn cross(p: Point, q: Point) -> Point {
-    [
-        p[1] * q[2] - p[2] * q[1],
-        p[2] * q[0] - p[0] * q[2],
-        p[0] * q[1] - p[1] * q[0],
-    ]
-}
-
-#[inline(always)]
-fn dot(p: Point, q: Point) -> f64 {
-    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
 
 /// Returns the sign of a number with an error of at most `bound`, or 0 if it is uncertain.

@@ -103,6 +103,7 @@ mod ring;
 mod tests;
 
 use crate::curve::Point;
+use crate::curve::vector::{dot, half_difference, mix};
 
 /// Ends of an edge of the first curve and of an edge of the second one.
 pub(crate) type Edges = [[Point; 2]; 2];
@@ -214,32 +215,26 @@ fn exactly(before: &Edges, after: &Edges, ties: Ties, out: &mut impl FnMut(Passa
 
 /// Returns the midpoint of two points on the edges at a time.
 fn along(before: &Edges, after: &Edges, time: f64, at: [f64; 2]) -> Point {
-    let mix = |a: f64, b: f64, t: f64| (1.0 - t) * a + t * b;
-    [0, 1, 2].map(|x| {
-        let [p, q] = [0, 1].map(|side| {
-            let [start, end] = [0, 1].map(|k| mix(before[side][k][x], after[side][k][x], time));
-            mix(start, end, at[side])
-        });
-        // Halves are added, because the sum may overflow.
-        0.5 * p + 0.5 * q
-    })
+    let [p, q] = [0, 1].map(|side| {
+        let [start, end] = [0, 1].map(|k| mix(before[side][k], after[side][k], time));
+        mix(start, end, at[side])
+    });
+    // Halves are added, because the sum may overflow.
+    [0, 1, 2].map(|x| 0.5 * p[x] + 0.5 * q[x])
 }
 
 /// Returns the positions along the edges at which they are nearest to each other at a time. In
 /// floating point, for display.
 fn nearest(before: &Edges, after: &Edges, time: f64) -> [f64; 2] {
-    let mix = |a: f64, b: f64| (1.0 - time) * a + time * b;
-    let [[a, b], [c, d]] = [0, 1]
-        .map(|side| [0, 1].map(|k| [0, 1, 2].map(|x| mix(before[side][k][x], after[side][k][x]))));
-    let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
-    let [p, q, r] = [sub(b, a), sub(d, c), sub(c, a)];
+    let [[a, b], [c, d]] =
+        [0, 1].map(|side| [0, 1].map(|k| mix(before[side][k], after[side][k], time)));
+    let [p, q, r] = [(b, a), (d, c), (c, a)].map(|(to, from)| half_difference(to, from));
     // Scaled so that squares neither overflow nor underflow.
     let size = [p, q, r]
         .as_flattened()
         .iter()
         .fold(0.0, |m: f64, x| m.max(x.abs()));
     let [p, q, r] = [p, q, r].map(|v| v.map(|x| if size > 0.0 { x / size } else { 0.0 }));
-    let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let (pp, pq, qq, pr, qr) = (dot(p, p), dot(p, q), dot(q, q), dot(p, r), dot(q, r));
     let part = |x: f64, whole: f64| {
         if whole > 0.0 {

@@ -61,7 +61,7 @@ impl Task<'_> {
 
     /// Makes a part of the visits.
     fn visit(&self, visit: Visit, gathered: &mut Gathered) {
-        dispatch!(simd => self.visit_with(simd, visit, gathered))
+        dispatch!(simd => Self::visit_with(self, simd, visit, gathered))
     }
 
     #[inline(always)]

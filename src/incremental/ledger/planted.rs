@@ -5,6 +5,7 @@
 //! a moving edge meets a resting one follow from a linear equation, which is solved here by
 //! Cramer's rule, independently of the code and the method of the ledger.
 
+use crate::curve::vector::{add, cross, dot, mix, norm, sub};
 use crate::curve::{Basis, CurveSet, Point, Positions};
 
 /// A random number generator with a seed.
@@ -238,8 +239,7 @@ fn bezier(points: &[Point], closed: bool) -> Vec<Point> {
     let mut out = Vec::new();
     for k in 0..if closed { n } else { n - 1 } {
         let (p, q) = (points[k], points[(k + 1) % n]);
-        let at = |t: f64| [0, 1, 2].map(|x| (1.0 - t) * p[x] + t * q[x]);
-        out.extend([p, at(0.3), at(0.7)]);
+        out.extend([p, mix(p, q, 0.3), mix(p, q, 0.7)]);
     }
     if !closed {
         out.push(points[n - 1]);
@@ -263,16 +263,6 @@ fn solve(
     } else {
         FINE
     };
-    let sub = |a: Point, b: Point| [0, 1, 2].map(|x| a[x] - b[x]);
-    let cross = |a: Point, b: Point| {
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    };
-    let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let size = |v: Point| dot(v, v).sqrt();
     struct Fine {
         curve: u32,
         segment: u32,
@@ -299,7 +289,7 @@ fn solve(
         }
     }
     let all_by = |p: &Fine, v: Point| {
-        let off = p.motions.map(|m| size(sub(sub(m, drift), v)));
+        let off = p.motions.map(|m| norm(sub(sub(m, drift), v)));
         off[0].max(off[1]) < 1e-6 * scale
     };
     let (moving, resting): (Vec<&Fine>, Vec<&Fine>) = (
@@ -314,7 +304,7 @@ fn solve(
     };
     let resting: Vec<_> = resting.iter().map(|q| (q, bounds(&q.before))).collect();
     for p in moving {
-        let ends = p.before.map(|p| [p, [0, 1, 2].map(|x| p[x] + step[x])]);
+        let ends = p.before.map(|p| [p, add(p, step)]);
         let (lo, hi) = bounds(ends.as_flattened());
         for (q, (from, to)) in &resting {
             if (0..3).any(|x| hi[x] < from[x] || to[x] < lo[x]) {

@@ -1,7 +1,7 @@
 //! Pull-throughs that the frames are too far apart to resolve: those that cancel and moved further
 //! than the limit.
 
-use crate::curve::Point;
+use crate::curve::vector::{half_difference, hypot, mix};
 use crate::exact::Edges;
 use crate::verdict::PullThrough;
 
@@ -21,26 +21,23 @@ pub(super) fn far_and_cancelling(passages: &[PullThrough], limit: f64) -> Vec<us
 /// Returns the relative motion of points of two pieces in a step, in lengths of the longer of the
 /// segments that contain them. `shares` are the lengths of the pieces relative to their segments.
 pub(super) fn relative_motion(frames: [&Edges; 2], at: [f64; 2], shares: [f64; 2]) -> f64 {
-    let mix = |[a, b]: [Point; 2], t: f64| [0, 1, 2].map(|x| (1.0 - t) * a[x] + t * b[x]);
-    let sub = |a: Point, b: Point| [0, 1, 2].map(|x| 0.5 * a[x] - 0.5 * b[x]);
-    let between = |edges: &Edges| sub(mix(edges[1], at[1]), mix(edges[0], at[0]));
-    let motion = sub(between(frames[1]), between(frames[0])).map(|x| 2.0 * x);
+    let between = |edges: &Edges| {
+        let [p, q] = [0, 1].map(|side| mix(edges[side][0], edges[side][1], at[side]));
+        half_difference(q, p)
+    };
+    let motion = half_difference(between(frames[1]), between(frames[0])).map(|x| 2.0 * x);
     let length = |side: usize, edges: &Edges| {
         let [a, b] = edges[side];
-        norm(sub(b, a)) / shares[side]
+        hypot(half_difference(b, a)) / shares[side]
     };
     let lengths = frames.map(|edges| [0, 1].map(|side| length(side, edges)));
-    norm(motion) / lengths.as_flattened().iter().copied().fold(0.0, f64::max)
-}
-
-/// Returns the length of a vector, even if its square overflows or underflows.
-fn norm(v: Point) -> f64 {
-    v[0].hypot(v[1]).hypot(v[2])
+    hypot(motion) / lengths.as_flattened().iter().copied().fold(0.0, f64::max)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::Point;
 
     #[test]
     fn motions_are_in_lengths_of_the_longer_segment_for_any_split() {

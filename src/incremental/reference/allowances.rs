@@ -31,8 +31,9 @@
 
 use super::clearance::typical_clearance;
 use super::covered::Covered;
-use super::gap::{DEPTH, GOOD, distance, gap, least_component};
+use super::gap::{DEPTH, GOOD, gap, least_component};
 use crate::certificate::Certificate;
+use crate::curve::vector::distance;
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Trees, descend};
@@ -131,7 +132,7 @@ impl<'a> Allowances<'a> {
             .par_iter()
             .for_each_init(Buffers::default, |buffers, &(i, j)| {
                 let curves = [i as usize, j as usize];
-                dispatch!(simd => self.keep_apart(simd, curves, within, buffers));
+                dispatch!(simd => Self::keep_apart(&self, simd, curves, within, buffers));
             });
         self.slots
             .into_iter()
@@ -252,7 +253,7 @@ fn spread_of_three(set: &CurveSet, i: usize, enough: f64) -> f64 {
         best
     };
     let a = set.point(i, 0);
-    let (b, ab) = furthest(&|p| distance([p, a]));
-    let (_, c) = furthest(&|p| distance([p, a]).min(distance([p, b])));
+    let (b, ab) = furthest(&|p| distance(p, a));
+    let (_, c) = furthest(&|p| distance(p, a).min(distance(p, b)));
     c.min(ab)
 }

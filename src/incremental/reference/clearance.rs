@@ -1,7 +1,8 @@
 //! Typical clearance of the curves of a scene, which determines the reach of its reference frame.
 
 use super::covered::Covered;
-use super::gap::{distance, near_points};
+use super::gap::near_points;
+use crate::curve::vector::distance;
 use crate::curve::{Box3, BoxGroup};
 use crate::discretize::Hull;
 use crate::pairs::{Node, Trees};
@@ -79,7 +80,8 @@ fn clearance(covered: Covered<'_>, trees: &Trees, i: usize, block: usize) -> f64
             let other = hull(j, at);
             for (s, hull) in &block {
                 if j != i || !set.curve(i).adjacent(*s, at) {
-                    best = best.min(distance(near_points(hull, &other)));
+                    let [p, q] = near_points(hull, &other);
+                    best = best.min(distance(p, q));
                 }
             }
             continue;

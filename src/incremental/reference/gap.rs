@@ -1,6 +1,7 @@
 //! Lower bounds of the gap between two segments, and of the components of vectors along an axis.
 
 use crate::curve::Point;
+use crate::curve::vector::{add_scaled, distance, dot, sub};
 use crate::discretize::Hull;
 use crate::pairs::closest_points;
 
@@ -41,7 +42,7 @@ pub(super) fn gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
 fn larger_gap(a: &Hull, b: &Hull, enough: f64, depth: u32) -> f64 {
     let near = near_points(a, b);
     let best = gap_of_hulls(a, b, near, enough);
-    if depth == 0 || best >= enough.min(POOR * distance(near)) {
+    if depth == 0 || best >= enough.min(POOR * distance(near[0], near[1])) {
         return best;
     }
     let (a, b) = (a.halves(), b.halves());
@@ -108,26 +109,13 @@ fn best_component(mut n: Point, enough: f64, least: impl Fn(Point) -> (f64, Poin
         }
         let (height, v) = least(n);
         best = best.max(height / length_sq.sqrt());
-        let d = [0, 1, 2].map(|x| v[x] - n[x]);
+        let d = sub(v, n);
         let t = (length_sq - height) / dot(d, d);
         // No axis is better than the direction of a vector of the set.
         if best >= enough.min(GOOD * length_sq.sqrt()) || t <= 0.0 || t.is_nan() {
             break;
         }
-        n = [0, 1, 2].map(|x| n[x] + t.min(1.0) * d[x]);
+        n = add_scaled(n, t.min(1.0), d);
     }
     best
-}
-
-pub(super) fn distance([p, q]: [Point; 2]) -> f64 {
-    let d = [0, 1, 2].map(|x| p[x] - q[x]);
-    (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
-}
-
-fn sub(p: Point, q: Point) -> Point {
-    [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
-}
-
-fn dot(p: Point, q: Point) -> f64 {
-    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }

@@ -1,6 +1,7 @@
 //! Random frames whose points move within their allowances.
 
 use super::*;
+use crate::curve::vector::{distance, norm, sub};
 use crate::curve::{Basis, Point, Positions};
 use crate::incremental::ledger::Ledger;
 
@@ -102,8 +103,6 @@ fn moved(curves: &Curves, reference: &Reference, seed: u64, direction: Direction
         (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     };
     let set = &reference.set;
-    let sub = |p: Point, q: Point| [0, 1, 2].map(|x| p[x] - q[x]);
-    let length = |v: Point| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
     let mut xyz = Vec::new();
     for i in 0..set.len() {
         let whole = [0; 3].map(|_| random());
@@ -116,7 +115,7 @@ fn moved(curves: &Curves, reference: &Reference, seed: u64, direction: Direction
                 Direction::Near => others
                     .filter(|&q| !set.body(i).contains(&q) || q.abs_diff(slot) > 2)
                     .map(|q| sub(set.at(q), p))
-                    .min_by(|&v, &w| length(v).total_cmp(&length(w)))
+                    .min_by(|&v, &w| norm(v).total_cmp(&norm(w)))
                     .unwrap_or(whole),
                 Direction::Fold => {
                     let to = if random() < 0.0 {
@@ -131,12 +130,12 @@ fn moved(curves: &Curves, reference: &Reference, seed: u64, direction: Direction
                 }
             };
             let allowed = f64::from(reference.allowances[slot]).min(10.0);
-            let scale = 0.999_999 * allowed / length(v).max(1e-9);
+            let scale = 0.999_999 * allowed / norm(v).max(1e-9);
             let mut q = [0, 1, 2].map(|x| p[x] + scale * v[x]);
             if !curves.double {
                 q = q.map(|x| f64::from(x as f32));
             }
-            xyz.extend(if length(sub(q, p)) <= allowed { q } else { p });
+            xyz.extend(if distance(q, p) <= allowed { q } else { p });
         }
     }
     curves.set(&xyz)

@@ -74,7 +74,7 @@ impl SignedCount {
         if task.input.cancelled() {
             return;
         }
-        dispatch!(self.add(task, tests));
+        dispatch!(Self::add(self, task, tests));
     }
 
     /// Adds candidates of whole segments.

@@ -2,6 +2,7 @@
 //! marks and the distance of the eye follow from them, because the size of a scene of thousands of
 //! rings says nothing about the size of one.
 
+use crate::curve::vector::{dot, sub};
 use crate::curve::{CurveSet, Point};
 use crate::verdict::Report;
 
@@ -115,14 +116,6 @@ pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
     });
     let (curves, segments, point) = events.chain(changes).chain(defects).next()?;
     Some((point, spot(set, curves, segments, point).size))
-}
-
-fn sub(a: Point, b: Point) -> Point {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! View of a scene: the direction and the distance of the eye, and the enlargement of small scenes.
 
+use crate::curve::vector::{hypot, sub};
 use crate::curve::{CurveSet, Point};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
 
@@ -43,8 +44,8 @@ impl View {
                 }
             }
         }
-        let size = [0, 1, 2].map(|x| hi[x] - lo[x]);
-        let radius = 0.5 * size[0].hypot(size[1]).hypot(size[2]);
+        let size = sub(hi, lo);
+        let radius = 0.5 * hypot(size);
         let thinnest = (0..3).min_by(|&a, &b| size[a].total_cmp(&size[b]))?;
         (radius > 0.0 && radius.is_finite()).then(|| View {
             center: [0, 1, 2].map(|x| 0.5 * (lo[x] + hi[x])),
@@ -77,7 +78,7 @@ impl View {
 }
 
 fn unit(v: Point) -> Point {
-    let length = v[0].hypot(v[1]).hypot(v[2]);
+    let length = hypot(v);
     v.map(|x| x / length)
 }
 
@@ -91,7 +92,7 @@ pub(super) fn scale(set: &CurveSet) -> f64 {
         let next = knots.clone().skip(1);
         knots.zip(next)
     });
-    let length = |(p, q): (Point, Point)| (q[0] - p[0]).hypot(q[1] - p[1]).hypot(q[2] - p[2]);
+    let length = |(p, q): (Point, Point)| hypot(sub(q, p));
     let (count, sum) = segments.take(SAMPLED).fold((0, 0.0), |(count, sum), ends| {
         (count + 1, sum + length(ends))
     });

@@ -24,31 +24,13 @@
 use super::Order;
 use super::bound::Reach;
 use super::moments::{COUNT, Moments, d, q};
+use crate::curve::vector::{add, cross, dot};
 
 /// Number of node pairs that are evaluated together.
 pub(super) const BATCH: usize = 8;
 
 type Lanes = [f64; BATCH];
 type Vector = [f64; 3];
-
-#[inline(always)]
-fn cross(a: Vector, b: Vector) -> Vector {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}
-
-#[inline(always)]
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-fn plus(a: Vector, b: Vector) -> Vector {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
 
 /// Contractions of the moments of a node with `R`, as the expansion needs them.
 struct Contracted {
@@ -116,14 +98,14 @@ fn expand(m1: &[f64; COUNT], m2: &[f64; COUNT], r: Vector, order: Order) -> f64 
     let i3 = i2 * i2.sqrt();
     let monopole = dot(r, cross(a.c, b.c)) - dot(b.c, a.w) - dot(a.c, b.w);
     let reverse = |v: Vector| [-v[0], -v[1], -v[2]];
-    let dipole = plus(cross(a.dr, b.c), reverse(cross(a.c, b.dr)));
+    let dipole = add(cross(a.dr, b.c), reverse(cross(a.c, b.dr)));
     let mut fifth = -3.0 * dot(r, dipole);
     let mut seventh = 0.0;
     if order == Order::Quadrupole {
-        let traces = plus(cross(a.trace, b.c), cross(a.c, b.trace));
-        let columns = plus(
+        let traces = add(cross(a.trace, b.c), cross(a.c, b.trace));
+        let columns = add(
             cross(a.columns[0], b.columns[0]),
-            plus(
+            add(
                 cross(a.columns[1], b.columns[1]),
                 cross(a.columns[2], b.columns[2]),
             ),
@@ -131,7 +113,7 @@ fn expand(m1: &[f64; COUNT], m2: &[f64; COUNT], r: Vector, order: Order) -> f64 
         fifth += 3.0
             * (dot(b.c, a.wr) - dot(a.c, b.wr) + dot(r, columns) - dot(a.w, b.dr) + dot(b.w, a.dr))
             - 1.5 * dot(r, traces);
-        let twice = plus(cross(a.qrr, b.c), cross(a.c, b.qrr));
+        let twice = add(cross(a.qrr, b.c), cross(a.c, b.qrr));
         seventh = 7.5 * dot(r, twice) - 15.0 * dot(r, cross(a.dr, b.dr));
     }
     i3 * (monopole + i2 * (fifth + i2 * seventh))

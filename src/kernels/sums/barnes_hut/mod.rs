@@ -22,6 +22,7 @@ mod trees;
 
 use super::{Estimate, Summation};
 use crate::curve::CurveSet;
+use crate::curve::vector::dot;
 use crate::pairs::Pair;
 #[cfg(feature = "gpu")]
 pub(crate) use packed::{LEAF_SEGMENTS, PackedNode, pack};
@@ -32,7 +33,7 @@ use evaluate::{BATCH, expand_batch, next_order};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::Arc;
-use trees::{Tree, dot};
+use trees::Tree;
 
 pub(super) use near::Angles;
 pub(super) use trees::Node;
@@ -381,7 +382,7 @@ impl Walk<'_> {
 
     /// Sums all node pairs of the agenda.
     fn run(&self, agenda: &mut Vec<(Node, Node)>, sum: &mut Sum) {
-        dispatch!(self.run_inline(agenda, sum))
+        dispatch!(Self::run_inline(self, agenda, sum))
     }
 
     #[inline(always)]

@@ -30,6 +30,7 @@
 
 use super::trees::{LEAF, Tree};
 use crate::curve::pow2;
+use crate::curve::vector::{cross, dot, sub};
 use std::ops::Range;
 
 /// A number in each lane.
@@ -90,7 +91,7 @@ impl Angles {
         for k in 1..=LEAF {
             let below = Row::new(corner(k), &ends);
             let (p, q) = (corner(k - 1), corner(k));
-            let side = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
+            let side = sub(q, p);
             self.add_row(side, &ends, &above, &below);
             above = below;
         }
@@ -120,7 +121,7 @@ impl Angles {
                     _ => Row::new(p, &ends),
                 };
                 let below = Row::new(q, &ends);
-                let side = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
+                let side = sub(q, p);
                 self.add_row(side, &ends, &above, &below);
                 before = Some((q, below));
             }
@@ -146,10 +147,7 @@ impl Angles {
                 ends[1][1][l] - ends[0][1][l],
                 ends[1][2][l] - ends[0][2][l],
             ];
-            let p = a[0] * (side[1] * k[2] - side[2] * k[1])
-                + a[1] * (side[2] * k[0] - side[0] * k[2])
-                + a[2] * (side[0] * k[1] - side[1] * k[0]);
-            let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+            let p = dot(a, cross(side, k));
             let (ac, nac) = (dot(a, c), na * nc);
             let d1 = (nac + ac) * nb + above.dots[l] * nc + dot(b, c) * na;
             let d2 = (nac + ac) * ne + below.dots[l] * na + dot(a, e) * nc;

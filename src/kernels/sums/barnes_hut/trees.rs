@@ -9,6 +9,7 @@
 use super::bound::Reach;
 use super::moments::Moments;
 use crate::curve::pow2;
+use crate::curve::vector::{dot, norm, sub};
 use crate::curve::{CurveSet, Point};
 
 /// Number of segments of a leaf, and number of lanes of the near field.
@@ -167,7 +168,7 @@ fn build(
     };
     let mut by_children: f64 = 0.0;
     for ((child, child_moments), share) in parts.into_iter().zip(shares) {
-        let r = [0, 1, 2].map(|x| child.centre[x] - centre[x]);
+        let r = sub(child.centre, centre);
         own.add_shifted(child_moments, r);
         let square = dot(r, r);
         let shift = square.sqrt();
@@ -183,7 +184,7 @@ fn build(
         }
     }
     let corner = [0, 1, 2].map(|x| (extent[1][x] - centre[x]).max(centre[x] - extent[0][x]));
-    finish(reach, by_children.min(dot(corner, corner).sqrt()));
+    finish(reach, by_children.min(norm(corner)));
     extent
 }
 
@@ -196,8 +197,8 @@ fn build_leaf(
     let point = |k: usize| vertices.each_ref().map(|v| v[start + k]);
     let side = |k: usize| {
         let (p, q) = (point(k), point(k + 1));
-        let c = [0, 1, 2].map(|x| q[x] - p[x]);
-        (c, dot(c, c).sqrt())
+        let c = sub(q, p);
+        (c, norm(c))
     };
     let sides: [_; LEAF] = std::array::from_fn(side);
     let base = point(0);
@@ -233,7 +234,7 @@ fn build_leaf(
             extent[0][x] = extent[0][x].min(p[x]);
             extent[1][x] = extent[1][x].max(p[x]);
         }
-        let r = [0, 1, 2].map(|x| p[x] - centre[x]);
+        let r = sub(p, centre);
         farthest = farthest.max(dot(r, r));
     }
     for (k, &(c, size)) in sides.iter().enumerate() {
@@ -273,9 +274,4 @@ fn finish(reach: &mut Reach, radius: f64) {
     reach.second = reach.second.min(means[0]) + SLACK * square + 8.0 * OFF * radius;
     let slack = SLACK * square * square + 32.0 * OFF * radius * square;
     reach.fourth = reach.fourth.min(means[1]) + slack;
-}
-
-#[inline(always)]
-pub(super) fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

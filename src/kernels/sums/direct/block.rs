@@ -49,6 +49,7 @@
 //! an eighth of a turn away from the negative axis, and no count of turns is uncertain, apart from
 //! those of a single pair (see above).
 
+use crate::curve::vector::sub;
 use crate::kernels::Estimate;
 use crate::simd::{Simd, dispatch_wide};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -155,14 +156,10 @@ fn fma<S: Simd>(a: f64, b: f64, c: f64) -> f64 {
     if S::FMA { a.mul_add(b, c) } else { a * b + c }
 }
 
+/// Returns `a . b`, as `a0 b0 + (a1 b1 + a2 b2)`; the sums are fused if the CPU has FMA.
 #[inline(always)]
-fn dot<S: Simd>(a: [f64; 3], b: [f64; 3]) -> f64 {
+fn fused_dot<S: Simd>(a: [f64; 3], b: [f64; 3]) -> f64 {
     fma::<S>(a[0], b[0], fma::<S>(a[1], b[1], a[2] * b[2]))
-}
-
-#[inline(always)]
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// The columns and their values for the current row. All loops are over arrays, so that the
@@ -224,10 +221,10 @@ impl<const N: usize> Block<N> {
     fn sum<S: Simd, const PRODUCT: bool>(&mut self, rows: Strip<'_>) -> Estimate {
         let n = self.filled.min(N - MORE);
         for j in 0..n {
-            let f = minus(self.vertex(j + 1), self.vertex(j));
+            let f = sub(self.vertex(j + 1), self.vertex(j));
             let [x, y, z] = &mut self.edges;
             (x[j], y[j], z[j]) = (f[0], f[1], f[2]);
-            self.lengths[j] = dot::<S>(f, f).sqrt();
+            self.lengths[j] = fused_dot::<S>(f, f).sqrt();
         }
         if PRODUCT {
             self.sums[0] = [1.0; N];
@@ -250,34 +247,34 @@ impl<const N: usize> Block<N> {
     #[inline(always)]
     fn start<S: Simd>(&mut self, k: [f64; 3], n: usize) {
         for j in 0..n + 4 {
-            let a = minus(self.vertex(j), k);
-            self.near[1][j] = dot::<S>(a, a).sqrt();
+            let a = sub(self.vertex(j), k);
+            self.near[1][j] = fused_dot::<S>(a, a).sqrt();
         }
         for j in 0..n {
-            let (a, d) = (minus(self.vertex(j), k), minus(self.vertex(j + 1), k));
-            self.along[1][j] = dot::<S>(a, d);
+            let (a, d) = (sub(self.vertex(j), k), sub(self.vertex(j + 1), k));
+            self.along[1][j] = fused_dot::<S>(a, d);
         }
     }
 
     /// Adds the angles of one row, the segment `k0 k1`.
     #[inline(always)]
     fn row<S: Simd, const PRODUCT: bool>(&mut self, k0: [f64; 3], k1: [f64; 3], n: usize) {
-        let e = minus(k1, k0);
-        let length = 12.0 * U * dot::<S>(e, e).sqrt();
+        let e = sub(k1, k0);
+        let length = 12.0 * U * fused_dot::<S>(e, e).sqrt();
         self.near.swap(0, 1);
         self.along.swap(0, 1);
         for j in 0..n + 4 {
             let l = self.vertex(j);
-            let (a, b) = (minus(l, k0), minus(l, k1));
-            self.across[j] = dot::<S>(a, b);
-            self.near[1][j] = dot::<S>(b, b).sqrt();
+            let (a, b) = (sub(l, k0), sub(l, k1));
+            self.across[j] = fused_dot::<S>(a, b);
+            self.near[1][j] = fused_dot::<S>(b, b).sqrt();
         }
         for j in 0..n {
             let (l0, l1) = (self.vertex(j), self.vertex(j + 1));
-            let (a, b, c) = (minus(l0, k0), minus(l0, k1), minus(l1, k1));
+            let (a, b, c) = (sub(l0, k0), sub(l0, k1), sub(l1, k1));
             let (na, nd) = (self.near[0][j], self.near[0][j + 1]);
             let (nb, nc) = (self.near[1][j], self.near[1][j + 1]);
-            let bc = dot::<S>(b, c);
+            let bc = fused_dot::<S>(b, c);
             self.along[1][j] = bc;
             let f = [self.edges[0][j], self.edges[1][j], self.edges[2][j]];
             let cross = [
@@ -285,8 +282,8 @@ impl<const N: usize> Block<N> {
                 fma::<S>(f[2], e[0], -(f[0] * e[2])),
                 fma::<S>(f[0], e[1], -(f[1] * e[0])),
             ];
-            let p = dot::<S>(a, cross);
-            let diagonal = fma::<S>(na, nc, dot::<S>(a, c));
+            let p = fused_dot::<S>(a, cross);
+            let diagonal = fma::<S>(na, nc, fused_dot::<S>(a, c));
             let (ab, cd, ad) = (self.across[j], self.across[j + 1], self.along[0][j]);
             let d1 = fma::<S>(nb, diagonal, fma::<S>(nc, ab, na * bc));
             let d2 = fma::<S>(nd, diagonal, fma::<S>(na, cd, nc * ad));

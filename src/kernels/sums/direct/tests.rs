@@ -1,6 +1,7 @@
 //! Tests with and without vector instructions; timings in comparison to the published algorithm.
 
 use super::*;
+use crate::curve::vector::{cross, dot, sub};
 use crate::scenes::Scene;
 use crate::simd::{Portable, dispatch};
 use std::time::Instant;
@@ -27,8 +28,6 @@ fn bounds_hold_without_vectors() {
 /// Algorithm 7 of Qu & James 2021, without vectors and without a bound: the reference for timings.
 fn published(rows: Strip<'_>, columns: Strip<'_>) -> f64 {
     let at = |v: Strip<'_>, k: usize| [v[0][k], v[1][k], v[2][k]];
-    let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-    let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
     let side = |x: f64, y: f64| {
         if y > 0.0 || (y == 0.0 && x < 0.0) {
             1.0
@@ -42,14 +41,9 @@ fn published(rows: Strip<'_>, columns: Strip<'_>) -> f64 {
         let (mut xs, mut ys, mut last) = (1.0, 0.0, -1.0);
         for j in 0..columns[0].len() - 1 {
             let (l0, l1) = (at(columns, j), at(columns, j + 1));
-            let (a, b, c, d) = (minus(l0, k0), minus(l0, k1), minus(l1, k1), minus(l1, k0));
+            let (a, b, c, d) = (sub(l0, k0), sub(l0, k1), sub(l1, k1), sub(l1, k0));
             let [na, nb, nc, nd] = [a, b, c, d].map(|v| dot(v, v).sqrt());
-            let cross = [
-                b[1] * c[2] - b[2] * c[1],
-                b[2] * c[0] - b[0] * c[2],
-                b[0] * c[1] - b[1] * c[0],
-            ];
-            let p = dot(a, cross);
+            let p = dot(a, cross(b, c));
             let d1 = na * nb * nc + dot(a, b) * nc + dot(b, c) * na + dot(c, a) * nb;
             let d2 = na * nd * nc + dot(a, d) * nc + dot(d, c) * na + dot(c, a) * nd;
             let (x, y) = (d1 * d2 - p * p, p * (d1 + d2));

@@ -108,7 +108,7 @@ impl Build<'_> {
         }
         if leaves <= DIRECT || !both {
             let range = first * LEAF..(first + leaves) * LEAF;
-            dispatch!(expand(self.tree, order, range, &ball, own));
+            dispatch!(expand(self.tree, order, range, &ball, &mut *own));
         } else {
             let mut buffers = ShiftBuffers::new(order);
             for place in [at[0][0], at[1][0]] {

@@ -294,7 +294,7 @@ impl<'a> Walk<'a> {
 
     /// Sums all node pairs of the agenda.
     pub fn run(&self, agenda: &mut Vec<(Node, Node)>) -> Sum {
-        dispatch!(self.run_inline(agenda))
+        dispatch!(Self::run_inline(self, agenda))
     }
 
     #[inline(always)]

@@ -18,6 +18,7 @@ pub(crate) use number::Interval;
 
 use super::direct::Vertices;
 use crate::curve::CurveSet;
+use crate::curve::vector::{cross, dot, sub};
 use crate::pairs::Pair;
 use rayon::prelude::*;
 
@@ -74,10 +75,10 @@ fn cube(x: f64, radius: f64) -> Interval {
 /// Returns half the solid angle of a pair of segments. It is below half a turn.
 fn angle(k: [Vector; 2], l: [Vector; 2]) -> Interval {
     let [a, b, c, d] = [
-        minus(l[0], k[0]),
-        minus(l[0], k[1]),
-        minus(l[1], k[1]),
-        minus(l[1], k[0]),
+        sub(l[0], k[0]),
+        sub(l[0], k[1]),
+        sub(l[1], k[1]),
+        sub(l[1], k[0]),
     ];
     let half_turn = Interval {
         lo: -Interval::PI.hi,
@@ -105,22 +106,6 @@ fn half_solid_angle(a: Vector, b: Vector, c: Vector) -> Option<Interval> {
     } else {
         None
     }
-}
-
-fn minus(a: Vector, b: Vector) -> Vector {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: Vector, b: Vector) -> Interval {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
 }
 
 fn length(a: Vector) -> Interval {

@@ -14,6 +14,7 @@
 //!
 //! Cost: that of counting crossings, and of the segment pairs whose boxes are within `2 R`.
 
+use crate::curve::vector::{cross, sub};
 use crate::curve::{CurveSet, Point};
 use crate::kernels::Linking;
 use crate::kernels::crossings::{self, Input, Workspace};
@@ -82,7 +83,7 @@ fn may_meet(input: Input<'_>, curves: [usize; 2], noise: f64) -> Meeting {
         // Boxes are dilated in single precision, with a relative rounding error of 2^-24.
         reach: (1.001 * (2.0 * noise + 1e-6 * size)) as f32,
     };
-    dispatch!(simd => search.run(simd))
+    dispatch!(simd => Search::run(&search, simd))
 }
 
 struct Search<'a> {
@@ -142,26 +143,18 @@ fn apart(set: &CurveSet, [i, j]: [usize; 2], [s, t]: [u32; 2], gap: f64) -> bool
 /// side has a relative error of `3 u`. The last term covers underflow.
 fn segments_apart(p: [Point; 2], q: [Point; 2], gap: f64) -> bool {
     const SLACK: f64 = 8.0 * f64::EPSILON;
-    let minus = |a: Point, b: Point| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let corners = [
-        minus(q[0], p[0]),
-        minus(q[0], p[1]),
-        minus(q[1], p[1]),
-        minus(q[1], p[0]),
+        sub(q[0], p[0]),
+        sub(q[0], p[1]),
+        sub(q[1], p[1]),
+        sub(q[1], p[0]),
     ];
     let on_one_side =
         |x: usize| corners.iter().all(|w| w[x] > gap) || corners.iter().all(|w| w[x] < -gap);
     if (0..3).any(on_one_side) {
         return true;
     }
-    let (e, f) = (minus(p[1], p[0]), minus(q[1], q[0]));
-    let cross = |a: Point, b: Point| {
-        [
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        ]
-    };
+    let (e, f) = (sub(p[1], p[0]), sub(q[1], q[0]));
     let separates = |n: Point| {
         let need = gap * (n[0].abs() + n[1].abs() + n[2].abs()) * (1.0 + SLACK);
         let heights = corners.map(|w| {
