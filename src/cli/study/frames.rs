@@ -190,7 +190,7 @@ impl Verifiers {
         };
         set.update(frames.at(&Motion::new([]), 0.0, 0))?;
         for verifier in [&mut verifiers.incremental, &mut verifiers.full] {
-            verifier.step(0, 0.0, set)?;
+            let _ = verifier.step(0, 0.0, set)?;
         }
         Ok(verifiers)
     }
