@@ -46,6 +46,20 @@
 //! # }
 //! ```
 //!
+//! # The library by purpose
+//!
+//! | purpose | items |
+//! |---|---|
+//! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`model`] |
+//! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
+//! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
+//! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
+//! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`plan`] |
+//! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
+//! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer |
+//! | simulators | the bus: `Client`, and `Sidecar` for a watcher of your own |
+//! | test scenes | [`scenes`] |
+//!
 //! # Features
 //!
 //! All are on by default. A feature turns on those that it needs: `cli`, `lab`, `bus`, `gpu`,

@@ -34,6 +34,7 @@ impl ClientOptions {
 
 /// Result of waiting for a verdict.
 #[derive(Clone, Debug, PartialEq)]
+#[must_use]
 pub enum Outcome {
     /// The frame was verified.
     Verdict(Box<VerdictMessage>),

@@ -12,6 +12,7 @@ use std::time::Duration;
 /// Reason for a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
+#[non_exhaustive]
 pub enum MessageKind {
     /// The watcher is present. Sent when it meets a simulator, and about once a second while it is
     /// idle.
@@ -36,6 +37,7 @@ pub struct Counters {
 
 /// First finding of a frame: a change if there is one, else a pull-through, else a defect.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Finding {
     /// A linking number that differs from the expected one.
     Change(Change),
@@ -57,6 +59,7 @@ impl Finding {
 
 /// Message from the watcher. Its `Display` form is a sentence.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct VerdictMessage {
     /// Reason for the message.
     pub kind: MessageKind,

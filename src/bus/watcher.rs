@@ -12,6 +12,7 @@ const LIVENESS: Duration = Duration::from_millis(250);
 
 /// Reason why the watcher left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Departure {
     /// The watcher said goodbye: it was asked to end, or another simulator took over.
     Goodbye,

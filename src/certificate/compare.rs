@@ -6,6 +6,8 @@ use crate::verdict::{Change, Defect, DefectKind, Link, Place};
 
 /// Result of comparing a frame with its baseline.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+#[must_use]
 pub struct Comparison {
     /// Pairs with different linking numbers, sorted.
     pub changes: Vec<Change>,

@@ -13,7 +13,19 @@ use crate::verdict::{Defect, Link};
 ///
 /// A pair that is listed neither in [`Certificate::links`] nor in [`Certificate::undefined`] has
 /// the proven linking number 0.
+///
+/// ```
+/// use linkwatch::Verifier;
+/// use linkwatch::scenes::Scene;
+///
+/// let built = "chainmail:rows=2,columns=2".parse::<Scene>()?.build()?;
+/// let mut verifier = Verifier::default();
+/// let (certificate, _) = verifier.certify(&built.curves);
+/// assert!(certificate.compare(&built.certificate)?.changes.is_empty());
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[must_use]
 pub struct Certificate {
     /// Number of curves.
     pub curves: usize,

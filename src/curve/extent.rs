@@ -15,6 +15,7 @@ const AVERAGES: f64 = 3.0;
 ///
 /// Curves of a periodic box look like this if their coordinates are wrapped into the box.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct LongSegment {
     /// Curve, from 0.
     pub curve: usize,

@@ -21,6 +21,7 @@ use rayon::prelude::*;
 
 /// Result of Algorithm 3 for a frame.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Polylines {
     /// The curves as polylines in double precision, link homotopic to the input.
     pub curves: CurveSet,

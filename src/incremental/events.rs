@@ -1,5 +1,6 @@
 //! Kinds of pull-throughs that a stream is searched for.
 
+use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
@@ -34,9 +35,9 @@ impl fmt::Display for Events {
 }
 
 impl FromStr for Events {
-    type Err = String;
-    fn from_str(s: &str) -> Result<Self, String> {
+    type Err = Error;
+    fn from_str(s: &str) -> Result<Self> {
         let found = Self::ALL.iter().find(|e| e.1 == s).map(|e| e.0);
-        found.ok_or_else(|| "expected off, between or all".into())
+        found.ok_or_else(|| Error::Usage("expected off, between or all".into()))
     }
 }

@@ -56,6 +56,7 @@ impl FromStr for Device {
 
 /// A GPU adapter and its properties.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct DeviceInfo {
     /// Index of the adapter, for [`Device::Index`]: from 0, the fastest kinds first. It is the same
     /// in every process until an adapter or a driver is added or removed.

@@ -5,6 +5,20 @@
 //! the integer, and counts crossings otherwise ([`crate::Ladder`]). So the choice of a kernel
 //! changes the time, never the result.
 //!
+//! ```
+//! use linkwatch::kernels::Method;
+//! use linkwatch::scenes::Scene;
+//! use linkwatch::{Verifier, VerifierOptions};
+//!
+//! let built = "ribbon:segments=2000,lambda=3".parse::<Scene>()?.build()?;
+//! let mut verifier = Verifier::new(VerifierOptions {
+//!     kernel: Method::Fmm,
+//!     ..VerifierOptions::default()
+//! })?;
+//! assert_eq!(*verifier.certify(&built.curves).0, built.certificate);
+//! # Ok::<(), linkwatch::Error>(())
+//! ```
+//!
 //! # Contract
 //!
 //! Every kernel satisfies these properties; the tests refer to them by number:
@@ -35,6 +49,7 @@ pub(crate) mod gpu;
 mod gpu_use;
 mod lazy;
 mod method;
+#[doc(hidden)] // For the tests of the kernels only.
 pub mod oracle;
 pub(crate) mod sums;
 

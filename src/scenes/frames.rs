@@ -17,7 +17,7 @@
 //! ```
 
 use super::motion::{Motion, MotionKind};
-use super::pull_through::PullThrough;
+use super::pull_through::Pull;
 use super::random::Random;
 use crate::curve::vector::dot;
 use crate::curve::{CurveSet, Point, Positions, Precision};
@@ -131,7 +131,7 @@ impl Frames {
     ///
     /// # Panics
     /// If the pull-through belongs to a larger set.
-    pub fn pull(&mut self, pull: &PullThrough) {
+    pub fn pull(&mut self, pull: &Pull) {
         for &k in &pull.points {
             self.replaced.push((k, self.base[k]));
             for (x, by) in self.base[k].iter_mut().zip(pull.by) {
@@ -361,7 +361,7 @@ mod tests {
             assert!(!pulls.is_empty(), "{text}");
             let mut frames = Frames::new(&set, 0.1);
             let mut verifier = Verifier::default();
-            verifier.step(0, 0.0, &set).unwrap();
+            let _ = verifier.step(0, 0.0, &set).unwrap();
             let mut alone = 0;
             for pull in &pulls {
                 frames.pull(pull);

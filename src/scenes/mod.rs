@@ -42,7 +42,7 @@ mod woundball;
 
 pub use frames::Frames;
 pub use motion::{Motion, MotionKind};
-pub use pull_through::{PullThrough, pull_throughs};
+pub use pull_through::{Pull, pull_throughs};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;

@@ -8,6 +8,7 @@ use std::str::FromStr;
 /// Kind of a motion. "Lengths" are multiples of the length given to
 /// [`Frames::new`](super::Frames::new), a yarn's diameter for example.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum MotionKind {
     /// Nothing moves.
     Still,

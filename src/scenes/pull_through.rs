@@ -20,7 +20,7 @@ const CHORDS: usize = 16;
 /// Segment of one curve that can be pulled through another; see
 /// [`Frames::pull`](super::Frames::pull).
 #[derive(Clone, Debug, PartialEq)]
-pub struct PullThrough {
+pub struct Pull {
     /// The curves: first the one that is moved, whose number is smaller.
     pub pair: (u32, u32),
     /// Place of their closest approach, where one passes through the other.
@@ -39,7 +39,7 @@ pub struct PullThrough {
 /// other curve. The linking number of the pair changes by one, and no other linking number changes,
 /// unless a third curve or another piece of the second one is in the way. For dense curves, verify
 /// this.
-pub fn pull_throughs(set: &CurveSet) -> Vec<PullThrough> {
+pub fn pull_throughs(set: &CurveSet) -> Vec<Pull> {
     let mut trees = Trees::default();
     trees.refit(set);
     let mut search = LinkSearch::default();
@@ -53,7 +53,7 @@ pub fn pull_throughs(set: &CurveSet) -> Vec<PullThrough> {
             Some(first)
         })
         .collect();
-    let mut found: Vec<PullThrough> = pairs
+    let mut found: Vec<Pull> = pairs
         .par_iter()
         .filter_map(|&pair| pull_through(set, &trees, pair, first[pair.0 as usize]))
         .collect();
@@ -66,7 +66,7 @@ pub fn pull_throughs(set: &CurveSet) -> Vec<PullThrough> {
 
 /// Returns the pull-through of a pair, if it has one. `first` is the first control point of the
 /// first curve.
-fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Option<PullThrough> {
+fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Option<Pull> {
     let (i, j) = (pair.0 as usize, pair.1 as usize);
     let (basis, points) = (set.basis(), set.curve(i).points as usize);
     if points <= basis.window() {
@@ -83,7 +83,7 @@ fn pull_through(set: &CurveSet, trees: &Trees, pair: Pair, first: usize) -> Opti
     }
     let start = place.segments[0] as usize * basis.stride() + points - basis.lead(true);
     let window = (start..start + basis.window()).map(|k| first + k % points);
-    Some(PullThrough {
+    Some(Pull {
         pair,
         place,
         points: window.collect(),

@@ -50,6 +50,7 @@ impl Overflow {
 
 /// Result of a sink.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct SinkSummary {
     /// Name of the sink.
     pub name: &'static str,

@@ -77,6 +77,7 @@ pub struct Place {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[repr(u32)]
+#[non_exhaustive]
 pub enum DefectKind {
     /// The curves share a point.
     Contact = 0,
@@ -90,7 +91,7 @@ pub enum DefectKind {
     NoBaseline = 3,
     /// It is undecided if one curve was pulled through the other one since the previous frame,
     /// because they touched or came too close.
-    Untold = 4,
+    UndecidedStep = 4,
     /// The change of the linking number differs from the sum of the pull-throughs since the
     /// previous frame.
     Unaccounted = 5,
@@ -103,13 +104,13 @@ impl DefectKind {
         DefectKind::TooClose,
         DefectKind::Degenerate,
         DefectKind::NoBaseline,
-        DefectKind::Untold,
+        DefectKind::UndecidedStep,
         DefectKind::Unaccounted,
     ];
 
     /// Returns true if the defect concerns the step from the previous frame, not a linking number.
     pub fn is_of_step(self) -> bool {
-        matches!(self, DefectKind::Untold | DefectKind::Unaccounted)
+        matches!(self, DefectKind::UndecidedStep | DefectKind::Unaccounted)
     }
 
     /// Returns the predicate of a sentence about curves: "curves 3 and 4 ..".
@@ -119,7 +120,7 @@ impl DefectKind {
             DefectKind::TooClose => "are too close to decide",
             DefectKind::Degenerate => "has fewer than three distinct vertices",
             DefectKind::NoBaseline => "had no linking number to compare with until now",
-            DefectKind::Untold => "may have passed through one another: too close to decide",
+            DefectKind::UndecidedStep => "may have passed through one another: too close to decide",
             DefectKind::Unaccounted => {
                 "have a change of linking number that differs from the sum of their pull-throughs"
             }
@@ -207,6 +208,7 @@ impl Stats {
 /// Report about one frame. It does not depend on the machine, the clock or the number of threads:
 /// the replay of a recording gives equal reports.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[must_use]
 pub struct Report {
     /// Sequence number of the frame, counted by the simulator.
     pub seq: u64,

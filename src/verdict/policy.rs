@@ -1,12 +1,14 @@
 //! Policy that decides when the simulator is asked to stop.
 
 use super::{ChangeKind, Defect, DefectKind, Report, Verdict};
+use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
 /// Findings that send the abort signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum AbortOn {
     /// Any change of a linking number, any contact, any pull-through, or a rejected frame.
     #[default]
@@ -81,12 +83,11 @@ impl fmt::Display for AbortOn {
 }
 
 impl FromStr for AbortOn {
-    type Err = String;
-    fn from_str(s: &str) -> Result<Self, String> {
-        Self::ALL
-            .into_iter()
-            .find(|a| a.word() == s)
-            .ok_or_else(|| "expected any, lost, gained, contact, event, rejected or never".into())
+    type Err = Error;
+    fn from_str(s: &str) -> Result<Self> {
+        let known = "expected any, lost, gained, contact, event, rejected or never";
+        let found = Self::ALL.into_iter().find(|a| a.word() == s);
+        found.ok_or_else(|| Error::Usage(known.into()))
     }
 }
 
@@ -175,7 +176,7 @@ mod tests {
     #[test]
     fn words_round_trip() {
         for a in AbortOn::ALL {
-            assert_eq!(a.word().parse::<AbortOn>(), Ok(a));
+            assert_eq!(a.word().parse::<AbortOn>().ok(), Some(a));
         }
         assert!("often".parse::<AbortOn>().is_err());
     }

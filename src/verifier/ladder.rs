@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 /// Numbers of linking numbers decided by sums and by counting, and the accuracy of the sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Ladder {
     /// Number of pairs that the error bound of the sum decided.
     pub summed: u64,

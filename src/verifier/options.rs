@@ -71,6 +71,7 @@ pub struct VerifierOptions {
 
 /// Part of each frame that [`Verifier::step`](crate::Verifier::step) computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Strategy {
     /// All linking numbers.
     #[default]

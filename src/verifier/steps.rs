@@ -184,8 +184,8 @@ impl Steps {
         defects: &mut Vec<Defect>,
     ) {
         let touching = outcome.touching.iter().map(|t| t.defect);
-        let untold = outcome.undecided.iter().map(|d| Defect {
-            kind: DefectKind::Untold,
+        let undecided = outcome.undecided.iter().map(|d| Defect {
+            kind: DefectKind::UndecidedStep,
             ..*d
         });
         let last = self.last.as_ref();
@@ -196,12 +196,12 @@ impl Steps {
             kind: DefectKind::Unaccounted,
             place: place(pair),
         });
-        defects.extend(touching.chain(untold).chain(unaccounted));
+        defects.extend(touching.chain(undecided).chain(unaccounted));
         // The sort is stable: earlier defects of a pair stay first.
         defects.sort_by_key(|d| (d.i, d.j));
         defects.dedup_by(|next, first| {
             // A contact in this frame does not decide what happened since the previous frame.
-            let other = first.kind == DefectKind::Contact && next.kind == DefectKind::Untold;
+            let other = first.kind == DefectKind::Contact && next.kind == DefectKind::UndecidedStep;
             (next.i, next.j) == (first.i, first.j) && !other
         });
     }

@@ -161,7 +161,7 @@ fn a_rejected_frame_follows_the_policy() {
 #[test]
 fn reports_signs_that_contradict_the_linking_number() {
     let mut verifier = verifier(Strategy::Full, Events::Between);
-    verifier.step(0, 0.0, &squares(0.0)).unwrap();
+    let _ = verifier.step(0, 0.0, &squares(0.0)).unwrap();
     // As if the previous frame had had another linking number.
     verifier.steps.falsify();
     let report = verifier.step(1, 0.0, &squares(0.0)).unwrap();
@@ -200,7 +200,7 @@ fn open_curves_are_verified_for_pull_throughs_only() {
 #[test]
 fn rejects_a_step_between_different_curves() {
     let mut verifier = verifier(Strategy::Full, Events::Between);
-    verifier.step(0, 0.0, &squares(0.0)).unwrap();
+    let _ = verifier.step(0, 0.0, &squares(0.0)).unwrap();
     let xyz = vec![0.5; 3 * 73];
     let other =
         CurveSet::from_counts(Basis::Polyline, &[-4, -5, -64], Positions::F64(&xyz)).unwrap();
@@ -284,7 +284,7 @@ fn pull_throughs_that_cancel_after_a_long_motion_are_unresolved() {
 #[test]
 fn reports_a_single_pull_through_after_any_motion() {
     let mut verifier = with_limit(Some(0.0));
-    verifier.step(0, 0.0, &squares(0.0)).unwrap();
+    let _ = verifier.step(0, 0.0, &squares(0.0)).unwrap();
     let report = verifier.step(1, 0.0, &squares(1.5)).unwrap();
     assert_eq!((report.events.len(), report.unresolved.len()), (1, 0));
     assert!(report.abort);
@@ -399,7 +399,7 @@ fn a_cancelled_search_for_pull_throughs_gives_no_report() {
     let still = tangle(12, 1000, 3);
     let moved = tangle(12, 1000, 4);
     let mut verifier = verifier(Strategy::Full, Events::All);
-    verifier.step(0, 0.0, &still).unwrap();
+    let _ = verifier.step(0, 0.0, &still).unwrap();
     let progress = verifier.progress();
     // Cancel once all linking numbers, or nearly all, are known.
     let ended = std::thread::scope(|scope| {

@@ -155,7 +155,7 @@ pub const EARLY_EXIT: Kernel = Kernel {
             ..VerifierOptions::default()
         })
         .expect("valid options");
-        verifier.step(0, 0.0, set).expect("a valid frame");
+        let _ = verifier.step(0, 0.0, set).expect("a valid frame");
         let baseline = verifier.baseline().expect("the first frame").clone();
         let report = verifier.step(1, 0.0, set).expect("a valid frame");
         assert_eq!(report.changes, []);

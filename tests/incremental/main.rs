@@ -41,7 +41,7 @@ fn snapped_sequences(seeds: Range<u64>) {
         movie.lattice = Some(width);
         for frame in 0..25 {
             movie.advance(frame);
-            both.step(frame, &movie.set, &what);
+            let _ = both.step(frame, &movie.set, &what);
         }
         let balance = both.balance.expect("pull-throughs are searched for");
         for (all, own) in through_contact.iter_mut().zip(balance.through_contact) {
@@ -120,7 +120,7 @@ fn run(
             if frame > 0 || seed % 4 == 0 {
                 movie.advance(frame);
             }
-            both.step(frame, &movie.set, &what);
+            let _ = both.step(frame, &movie.set, &what);
         }
         all.add(&both.tally);
     }
@@ -223,7 +223,7 @@ fn sets_with_changed_curves() {
                 now = random.below(movies.len());
             }
             movies[now].advance(frame);
-            both.step(frame, &movies[now].set, &format!("seed {seed}, set {now}"));
+            let _ = both.step(frame, &movies[now].set, &format!("seed {seed}, set {now}"));
         }
     }
 }

@@ -27,7 +27,7 @@ pub struct Movie {
     random: Random,
     pub set: CurveSet,
     frames: Frames,
-    pulls: Vec<linkwatch::scenes::PullThrough>,
+    pulls: Vec<linkwatch::scenes::Pull>,
     motion: Motion,
     amplitude: f64,
     /// True if few curves have events.

@@ -22,6 +22,7 @@ use std::sync::{Arc, OnceLock};
 
 /// Crossing tests that ran on a GPU in the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Offload {
     /// Segment pairs tested.
     pub tests: u64,

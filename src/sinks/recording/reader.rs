@@ -42,6 +42,7 @@ pub struct RecordedVerdict {
 
 /// Data that depends on the recorded run, not on its frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct RecordedProgress {
     /// Number of frames verified, this one included.
     pub verified: u64,
