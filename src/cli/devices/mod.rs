@@ -104,15 +104,18 @@ fn measure(args: &MeasureArgs, json: bool) -> Result<Option<Outcome>> {
     }
 }
 
-/// Refuses to measure.
+/// Refuses to measure, with the error of a build that cannot open the adapter.
 #[cfg(all(feature = "lab", not(feature = "gpu")))]
 fn measure(args: &MeasureArgs, _: bool) -> Result<Option<Outcome>> {
-    match args.calibrate || args.measure.is_some() {
-        true => Err(linkwatch::Error::Device(
-            "this build has no GPU kernels".into(),
-        )),
-        false => Ok(None),
+    if args.calibrate || args.measure.is_some() {
+        linkwatch::Verifier::new(linkwatch::VerifierOptions {
+            device: args.device.clone(),
+            ..Default::default()
+        })?;
+        let what = "--device must name an adapter";
+        return Err(linkwatch::Error::Device(what.into()));
     }
+    Ok(None)
 }
 
 fn lines(d: &DeviceInfo) -> Vec<String> {

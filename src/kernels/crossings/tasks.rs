@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Computes the linking numbers of pairs, one part for each task, in the order of the pairs. Later
-/// parts are empty; the buffers of all parts are reused. Adds the pairs of each finished task to
-/// `done`.
+/// parts are empty; the buffers of all parts are reused. Adds the computed pairs of each finished
+/// task to `done`: not those that a cancellation skips.
 pub(crate) fn linking_numbers(
     input: Input<'_>,
     pairs: &[Pair],
@@ -25,15 +25,17 @@ pub(crate) fn linking_numbers(
         }
         let pairs = &pairs[k * size..pairs.len().min((k + 1) * size)];
         let mut workspace = input.workspaces.take();
+        let mut computed = 0;
         for &pair in pairs {
             if input.cancelled() {
                 break;
             }
+            computed += 1;
             part.add(pair, linking_number(input, pair, None, &mut workspace));
         }
         part.stats = workspace.take_stats();
         input.workspaces.put(workspace);
-        done.fetch_add(pairs.len() as u64, Ordering::Relaxed);
+        done.fetch_add(computed, Ordering::Relaxed);
     });
 }
 
