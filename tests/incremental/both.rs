@@ -55,7 +55,7 @@ impl Both {
             "{what}, frame {frame}: {found:?}"
         );
         self.tally.events += found.events.len() as u64;
-        self.tally.untold += defects().filter(|kind| kind.is_of_step()).count() as u64;
+        self.tally.undecided_steps += defects().filter(|kind| kind.is_of_step()).count() as u64;
         let work = self.incremental.work();
         self.tally.unsearched += u64::from(frame > 0 && work.searched == 0);
         *match work.route {
@@ -92,7 +92,7 @@ struct Since {
     /// Sum of the signs of the pull-throughs.
     sum: i64,
     /// True if a step was undecided.
-    untold: bool,
+    undecided_step: bool,
     /// True if the curves touched.
     touched: bool,
 }
@@ -119,7 +119,7 @@ impl Balance {
                 let start = Since {
                     lambda: None,
                     sum: 0,
-                    untold: false,
+                    undecided_step: false,
                     touched: false,
                 };
                 let since = self.pairs.entry((i, j)).or_insert(start);
@@ -127,17 +127,17 @@ impl Balance {
                 let own = events.filter(|e| (e.i, e.j) == (i, j));
                 since.sum += own.map(|e| i64::from(e.sign)).sum::<i64>();
                 let mut defects = report.defects.iter().filter(of_pair);
-                since.untold |= defects.any(|d| d.kind.is_of_step());
+                since.undecided_step |= defects.any(|d| d.kind.is_of_step());
                 if let Some(missing) = certificate.undefined.iter().find(of_pair) {
                     since.touched |= missing.kind == DefectKind::Contact;
                     // A loop of fewer than three points, or splines that are too close: the
                     // polylines do not represent the curves.
-                    since.untold |= missing.kind != DefectKind::Contact;
+                    since.undecided_step |= missing.kind != DefectKind::Contact;
                     continue;
                 }
                 let link = certificate.links.iter().find(|l| (l.i, l.j) == (i, j));
                 let lambda = link.map_or(0, |l| l.lambda);
-                if let Some(before) = since.lambda.filter(|_| !since.untold) {
+                if let Some(before) = since.lambda.filter(|_| !since.undecided_step) {
                     assert_eq!(
                         lambda,
                         before + since.sum,
@@ -167,7 +167,7 @@ pub struct Tally {
     pub partial: u64,
     /// Number of pull-throughs, and of undecided steps.
     pub events: u64,
-    pub untold: u64,
+    pub undecided_steps: u64,
     /// Number of frames that were not searched for pull-throughs, although they moved.
     pub unsearched: u64,
 }
@@ -182,7 +182,7 @@ impl Tally {
         self.quiet += o.quiet;
         self.partial += o.partial;
         self.events += o.events;
-        self.untold += o.untold;
+        self.undecided_steps += o.undecided_steps;
         self.unsearched += o.unsearched;
     }
 }

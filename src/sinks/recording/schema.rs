@@ -375,7 +375,7 @@ pub enum DefectKind {
     TooClose = 2,
     Degenerate = 3,
     NoBaseline = 4,
-    Untold = 5,
+    UndecidedStep = 5,
     Unaccounted = 6,
 }
 impl DefectKind {
@@ -390,7 +390,7 @@ impl DefectKind {
             Self::TooClose => "DEFECT_KIND_TOO_CLOSE",
             Self::Degenerate => "DEFECT_KIND_DEGENERATE",
             Self::NoBaseline => "DEFECT_KIND_NO_BASELINE",
-            Self::Untold => "DEFECT_KIND_UNTOLD",
+            Self::UndecidedStep => "DEFECT_KIND_UNDECIDED_STEP",
             Self::Unaccounted => "DEFECT_KIND_UNACCOUNTED",
         }
     }
@@ -402,7 +402,7 @@ impl DefectKind {
             "DEFECT_KIND_TOO_CLOSE" => Some(Self::TooClose),
             "DEFECT_KIND_DEGENERATE" => Some(Self::Degenerate),
             "DEFECT_KIND_NO_BASELINE" => Some(Self::NoBaseline),
-            "DEFECT_KIND_UNTOLD" => Some(Self::Untold),
+            "DEFECT_KIND_UNDECIDED_STEP" => Some(Self::UndecidedStep),
             "DEFECT_KIND_UNACCOUNTED" => Some(Self::Unaccounted),
             _ => None,
         }
