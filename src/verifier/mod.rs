@@ -146,7 +146,8 @@ impl Verifier {
         segment_pairs(set, self.full.pairs())
     }
 
-    /// Returns the GPU in use. With [`Device::Auto`], `None` until it was chosen.
+    /// Returns the GPU in use. With [`Device::Auto`](crate::kernels::Device::Auto), `None` until it
+    /// was chosen.
     pub fn device(&self) -> Option<DeviceInfo> {
         self.full.gpu.info()
     }
