@@ -103,6 +103,7 @@ impl Watcher {
             return false;
         }
         let goodbye = message.kind == MessageKind::Goodbye;
+        // True if the sender is the current watcher from now on; true if it verifies this session.
         let (believed, met) = match self.state {
             State::Unknown => (mine || !goodbye, mine),
             State::Here { port, met, .. } if port == from => (true, met || mine),

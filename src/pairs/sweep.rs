@@ -171,7 +171,7 @@ impl Sweep {
     }
 }
 
-/// Loads eight numbers from index `at` on.
+/// Loads eight numbers from index `at` on. The padding makes them available at every box.
 #[inline(always)]
 fn eight<L: Lanes>(simd: L, v: &[f32], at: usize) -> L::Floats {
     match v[at..].first_chunk() {
