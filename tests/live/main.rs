@@ -106,6 +106,12 @@ impl Ended {
     fn summary(&self) -> &Value {
         &self.lines.last().expect("a summary")["summary"]
     }
+
+    /// Asserts that a replay reported no verdict that differs from the recorded one.
+    #[track_caller]
+    fn assert_recorded_verdicts(&self) {
+        assert!(!self.stderr.contains("different from"), "{}", self.stderr);
+    }
 }
 
 /// Runs `linkwatch replay --json`.
