@@ -63,8 +63,8 @@
 //! # Features
 //!
 //! All are on by default. A feature turns on those that it needs: `cli`, `lab`, `bus`, `gpu`,
-//! `mcap` and `rerun` turn on `verify`. Without any feature the library has only the vocabulary that all
-//! features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
+//! `mcap` and `rerun` turn on `verify`. Without any feature the library has only the vocabulary that
+//! all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
 //!
 //! | feature | adds | main dependency |
 //! |---|---|---|

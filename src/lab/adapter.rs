@@ -13,7 +13,7 @@ use crate::kernels::gpu::barnes_hut::Forest;
 use crate::kernels::gpu::precision::{GpuPrecision, Real};
 use crate::kernels::gpu::{self, Frame, Gpu};
 use crate::kernels::{Counted, Device, Estimate, GpuUse, Method, segment_pairs};
-use crate::pairs::{LinkSearch, Pair, Trees};
+use crate::pairs::{LinkSearch, Pair, Trees, degenerate_curves, potential_links};
 use crate::verifier::{Verifier, VerifierOptions};
 use std::borrow::Cow;
 
@@ -116,9 +116,8 @@ impl<'a> Prepared<'a> {
         };
         let mut trees = Trees::default();
         trees.refit(&*set);
-        let mut links = LinkSearch::default().find(trees.roots()).clone();
-        let whole = |i: u32| set.has_three_distinct_points(i as usize);
-        links.retain(|&(i, j)| whole(i) && whole(j));
+        let degenerate: Vec<_> = degenerate_curves(&set).collect();
+        let links = potential_links(&trees, &mut LinkSearch::default(), &degenerate).clone();
         Ok(Prepared {
             set,
             trees,
@@ -140,7 +139,8 @@ impl<'a> Prepared<'a> {
         segment_pairs(&self.set, &self.links)
     }
 
-    /// Returns the number of segments, counted once for each potential link: the work of Barnes-Hut.
+    /// Returns the number of segments, counted once for each potential link: the work of
+    /// Barnes-Hut.
     pub fn segments(&self) -> u64 {
         segments(&self.set, &self.links)
     }

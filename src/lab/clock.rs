@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cpu_time_does_not_count_sleep() {
+    fn returns_the_result_and_the_times_of_some_work() {
         let (found, elapsed) = timed(|| {
             std::thread::sleep(std::time::Duration::from_millis(30));
             7

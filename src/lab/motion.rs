@@ -60,8 +60,8 @@ impl MotionStudy {
         Ok(verifiers)
     }
 
-    /// Measures all frames of a motion. The amplitude is in diameters. `on_frame` gets the number of
-    /// each frame, and the full and the incremental report if they disagree.
+    /// Measures all frames of a motion. The amplitude is in diameters. `on_frame` gets the number
+    /// of each frame, and the full and the incremental report if they disagree.
     ///
     /// Errors: a frame whose coordinates overflow.
     pub fn measure(

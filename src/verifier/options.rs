@@ -63,7 +63,7 @@ pub struct VerifierOptions {
     ///
     /// A GPU counts the crossings of polylines in full runs, and computes direct and Barnes-Hut
     /// sums. A requested GPU is always used. With [`Device::Auto`], it is used if it is predicted
-    /// to be faster than the CPU, from the stored measurements of [`calibrate`](crate::plan). If
+    /// to be faster than the CPU, from the stored [`Calibration`](crate::kernels::Calibration). If
     /// the GPU fails, the verifier logs a warning and continues on the CPU. The results are the
     /// same; only the time differs.
     pub device: Device,

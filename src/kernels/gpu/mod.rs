@@ -230,8 +230,8 @@ impl Gpu {
         direct::linking_numbers(&mut self.lock(), frame, pairs)
     }
 
-    /// Computes Barnes-Hut sums over the trees of a frame. With `beta` the kernel makes one pass and
-    /// accepts node pairs by distance, else by the proven error bound.
+    /// Computes Barnes-Hut sums over the trees of a frame. With `beta` the kernel makes one pass
+    /// and accepts node pairs by distance, else by the proven error bound.
     pub fn sum_by_trees(
         &self,
         frame: &Frame,
