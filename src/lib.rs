@@ -63,8 +63,8 @@
 //! # Features
 //!
 //! All are on by default. A feature turns on those that it needs: `cli`, `lab`, `bus`, `gpu`,
-//! `mcap` and `rerun` turn on `verify`. Without any feature the library has only the vocabulary that
-//! all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
+//! `mcap` and `rerun` turn on `verify`. Without any feature the library has only the vocabulary
+//! that all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
 //!
 //! | feature | adds | main dependency |
 //! |---|---|---|
@@ -122,6 +122,8 @@ pub mod model;
 mod pairs;
 #[cfg(feature = "verify")]
 pub mod plan;
+#[cfg(feature = "verify")]
+mod random;
 #[cfg(feature = "verify")]
 pub mod scenes;
 #[cfg(feature = "verify")]

@@ -91,7 +91,7 @@ fn scene(text: &str) -> (String, CurveSet) {
 
 /// Splines through one another, so close that their hulls overlap.
 fn tangle(basis: Basis) -> (String, CurveSet) {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let xyz: Vec<f32> = (0..3 * 8 * 60)
         .map(|_| random.between(0.0, 1.0) as f32)
         .collect();

@@ -210,6 +210,7 @@ impl<T: Copy + Into<f64> + From<u8>> Batch<T> {
 mod tests {
     use super::*;
     use crate::exact::segments_touch;
+    use crate::random::Random;
 
     #[test]
     fn only_the_upper_segment_has_a_crossing() {
@@ -261,13 +262,8 @@ mod tests {
 
     #[test]
     fn decided_lanes_agree_with_single_crossings() {
-        let mut state = 7u64;
-        let mut next = || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            ((state >> 40) % 9) as f64 - 4.0
-        };
+        let mut random = Random::new(7);
+        let mut next = || f64::from(random.below(9) - 4);
         let (mut decided, mut open) = (0, 0);
         for _ in 0..4000 {
             let mut batch = Batch::<f64>::apart();

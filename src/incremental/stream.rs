@@ -201,6 +201,7 @@ mod tests {
     use crate::certificate::Certificate;
     use crate::curve::{Basis, Positions};
     use crate::incremental::Coverage;
+    use crate::random::Random;
     use crate::simd::Portable;
     use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
@@ -281,13 +282,8 @@ mod tests {
             few in 1usize..20,
             threads in 1usize..3,
         ) {
-            let mut state = seed;
-            let mut random = move || {
-                state ^= state << 13;
-                state ^= state >> 7;
-                state ^= state << 17;
-                (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-            };
+            let mut random = Random::new(seed);
+            let mut random = move || random.between(-1.0, 1.0);
             // From scales at which squares underflow to scales at which they overflow.
             let largest = match single {
                 true => 30.0,
@@ -337,11 +333,8 @@ mod tests {
             single: bool,
             turn in 0.0..3.0,
         ) {
-            let mut state = seed;
-            let mut random = move || {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-            };
+            let mut random = Random::new(seed);
+            let mut random = move || random.between(-1.0, 1.0);
             let r = reference(&mut random, 1.0, single, false);
             let rotation = Rotation3::new(Vector3::y() * turn).into_inner();
             let affine = Affine::new(rotation, Vector3::x()).unwrap();

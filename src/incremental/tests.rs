@@ -1,10 +1,11 @@
 //! Tests with pull-throughs planted into the frames of a stream, and a measurement of the cost of
 //! references.
 
-use super::ledger::planted::{Plant, PlantedStep, Random, planted_step};
+use super::ledger::planted::{Plant, PlantedStep, planted_step};
 use super::reference::Reference;
 use super::{Coverage, Events, Route};
 use crate::curve::{Basis, CurveSet};
+use crate::random::Random;
 use crate::verdict::{AbortOn, Report};
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::time::Instant;

@@ -8,6 +8,7 @@
 //! Cost: quadratic.
 
 use crate::curve::vector::{cross, dot, sub};
+use crate::random::Random;
 
 /// Maximum magnitude of a coordinate: `2^40`. Determinants then stay below `2^126`.
 pub const LIMIT: i64 = 1 << 40;
@@ -26,15 +27,11 @@ pub fn linking_number(a: &[[i64; 3]], b: &[[i64; 3]]) -> Option<i64> {
     if touch(a, b) {
         return None;
     }
-    let mut seed = 0x9e37_79b9_7f4a_7c15u64;
+    let mut random = Random::new(0);
     (0..1000)
         .find_map(|_| {
-            // A linear congruential generator suffices to avoid finitely many curves.
-            seed = seed
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            let slope = |shift: u32| i128::from((seed >> shift) as u16 & 0x1ff) - 256;
-            count(a, b, slope(20), slope(40))
+            let mut slope = || i128::from(random.next() % 512) - 256;
+            count(a, b, slope(), slope())
         })
         .map(Some)
         .expect("one of 1000 random directions is in general position")
@@ -197,21 +194,10 @@ mod tests {
 
     #[test]
     fn the_oracle_agrees_with_arais_sum_on_random_polygons() {
-        let mut seed = 1u64;
-        let mut next = |n: i64| {
-            seed = seed
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            ((seed >> 33) as i64) % n
-        };
+        let mut random = Random::new(1);
         let mut linked = 0;
         for _ in 0..500 {
-            let mut polygon = |n: usize| {
-                (0..n)
-                    .map(|_| [0; 3].map(|_: i64| next(1000)))
-                    .collect::<Vec<_>>()
-            };
-            let (a, b) = (polygon(12), polygon(9));
+            let (a, b) = (random.points(12, 1000), random.points(9, 1000));
             if let Some(n) = linking_number(&a, &b) {
                 assert!((arai(&a, &b) - n as f64).abs() < 1e-6);
                 linked += usize::from(n != 0);

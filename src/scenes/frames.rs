@@ -18,9 +18,9 @@
 
 use super::motion::{Motion, MotionKind};
 use super::pull_through::Pull;
-use super::random::Random;
 use crate::curve::vector::dot;
 use crate::curve::{CurveSet, Point, Positions, Precision};
+use crate::random::Random;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 

@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn distances_and_chords_stay_within_their_bounds() {
         let isotopy = sample();
-        let mut random = super::super::random::Random::new(7);
+        let mut random = crate::random::Random::new(7);
         let (mut nearest, mut farthest, mut highest) = (f64::MAX, 0f64, 0f64);
         for _ in 0..20_000 {
             let p = [0; 3].map(|_: i32| 60.0 * random.unit());

@@ -31,7 +31,6 @@ mod knit;
 mod motion;
 mod pen;
 mod pull_through;
-mod random;
 mod ribbon;
 mod rubber_bands;
 mod square_link;

@@ -2,10 +2,10 @@
 
 use super::isotopy::{Isotopy, Shear};
 use super::pen::Pen;
-use super::random::Random;
 use super::{Generated, Kind, Parameter, Scene, rounding};
 use crate::curve::Basis;
 use crate::error::Result;
+use crate::random::Random;
 use std::f64::consts::TAU;
 
 pub(super) const KIND: Kind = Kind {

@@ -86,7 +86,7 @@ impl Watcher {
 
 /// Runs one simulator in lockstep, over `steps` random steps.
 fn session(seed: u64, steps: usize) {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let name = service();
     let mut client = client(&name);
     let mut watcher: Option<Watcher> = None;
@@ -181,7 +181,7 @@ fn hundreds_of_random_sessions_in_lockstep_wait_for_no_deadline() {
 /// Watchers in their own processes are killed, stopped and restarted while a simulator runs in
 /// lockstep.
 fn killed_watchers(seed: u64, rounds: usize) {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let name = service();
     let mut client = client(&name);
     let mut seq = 0;

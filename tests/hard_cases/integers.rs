@@ -17,7 +17,7 @@ pub fn cases() -> Vec<Case> {
 /// Loops of three vertices, thousands of pairs: they share vertices, edges, lines and planes, and
 /// some lie on one line.
 fn small_triangles(size: i64) -> Case {
-    let mut random = Random(size as u64);
+    let mut random = Random::new(size as u64);
     let triangles: Vec<Polygon> = (0..70).map(|_| random.polygon(3, size)).collect();
     Case::integers(format!("triangles on a grid of {size}"), &triangles)
 }
@@ -25,7 +25,7 @@ fn small_triangles(size: i64) -> Case {
 /// Edges along the axes, on few coordinates: every view of the crossing kernel is degenerate
 /// everywhere.
 fn axis_aligned_polygons(size: i64) -> Case {
-    let mut random = Random(100 + size as u64);
+    let mut random = Random::new(100 + size as u64);
     let polygons: Vec<Polygon> = (4..20).map(|n| random.along_axes(n, size)).collect();
     Case::integers(
         format!("axis-aligned polygons on a grid of {size}"),
@@ -35,9 +35,9 @@ fn axis_aligned_polygons(size: i64) -> Case {
 
 /// Many rectangles in axis planes: chains, contact and coplanar neighbours at once.
 fn rectangles_on_a_lattice(size: i64) -> Case {
-    let mut random = Random(200 + size as u64);
+    let mut random = Random::new(200 + size as u64);
     let mut rectangle = || {
-        let (axis, [x, y, z]) = (random.below(3) as usize, random.grid(size));
+        let (axis, [x, y, z]) = (random.below(3), random.grid(size));
         let (w, h) = (1 + random.below(size), 1 + random.below(size));
         let mut points = vec![[x, y, z], [x + w, y, z], [x + w, y + h, z], [x, y + h, z]];
         points.iter_mut().for_each(|p| p.rotate_left(axis));
@@ -50,7 +50,7 @@ fn rectangles_on_a_lattice(size: i64) -> Case {
 /// All loops in one axis plane: in two of the three views they are lines, in the third one they
 /// intersect themselves. Each pair touches or has 0.
 fn coplanar(axis: usize) -> Case {
-    let mut random = Random(300 + axis as u64);
+    let mut random = Random::new(300 + axis as u64);
     let mut polygon = |n: usize| {
         let mut points = random.polygon(n, 40);
         points.iter_mut().for_each(|p| p[axis] = 7);
@@ -63,7 +63,7 @@ fn coplanar(axis: usize) -> Case {
 /// The loops of a triple have the same projection along one axis: there, every vertex lies on a
 /// vertex and every edge on an edge, and only heights differ.
 fn shadows_on_shadows() -> Case {
-    let mut random = Random(400);
+    let mut random = Random::new(400);
     let first = random.polygon(24, 50);
     let mut polygons = vec![first.clone()];
     for axis in 0..3 {
@@ -77,7 +77,7 @@ fn shadows_on_shadows() -> Case {
 /// Even points of a small grid against odd ones: along each axis the vertices of one loop project
 /// onto those of the other, and none is shared.
 fn parity_lattice() -> Case {
-    let mut random = Random(500);
+    let mut random = Random::new(500);
     let mut polygon = |parity: i64, n: usize| -> Polygon {
         let mut point = || loop {
             let p = random.grid(5);
@@ -96,14 +96,14 @@ fn parity_lattice() -> Case {
 /// The random polygons that kernels are compared by (Arai 2013, example 8): uniform vertices, large
 /// numbers of crossings.
 fn random_polygons(size: i64) -> Case {
-    let mut random = Random(600 + size as u64);
+    let mut random = Random::new(600 + size as u64);
     let polygons: Vec<Polygon> = [5, 20, 40, 80].map(|n| random.polygon(n, size)).into();
     Case::integers(format!("random polygons on a grid of {size}"), &polygons)
 }
 
 /// Equal consecutive vertices, up to four, also across the end, and edges that go back and forth.
 fn repeated_vertices() -> Case {
-    let mut random = Random(700);
+    let mut random = Random::new(700);
     let mut polygon = || {
         let mut out = Polygon::new();
         for k in 0..9 {
@@ -123,7 +123,7 @@ fn repeated_vertices() -> Case {
 /// Random polygons, stretched `2^bits` times along x and sheared with that: long segments, nearly
 /// parallel, at distances that are tiny compared with their lengths.
 fn long_and_near(bits: u32) -> Case {
-    let mut random = Random(800 + u64::from(bits));
+    let mut random = Random::new(800 + u64::from(bits));
     let polygons: Vec<Polygon> = [3, 4, 12, 20].map(|n| random.polygon(n, 60)).into();
     let map = |[x, y, z]: [i64; 3]| {
         let long = x << bits;

@@ -95,7 +95,7 @@ fn far_away() -> Vec<Case> {
     let offset = |step: f64, offset: Point| {
         move |p: [i64; 3]| std::array::from_fn(|x| offset[x] + step * p[x] as f64)
     };
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let polygons = [12, 9, 20].map(|n| random.polygon(n, 12));
     // Units in the last place of 1e6, in single and in double precision.
     let [single, double] = [1.0 / 16.0, 2f64.powi(-33)];
@@ -126,7 +126,7 @@ fn far_away() -> Vec<Case> {
 /// Random polygons multiplied by powers of two: determinants overflow, underflow or both, except in
 /// exact arithmetic.
 fn scales() -> Vec<Case> {
-    let mut random = Random(2);
+    let mut random = Random::new(2);
     let polygons = [5, 9, 14, 20].map(|n| random.polygon(n, 30));
     let scaled = |exponents: [i32; 3]| {
         let name = format!("times 2^{exponents:?}");
@@ -201,7 +201,7 @@ fn monotone() -> Vec<Case> {
             ],
         ),
     ];
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let polygons: Vec<Polygon> = (0..8)
         .map(|k| random.along_axes(6 + 3 * k, SIZE as i64))
         .collect();

@@ -143,7 +143,7 @@ fn contact_hides_nothing() -> Case {
 /// Random polygons, with a vertex of each on an edge of the next: contact at one point among many
 /// crossings, on lines in general position.
 fn random_contacts() -> Case {
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let mut polygons: Vec<Polygon> = Vec::new();
     for k in 0..12 {
         let mut polygon = random.polygon(8 + k, 2000);

@@ -29,7 +29,7 @@ use support::random::Random;
 fn snapped_sequences(seeds: Range<u64>) {
     let (mut all, mut through_contact) = (Tally::default(), [0; 2]);
     for seed in seeds {
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let precision = random.pick(&[Precision::F32, Precision::F64]);
         let curves = 2 + random.below(3);
         let set = random_set(&mut random, Basis::Polyline, precision, curves);
@@ -104,7 +104,7 @@ fn run(
 ) -> Tally {
     let mut all = Tally::default();
     for seed in seeds {
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let curves = curves.start() + random.below(curves.end() - curves.start() + 1);
         let set = random_set(&mut random, basis, precision, curves);
         let length = if seed % 50 == 0 {
@@ -206,13 +206,13 @@ fn a_loop_that_was_degenerate_in_the_reference_frame_recovers() {
 #[test]
 fn sets_with_changed_curves() {
     for seed in 0..100 {
-        let mut random = Random(900_000 + seed);
+        let mut random = Random::new(900_000 + seed);
         let mut movies: Vec<Movie> = (0..3)
             .map(|_| {
                 let basis = random.pick(&Basis::ALL);
                 let precision = random.pick(&[Precision::F32, Precision::F64]);
                 let set = random_set(&mut random, basis, precision, 4);
-                Movie::new(Random(random.next()), set)
+                Movie::new(Random::new(random.next()), set)
             })
             .collect();
         // There is no motion between different curves.

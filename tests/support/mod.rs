@@ -5,6 +5,7 @@
 #[cfg(feature = "cli")]
 pub mod command;
 pub mod polygons;
+#[path = "../../src/random.rs"]
 pub mod random;
 pub mod time;
 pub mod trial;

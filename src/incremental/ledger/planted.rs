@@ -7,35 +7,7 @@
 
 use crate::curve::vector::{add, cross, dot, mix, norm, sub};
 use crate::curve::{Basis, CurveSet, Point, Positions};
-
-/// A random number generator with a seed.
-pub(crate) struct Random(u64);
-
-impl Random {
-    pub fn new(seed: u64) -> Self {
-        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
-    }
-
-    pub fn below(&mut self, n: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) % n
-    }
-
-    /// Returns a number that is uniform in `[-1, 1]`.
-    pub fn float(&mut self) -> f64 {
-        self.below(1 << 31) as f64 / f64::from(1 << 30) - 1.0
-    }
-
-    pub fn between(&mut self, lo: f64, hi: f64) -> f64 {
-        lo + (hi - lo) * 0.5 * (self.float() + 1.0)
-    }
-
-    pub fn vector(&mut self, size: f64) -> Point {
-        [0; 3].map(|_| size * self.float())
-    }
-}
+use crate::random::Random;
 
 /// Kind of the planted passages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,15 +47,15 @@ fn strands(r: &mut Random, plant: Plant) -> ([Vec<Point>; 2], [Vec<Point>; 2]) {
         (0..=n)
             .map(|k| {
                 let t = k as f64 / n as f64;
-                let off = r.vector(0.04);
+                let off = r.point(0.04);
                 [0, 1, 2].map(|x| (1.0 - t) * from[x] + t * to[x] + off[x])
             })
             .collect()
     };
     // The moving strand is along z, the resting one along x.
-    let n = 16 + r.below(60) as usize;
+    let n = 16 + r.below(60);
     let a = line(r, [0., 0., -LENGTH], [0., 0., LENGTH], n);
-    let m = 16 + r.below(60) as usize;
+    let m = 16 + r.below(60);
     let slope = r.between(-2.0, 2.0);
     let mut b = line(r, [-LENGTH, 0., -slope], [LENGTH, 0., slope], m);
     if plant == Plant::Cancelling {
@@ -130,14 +102,14 @@ pub(crate) fn planted_step(r: &mut Random, basis: Basis, plant: Plant) -> Option
         frames.iter_mut().for_each(|f| f.extend_from_slice(more));
         frames
     };
-    let closed = |r: &mut Random| r.below(2) == 0;
+    let closed = |r: &mut Random| r.one_in(2);
     match plant {
         Plant::Single | Plant::Cancelling => {
             curves.push((true, both(first, &a_back)));
             curves.push((true, both([b.clone(), b.clone()], &b_back)));
         }
         Plant::Open => {
-            let (one, other) = [(false, false), (true, false), (false, true)][r.below(3) as usize];
+            let (one, other) = r.pick(&[(false, false), (true, false), (false, true)]);
             let back = |closed: bool, v: &[Point]| if closed { v.to_vec() } else { Vec::new() };
             curves.push((one, both(first, &back(one, &a_back))));
             curves.push((other, both([b.clone(), b.clone()], &back(other, &b_back))));
@@ -179,14 +151,14 @@ pub(crate) fn planted_step(r: &mut Random, basis: Basis, plant: Plant) -> Option
     let at = r.below(extra.len() as u64 + 1) as usize;
     let (left, right) = extra.split_at(at);
     let mut all: Vec<(bool, [Vec<Point>; 2])> = left.to_vec();
-    if r.below(2) == 0 {
+    if r.one_in(2) {
         curves.reverse();
     }
     let planted: Vec<u32> = (0..curves.len()).map(|k| (at + k) as u32).collect();
     all.append(&mut curves);
     all.extend_from_slice(right);
     for (closed, frames) in &mut all {
-        if r.below(2) == 0 {
+        if r.one_in(2) {
             // Reversal keeps the first point of a Bezier curve.
             frames.iter_mut().for_each(|f| {
                 f.reverse();
@@ -201,10 +173,10 @@ pub(crate) fn planted_step(r: &mut Random, basis: Basis, plant: Plant) -> Option
             frames.iter_mut().for_each(|f| f.rotate_left(by));
         }
     }
-    let turn = r.below(3) as usize;
-    let scale = 2f64.powi(r.below(40) as i32 - 20);
-    let offset = r.vector(20.0);
-    let drift = r.vector(5.0);
+    let turn = r.below(3);
+    let scale = 2f64.powi(r.below(40) - 20);
+    let offset = r.point(20.0);
+    let drift = r.point(5.0);
     let place = |mut p: Point, t: f64| {
         p = [0, 1, 2].map(|x| scale * (p[x] + offset[x] + t * drift[x]));
         p.rotate_left(turn);

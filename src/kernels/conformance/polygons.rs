@@ -2,51 +2,34 @@
 
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::kernels::Estimate;
+use crate::random::Random;
 use crate::scenes::Scene;
 use std::fmt::Display;
 
 /// Vertices of a closed polygon.
 pub type Polygon = Vec<[i64; 3]>;
 
-/// A reproducible random number generator.
-pub struct Random(u64);
-
+/// Random polygons.
 impl Random {
-    /// Creates a generator. Neighbouring seeds give unrelated sequences.
-    pub fn new(seed: u64) -> Random {
-        // 0 would be a fixed point, and is the image of one seed alone.
-        Random((seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15).max(1))
-    }
-
-    /// Returns a random number from 0 to `n - 1`.
-    pub fn next(&mut self, n: u64) -> i64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        ((self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) % n) as i64
-    }
-
     /// Returns `n` vertices anywhere in a cube of `size` points along each axis.
-    pub fn points(&mut self, n: usize, size: u64) -> Polygon {
-        (0..n)
-            .map(|_| [0; 3].map(|_: i64| self.next(size)))
-            .collect()
+    pub fn points(&mut self, n: usize, size: i64) -> Polygon {
+        (0..n).map(|_| [(); 3].map(|()| self.below(size))).collect()
     }
 
     /// Returns 3 to `most` vertices anywhere in such a cube.
-    pub fn polygon(&mut self, most: u64, size: u64) -> Polygon {
-        let n = 3 + self.next(most - 2) as usize;
+    pub fn polygon(&mut self, most: usize, size: i64) -> Polygon {
+        let n = 3 + self.below(most - 2);
         self.points(n, size)
     }
 
     /// Returns a closed walk along the axes between points of a lattice. `shift` moves it to a
     /// disjoint lattice.
     pub fn lattice(&mut self, steps: usize, shift: i64) -> Polygon {
-        let mut p = [0; 3].map(|_| 2 * self.next(4) + shift);
+        let mut p = [0; 3].map(|_| 2 * self.below(4) + shift);
         let first = p;
         let mut out = vec![p];
         for _ in 0..steps {
-            p[self.next(3) as usize] = 2 * self.next(4) + shift;
+            p[self.below(3)] = 2 * self.below(4) + shift;
             out.push(p);
         }
         for x in 0..3 {
@@ -59,11 +42,11 @@ impl Random {
 
     /// Returns a random walk in a cube. Neighbours along the polygon are near one another, as on a
     /// yarn.
-    pub fn walk(&mut self, n: usize, size: u64, step: u64) -> Polygon {
-        let mut at = [0; 3].map(|_: i64| self.next(size));
+    pub fn walk(&mut self, n: usize, size: i64, step: i64) -> Polygon {
+        let mut at = [(); 3].map(|()| self.below(size));
         (0..n)
             .map(|_| {
-                at = at.map(|x| (x + self.next(2 * step + 1) - step as i64).clamp(0, size as i64));
+                at = at.map(|x| (x + self.below(2 * step + 1) - step).clamp(0, size));
                 at
             })
             .collect()

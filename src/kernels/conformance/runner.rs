@@ -1,9 +1,10 @@
 //! Conformance checks, each for any kernel.
 
-use super::polygons::{Polygon, Random, exact_set_of, floats, set_of, winding};
+use super::polygons::{Polygon, exact_set_of, floats, set_of, winding};
 use super::table::Kernel;
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::kernels::{Device, Estimate, Method, oracle};
+use crate::random::Random;
 use crate::scenes::Scene;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
@@ -87,31 +88,31 @@ pub fn random_polygons(kernel: &Kernel, pairs: usize, seed: u64) {
         for n in 0..ROUND {
             match n % 4 {
                 0 => {
-                    let (size, scale) = [(1 << 12, 1.0), (1 << 24, 2f64.powi(-24)), (1 << 39, 2.0)]
-                        [random.next(3) as usize];
+                    let (size, scale) =
+                        random.pick(&[(1 << 12, 1.0), (1 << 24, 2f64.powi(-24)), (1 << 39, 2.0)]);
                     let [a, b] = [0; 2].map(|_| random.polygon(20, size));
                     general += check_polygons(kernel, &a, &b, scale);
                 }
                 1 => {
-                    let most = [6, 30, 120][random.next(3) as usize];
-                    let size = [1000, 1 << 20][random.next(2) as usize];
-                    let step = size / [1, 4, 16][random.next(3) as usize];
+                    let most = random.pick(&[6, 30, 120]);
+                    let size = random.pick(&[1000, 1 << 20]);
+                    let step = size / random.pick(&[1, 4, 16]);
                     let [a, b] = [0; 2].map(|_| {
-                        let n = 3 + random.next(most) as usize;
+                        let n = 3 + random.below(most);
                         random.walk(n, size, step)
                     });
                     general += check_polygons(kernel, &a, &b, 1.0);
                 }
                 2 => {
-                    let size = [3, 5, 9][random.next(3) as usize];
+                    let size = random.pick(&[3, 5, 9]);
                     let [a, b] = [0; 2].map(|_| random.polygon(9, size));
                     lattice += check_polygons(kernel, &a, &b, 0.125);
                 }
                 _ => {
                     // On one lattice most of them touch; on two disjoint lattices none.
-                    let shift = random.next(2);
+                    let shift = random.below(2);
                     let [a, b] = [0, shift].map(|s| {
-                        let n = 4 + random.next(10) as usize;
+                        let n = 4 + random.below(10);
                         random.lattice(n, s)
                     });
                     lattice += check_polygons(kernel, &a, &b, 1.0);

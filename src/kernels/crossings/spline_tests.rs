@@ -5,6 +5,7 @@ use crate::Verifier;
 use crate::curve::{Basis, Positions};
 use crate::discretize::homotopic_polylines;
 use crate::kernels::oracle;
+use crate::random::Random;
 
 /// Points per segment of the reference polygons; the finer one is used if the coarser one
 /// disagrees.
@@ -23,13 +24,9 @@ fn sampled(set: &CurveSet, i: usize, samples: usize) -> Vec<[i64; 3]> {
 
 #[test]
 fn random_splines_match_finely_sampled_polygons_in_all_six_directions() {
-    let mut state = 4242u64;
-    let mut next = || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 40) as f32 / (1u32 << 24) as f32
-    };
+    let mut random = Random::new(4242);
+    // 24 bits, so that the oracle sees the coordinates as they are.
+    let mut next = || random.below(1u32 << 24) as f32 / (1u32 << 24) as f32;
     for basis in [Basis::CatmullRom, Basis::BSpline, Basis::Bezier] {
         let (mut linked, mut refined, mut control_polygon_lies) = (0, 0, 0);
         for _ in 0..400 {
@@ -87,13 +84,8 @@ fn random_splines_match_finely_sampled_polygons_in_all_six_directions() {
 /// scales are rejected.
 #[test]
 fn the_scale_of_splines_does_not_change_the_result() {
-    let mut state = 7u64;
-    let mut next = || {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
-        (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
-    };
+    let mut random = Random::new(7);
+    let mut next = || random.between(-0.5, 0.5);
     for basis in [Basis::CatmullRom, Basis::BSpline, Basis::Bezier] {
         for n in [-5, -7, -11, -21] {
             let counts = [n, n].map(|n| if basis == Basis::Bezier { 3 * n } else { n });

@@ -2,10 +2,9 @@
 //! without.
 
 use super::*;
-use crate::kernels::conformance::polygons::{
-    Polygon, Random, exact_set_of, floats, set_of, winding,
-};
+use crate::kernels::conformance::polygons::{Polygon, exact_set_of, floats, set_of, winding};
 use crate::kernels::oracle;
+use crate::random::Random;
 use crate::simd::Portable;
 use rayon::prelude::*;
 
@@ -109,23 +108,23 @@ fn check_random_links(seed: u64) -> KindOutcomes {
     let mut random = Random::new(seed);
     let mut outcomes = KindOutcomes::default();
     for _ in 0..20 {
-        let sizes = [3 + random.next(40) as usize, 3 + random.next(90) as usize];
+        let sizes = [3 + random.below(40), 3 + random.below(90)];
         let [a, b] = sizes.map(|n| random.points(n, 1 << 24));
         outcomes.generic.add(check(&a, &b, 0.5f64.powi(24)));
     }
     for _ in 0..100 {
-        let sizes = [3 + random.next(10) as usize, 3 + random.next(10) as usize];
+        let sizes = [3 + random.below(10), 3 + random.below(10)];
         let [a, b] = sizes.map(|n| random.points(n, 6));
         outcomes.integer.add(check(&a, &b, 1.0));
     }
     for _ in 0..100 {
-        let sizes = [4 + random.next(16) as usize, 4 + random.next(16) as usize];
+        let sizes = [4 + random.below(16), 4 + random.below(16)];
         let a = random.lattice(sizes[0], 0);
         let b = random.lattice(sizes[1], 1);
         outcomes.lattice.add(check(&a, &b, 0.125));
     }
     for _ in 0..80 {
-        let sizes = [3 + random.next(4) as usize, 3 + random.next(4) as usize];
+        let sizes = [3 + random.below(4), 3 + random.below(4)];
         let [a, b] = sizes.map(|n| random.lattice(n, 0));
         outcomes.shared.add(check(&a, &b, 1.0));
     }

@@ -4,10 +4,11 @@
 use super::tests::{adapter, counts_agree, pairs_of, set_of_all, two_frames};
 use super::*;
 use crate::curve::{Basis, Positions};
-use crate::kernels::conformance::polygons::{Polygon, Random, floats, winding};
+use crate::kernels::conformance::polygons::{Polygon, floats, winding};
 use crate::kernels::crossings::Workspaces;
 use crate::kernels::oracle;
 use crate::pairs::Trees;
+use crate::random::Random;
 use crate::verifier::{Verifier, VerifierOptions};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,7 +40,7 @@ fn counted(
 
 /// Returns random walks of these sizes, on grids so coarse that most projections are degenerate, or
 /// so fine that few are.
-fn walks(seed: u64, sizes: &[usize], size: u64, step: u64) -> Vec<Polygon> {
+fn walks(seed: u64, sizes: &[usize], size: i64, step: i64) -> Vec<Polygon> {
     let mut random = Random::new(seed);
     sizes.iter().map(|&n| random.walk(n, size, step)).collect()
 }
@@ -95,12 +96,8 @@ fn curves_without_linking_numbers_do_not_affect_others() {
         let mut xyz: Vec<f64> = Vec::new();
         for &n in &EDGES {
             for closed in [false, true, false] {
-                let n = if closed {
-                    n
-                } else {
-                    2 + random.next(40) as usize
-                };
-                let size = 1 + random.next(30) as u64;
+                let n = if closed { n } else { 2 + random.below(40) };
+                let size = 1 + random.below(30);
                 let points = random.walk(n, size, 2);
                 counts.push(if closed { -(n as i32) } else { n as i32 });
                 xyz.extend(points.iter().flatten().map(|&x| x as f64));
@@ -236,23 +233,23 @@ fn frames_of_any_layout_may_follow_one_another() {
     }
     let mut sent: Vec<(usize, Frame)> = Vec::new();
     for _ in 0..60 {
-        let at = random.next(15) as usize;
+        let at = random.below(15);
         let (at, frame) = match sent.pop() {
-            Some(known) if random.next(3) > 0 => known,
+            Some(known) if random.below(3) > 0 => known,
             _ => (at, Frame::new(&sets[at])),
         };
-        if random.next(2) == 0 {
+        if random.one_in(2) {
             gpu.send(&frame).unwrap();
         }
-        if random.next(4) == 0 {
-            let other = Frame::new(&sets[random.next(15) as usize]);
-            match random.next(2) {
+        if random.one_in(4) {
+            let other = Frame::new(&sets[random.below(15)]);
+            match random.below(2) {
                 0 => gpu.send(&other).unwrap(),
                 _ => drop(direct::linking_numbers(&mut gpu.lock(), &other, &[(0, 1)]).unwrap()),
             }
         }
-        let next = random.next(15) as usize;
-        let announced = (random.next(2) == 0).then(|| &sets[next]);
+        let next = random.below(15);
+        let announced = (random.one_in(2)).then(|| &sets[next]);
         let (found, ahead) = counted(&gpu, &frame, &sets[at], announced);
         assert_eq!(
             (&found.links, &found.undefined),

@@ -37,10 +37,7 @@ fn methods_agree_on_random_motions() {
     let mut r = Random::new(3);
     let (mut certified, mut several, n) = (0, 0, 4000);
     for _ in 0..n {
-        let (gap, motion) = (
-            [0.0, 0.1, 1.0][r.next(3) as usize],
-            [0.1, 1.0, 3.0][r.next(3) as usize],
-        );
+        let (gap, motion) = (r.pick(&[0.0, 0.1, 1.0]), r.pick(&[0.1, 1.0, 3.0]));
         let (before, after) = meeting(&mut r, gap, motion);
         match assert_methods_agree(&before, &after) {
             Decided::Apart => {}
@@ -56,21 +53,21 @@ fn methods_agree_on_random_motions() {
 /// every end moves by `motion`.
 pub(super) fn meeting(r: &mut Random, gap: f64, motion: f64) -> (Edges, Edges) {
     let along = |p: Point, d: Point, t: f64| [0, 1, 2].map(|x| p[x] + t * d[x]);
-    let place = r.vector(10.0);
+    let place = r.point(10.0);
     let mut edge = |from: Point| {
-        let (d, s) = (r.vector(1.0), 0.5 + r.float(0.4));
+        let (d, s) = (r.point(1.0), 0.5 + r.between(-0.4, 0.4));
         [along(from, d, -s), along(from, d, 1.0 - s)]
     };
     let first = edge(place);
     let second = edge(place);
-    let off = r.vector(gap);
-    let half = r.vector(motion);
+    let off = r.point(gap);
+    let half = r.point(motion);
     let middle = [first, second.map(|p| along(p, off, 1.0))];
     let mut moved = |t: f64| {
         let mut side = 0.0;
         middle.map(|e| {
             side += 1.0;
-            e.map(|p| along(along(p, half, t * side), r.vector(motion), 0.3))
+            e.map(|p| along(along(p, half, t * side), r.point(motion), 0.3))
         })
     };
     (moved(-0.5), moved(0.5))
@@ -82,14 +79,14 @@ fn methods_agree_next_to_ties() {
     let mut r = Random::new(4);
     let mut decided = [0; 4];
     for _ in 0..6000 {
-        let ulps = [1, 3, 100, 1 << 20][r.next(4) as usize];
+        let ulps = r.pick(&[1, 3, 100, 1 << 20]);
         let mut frame = || {
             [0; 2].map(|_| {
                 [0; 2].map(|_| {
                     [0; 3].map(|_| {
-                        let x = (r.next(5) - 2) as f64 / 3.0;
-                        let by = if r.next(3) == 0 {
-                            r.next(2 * ulps + 1) - ulps as i64
+                        let x = (r.below(5) - 2) as f64 / 3.0;
+                        let by = if r.one_in(3) {
+                            r.below(2 * ulps + 1) - ulps
                         } else {
                             0
                         };
@@ -99,14 +96,14 @@ fn methods_agree_next_to_ties() {
             })
         };
         let (mut before, mut after) = (frame(), frame());
-        if r.next(2) == 0 {
+        if r.one_in(2) {
             // Exponents at which products underflow or overflow, with equal or different ones per
             // axis.
             const POWERS: [i32; 10] = [-1060, -500, -205, -190, -40, 0, 40, 190, 205, 500];
-            let powers = match r.next(4) {
-                0 => [0; 3].map(|_| POWERS[r.next(10) as usize]),
-                1 => [330 + r.next(20) as i32; 3],
-                _ => [-(335 + r.next(30) as i32); 3],
+            let powers = match r.below(4) {
+                0 => [0; 3].map(|_| POWERS[r.below(10)]),
+                1 => [330 + r.below(20); 3],
+                _ => [-(335 + r.below(30)); 3],
             };
             for x in [&mut before, &mut after].into_iter().flatten().flatten() {
                 for (x, power) in x.iter_mut().zip(powers) {
@@ -135,9 +132,9 @@ fn every_axis_and_the_cauchy_index_count_the_same() {
     let mut r = Random::new(5);
     let (mut ties, mut counted) = (0, 0);
     for _ in 0..200 {
-        let range = [2, 3, 4][r.next(3) as usize];
+        let range = r.pick(&[2, 3, 4]);
         let frames =
-            [0; 2].map(|_| [0; 2].map(|_| [0; 2].map(|_| [0; 3].map(|_| r.next(range) as f64))));
+            [0; 2].map(|_| [0; 2].map(|_| [0; 2].map(|_| [0; 3].map(|_| r.below(range) as f64))));
         let [before, after] = &frames;
         if frames
             .iter()
@@ -176,10 +173,10 @@ fn the_translation_is_on_no_surface_of_an_end_and_an_edge() {
     let mut r = Random::new(7);
     let edge = |y: f64| [[-1.0, y, -y], [1.0, y, y]];
     for _ in 0..200 {
-        let ends = [0; 2].map(|_| [0; 3].map(|_| (r.next(9) - 4) as f64));
+        let ends = [0; 2].map(|_| [0; 3].map(|_| (r.below(9) - 4) as f64));
         let mut frames =
             [(-1.0, ends[0]), (1.0, ends[1])].map(|(y, end)| [[[0.0; 3], end], edge(y)]);
-        if r.next(2) == 0 {
+        if r.one_in(2) {
             frames.iter_mut().for_each(|f| f[0].reverse());
         }
         let translated = MovingEdges::new(&frames[0], &frames[1]).translated(TRANSLATION);

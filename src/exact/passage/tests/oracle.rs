@@ -46,14 +46,14 @@ fn total(i: &Moving, j: &Moving, scale: f64) -> i64 {
 
 /// Returns two moving polygons, with a motion of one of the kinds that provoke ties.
 pub(super) fn scene(r: &mut Random) -> [Moving; 2] {
-    let range = [2, 3, 4, 5, 8, 30, 1000, 1 << 20][r.next(8) as usize];
+    let range = r.pick(&[2, 3, 4, 5, 8, 30, 1000, 1 << 20]);
     let random = |r: &mut Random| {
-        let n = 3 + r.next(4) as usize;
-        let mut moving = [0, 1].map(|_| r.polygon(n, range));
-        if r.next(3) == 0 {
+        let n = 3 + r.below(4);
+        let mut moving = [0, 1].map(|_| r.points(n, range));
+        if r.one_in(3) {
             // Edges that are points, in one frame or in both.
-            let k = r.next(n as u64) as usize;
-            let frames = 1 + r.next(3) as usize;
+            let k = r.below(n);
+            let frames = 1 + r.below(3);
             for (f, polygon) in moving.iter_mut().enumerate() {
                 if frames >> f & 1 == 1 {
                     polygon[k] = polygon[(k + 1) % n];
@@ -63,17 +63,17 @@ pub(super) fn scene(r: &mut Random) -> [Moving; 2] {
         moving
     };
     let mut scene = [random(r), random(r)];
-    let vector = |r: &mut Random, size: i64| [0; 3].map(|_| r.next(2 * size as u64 + 1) - size);
+    let vector = |r: &mut Random, size: i64| [0; 3].map(|_| r.below(2 * size + 1) - size);
     let moved = |p: &Polygon, v: [i64; 3]| -> Polygon {
         p.iter().map(|p| [0, 1, 2].map(|x| p[x] + v[x])).collect()
     };
-    match r.next(8) {
+    match r.below(8) {
         // Arbitrary motion.
         0 | 1 => {}
         // All vertices of one polygon, or of both, stay in a plane.
         2 => {
-            let (axis, both) = (r.next(3) as usize, r.next(2) == 0);
-            let heights = [r.next(3), r.next(3)];
+            let (axis, both) = (r.below(3), r.one_in(2));
+            let heights = [r.below(3), r.below(3)];
             for moving in scene.iter_mut().take(1 + usize::from(both)) {
                 for (polygon, height) in moving.iter_mut().zip(heights) {
                     polygon.iter_mut().for_each(|p| p[axis] = height);
@@ -95,7 +95,7 @@ pub(super) fn scene(r: &mut Random) -> [Moving; 2] {
         5 => {
             scene[1][1] = scene[1][0].clone();
             for k in 0..scene[0][0].len() {
-                if r.next(2) == 0 {
+                if r.one_in(2) {
                     scene[0][1][k] = scene[0][0][k];
                 }
             }
@@ -104,12 +104,12 @@ pub(super) fn scene(r: &mut Random) -> [Moving; 2] {
         // end to beyond the other.
         6 => {
             scene[1][1] = scene[1][0].clone();
-            let l = r.next(scene[1][0].len() as u64) as usize;
+            let l = r.below(scene[1][0].len());
             let (q, d) = (scene[1][0][l], scene[1][0][(l + 1) % scene[1][0].len()]);
             let on = |m: i64| [0, 1, 2].map(|x| q[x] + m * (d[x] - q[x]));
-            let k = r.next(scene[0][0].len() as u64) as usize;
+            let k = r.below(scene[0][0].len());
             (scene[0][0][k], scene[0][1][k]) = (on(-1), on(2));
-            if r.next(2) == 0 {
+            if r.one_in(2) {
                 let k = (k + 1) % scene[0][0].len();
                 (scene[0][0][k], scene[0][1][k]) = (on(-2), on(3));
             }
@@ -122,7 +122,7 @@ pub(super) fn scene(r: &mut Random) -> [Moving; 2] {
         }
     }
     // The axes have different roles in the translation.
-    let turn = r.next(3) as usize;
+    let turn = r.below(3);
     scene
         .iter_mut()
         .flatten()
@@ -145,7 +145,7 @@ fn compare(count: u64, seed: u64) {
         changed += u64::from(before != after);
         let want = after - before;
         assert_eq!(total(&i, &j, 1.0), want, "seed {seed}: {i:?} {j:?}");
-        match r.next(6) {
+        match r.below(6) {
             0 => assert_eq!(
                 total(&j, &i, 1.0),
                 want,
@@ -160,7 +160,7 @@ fn compare(count: u64, seed: u64) {
                 );
             }
             2 => {
-                let power = [-1074, -1022, -700, -300, 300, 700, 1000][r.next(7) as usize];
+                let power = r.pick(&[-1074, -1022, -700, -300, 300, 700, 1000]);
                 // In two steps: the inverse of such a power may overflow.
                 let scale = 2f64.powi(power / 2) * 2f64.powi(power - power / 2);
                 assert_eq!(total(&i, &j, scale), want, "2^{power}: {i:?} {j:?}");
@@ -194,11 +194,11 @@ fn compare_two_steps(count: u64, seed: u64) -> u64 {
     let (mut done, mut touching) = (0, 0);
     while done < count {
         let [i, j] = scene(&mut r);
-        let range = [2, 3, 5, 30][r.next(4) as usize];
-        let last = [&i, &j].map(|m| match r.next(3) {
+        let range = r.pick(&[2, 3, 5, 30]);
+        let last = [&i, &j].map(|m| match r.below(3) {
             0 => m[0].clone(),
             1 => m[1].clone(),
-            _ => r.polygon(m[0].len(), range),
+            _ => r.points(m[0].len(), range),
         });
         let number = |i: &Polygon, j: &Polygon| oracle::linking_number(i, j);
         let ends = [number(&i[0], &j[0]), number(&last[0], &last[1])];
@@ -215,7 +215,7 @@ fn compare_two_steps(count: u64, seed: u64) -> u64 {
         assert_eq!(found, after - before, "seed {seed}: {i:?} {j:?} {last:?}");
         // Each pair of edges has its own unit of length, and the translation must be the same for
         // all.
-        let scale = 2f64.powi(r.next(40) as i32 - 20);
+        let scale = 2f64.powi(r.below(40) - 20);
         (p, q) = (q, p);
         found = total(&j, &i, scale) + total(&p, &q, scale);
         assert_eq!(

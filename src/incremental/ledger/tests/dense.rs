@@ -5,12 +5,12 @@ use super::*;
 /// Returns a closed spline that follows a few random points several times, within `noise`, and
 /// moves by as much.
 fn doubled(r: &mut Random, basis: Basis, points: usize, turns: usize, noise: f64) -> [CurveSet; 2] {
-    let ring: Vec<Point> = (0..points).map(|_| r.vector(1.0)).collect();
+    let ring: Vec<Point> = (0..points).map(|_| r.point(1.0)).collect();
     [(); 2].map(|()| {
         let around = ring.iter().cycle().take(points * turns);
         let xyz: Vec<f64> = around
             .flat_map(|p| {
-                let v = r.vector(noise);
+                let v = r.point(noise);
                 [0, 1, 2].map(|x| p[x] + v[x])
             })
             .collect();

@@ -6,10 +6,11 @@ mod speed;
 
 use super::cancellation::{Found, cancel};
 use super::pair::Part;
-use super::planted::{Plant, Random, planted_step};
+use super::planted::{Plant, planted_step};
 use super::*;
 use crate::certificate::Certificate;
 use crate::curve::{Basis, Point, Positions};
+use crate::random::Random;
 use crate::verifier::Verifier;
 use std::f64::consts::TAU;
 
@@ -24,13 +25,13 @@ fn certificate(set: &CurveSet) -> Certificate {
 
 /// Returns two frames of a few curves, with one of many kinds of motion.
 fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
-    let lattice = r.below(4) == 0;
-    let closed: Vec<bool> = (0..2 + r.below(3)).map(|_| r.below(5) != 0).collect();
+    let lattice = r.one_in(4);
+    let closed: Vec<bool> = (0..2 + r.below(3)).map(|_| !r.one_in(5)).collect();
     let sizes: Vec<usize> = closed
         .iter()
         .map(|_| {
-            let most = [12, 12, 12, 90][r.below(4) as usize];
-            let n = 4 + r.below(most) as usize;
+            let most = r.pick(&[12, 12, 12, 90]);
+            let n = 4 + r.below(most);
             if basis == Basis::Bezier { 3 * n } else { n }
         })
         .collect();
@@ -43,12 +44,12 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
             (_, false) => n as i32,
         })
         .collect();
-    let smooth = r.below(2) == 0;
+    let smooth = r.one_in(2);
     let curve = |r: &mut Random, n: usize| -> Vec<Point> {
         if !smooth {
-            return (0..n).map(|_| r.vector(3.0)).collect();
+            return (0..n).map(|_| r.point(3.0)).collect();
         }
-        let (center, u, v, w) = (r.vector(1.5), r.vector(2.0), r.vector(2.0), r.vector(0.7));
+        let (center, u, v, w) = (r.point(1.5), r.point(2.0), r.point(2.0), r.point(0.7));
         (0..n)
             .map(|k| {
                 let t = TAU * k as f64 / n as f64;
@@ -67,15 +68,15 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
         // Each point moves separately.
         0 => {
             for p in after.iter_mut().flatten() {
-                let v = r.vector(size);
+                let v = r.point(size);
                 *p = [0, 1, 2].map(|x| p[x] + v[x]);
             }
         }
         // Each curve moves as a whole; some are at rest.
         1 => {
             for curve in &mut after {
-                let size = [0.0, size][r.below(2) as usize];
-                let v = r.vector(size);
+                let size = r.pick(&[0.0, size]);
+                let v = r.point(size);
                 curve
                     .iter_mut()
                     .for_each(|p| *p = [0, 1, 2].map(|x| p[x] + v[x]));
@@ -90,7 +91,7 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
         }
         // A wave.
         3 => {
-            let (k, v) = (r.vector(2.0), r.vector(size));
+            let (k, v) = (r.point(2.0), r.point(size));
             for p in after.iter_mut().flatten() {
                 let f = (k[0] * p[0] + k[1] * p[1] + k[2] * p[2]).sin();
                 *p = [0, 1, 2].map(|x| p[x] + f * v[x]);
@@ -99,14 +100,14 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
         // A few points jump far: pull-throughs.
         4 => {
             for curve in &mut after {
-                let k = r.below(curve.len() as u64) as usize;
-                curve[k] = r.vector(3.0);
+                let k = r.below(curve.len());
+                curve[k] = r.point(3.0);
             }
         }
         // Unrelated curves.
         _ => {
             for curve in &mut after {
-                curve.iter_mut().for_each(|p| *p = r.vector(3.0));
+                curve.iter_mut().for_each(|p| *p = r.point(3.0));
             }
         }
     }
@@ -116,7 +117,7 @@ fn random_step(r: &mut Random, basis: Basis) -> [CurveSet; 2] {
             *p = p.map(f64::round);
         }
     }
-    let double = r.below(2) == 0;
+    let double = r.one_in(2);
     [before, after].map(|curves| {
         let xyz: Vec<f64> = curves.iter().flatten().flatten().copied().collect();
         let narrow: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
@@ -298,7 +299,7 @@ fn the_outcome_depends_only_on_the_frames() {
                     (10.0 + 0.5 * c) * t.sin(),
                     0.5 * s,
                 ];
-                let off = r.vector(f);
+                let off = r.point(f);
                 [0, 1, 2].map(|x| near[x] + off[x])
             })
             .collect()

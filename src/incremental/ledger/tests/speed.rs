@@ -38,7 +38,7 @@ fn speed() {
             let mut r = Random::new(9);
             let moved: Vec<f32> = xyz
                 .iter()
-                .map(|x| x + (motion * diameter * r.float()) as f32)
+                .map(|x| x + (motion * diameter * r.between(-1.0, 1.0)) as f32)
                 .collect();
             let mut after = before.clone();
             after.update(Positions::F32(&moved)).unwrap();

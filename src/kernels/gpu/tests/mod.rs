@@ -12,12 +12,13 @@ mod shaders;
 use super::summations::DirectSum;
 use super::*;
 use crate::curve::{Basis, Positions};
-use crate::kernels::conformance::polygons::{Polygon, Random, floats, set_of};
+use crate::kernels::conformance::polygons::{Polygon, floats, set_of};
 use crate::kernels::crossings::{Workspaces, linking_number};
 use crate::kernels::gpu_use::fallback::WithFallback;
 use crate::kernels::sums::direct::{Direct, Formula};
 use crate::kernels::{Calibration, Estimate, GpuUse, Method, Offload, Summation, oracle};
 use crate::pairs::Trees;
+use crate::random::Random;
 use crate::scenes::Scene as Model;
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use layout::{BoxNode, Criterion, Node, NodePair, Roots, Undecided};
@@ -102,7 +103,7 @@ pub(super) fn set_of_all(polygons: &[Vec<[f64; 3]>], single: bool) -> CurveSet {
 
 /// Kinds of random polygons: seed, number of polygons, maximum number of vertices, size of the
 /// grid, scale.
-const KINDS: [(u64, usize, u64, u64, f64); 7] = [
+const KINDS: [(u64, usize, usize, i64, f64); 7] = [
     (1, 60, 20, 1000, 1.0),
     (2, 60, 200, 1 << 24, 2.3e-10),
     (3, 60, 100, 1 << 39, 2.0),
@@ -112,7 +113,7 @@ const KINDS: [(u64, usize, u64, u64, f64); 7] = [
     (7, 40, 150, 60, 1e30),
 ];
 
-fn polygons((seed, count, most, size, _): (u64, usize, u64, u64, f64)) -> Vec<Polygon> {
+fn polygons((seed, count, most, size, _): (u64, usize, usize, i64, f64)) -> Vec<Polygon> {
     let mut random = Random::new(seed * 7919);
     (0..count).map(|_| random.polygon(most, size)).collect()
 }

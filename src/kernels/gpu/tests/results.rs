@@ -40,7 +40,7 @@ fn sums_of_segments_of_all_sizes_are_within_their_bounds_of_the_oracle() {
     let mut numbers = 0;
     for seed in 1..=20 {
         let mut random = Random::new(seed);
-        let mut coordinate = |bits: u64| random.next(2 << bits) - (1 << bits);
+        let mut coordinate = |bits: u64| random.below(2 << bits) - (1 << bits);
         let places: Vec<[i64; 3]> = (0..4).map(|_| [0; 3].map(|_| coordinate(38))).collect();
         let polygons: Vec<Polygon> = (0..40)
             .map(|k| {

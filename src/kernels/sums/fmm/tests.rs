@@ -1,7 +1,8 @@
 use super::*;
-use crate::kernels::conformance::polygons::{Random, check, exact_set_of, hopf, polylines, scene};
+use crate::kernels::conformance::polygons::{check, exact_set_of, hopf, polylines, scene};
 use crate::kernels::oracle;
 use crate::kernels::sums::barnes_hut::{self, BarnesHut};
+use crate::random::Random;
 
 fn options(order: Option<u32>, accept: Accept) -> Options {
     Options {
@@ -39,7 +40,7 @@ fn check_walks(pairs: usize, seed: u64) -> usize {
         let size = [1000, 1 << 20][k % 2];
         let step = size / [1, 4, 16][k / 2 % 3];
         let [a, b] = [0; 2].map(|_| {
-            let n = 100 + random.next(300) as usize;
+            let n = 100 + random.below(300);
             random.walk(n, size, step)
         });
         let Some(lambda) = oracle::linking_number(&a, &b) else {
@@ -305,7 +306,7 @@ fn pairs_in_one_call_have_the_same_results_as_single_pairs() {
 
 /// Returns a piece of a curve of a shape that is difficult for a bound.
 fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
-    let mut unit = || random.next(1 << 30) as f64 / (1u64 << 29) as f64 - 1.0;
+    let mut unit = || random.below(1 << 30) as f64 / (1u64 << 29) as f64 - 1.0;
     let n = tree::LEAF * (2 + (unit().abs() * 12.0) as usize);
     let axis = [unit(), unit(), unit()];
     let stretch = [unit(), unit(), unit()].map(|x| 2f64.powi((-9.9 * x.abs()) as i32));
@@ -364,8 +365,8 @@ fn piece(random: &mut Random, kind: usize) -> Vec<[f64; 3]> {
 fn some_node(random: &mut Random, tree: &Tree) -> crate::kernels::sums::barnes_hut::Node {
     let mut node = tree.root();
     while !node.is_leaf() {
-        node = node.children()[random.next(2) as usize];
-        if random.next(2) == 0 {
+        node = node.children()[random.below(2)];
+        if random.one_in(2) {
             break;
         }
     }
@@ -380,7 +381,7 @@ fn check_nodes(cases: usize, seed: u64) -> [f64; 2] {
     for case in 0..cases {
         let kinds = [case % 8, case / 8 % 8];
         let curves = kinds.map(|kind| piece(&mut random, kind));
-        let mut unit = || random.next(1 << 30) as f64 / (1u64 << 29) as f64 - 1.0;
+        let mut unit = || random.below(1 << 30) as f64 / (1u64 << 29) as f64 - 1.0;
         let ratio = [1.0, 1.0, 0.3, 1e-3][(unit().abs() * 4.0) as usize % 4];
         let far = [0.798, 0.79, 0.7, 0.5, 0.1, 1e-3][(unit().abs() * 6.0) as usize % 6];
         let offset = [0.0, 1.0, 1e3, 1e6][(unit().abs() * 4.0) as usize % 4];

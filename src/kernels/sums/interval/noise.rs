@@ -177,6 +177,7 @@ fn segments_apart(p: [Point; 2], q: [Point; 2], gap: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     /// Returns the minimum of a convex function on the interval from 0 to 1.
     fn least(f: impl Fn(f64) -> f64) -> f64 {
@@ -193,16 +194,9 @@ mod tests {
 
     #[test]
     fn segments_are_separated_up_to_their_distance_in_the_maximum_norm() {
-        let mut seed = 5u64;
-        let mut random = || {
-            seed = seed
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
-            (seed >> 40) as f64 / (1u64 << 23) as f64 - 1.0
-        };
+        let mut random = Random::new(5);
         for _ in 0..300 {
-            let mut points = [[0.0; 3]; 4];
-            points.iter_mut().flatten().for_each(|x| *x = random());
+            let points = [(); 4].map(|()| random.point(1.0));
             let (p, q) = ([points[0], points[1]], [points[2], points[3]]);
             // Nested ternary search: the function is convex.
             let far = |s: f64, t: f64| {

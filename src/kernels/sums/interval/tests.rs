@@ -1,10 +1,11 @@
 //! Arai's examples; intervals in comparison to the oracle; noise.
 
 use super::*;
-use crate::kernels::conformance::polygons::{Random, floats, set_of};
+use crate::kernels::conformance::polygons::{floats, set_of};
 use crate::kernels::crossings::{Input, Workspace, Workspaces};
 use crate::kernels::{Linking, oracle};
 use crate::pairs::Trees;
+use crate::random::Random;
 use crate::verdict::{DefectKind, Place};
 use std::time::Instant;
 
@@ -80,7 +81,7 @@ fn example_8_random_links() {
     for (n, m) in [(20, 20), (10, 40), (100, 100)] {
         let mut polygon = |n: usize| -> Vec<[i64; 3]> {
             (0..n)
-                .map(|_| [0; 3].map(|_| random.next(1 << 30)))
+                .map(|_| [0; 3].map(|_| random.below(1 << 30)))
                 .collect()
         };
         let (a, b) = (polygon(n), polygon(m));
@@ -115,7 +116,7 @@ fn enclosures_contain_the_number_of_the_oracle_and_of_noisy_positions() {
         let noise = 1.0;
         let mut moved = |p: &Vec<[i64; 3]>| -> Vec<[i64; 3]> {
             p.iter()
-                .map(|p| p.map(|x| x + random.next(3) - 1))
+                .map(|p| p.map(|x| x + random.below(3) - 1))
                 .collect()
         };
         let (a, b) = (moved(&a), moved(&b));
@@ -197,7 +198,7 @@ fn measure_noise() {
     let mut tangled = |n: usize| -> Vec<[f64; 3]> {
         let unit = |x: i64| x as f64 / f64::from(1 << 30);
         (0..n)
-            .map(|_| [0; 3].map(|_| unit(random.next(1 << 30))))
+            .map(|_| [0; 3].map(|_| unit(random.below(1 << 30))))
             .collect()
     };
     for (name, set, noise) in [
