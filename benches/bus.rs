@@ -7,7 +7,7 @@
 
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, Event, Outcome, Positions, Precision, Report, Sidecar,
-    SidecarOptions, Stats, Verdict,
+    SidecarOptions, Verdict,
 };
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -138,19 +138,7 @@ fn watch(mut sidecar: Sidecar) -> Vec<Duration> {
                 let start = Instant::now();
                 frame.ingest(&mut set).expect("a good frame");
                 times.push(start.elapsed());
-                let report = Report {
-                    seq: frame.seq(),
-                    time: frame.time(),
-                    verdict: Verdict::Intact,
-                    abort: false,
-                    changes: Vec::new(),
-                    events: Vec::new(),
-                    unresolved: Vec::new(),
-                    adopted: Vec::new(),
-                    defects: Vec::new(),
-                    rejected: None,
-                    stats: Stats::default(),
-                };
+                let report = Report::new(frame.seq(), frame.time(), Verdict::Intact);
                 sidecar
                     .send_verdict(&report, start.elapsed())
                     .expect("send");

@@ -4,7 +4,7 @@
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Ending, Error,
     FrameRecord, Link, Place, Positions, Precision, PullThrough, RecordedItem, RecordingReader,
-    RecordingSink, Report, Route, Sink, Stats, Verdict, Work,
+    RecordingSink, Report, Route, Sink, Verdict, Work,
 };
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -19,78 +19,98 @@ fn place() -> Place {
     }
 }
 
-/// A report that uses every field; the verdict varies.
+/// A report that uses every field, if its verdict is that it was rejected. The verdict varies.
 fn report(seq: u64) -> Report {
     let verdict = Verdict::ALL[seq as usize % Verdict::ALL.len()];
     let kinds = DefectKind::ALL.iter().enumerate();
-    Report {
-        seq,
-        time: seq as f64 * 0.1,
-        verdict,
-        abort: seq % 2 == 1,
-        changes: vec![
-            Change {
-                i: 1,
-                j: 2,
-                expected: -1,
-                found: 0,
-                place: Some(place()),
-            },
-            Change {
-                i: 1,
-                j: u32::MAX,
-                expected: i64::MIN,
-                found: i64::MAX,
-                place: None,
-            },
-        ],
-        events: vec![PullThrough {
-            i: 3,
-            j: 3,
-            segments: [4, 5],
-            fraction: 0.1 * (seq % 10) as f64,
-            sign: if seq.is_multiple_of(2) { 1 } else { -1 },
-            point: [0.5, -1.5, 2.5],
-            lengths: 0.125,
-        }],
-        unresolved: vec![PullThrough {
-            i: 2,
-            j: 5,
-            segments: [1, 0],
-            fraction: 0.75,
-            sign: 1,
-            point: [1.5, 0.5, -2.5],
-            lengths: 3.5,
-        }],
-        adopted: vec![Link {
-            i: 0,
-            j: 9,
-            lambda: -3,
-        }],
-        defects: kinds
-            .map(|(k, &kind)| Defect {
-                i: k as u32,
-                j: (k != 2).then_some(k as u32 + 7),
-                kind,
-                place: place(),
-            })
-            .collect(),
-        rejected: (verdict == Verdict::Rejected).then(|| "coordinate y is NaN".into()),
-        stats: Stats {
-            curves: 1,
-            segments: 2,
-            open_curves: 3,
-            repeated_vertices: 4,
-            potential_links: 5,
-            separated: 6,
-            tests: 7,
-            crossings: 8,
-            overlaps: 9,
-            refined: 10,
-            exact: u64::MAX,
-            unchecked: 11,
-            extent: 12.5,
+    let mut report = Report::new(seq, seq as f64 * 0.1, verdict);
+    report.abort = seq % 2 == 1;
+    report.changes = vec![
+        Change {
+            i: 1,
+            j: 2,
+            expected: -1,
+            found: 0,
+            place: Some(place()),
         },
+        Change {
+            i: 1,
+            j: u32::MAX,
+            expected: i64::MIN,
+            found: i64::MAX,
+            place: None,
+        },
+    ];
+    report.events = vec![PullThrough {
+        i: 3,
+        j: 3,
+        segments: [4, 5],
+        fraction: 0.1 * (seq % 10) as f64,
+        sign: if seq.is_multiple_of(2) { 1 } else { -1 },
+        point: [0.5, -1.5, 2.5],
+        lengths: 0.125,
+    }];
+    report.unresolved = vec![PullThrough {
+        i: 2,
+        j: 5,
+        segments: [1, 0],
+        fraction: 0.75,
+        sign: 1,
+        point: [1.5, 0.5, -2.5],
+        lengths: 3.5,
+    }];
+    report.adopted = vec![Link {
+        i: 0,
+        j: 9,
+        lambda: -3,
+    }];
+    report.defects = kinds
+        .map(|(k, &kind)| Defect {
+            i: k as u32,
+            j: (k != 2).then_some(k as u32 + 7),
+            kind,
+            place: place(),
+        })
+        .collect();
+    report.rejected = (verdict == Verdict::Rejected).then(|| "coordinate y is NaN".into());
+    report.stats.curves = 1;
+    report.stats.segments = 2;
+    report.stats.open_curves = 3;
+    report.stats.repeated_vertices = 4;
+    report.stats.potential_links = 5;
+    report.stats.separated = 6;
+    report.stats.tests = 7;
+    report.stats.crossings = 8;
+    report.stats.overlaps = 9;
+    report.stats.refined = 10;
+    report.stats.exact = u64::MAX;
+    report.stats.unchecked = 11;
+    report.stats.extent = 12.5;
+    report
+}
+
+/// A field that was added to the library must be added above, or its round trip is not tested.
+#[test]
+fn the_reports_of_these_tests_use_every_field() {
+    let json = |report: &Report, work: &Work| serde_json::to_value((report, work)).unwrap();
+    let empty = json(&Report::new(0, 0.0, Verdict::Intact), &Work::default());
+    let rejected = Verdict::ALL.iter().position(|v| *v == Verdict::Rejected);
+    // Odd, so that it asks to stop; and the number of a frame in which both runs disagreed.
+    let seq = (0..100).find(|n| n % 2 == 1 && n % Verdict::ALL.len() == rejected.unwrap());
+    let full = json(&report(seq.unwrap() as u64), &work(7));
+    fn compare(path: &str, empty: &serde_json::Value, full: &serde_json::Value) {
+        match (empty.as_object(), full.as_object()) {
+            (Some(a), Some(b)) => {
+                assert_eq!(a.len(), b.len(), "{path}");
+                for (key, value) in a {
+                    compare(&format!("{path}.{key}"), value, &b[key]);
+                }
+            }
+            _ => assert_ne!(empty, full, "{path} is not set"),
+        }
+    }
+    for part in 0..2 {
+        compare(["report", "work"][part], &empty[part], &full[part]);
     }
 }
 
@@ -113,17 +133,17 @@ fn curves(basis: Basis, precision: Precision, seq: u64) -> CurveSet {
 }
 
 fn work(seq: u64) -> Work {
-    Work {
-        route: Route::ALL[seq as usize % 3],
-        blocks: 100,
-        marked: seq,
-        recertified: 2,
-        recomputed: 3,
-        summed: 2,
-        searched: 4,
-        reference_age: (seq > 1).then_some(seq),
-        disagreed: seq == 7,
-    }
+    let mut work = Work::default();
+    work.route = Route::ALL[seq as usize % 3];
+    work.blocks = 100;
+    work.marked = seq;
+    work.recertified = 2;
+    work.recomputed = 3;
+    work.summed = 2;
+    work.searched = 4;
+    work.reference_age = (seq > 1).then_some(seq);
+    work.disagreed = seq == 7;
+    work
 }
 
 fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {

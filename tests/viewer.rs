@@ -9,7 +9,7 @@
 
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameRecord,
-    Link, Overflow, Place, Positions, PullThrough, Report, Route, Sink, SinkQueue, Stats, Verdict,
+    Link, Overflow, Place, Positions, PullThrough, Report, Route, Sink, SinkQueue, Verdict,
     Verifier, VerifierOptions, ViewerSink, ViewerTarget, Work,
 };
 use std::path::{Path, PathBuf};
@@ -115,24 +115,13 @@ fn report(seq: u64, set: &CurveSet) -> Report {
         (true, false) => Verdict::Contact,
         (true, true) => Verdict::Intact,
     };
-    Report {
-        seq,
-        time: seq as f64 / 60.0,
-        verdict,
-        abort: verdict != Verdict::Intact,
-        changes,
-        defects,
-        events,
-        unresolved: Vec::new(),
-        adopted: Vec::new(),
-        rejected: None,
-        stats: Stats {
-            curves: set.len() as u64,
-            segments: set.segments() as u64,
-            potential_links: 742,
-            ..Stats::default()
-        },
-    }
+    let mut report = Report::new(seq, seq as f64 / 60.0, verdict);
+    report.abort = verdict != Verdict::Intact;
+    (report.changes, report.defects, report.events) = (changes, defects, events);
+    report.stats.curves = set.len() as u64;
+    report.stats.segments = set.segments() as u64;
+    report.stats.potential_links = 742;
+    report
 }
 
 fn record(seq: u64, set: CurveSet) -> Arc<FrameRecord> {
@@ -162,13 +151,10 @@ fn work(seq: u64) -> Work {
         5..16 => (Route::Partial, 3 * seq, seq / 2),
         _ => (Route::Full, 20 * seq, 742),
     };
-    Work {
-        route,
-        blocks: 432,
-        marked: marked.min(432),
-        recomputed,
-        ..Work::default()
-    }
+    let mut work = Work::default();
+    (work.route, work.blocks) = (route, 432);
+    (work.marked, work.recomputed) = (marked.min(432), recomputed);
+    work
 }
 
 fn baseline() -> Arc<BaselineRecord> {

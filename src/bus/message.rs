@@ -344,22 +344,9 @@ impl VerdictWire {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::Stats;
 
     fn report(verdict: Verdict) -> Report {
-        Report {
-            seq: 12,
-            time: 0.5,
-            verdict,
-            abort: false,
-            changes: Vec::new(),
-            events: Vec::new(),
-            unresolved: Vec::new(),
-            defects: Vec::new(),
-            adopted: Vec::new(),
-            rejected: None,
-            stats: Stats::default(),
-        }
+        Report::new(12, 0.5, verdict)
     }
 
     fn sent(report: &Report) -> VerdictMessage {

@@ -373,10 +373,8 @@ impl Replay {
 /// Returns true if a report equals a recorded one. Work counters are not compared. Motions are not
 /// compared if the recording has none, as in earlier versions.
 fn alike(found: &Report, recorded: &Report) -> bool {
-    let mut found = Report {
-        stats: recorded.stats,
-        ..found.clone()
-    };
+    let mut found = found.clone();
+    found.stats = recorded.stats;
     if recorded.events.iter().all(|e| e.lengths == 0.0) {
         found.events.iter_mut().for_each(|e| e.lengths = 0.0);
     }

@@ -3,6 +3,7 @@
 /// Work counters of a frame. Not a part of [`Report`](crate::Report), because they depend on
 /// previous frames and on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Work {
     /// Route of the frame.
     pub route: Route,

@@ -145,6 +145,7 @@ pub struct Defect {
 
 /// Work counters of a verdict. They do not depend on the number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Stats {
     /// Number of curves.
     pub curves: u64,
@@ -209,6 +210,7 @@ impl Stats {
 /// the replay of a recording gives equal reports.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[must_use]
+#[non_exhaustive]
 pub struct Report {
     /// Sequence number of the frame, counted by the simulator.
     pub seq: u64,
@@ -236,4 +238,23 @@ pub struct Report {
     pub rejected: Option<String>,
     /// Work counters.
     pub stats: Stats,
+}
+
+impl Report {
+    /// Creates a report without findings and counters, which does not ask the simulator to stop.
+    pub fn new(seq: u64, time: f64, verdict: Verdict) -> Report {
+        Report {
+            seq,
+            time,
+            verdict,
+            abort: false,
+            changes: Vec::new(),
+            events: Vec::new(),
+            unresolved: Vec::new(),
+            defects: Vec::new(),
+            adopted: Vec::new(),
+            rejected: None,
+            stats: Stats::default(),
+        }
+    }
 }

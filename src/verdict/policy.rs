@@ -97,19 +97,7 @@ mod tests {
     use crate::verdict::{Change, Place, PullThrough};
 
     fn report(verdict: Verdict) -> Report {
-        Report {
-            seq: 0,
-            time: 0.0,
-            verdict,
-            abort: false,
-            changes: Vec::new(),
-            events: Vec::new(),
-            unresolved: Vec::new(),
-            defects: Vec::new(),
-            adopted: Vec::new(),
-            rejected: None,
-            stats: Default::default(),
-        }
+        Report::new(0, 0.0, verdict)
     }
 
     fn changed(expected: i64, found: i64) -> Report {

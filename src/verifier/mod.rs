@@ -70,6 +70,7 @@ impl Progress {
 /// Time that each stage of the last frame took. Not part of a [`Report`], because reports do not
 /// depend on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Timings {
     /// Time of the boxes of all segments, and of the trees over them.
     pub boxes: Duration,
@@ -298,17 +299,13 @@ impl Verifier {
         };
         let extent = *self.extent.get_or_insert_with(|| set.extent());
         let mut report = Report {
-            seq,
-            time,
-            verdict,
-            abort: false,
             changes: comparison.changes.clone(),
             events,
             unresolved,
             defects,
             adopted: comparison.adopted.clone(),
-            rejected: None,
             stats: Stats { extent, ..stats },
+            ..Report::new(seq, time, verdict)
         };
         // Curves that have touched since the baseline do not ask the simulator to stop.
         let baseline = self.baseline.as_ref();
@@ -502,17 +499,8 @@ impl Verifier {
     /// Returns the report on a frame that broke its contract.
     pub fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
         let mut report = Report {
-            seq,
-            time,
-            verdict: Verdict::Rejected,
-            abort: false,
-            changes: Vec::new(),
-            events: Vec::new(),
-            unresolved: Vec::new(),
-            defects: Vec::new(),
-            adopted: Vec::new(),
             rejected: Some(why.to_string()),
-            stats: Stats::default(),
+            ..Report::new(seq, time, Verdict::Rejected)
         };
         report.abort = self.abort_on.aborts(&report, |_| false);
         report

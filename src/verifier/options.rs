@@ -154,7 +154,10 @@ impl VerifierOptions {
                 ));
             }
             if !searches {
-                return refuse("the motion limit needs events, which are off".into());
+                return refuse(
+                    "the motion limit (--motion-limit) needs a search for pull-throughs (--events)"
+                        .into(),
+                );
             }
         }
         let Accuracy {

@@ -429,3 +429,27 @@ fn a_certificate_is_complete_even_if_steps_are_cancelled() {
     assert!(matches!(verifier.step(0, 0.0, &set), Err(Error::Cancelled)));
     assert_eq!(*verifier.certify(&set).0, whole);
 }
+
+#[test]
+fn noise_is_refused_with_a_kernel_on_splines_and_with_invalid_lengths() {
+    let set = squares(0.0);
+    let usage = |verifier: &mut Verifier, set: &CurveSet, noise: f64| {
+        matches!(verifier.certify_noisy(set, noise), Err(Error::Usage(_)))
+    };
+    for method in Method::ALL.into_iter().filter(|m| *m != Method::Auto) {
+        let mut verifier = Verifier::new(VerifierOptions {
+            kernel: method,
+            ..VerifierOptions::default()
+        })
+        .unwrap();
+        assert!(usage(&mut verifier, &set, 0.1), "{method}");
+    }
+    let mut verifier = Verifier::default();
+    for noise in [-0.1, f64::NAN, f64::INFINITY] {
+        assert!(usage(&mut verifier, &set, noise), "{noise}");
+    }
+    let points: Vec<f64> = (0..24).map(|k| f64::from(k * k % 7)).collect();
+    let splines = CurveSet::from_counts(Basis::BSpline, &[-8], Positions::F64(&points)).unwrap();
+    assert!(usage(&mut verifier, &splines, 0.1));
+    assert!(!usage(&mut verifier, &set, 0.1));
+}

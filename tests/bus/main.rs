@@ -12,7 +12,7 @@ mod support;
 
 use linkwatch::{
     Basis, Client, ClientOptions, Counters, CurveSet, Event, Frame, Precision, Report, Sidecar,
-    SidecarOptions, Stats, Verdict,
+    SidecarOptions, Verdict,
 };
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -90,30 +90,20 @@ fn holds(set: &CurveSet, seq: u64) -> bool {
 
 /// Creates a report without findings.
 fn report(frame: &Frame, verdict: Verdict) -> Report {
-    Report {
-        seq: frame.seq(),
-        time: frame.time(),
-        verdict,
-        abort: verdict == Verdict::Changed,
-        changes: Vec::new(),
-        events: Vec::new(),
-        unresolved: Vec::new(),
-        adopted: Vec::new(),
-        defects: Vec::new(),
-        rejected: None,
-        stats: Stats::default(),
-    }
+    let mut report = Report::new(frame.seq(), frame.time(), verdict);
+    report.abort = verdict == Verdict::Changed;
+    report
 }
 
 /// Answers a frame like a watcher without findings.
 fn answer(sidecar: &mut Sidecar, frame: &Frame, set: &mut Option<CurveSet>) {
-    let report = match frame.ingest(set) {
-        Ok(()) => report(frame, Verdict::Intact),
-        Err(e) => Report {
-            rejected: Some(e.to_string()),
-            ..report(frame, Verdict::Rejected)
-        },
+    let rejected = frame.ingest(set).err().map(|e| e.to_string());
+    let verdict = match rejected {
+        None => Verdict::Intact,
+        Some(_) => Verdict::Rejected,
     };
+    let mut report = report(frame, verdict);
+    report.rejected = rejected;
     let check = Duration::from_micros(1);
     sidecar.send_verdict(&report, check).expect("verdict");
 }

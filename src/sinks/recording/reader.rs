@@ -140,6 +140,33 @@ enum Channel {
 ///
 /// After the last item, [`RecordingReader::ending`] reports if the recording was finished or
 /// truncated. An error means that the file is damaged; nothing more is read from it.
+///
+/// ```
+/// use linkwatch::{Ending, Events, RecordedItem, RecordingReader, Verifier, VerifierOptions};
+///
+/// let mut verifier = Verifier::new(VerifierOptions {
+///     events: Events::Between,
+///     ..VerifierOptions::default()
+/// })?;
+/// let (mut set, mut report) = (None, None);
+/// let mut reader = RecordingReader::open("recordings/flight.mcap".as_ref())?;
+/// while let Some(item) = reader.next_item()? {
+///     match item {
+///         RecordedItem::Baseline(baseline) => println!("expected: {}", baseline.origin),
+///         RecordedItem::Frame(frame) => {
+///             frame.ingest(&mut set)?;
+///             let set = set.as_ref().expect("ingested");
+///             report = Some(verifier.step(frame.seq, frame.time, set)?);
+///         }
+///         RecordedItem::Verdict(recorded) => {
+///             let report = report.take().expect("the frame precedes its verdict");
+///             assert_eq!(report.verdict, recorded.report.verdict);
+///         }
+///     }
+/// }
+/// assert_eq!(reader.ending(), Some(&Ending::Finished));
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
 pub struct RecordingReader<R> {
     container: Container<R>,
     /// Full names of the messages, by the number of their schema.

@@ -34,6 +34,47 @@ const CHUNK_BYTES: u64 = 768 << 10;
 const MESSAGE_BYTES: usize = i32::MAX as usize;
 
 /// Writes an MCAP recording. [`crate::RecordingReader`] reads it.
+///
+/// ```
+/// use linkwatch::{
+///     BaselineRecord, Basis, CurveSet, FrameRecord, Overflow, Positions, RecordingSink, SinkQueue,
+///     Verifier,
+/// };
+/// use std::sync::Arc;
+/// use std::time::{Duration, Instant, SystemTime};
+///
+/// # let path = std::env::temp_dir().join(format!("linkwatch-doc-{}.mcap", std::process::id()));
+/// # let file = path.clone();
+/// // The recording has a thread of its own. A full disk delays the verdicts by one second at most.
+/// let wait = Overflow::Wait(Duration::from_secs(1));
+/// let open = move || Ok(Box::new(RecordingSink::create(&path, &Default::default())?) as Box<_>);
+/// let queue = SinkQueue::spawn("recording", 64, wait, open)?;
+///
+/// let triangle = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+/// let curves = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&triangle))?;
+/// let mut verifier = Verifier::default();
+/// let start = Instant::now();
+/// let report = verifier.step(0, 0.0, &curves)?;
+/// queue.begin(Arc::new(BaselineRecord {
+///     certificate: Arc::new(verifier.baseline().expect("the first frame").clone()),
+///     origin: "first frame".into(),
+/// }));
+/// queue.frame(Arc::new(FrameRecord {
+///     curves: Some(Arc::new(curves)),
+///     cuts: 0,
+///     report: Arc::new(report),
+///     verified: 1,
+///     skipped: 0,
+///     rejected: 0,
+///     check: start.elapsed(),
+///     work: verifier.work(),
+///     received: SystemTime::now(),
+/// }));
+/// let summary = queue.finish(Duration::from_secs(60));
+/// assert_eq!((summary.written, summary.failed), (1, None));
+/// # std::fs::remove_file(file)?;
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
 pub struct RecordingSink {
     path: PathBuf,
     writer: Writer<NoSeek<BufWriter<Prefix>>>,
@@ -276,19 +317,7 @@ mod tests {
         FrameRecord {
             cuts: 0,
             curves: Some(Arc::new(set)),
-            report: Arc::new(Report {
-                seq,
-                time: 0.0,
-                verdict: Verdict::Intact,
-                abort: false,
-                changes: Vec::new(),
-                events: Vec::new(),
-                unresolved: Vec::new(),
-                adopted: Vec::new(),
-                defects: Vec::new(),
-                rejected: None,
-                stats: Default::default(),
-            }),
+            report: Arc::new(Report::new(seq, 0.0, Verdict::Intact)),
             verified: seq,
             skipped: 0,
             rejected: 0,

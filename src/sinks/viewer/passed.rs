@@ -73,17 +73,9 @@ mod tests {
 
     fn report(seq: u64, events: Vec<PullThrough>) -> Report {
         Report {
-            seq,
-            time: 0.0,
-            verdict: Verdict::Changed,
             abort: true,
-            changes: Vec::new(),
             events,
-            unresolved: Vec::new(),
-            adopted: Vec::new(),
-            defects: Vec::new(),
-            rejected: None,
-            stats: Default::default(),
+            ..Report::new(seq, 0.0, Verdict::Changed)
         }
     }
 

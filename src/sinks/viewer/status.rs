@@ -121,17 +121,9 @@ mod tests {
             place: None,
         };
         Report {
-            seq: 9,
-            time: 0.0,
-            verdict: Verdict::Changed,
             abort: true,
             changes: (0..changes).map(change).collect(),
-            events: Vec::new(),
-            unresolved: Vec::new(),
-            adopted: Vec::new(),
-            defects: Vec::new(),
-            rejected: None,
-            stats: Default::default(),
+            ..Report::new(9, 0.0, Verdict::Changed)
         }
     }
 

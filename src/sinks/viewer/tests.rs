@@ -18,24 +18,16 @@ fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> FrameRecord {
         let points = [0.0, 0.0, z, 2.0, 0.0, z, 0.0, 2.0, z];
         CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F32(&points)).unwrap()
     };
-    let mut report = Report {
-        seq,
-        time: seq as f64,
-        verdict: match (z, events.is_empty()) {
-            (None, _) => Verdict::Rejected,
-            (_, true) => Verdict::Intact,
-            (_, false) => Verdict::Changed,
-        },
-        abort: false,
-        changes: Vec::new(),
-        events,
-        unresolved: Vec::new(),
-        adopted: Vec::new(),
-        defects: Vec::new(),
-        rejected: None,
-        stats: Default::default(),
+    let verdict = match (z, events.is_empty()) {
+        (None, _) => Verdict::Rejected,
+        (_, true) => Verdict::Intact,
+        (_, false) => Verdict::Changed,
     };
-    report.abort = report.verdict == Verdict::Changed;
+    let report = Report {
+        abort: verdict == Verdict::Changed,
+        events,
+        ..Report::new(seq, seq as f64, verdict)
+    };
     FrameRecord {
         curves: z.map(set).map(Arc::new),
         cuts: 0,
