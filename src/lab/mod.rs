@@ -8,7 +8,7 @@
 //! | time of each stage of a certificate | [`Run`] |
 //! | speed of a kernel against its error | [`KernelRow`], [`Slope`], [`Plot`] |
 //! | cost of moving frames | [`MotionRow`] |
-//! | adapter or CPU | `AdapterTimes`, `calibrate` (feature `gpu`) |
+//! | adapter or CPU | `AdapterTimes`, `calibrate` (feature `gpu`); [`GrowingScenes`] |
 //! | published times | [`TABLE_1`] |
 //!
 //! ```
@@ -29,6 +29,7 @@ mod calibrate;
 mod certify;
 mod clock;
 mod figures;
+mod growing;
 mod kernels;
 mod motion;
 mod plot;
@@ -47,6 +48,7 @@ pub use calibrate::calibrate;
 pub use certify::{Run, StageTimes};
 pub use clock::{Elapsed, peak_mb, timed};
 pub use figures::{error_against_beta, error_against_time, time_against_size};
+pub use growing::{GrowingScenes, faster_from};
 pub use kernels::{KernelEffort, KernelRow};
 pub use motion::{MotionRow, MotionStudy};
 pub use plot::{Plot, Series};

@@ -4,94 +4,10 @@
 use super::MeasureArgs;
 use crate::cli::{Outcome, input, output};
 use linkwatch::kernels::{Device, Method, SumCost};
-use linkwatch::lab::{self, AdapterTimes, Effort, Table};
+use linkwatch::lab::{self, AdapterTimes, Effort, GrowingScenes, Table, faster_from};
 use linkwatch::{Error, Result, Verifier, VerifierOptions};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-
-/// A scene in growing sizes, for a kernel.
-struct Sizes {
-    kernel: Method,
-    /// Name of the scene.
-    scene: &'static str,
-    /// Parameters for a hardware adapter, and smaller ones for a software renderer.
-    sizes: [[&'static str; 3]; 2],
-}
-
-const SIZES: [Sizes; 5] = [
-    Sizes {
-        kernel: Method::Crossings,
-        scene: "chainmail",
-        sizes: [
-            [
-                "rows=14,columns=21",
-                "rows=56,columns=84",
-                "rows=224,columns=336",
-            ],
-            [
-                "rows=7,columns=10",
-                "rows=20,columns=30",
-                "rows=56,columns=84",
-            ],
-        ],
-    },
-    Sizes {
-        kernel: Method::Crossings,
-        scene: "square_link",
-        sizes: [
-            [
-                "loops=60,segments=6000",
-                "loops=300,segments=100000",
-                "loops=1250,segments=500000",
-            ],
-            [
-                "loops=20,segments=2000",
-                "loops=60,segments=6000",
-                "loops=200,segments=40000",
-            ],
-        ],
-    },
-    Sizes {
-        kernel: Method::Crossings,
-        scene: "torus_link",
-        sizes: [
-            [
-                "segments=20000,toroidal=50,poloidal=50",
-                "segments=400000,toroidal=200,poloidal=200",
-                "segments=4000000,toroidal=500,poloidal=500",
-            ],
-            [
-                "segments=2000,toroidal=10,poloidal=10",
-                "segments=10000,toroidal=50,poloidal=50",
-                "segments=40000,toroidal=100,poloidal=100",
-            ],
-        ],
-    },
-    Sizes {
-        kernel: Method::Direct,
-        scene: "ribbon",
-        sizes: [
-            ["segments=2000", "segments=20000", "segments=200000"],
-            ["segments=500", "segments=2000", "segments=10000"],
-        ],
-    },
-    Sizes {
-        kernel: Method::BarnesHut,
-        scene: "knit",
-        sizes: [
-            [
-                "rows=10,stitches=40,segments=4000",
-                "rows=40,stitches=100,segments=48000",
-                "rows=250,stitches=90,segments=270000",
-            ],
-            [
-                "rows=3,stitches=16,segments=480",
-                "rows=10,stitches=40,segments=4000",
-                "rows=20,stitches=60,segments=14400",
-            ],
-        ],
-    },
-];
 
 /// Measures an adapter and stores the costs that the automatic choice uses.
 pub fn calibrate(device: &Device, json: bool) -> Result<()> {
@@ -172,22 +88,15 @@ pub fn measure(args: &MeasureArgs, inputs: &[PathBuf], json: bool) -> Result<Out
         return Ok(outcome);
     }
     let mut found = Vec::new();
-    for Sizes {
-        kernel,
-        scene,
-        sizes,
-    } in &SIZES
-    {
-        let mut from = None;
-        for parameters in sizes[usize::from(device.software)] {
-            let input = PathBuf::from(format!("{scene}:{parameters}"));
-            let (segments, times) = measure(&input, &[*kernel])?;
-            // If a larger scene is slower again, the size found so far is discarded.
+    for scenes in &GrowingScenes::ALL {
+        let mut measured = Vec::new();
+        for scene in scenes.inputs(device.software) {
+            let (segments, times) = measure(Path::new(&scene), &[scenes.kernel])?;
+            // Double precision only repeats what single precision leaves undecided.
             let mut single = times.iter().filter(|t| t.precision == "single");
-            let faster = single.all(AdapterTimes::is_faster);
-            from = from.filter(|_| faster).or(faster.then_some(segments));
+            measured.push((segments, single.all(AdapterTimes::is_faster)));
         }
-        found.push((kernel, scene, from));
+        found.push((scenes.kernel, scenes.scene, faster_from(&measured)));
     }
     for (kernel, scene, from) in found {
         if json {

@@ -50,7 +50,13 @@ struct MeasureArgs {
     #[arg(long, value_name = "DEVICE", default_value_t = Device::Gpu, requires = "measured")]
     device: Device,
     /// Number of runs of each kernel; the median is printed
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..), requires = "measure")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = clap::value_parser!(u32).range(1..),
+        requires = "measure"
+    )]
     repeat: u32,
     /// Skip sums on the CPU that would take longer than this
     #[arg(
