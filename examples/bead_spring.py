@@ -101,7 +101,8 @@ def measure(linkwatch, folder, stride):
     frames = sorted(folder.glob("*.bcc"))
     certificate = folder / "certificate.txt"
     if not certificate.exists():
-        subprocess.run([linkwatch, "certify", frames[0], "-o", certificate], check=True, capture_output=True)
+        command = [linkwatch, "certify", frames[0], "-o", certificate]
+        subprocess.run(command, check=True, capture_output=True)
     command = [linkwatch, "check", *frames[::stride], "--against", certificate]
     command += ["--events", "--self", "--motion-limit", "inf", "--json"]
     run = subprocess.run(command, capture_output=True, text=True)
@@ -136,7 +137,8 @@ def main():
             simulate(kind, folder)
             for stride in STRIDES:
                 cancelling, others = measure(args.linkwatch, folder, stride)
-                print(f"{kind:7} {stride * STEPS_A_FRAME:6} {words(cancelling)} {words(others)}", flush=True)
+                steps = stride * STEPS_A_FRAME
+                print(f"{kind:7} {steps:6} {words(cancelling)} {words(others)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -27,6 +27,20 @@ use std::path::Path;
 /// Reads the curves of a model file. The extension (in upper or lower case) determines the format.
 ///
 /// It must be a regular file, because the length of a pipe is unknown. Every error names `path`.
+///
+/// ```
+/// use linkwatch::{Verifier, model, scenes::Scene};
+///
+/// # let file = std::env::temp_dir().join(format!("linkwatch-doc-{}.bcc", std::process::id()));
+/// let ring: Scene = "ribbon:segments=2000,lambda=10".parse()?;
+/// model::write_bcc(&file, &ring.build()?.curves)?;
+///
+/// let curves = model::read(&file)?;
+/// let (certificate, _) = Verifier::default().certify(&curves);
+/// assert_eq!(certificate.links[0].lambda, 10);
+/// # std::fs::remove_file(file)?;
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
 pub fn read(path: &Path) -> Result<CurveSet> {
     if path.is_dir() {
         let advice = advice_on(path);

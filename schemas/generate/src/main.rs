@@ -16,7 +16,9 @@ const HEADER: &str = "\
 
 /// Returns the path and the content of each generated file.
 fn generate() -> Result<[(PathBuf, Vec<u8>); 2]> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../..")
+        .canonicalize()?;
     let folder = root.join("schemas");
     let mut set = protox::compile([folder.join("linkwatch.proto")], [&folder])?;
     let module = prost_build::Module::from_protobuf_package_name(set.file[0].package());

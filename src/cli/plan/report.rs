@@ -150,7 +150,8 @@ fn kernel(plan: &Plan) -> String {
         Some(_) => format!("not calibrated (CPU: {})", time(kernel.predicted)),
     };
     format!(
-        "kernel: {first}crossings (exact){place}; {} of {} sampled, {} and {} expected: {predicted}",
+        "kernel: {first}crossings (exact){place}; \
+         {} of {} sampled, {} and {} expected: {predicted}",
         count(kernel.sampled as u64),
         number(plan.potential_links.links, "link"),
         plural(kernel.work.nodes + kernel.work.computed, "node pair"),

@@ -26,7 +26,12 @@ pub struct Args {
     #[arg(long, value_name = "D", value_parser = positive)]
     diameter: Option<f64>,
     /// Number of frames of each motion and amplitude
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 200,
+        value_parser = clap::value_parser!(u64).range(1..)
+    )]
     frames: u64,
     /// Motions, separated by commas
     #[arg(

@@ -41,10 +41,20 @@ pub struct Args {
     sizes: Vec<u64>,
     /// Device that runs the kernels: auto, cpu, gpu, or the index or name of an adapter (`linkwatch
     /// devices`)
-    #[arg(long, help_heading = crate::cli::KERNELS, value_name = "DEVICE", default_value_t = Device::Cpu)]
+    #[arg(
+        long,
+        help_heading = crate::cli::KERNELS,
+        value_name = "DEVICE",
+        default_value_t = Device::Cpu
+    )]
     device: Device,
     /// Number of runs of each kernel; the median is printed
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 3,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     repeat: u32,
     /// Skip sums over all pairs of segments that would take longer than this; run anything longer
     /// only once

@@ -42,7 +42,12 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value = "6e5", value_parser = segments)]
     segments: u64,
     /// Number of runs of each kernel; the median is printed
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 3,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     repeat: u32,
     /// Skip sums over all pairs of segments that would take longer than this; run anything longer
     /// only once

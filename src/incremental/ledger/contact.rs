@@ -117,17 +117,17 @@ impl Contacts {
     /// Returns the contacts of a first frame; `found` has the contacts of a step from the frame to
     /// itself.
     pub fn of_first_frame(found: &[Contact], set: &CurveSet) -> (Contacts, Vec<Touching>) {
-        let mut out = (Contacts::default(), Vec::new());
+        let (mut contacts, mut touches) = (Contacts::default(), Vec::new());
         for found in found.chunk_by(|a, b| a.pair() == b.pair()) {
             let found: Vec<&Contact> = found.iter().filter(|c| c.at_start()).collect();
             let mut components = components(&found, set);
             for component in &mut components {
                 component.passed = Passed::FromTheStart;
             }
-            out.1.extend(touching(&components, &found, set));
-            out.0.components.extend(components);
+            touches.extend(touching(&components, &found, set));
+            contacts.components.extend(components);
         }
-        out
+        (contacts, touches)
     }
 
     /// Returns the pairs of curves in contact, sorted.

@@ -94,10 +94,12 @@ fn expanded(a: Contracted, b: Contracted, r: vec3<f32>) -> f32 {
     let monopole = dot(r, cross(a.c, b.c)) - dot(b.c, a.w) - dot(a.c, b.w);
     let dipole = cross(a.dr, b.c) - cross(a.c, b.dr);
     let traces = cross(a.trace, b.c) + cross(a.c, b.trace);
-    let columns = cross(a.column_x, b.column_x) + cross(a.column_y, b.column_y) + cross(a.column_z, b.column_z);
+    let columns = cross(a.column_x, b.column_x) + cross(a.column_y, b.column_y)
+        + cross(a.column_z, b.column_z);
     let twice = cross(a.qrr, b.c) + cross(a.c, b.qrr);
     return monopole - 3.0 * dot(r, dipole)
-        + 3.0 * (dot(b.c, a.wr) - dot(a.c, b.wr) + dot(r, columns) - dot(a.w, b.dr) + dot(b.w, a.dr))
+        + 3.0 * (dot(b.c, a.wr) - dot(a.c, b.wr) + dot(r, columns)
+            - dot(a.w, b.dr) + dot(b.w, a.dr))
         - 1.5 * dot(r, traces) + 7.5 * dot(r, twice) - 15.0 * dot(r, cross(a.dr, b.dr));
 }
 
@@ -160,7 +162,8 @@ fn main(
         running.visited += 1u;
         let t = item.first;
         let u = item.second;
-        let apart = pinned3(nodes[t].centre - nodes[u].centre) + pinned3(nodes[t].centre_rest - nodes[u].centre_rest);
+        let apart = pinned3(nodes[t].centre - nodes[u].centre)
+            + pinned3(nodes[t].centre_rest - nodes[u].centre_rest);
         let square = dot(apart, apart);
         let inverse = inverseSqrt(max(square, NEAREST_SQUARE));
         let a = nodes[t].radius * inverse;
@@ -185,7 +188,8 @@ fn main(
                 let r = apart * inverse;
                 let value = scale * expanded(contracted(t, r, a), contracted(u, r, b), r);
                 running.value = add64(running.value, fixed64(value));
-                running.bound = add64(running.bound, add64(fixed64(tail + OUTWARD * ROUNDING * size), vec2<u32>(4u, 0u)));
+                let rounding = fixed64(tail + OUTWARD * ROUNDING * size);
+                running.bound = add64(running.bound, add64(rounding, vec2<u32>(4u, 0u)));
                 running.size = add64(running.size, fixed64(ROUNDING * size));
                 running.expanded += 1u;
             }
@@ -202,7 +206,12 @@ fn main(
             }
             let at = atomicAdd(&counts[TILES], 1u);
             if at < arrayLength(&tiles) {
-                tiles[at] = Tile(item.pair, nodes[t].first, nodes[t].segments, nodes[u].first, nodes[u].segments, array<u32, 3>());
+                tiles[at] = Tile(
+                    item.pair,
+                    nodes[t].first, nodes[t].segments,
+                    nodes[u].first, nodes[u].segments,
+                    array<u32, 3>(),
+                );
             }
             continue;
         }

@@ -129,7 +129,8 @@ fn main(
     var tested = 0u;
     var crossed = 0u;
     var done = 0u;
-    for (var number = parameters.first + group.y * grid.x + group.x; number < end; number += grid.x * grid.y) {
+    let first = parameters.first + group.y * grid.x + group.x;
+    for (var number = first; number < end; number += grid.x * grid.y) {
         let tile = tiles[number];
         let pair = tile.pair & ((1u << AXIS) - 1u);
         let axis = tile.pair >> AXIS;

@@ -29,7 +29,8 @@ fn main(
     let each = THREADS / (FAN * FAN);
     let own = thread % (FAN * FAN);
     var done = 0u;
-    for (var begin = (group.y * grid.x + group.x) * each; begin < count; begin += grid.x * grid.y * each) {
+    let stride = grid.x * grid.y * each;
+    for (var begin = (group.y * grid.x + group.x) * each; begin < count; begin += stride) {
         let at = begin + thread / (FAN * FAN);
         var crosses = false;
         var item = NodePair(0u, 0u, 0u);
@@ -45,7 +46,8 @@ fn main(
             let t_splits = t.below / LEVEL >= s.below / LEVEL;
             let i = own / FAN;
             let j = own % FAN;
-            if i < select(1u, s.below % LEVEL, s_splits) && j < select(1u, t.below % LEVEL, t_splits) {
+            if i < select(1u, s.below % LEVEL, s_splits)
+                && j < select(1u, t.below % LEVEL, t_splits) {
                 item.first = select(item.first, s.first + i, s_splits);
                 item.second = select(item.second, t.first + j, t_splits);
                 crosses = may_cross(item.first, item.second, axis);

@@ -84,7 +84,8 @@ fn main(
     for (var k = 0u; k < SHARE; k++) {
         let at = k * THREADS + thread;
         if ((masks[k] >> direction) & 1u) > 0u {
-            places_of[k] = atomicAdd(&added[list_of(a.first + at / b.count, b.first + at % b.count)], 1u);
+            let list = list_of(a.first + at / b.count, b.first + at % b.count);
+            places_of[k] = atomicAdd(&added[list], 1u);
         }
     }
     reserve(thread, 0u);
@@ -93,7 +94,12 @@ fn main(
         if ((masks[k] >> direction) & 1u) > 0u {
             let s = a.first + at / b.count;
             let t = b.first + at % b.count;
-            put(list_of(s, t), places_of[k], NodePair(number | (axis << AXIS), select(s, t, second_over), select(t, s, second_over)));
+            let node_pair = NodePair(
+                number | (axis << AXIS),
+                select(s, t, second_over),
+                select(t, s, second_over),
+            );
+            put(list_of(s, t), places_of[k], node_pair);
         }
     }
     if thread == 0u {
