@@ -36,7 +36,8 @@ use std::path::Path;
 /// model::write_bcc(&file, &ring.build()?.curves)?;
 ///
 /// let curves = model::read(&file)?;
-/// let (certificate, _) = Verifier::default().certify(&curves);
+/// let mut verifier = Verifier::default();
+/// let (certificate, _) = verifier.certify(&curves);
 /// assert_eq!(certificate.links[0].lambda, 10);
 /// # std::fs::remove_file(file)?;
 /// # Ok::<(), linkwatch::Error>(())

@@ -142,26 +142,23 @@ enum Channel {
 /// truncated. An error means that the file is damaged; nothing more is read from it.
 ///
 /// ```
-/// use linkwatch::{Ending, Events, RecordedItem, RecordingReader, Verifier, VerifierOptions};
+/// use linkwatch::{Ending, RecordedItem, RecordingReader, Verifier};
 ///
-/// let mut verifier = Verifier::new(VerifierOptions {
-///     events: Events::Between,
-///     ..VerifierOptions::default()
-/// })?;
+/// let mut verifier = Verifier::default();
 /// let (mut set, mut report) = (None, None);
-/// let mut reader = RecordingReader::open("recordings/flight.mcap".as_ref())?;
+/// let mut reader = RecordingReader::open("recordings/squares.mcap".as_ref())?;
 /// while let Some(item) = reader.next_item()? {
 ///     match item {
-///         RecordedItem::Baseline(baseline) => println!("expected: {}", baseline.origin),
+///         RecordedItem::Baseline(baseline) => println!("baseline: {}", baseline.origin),
 ///         RecordedItem::Frame(frame) => {
 ///             frame.ingest(&mut set)?;
 ///             let set = set.as_ref().expect("ingested");
 ///             report = Some(verifier.step(frame.seq, frame.time, set)?);
 ///         }
-///         RecordedItem::Verdict(recorded) => {
-///             let report = report.take().expect("the frame precedes its verdict");
-///             assert_eq!(report.verdict, recorded.report.verdict);
-///         }
+///         RecordedItem::Verdict(recorded) => match report.take() {
+///             Some(report) => assert_eq!(report.verdict, recorded.report.verdict),
+///             None => println!("rejected: {:?}", recorded.report.rejected),
+///         },
 ///     }
 /// }
 /// assert_eq!(reader.ending(), Some(&Ending::Finished));
