@@ -90,7 +90,7 @@ pub enum Error {
     TooLarge {
         /// Curve, from 0.
         curve: usize,
-        /// Largest magnitude found.
+        /// Magnitude found.
         found: f64,
         /// Largest magnitude allowed.
         limit: f64,

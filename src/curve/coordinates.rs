@@ -1,69 +1,9 @@
-//! Coordinates from outside, checked and stored in three arrays.
+//! Coordinates of all curves, in three arrays.
 
-use super::Point;
 use super::basis::bspline_knot;
-use crate::error::Result;
-use std::ops::Range;
-
-/// Floating-point type of the input coordinates. They are stored in this type, without rounding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// Single precision.
-    F32,
-    /// Double precision.
-    F64,
-}
-
-impl Precision {
-    /// Returns the number of bytes of one coordinate.
-    pub fn bytes(self) -> usize {
-        match self {
-            Precision::F32 => 4,
-            Precision::F64 => 8,
-        }
-    }
-}
-
-/// Control points of the input: `x y z x y z ..`, curve after curve.
-#[derive(Clone, Copy, Debug)]
-pub enum Positions<'a> {
-    /// Single precision.
-    F32(&'a [f32]),
-    /// Double precision.
-    F64(&'a [f64]),
-}
-
-impl<'a> Positions<'a> {
-    /// Returns the type of the coordinates.
-    pub fn precision(&self) -> Precision {
-        match self {
-            Positions::F32(_) => Precision::F32,
-            Positions::F64(_) => Precision::F64,
-        }
-    }
-
-    /// Returns the number of coordinates (three per point).
-    pub fn len(&self) -> usize {
-        match self {
-            Positions::F32(v) => v.len(),
-            Positions::F64(v) => v.len(),
-        }
-    }
-
-    /// Returns true if there are no coordinates.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Returns the coordinates in a range.
-    pub(super) fn part(&self, range: Range<usize>) -> Self {
-        match self {
-            Positions::F32(v) => Positions::F32(&v[range]),
-            Positions::F64(v) => Positions::F64(&v[range]),
-        }
-    }
-}
+use super::set::Curve;
+use super::tile::{self, Bad};
+use super::{Basis, Point, Positions, Precision};
 
 /// Coordinates in three arrays, one per axis, in the precision of the input.
 #[derive(Debug)]
@@ -88,9 +28,6 @@ impl Clone for Coordinates {
         }
     }
 }
-
-/// Position of a value that is not finite: point, axis, value.
-pub(super) type Bad = (usize, usize, f64);
 
 impl Coordinates {
     /// Returns empty arrays with capacity for `slots` points.
@@ -149,21 +86,51 @@ impl Coordinates {
         out
     }
 
-    /// Copies a point from one slot to another.
-    pub fn copy(&mut self, from: usize, to: usize) {
-        match self {
-            Self::F32(v) => v.iter_mut().for_each(|v| v[to] = v[from]),
-            Self::F64(v) => v.iter_mut().for_each(|v| v[to] = v[from]),
+    /// Writes points from slot `at` on. Reads every value once, and checks it: the largest allowed
+    /// magnitude is `limit`, or any finite one. `positions` must have the precision of these
+    /// coordinates. Returns the largest magnitude.
+    pub fn write(&mut self, at: usize, positions: Positions<'_>, limit: f64) -> Result<f64, Bad> {
+        match (self, positions) {
+            (Self::F32(dst), Positions::F32(src)) => {
+                tile::write(dst, at, src, f32::bits_within(limit))
+            }
+            (Self::F64(dst), Positions::F64(src)) => {
+                tile::write(dst, at, src, f64::bits_within(limit))
+            }
+            _ => unreachable!("callers compare the precision first"),
         }
     }
 
-    /// Writes points from slot `at` on. Reads every value once, and checks it. `positions` must
-    /// have the precision of these coordinates.
-    pub fn write(&mut self, at: usize, positions: Positions<'_>) -> Result<f64, Bad> {
+    /// [`Coordinates::write`] for all points of all curves.
+    pub fn write_curves(
+        &mut self,
+        curves: &[Curve],
+        basis: Basis,
+        positions: Positions<'_>,
+        limit: f64,
+    ) -> Result<f64, Bad> {
         match (self, positions) {
-            (Self::F32(dst), Positions::F32(src)) => scatter(dst, at, src),
-            (Self::F64(dst), Positions::F64(src)) => scatter(dst, at, src),
+            (Self::F32(dst), Positions::F32(src)) => {
+                let limit = f32::bits_within(limit);
+                tile::write_curves(dst, curves, basis, src, limit)
+            }
+            (Self::F64(dst), Positions::F64(src)) => {
+                let limit = f64::bits_within(limit);
+                tile::write_curves(dst, curves, basis, src, limit)
+            }
             _ => unreachable!("callers compare the precision first"),
+        }
+    }
+
+    /// Writes the slots around the points of a curve; see [`tile::finish_curve`].
+    pub fn finish_curve(&mut self, curve: &Curve, basis: Basis) {
+        match self {
+            Self::F32(v) => v
+                .iter_mut()
+                .for_each(|v| tile::finish_curve(v, curve, basis, false)),
+            Self::F64(v) => v
+                .iter_mut()
+                .for_each(|v| tile::finish_curve(v, curve, basis, false)),
         }
     }
 
@@ -200,6 +167,8 @@ pub(super) trait Scalar: Copy + Into<f64> + Default {
     fn largest(values: &[Self]) -> u64;
     /// Returns the number with this bit pattern.
     fn from_magnitude(bits: u64) -> f64;
+    /// Returns the bit pattern of the largest finite magnitude that is not above `limit`.
+    fn bits_within(limit: f64) -> u64;
 }
 impl Scalar for f32 {
     const MAX_BITS: u64 = f32::MAX.to_bits() as u64;
@@ -210,6 +179,13 @@ impl Scalar for f32 {
     fn from_magnitude(bits: u64) -> f64 {
         f32::from_bits(bits as u32).into()
     }
+    fn bits_within(limit: f64) -> u64 {
+        // The limits are powers of two, or beyond single precision.
+        match limit < f64::from(f32::MAX) {
+            true => u64::from((limit as f32).to_bits()),
+            false => Self::MAX_BITS,
+        }
+    }
 }
 impl Scalar for f64 {
     const MAX_BITS: u64 = f64::MAX.to_bits();
@@ -219,48 +195,9 @@ impl Scalar for f64 {
     fn from_magnitude(bits: u64) -> f64 {
         f64::from_bits(bits)
     }
-}
-
-/// Number of points that [`scatter`] processes at a time. They fit into the first-level cache.
-const BLOCK: usize = 64;
-
-/// Spreads `x y z x y z ..` over three arrays. Returns the largest magnitude, or the first value
-/// that is not finite (point, axis, value).
-///
-/// Magnitudes are compared as integers: without the sign bit, the bit pattern of a float increases
-/// with its magnitude, and the patterns of infinities and NaN are larger than all others. So one
-/// maximum gives the range and the check.
-fn scatter<T: Scalar>(dst: &mut [Vec<T>; 3], at: usize, src: &[T]) -> Result<f64, Bad> {
-    let n = src.len() / 3;
-    let [x, y, z] = dst;
-    let (x, y, z) = (&mut x[at..at + n], &mut y[at..at + n], &mut z[at..at + n]);
-    let mut max = 0;
-    let mut block = [T::default(); 3 * BLOCK];
-    for (b, src) in src.chunks(3 * BLOCK).enumerate() {
-        // Copied first: in shared memory, a second read may return another value.
-        let block = &mut block[..src.len()];
-        block.copy_from_slice(src);
-        let block_max = T::largest(block);
-        max = max.max(block_max);
-        let first = b * BLOCK;
-        let len = block.len() / 3;
-        let (x, y, z) = (
-            &mut x[first..first + len],
-            &mut y[first..first + len],
-            &mut z[first..first + len],
-        );
-        for (((p, x), y), z) in block.chunks_exact(3).zip(x).zip(y).zip(z) {
-            (*x, *y, *z) = (p[0], p[1], p[2]);
-        }
-        if block_max > T::MAX_BITS {
-            let bad = block
-                .iter()
-                .position(|&v| !v.into().is_finite())
-                .unwrap_or(0);
-            return Err((first + bad / 3, bad % 3, block[bad].into()));
-        }
+    fn bits_within(limit: f64) -> u64 {
+        limit.to_bits().min(Self::MAX_BITS)
     }
-    Ok(T::from_magnitude(max))
 }
 
 /// Coordinates of all slots, one array per axis.

@@ -9,20 +9,20 @@ mod basis;
 mod boxes;
 #[cfg(feature = "verify")]
 mod builder;
-#[cfg_attr(
-    not(feature = "verify"),
-    allow(dead_code, reason = "for the exact core")
-)]
+#[cfg(feature = "verify")]
 mod coordinates;
 #[cfg(feature = "verify")]
 mod extent;
 #[cfg(feature = "verify")]
 mod leaf_boxes;
 mod notation;
+mod positions;
 #[cfg(feature = "verify")]
 mod set;
 #[cfg(feature = "verify")]
 mod support;
+#[cfg(feature = "verify")]
+mod tile;
 #[cfg(feature = "verify")]
 pub(crate) mod vector;
 
@@ -35,10 +35,10 @@ pub(crate) use boxes::{Box3, BoxGroup};
 pub use builder::CurveSetBuilder;
 #[cfg(feature = "verify")]
 pub(crate) use coordinates::{Axes, Knots, ReadKnots};
-pub use coordinates::{Positions, Precision};
 #[cfg(feature = "verify")]
 pub use extent::LongSegment;
 pub(crate) use notation::{Notation, significant};
+pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};
 

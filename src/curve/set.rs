@@ -143,55 +143,60 @@ impl CurveSet {
                 available: positions.len() as u64,
             });
         }
-        self.max_abs = 0.0;
-        let mut at = 0;
-        for i in 0..self.curves.len() {
-            let end = at + 3 * self.curves[i].points as usize;
-            self.write(i, 0, positions.part(at..end))?;
-            self.wrap(i);
-            at = end;
-        }
+        let limit = self.limit();
+        let written = self
+            .coordinates
+            .write_curves(&self.curves, self.basis, positions, limit);
+        self.max_abs = written.map_err(|(mut point, axis, value)| {
+            // The number in the input becomes one in a curve.
+            let mut curve = 0;
+            while let Some(next) = point.checked_sub(self.curves[curve].points as usize) {
+                (curve, point) = (curve + 1, next);
+            }
+            self.bad_value(curve, point, axis, value)
+        })?;
         Ok(())
+    }
+
+    /// Returns the largest allowed magnitude of a coordinate.
+    fn limit(&self) -> f64 {
+        match self.basis.is_polyline() {
+            true => f64::INFINITY,
+            false => SPLINE_RANGE,
+        }
+    }
+
+    /// Returns the error of a coordinate that is not finite, or too large.
+    fn bad_value(&self, curve: usize, point: usize, axis: usize, value: f64) -> Error {
+        match value.is_finite() {
+            true => Error::TooLarge {
+                curve,
+                found: value.abs(),
+                limit: SPLINE_RANGE,
+            },
+            false => Error::NotFinite {
+                curve,
+                point,
+                axis: ['x', 'y', 'z'][axis],
+                value,
+            },
+        }
     }
 
     /// Writes control points of curve `i` from its point `start` on. Checks every value once.
     pub(super) fn write(&mut self, i: usize, start: usize, positions: Positions<'_>) -> Result<()> {
         let c = self.curves[i];
         let at = c.first as usize + self.basis.lead(c.closed) + start;
-        let written = self.coordinates.write(at, positions);
-        let max_abs = written.map_err(|(point, axis, value)| Error::NotFinite {
-            curve: i,
-            point: start + point,
-            axis: ['x', 'y', 'z'][axis],
-            value,
-        })?;
-        if !self.basis.is_polyline() && max_abs > SPLINE_RANGE {
-            return Err(Error::TooLarge {
-                curve: i,
-                found: max_abs,
-                limit: SPLINE_RANGE,
-            });
-        }
+        let written = self.coordinates.write(at, positions, self.limit());
+        let max_abs = written
+            .map_err(|(point, axis, value)| self.bad_value(i, start + point, axis, value))?;
         self.max_abs = self.max_abs.max(max_abs);
         Ok(())
     }
 
-    /// Updates the copies of points that a closed curve stores at its ends, up to its last slot.
-    /// The padding of the last group of segments is updated as well.
+    /// Updates the copies of points that a closed curve stores at its ends, and the padding.
     pub(super) fn wrap(&mut self, i: usize) {
-        let c = self.curves[i];
-        if !c.closed {
-            return;
-        }
-        let (first, n) = (c.first as usize, c.points as usize);
-        let lead = self.basis.lead(true);
-        let slots = slots_of(self.basis, c.segments as usize);
-        let body = first + lead;
-        let each = |k: usize| (first + k, body + (k + n - lead) % n);
-        for k in (0..lead).chain(lead + n..slots) {
-            let (to, from) = each(k);
-            self.coordinates.copy(from, to);
-        }
+        self.coordinates.finish_curve(&self.curves[i], self.basis);
     }
 
     /// Returns true if another set has the same curves in the same precision, so that only
