@@ -7,7 +7,7 @@
 
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, Event, Outcome, Positions, Precision, Report, Sidecar,
-    SidecarOptions, Verdict,
+    SidecarOptions, Verdict, WaitMode,
 };
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -95,10 +95,27 @@ fn measure(case: &Case, rounds: u64) {
     let update = times(rounds, |_| set.update(black_box(positions)).expect("good"));
     show("ingest from private memory", &update);
 
+    for mode in WaitMode::ALL {
+        println!("  both sides wait by --wait-mode {mode}:");
+        exchange(case, &counts, positions, rounds, mode, &show);
+    }
+}
+
+/// Measures a session.
+fn exchange(
+    case: &Case,
+    counts: &[i32],
+    positions: Positions<'_>,
+    rounds: u64,
+    mode: WaitMode,
+    show: &impl Fn(&str, &[Duration]),
+) {
     let name = format!("linkwatch bench {}", std::process::id());
-    let mut client = Client::open(&name, &ClientOptions::lockstep()).expect("client");
+    let mut options = ClientOptions::lockstep();
+    options.wait_mode = mode;
+    let mut client = Client::open(&name, &options).expect("client");
     client
-        .describe(Basis::Polyline, case.precision, &counts)
+        .describe(Basis::Polyline, case.precision, counts)
         .expect("describe");
     let alone = times(rounds, |_| {
         client.publish(0.0, positions).expect("publish");
@@ -106,7 +123,9 @@ fn measure(case: &Case, rounds: u64) {
     show("write and publish, without a watcher", &alone);
 
     let watcher = std::thread::spawn({
-        let sidecar = Sidecar::open(&name, &SidecarOptions::default()).expect("sidecar");
+        let mut options = SidecarOptions::default();
+        options.wait_mode = mode;
+        let sidecar = Sidecar::open(&name, &options).expect("sidecar");
         move || watch(sidecar)
     });
     assert!(client.wait_for_watcher(DEADLINE).expect("handshake"));

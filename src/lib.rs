@@ -140,7 +140,7 @@ pub mod wire_format {}
 #[cfg(feature = "client")]
 pub use bus::{
     Attached, Client, ClientOptions, Counters, Departure, Finding, FrameLoan, MessageKind, Outcome,
-    ServiceInfo, VerdictMessage, services,
+    ServiceInfo, VerdictMessage, WaitMode, services,
 };
 #[cfg(feature = "bus")]
 pub use bus::{Event, Frame, Sidecar, SidecarOptions};

@@ -4,6 +4,7 @@ use super::frames::{Connection, FrameLoan, Frames};
 use super::message::{MessageKind, VerdictMessage};
 use super::service::{Endpoint, Role, bus};
 use super::services::services;
+use super::wait_mode::WaitMode;
 use super::watcher::{Departure, Watcher};
 use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED};
 use crate::curve::{Basis, Positions, Precision};
@@ -11,7 +12,7 @@ use crate::error::{Error, Result};
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// Maximum time that a waiting client sleeps before it polls.
+/// Maximum time that a sleeping client waits before it polls.
 const TICK: Duration = Duration::from_millis(10);
 
 /// Duration of a wait for a watcher after which other services are listed as a hint.
@@ -23,12 +24,17 @@ const HINT: Duration = Duration::from_secs(1);
 pub struct ClientOptions {
     /// True if the simulator calls [`Client::wait`] after every frame. The watcher is informed.
     pub lockstep: bool,
+    /// How the calls that wait for the watcher do so.
+    pub wait_mode: WaitMode,
 }
 
 impl ClientOptions {
     /// Returns options for a simulator that waits for the verdict on every frame.
     pub fn lockstep() -> Self {
-        ClientOptions { lockstep: true }
+        ClientOptions {
+            lockstep: true,
+            ..ClientOptions::default()
+        }
     }
 }
 
@@ -110,7 +116,7 @@ impl Client {
     ///
     /// Errors: [`Error::Bus`] if another living simulator publishes on the same name.
     pub fn open(service: &str, options: &ClientOptions) -> Result<Client> {
-        let endpoint = Endpoint::open(service, Role::Simulator)?;
+        let endpoint = Endpoint::open(service, Role::Simulator, options.wait_mode)?;
         let subscriber = endpoint.verdicts.subscriber_builder().create();
         Ok(Client {
             frames: Frames::new(options.lockstep),
@@ -187,7 +193,7 @@ impl Client {
                 self.frames.signal(&self.connection, FLAG_ANNOUNCE)?;
                 announced = Some(Instant::now());
             }
-            if !self.sleep(start, timeout) {
+            if !self.pause(start, timeout) {
                 self.hint(start.elapsed());
                 return Ok(false);
             }
@@ -314,14 +320,14 @@ impl Client {
             if self.watcher.has_crashed(&self.connection.endpoint) {
                 continue;
             }
-            if !self.sleep(start, deadline) {
+            if !self.pause(start, deadline) {
                 return Ok(Outcome::Stale);
             }
         }
     }
 
-    /// Sleeps until a verdict may have arrived. Returns false once `timeout` is over.
-    fn sleep(&self, start: Instant, timeout: Duration) -> bool {
+    /// Waits until a verdict may have arrived. Returns false once `timeout` is over.
+    fn pause(&self, start: Instant, timeout: Duration) -> bool {
         // Connects to new watchers, so that one that started after the newest frame receives it
         // now. In lockstep it would otherwise wait for the next frame, which the simulator never
         // publishes. A failed connection is retried at the next tick.
@@ -330,7 +336,7 @@ impl Client {
         if left.is_zero() {
             return false;
         }
-        if !self.connection.endpoint.sleep(left.min(TICK)) {
+        if !self.connection.endpoint.wait(left.min(TICK)) {
             // A signal arrived; the owner of the process handles it.
             std::thread::sleep(Duration::from_millis(1).min(left));
         }
@@ -366,7 +372,7 @@ impl Client {
             if self.goodbye.is_some() || left {
                 return Ok(self.goodbye.take());
             }
-            if !self.watcher.has_crashed(&self.connection.endpoint) && !self.sleep(start, timeout) {
+            if !self.watcher.has_crashed(&self.connection.endpoint) && !self.pause(start, timeout) {
                 return Ok(None);
             }
         }

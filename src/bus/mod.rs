@@ -41,6 +41,7 @@ mod service;
 mod services;
 #[cfg(feature = "bus")]
 mod sidecar;
+mod wait_mode;
 mod watcher;
 #[cfg_attr(
     not(feature = "bus"),
@@ -56,4 +57,5 @@ pub use message::{Counters, Finding, MessageKind, VerdictMessage};
 pub use services::{Attached, ServiceInfo, services};
 #[cfg(feature = "bus")]
 pub use sidecar::{Sidecar, SidecarOptions};
+pub use wait_mode::WaitMode;
 pub use watcher::Departure;

@@ -2,6 +2,7 @@
 
 use super::message::{Counters, MessageKind};
 use super::service::{Endpoint, Role};
+use super::wait_mode::WaitMode;
 use super::wire::{
     ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
     FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, NO_CURVE,
@@ -208,7 +209,7 @@ fn the_wire_page_lists_the_numbers_of_points_of_each_basis() {
 #[test]
 fn the_wire_page_has_the_settings_of_both_services() {
     let name = format!("linkwatch-page-{}", std::process::id());
-    let endpoint = Endpoint::open(&name, Role::Simulator).unwrap();
+    let endpoint = Endpoint::open(&name, Role::Simulator, WaitMode::Sleep).unwrap();
     let of = |service: &StaticConfig| {
         let switch = if service.has_safe_overflow() {
             "on"

@@ -13,6 +13,7 @@
 
 use super::ipc::{Ipc, limit_log_level};
 use super::services::user_of;
+use super::wait_mode::WaitMode;
 use super::wire::{ALIGNMENT, FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use iceoryx2::node::NodeView;
@@ -26,6 +27,7 @@ use iceoryx2::prelude::{
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use std::fmt::Debug;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 pub(super) type FrameService = publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>;
@@ -51,6 +53,9 @@ const TRANSIENT_LIMIT: Duration = Duration::from_millis(1000);
 /// alive.
 const LOCK_LIMIT: Duration = Duration::from_millis(300);
 
+/// Number of polls of a spinning process after which it reads, and discards, the events.
+const DRAIN: u32 = 256;
+
 /// End of the services.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
@@ -67,6 +72,9 @@ pub(super) struct Endpoint {
     pub listener: Listener<Ipc>,
     /// Sends the events of verdicts (watcher) or frames (simulator).
     notifier: Notifier<Ipc>,
+    wait_mode: WaitMode,
+    /// Number of waits so far, if this side spins.
+    spins: AtomicU32,
     _lock: Server<Ipc, u64, (), u64, ()>,
     _node: Node<Ipc>,
 }
@@ -78,7 +86,7 @@ impl Debug for Endpoint {
 }
 
 impl Endpoint {
-    pub fn open(name: &str, role: Role) -> Result<Endpoint> {
+    pub fn open(name: &str, role: Role, wait_mode: WaitMode) -> Result<Endpoint> {
         limit_log_level();
         let node_name = match role {
             Role::Simulator => "linkwatch simulator",
@@ -143,6 +151,8 @@ impl Endpoint {
                 .create()
                 .map_err(bus("listener"))?,
             notifier: send.notifier_builder().create().map_err(bus("notifier"))?,
+            wait_mode,
+            spins: AtomicU32::new(0),
             frames,
             verdicts,
             _lock: lock,
@@ -156,9 +166,18 @@ impl Endpoint {
         let _ = self.notifier.notify();
     }
 
-    /// Sleeps until the other side sends an event or the time is over. Returns false if a signal
-    /// arrived.
-    pub fn sleep(&self, time: Duration) -> bool {
+    /// Waits until the other side may have sent something, at most for `time`. Returns false if a
+    /// signal arrived.
+    pub fn wait(&self, time: Duration) -> bool {
+        if self.wait_mode == WaitMode::Spin {
+            let spins = self.spins.fetch_add(1, Ordering::Relaxed);
+            if spins.is_multiple_of(DRAIN) {
+                // Events that nobody reads would fill the buffer of the socket.
+                let _ = self.listener.try_wait_all(|_| {});
+            }
+            std::hint::spin_loop();
+            return true;
+        }
         // The socket below rounds less than a microsecond to zero, which means no time limit.
         let time = time.max(Duration::from_millis(1));
         self.listener.timed_wait_all(|_| {}, time).is_ok()

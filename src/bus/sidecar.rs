@@ -4,6 +4,7 @@ use super::event::{Event, Frame};
 use super::ipc::Ipc;
 use super::message::{Counters, MessageKind};
 use super::service::{Endpoint, NodeId, Role, bus};
+use super::wait_mode::WaitMode;
 use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED, FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use crate::verdict::{Report, Verdict};
@@ -15,7 +16,7 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// Maximum time that the watcher sleeps before it polls.
+/// Maximum time that a sleeping watcher waits before it polls.
 const TICK: Duration = Duration::from_millis(10);
 
 /// Silence after which the watcher checks that the process of the simulator exists, and the
@@ -49,13 +50,16 @@ const AHEAD: u64 = 1 << 16;
 pub struct SidecarOptions {
     /// Larger frames are rejected before they are read.
     pub max_frame_bytes: usize,
+    /// How [`Sidecar::wait`] waits.
+    pub wait_mode: WaitMode,
 }
 
 impl Default for SidecarOptions {
-    /// Limits frames to 4 GiB, if an address is large enough.
+    /// Limits frames to 4 GiB, if an address is large enough, and sleeps.
     fn default() -> Self {
         SidecarOptions {
             max_frame_bytes: u32::MAX as usize,
+            wait_mode: WaitMode::default(),
         }
     }
 }
@@ -168,8 +172,10 @@ pub struct Sidecar {
     /// Frame that was received, but must wait until the session before it has ended.
     held: Option<Frame>,
     pending: VecDeque<Pending>,
-    last_word: Instant,
-    looked: Instant,
+    /// Time at which this watcher last sent anything.
+    last_message: Instant,
+    /// Time of the last check that the process of the simulator exists.
+    process_checked: Instant,
     endpoint: Endpoint,
 }
 
@@ -187,7 +193,7 @@ impl Sidecar {
     /// Errors: [`Error::Bus`] if another living watcher uses the same name, because a simulator has
     /// only one.
     pub fn open(service: &str, options: &SidecarOptions) -> Result<Sidecar> {
-        let endpoint = Endpoint::open(service, Role::Watcher)?;
+        let endpoint = Endpoint::open(service, Role::Watcher, options.wait_mode)?;
         let publisher = endpoint.verdicts.publisher_builder();
         let publisher = publisher
             .backpressure_strategy(BackpressureStrategy::DiscardData)
@@ -203,8 +209,8 @@ impl Sidecar {
             newest: None,
             held: None,
             pending: VecDeque::new(),
-            last_word: Instant::now(),
-            looked: Instant::now(),
+            last_message: Instant::now(),
+            process_checked: Instant::now(),
             endpoint,
         };
         sidecar.heartbeat()?;
@@ -222,7 +228,7 @@ impl Sidecar {
     pub fn wait(&mut self, timeout: Duration) -> Result<Event> {
         let start = Instant::now();
         loop {
-            if self.last_word.elapsed() >= HEARTBEAT {
+            if self.last_message.elapsed() >= HEARTBEAT {
                 self.heartbeat()?;
             }
             // Delivers the last message to a simulator that has just connected. Retried at the next
@@ -246,7 +252,7 @@ impl Sidecar {
                 continue;
             }
             let left = timeout.saturating_sub(start.elapsed());
-            if left.is_zero() || !self.endpoint.sleep(left.min(TICK)) {
+            if left.is_zero() || !self.endpoint.wait(left.min(TICK)) {
                 return Ok(Event::Idle);
             }
         }
@@ -354,10 +360,10 @@ impl Sidecar {
         let Some(session) = &self.session else {
             return false;
         };
-        if session.heard.elapsed() < SILENCE || self.looked.elapsed() < SILENCE {
+        if session.heard.elapsed() < SILENCE || self.process_checked.elapsed() < SILENCE {
             return false;
         }
-        self.looked = Instant::now();
+        self.process_checked = Instant::now();
         session.node.is_none_or(|id| self.endpoint.node_is_gone(id))
     }
 
@@ -475,7 +481,7 @@ impl Sidecar {
     }
 
     fn send(&mut self, wire: VerdictWire) -> Result<()> {
-        self.last_word = Instant::now();
+        self.last_message = Instant::now();
         self.publisher
             .send_copy(wire)
             .map_err(bus("send a verdict"))?;

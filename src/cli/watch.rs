@@ -3,10 +3,10 @@
 use super::kernel::KernelArgs;
 use super::number::{seconds, share};
 use super::output::{self, count, percent, plural};
-use super::session::{FrameCounts, Ingested, Judge, Judged, Run, Session, Sinks};
+use super::session::{FrameCounts, Ingested, Judge, Judged, LiveTimes, Run, Session, Sinks};
 use super::signals::{TICK, stop_on_signals};
 use super::{Outcome, services};
-use linkwatch::{Counters, Error, Event, Overflow, Result, Sidecar, SidecarOptions};
+use linkwatch::{Counters, Error, Event, Overflow, Result, Sidecar, SidecarOptions, WaitMode};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -38,6 +38,15 @@ pub struct Args {
     /// than they could be verified: 0 to 1, or a percentage (`5%`) [default: no limit]
     #[arg(long, help_heading = super::WATCH, value_name = "SHARE", value_parser = share)]
     max_skipped: Option<f64>,
+    /// How to wait for frames: sleep (some 10 microseconds until a frame is seen), or spin (about
+    /// one, but keeps a core busy)
+    #[arg(
+        long,
+        help_heading = super::WATCH,
+        value_name = "sleep|spin",
+        default_value_t = WaitMode::Sleep
+    )]
+    wait_mode: WaitMode,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
@@ -69,7 +78,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         overflow: Overflow::Wait(PATIENCE),
         json,
     })?;
-    let mut sidecar = Sidecar::open(&args.service, &SidecarOptions::default())?;
+    let mut options = SidecarOptions::default();
+    options.wait_mode = args.wait_mode;
+    let mut sidecar = Sidecar::open(&args.service, &options)?;
     session.live().note(format_args!(
         "waiting for a simulator on service '{}'",
         args.service
@@ -178,6 +189,8 @@ fn watch<'s>(
     stop: &AtomicBool,
 ) -> Result<Counters> {
     let start = Instant::now();
+    // Receipt of the last frame, and the time at which this thread had finished it.
+    let mut last: Option<[Instant; 2]> = None;
     let mut met = false;
     let mut hinted = false;
     // Last warning about an unreadable message.
@@ -201,6 +214,7 @@ fn watch<'s>(
                 return Ok(sidecar.counters());
             }
             Event::Frame(frame) => {
+                let received = Instant::now();
                 let (seq, time, cuts) = (frame.seq(), frame.time(), frame.cuts());
                 let ingested = session.ingest(|set| frame.ingest(set));
                 // Returns the memory to the simulator.
@@ -213,7 +227,7 @@ fn watch<'s>(
                     (session, judged) = checker.judge(work, sidecar, stop);
                     judged
                 };
-                let judged = match judged {
+                let mut judged = match judged {
                     Err(Error::Cancelled) => {
                         sidecar.skip();
                         session.live().note(format_args!(
@@ -223,9 +237,16 @@ fn watch<'s>(
                     }
                     judged => judged?,
                 };
-                let sent = sidecar.send_verdict(&judged.report, judged.check);
+                let sending = Instant::now();
+                let sent = sidecar.send_verdict(&judged.report, judged.times.check());
+                judged.times.live = last.map(|[previous, finished]| LiveTimes {
+                    interval: received - previous,
+                    wait: received - finished,
+                    send: sending.elapsed(),
+                });
                 session.publish(judged, tally(sidecar.counters()));
                 sent?;
+                last = Some([received, Instant::now()]);
             }
             Event::Unreadable(why) => {
                 let advice = match why {

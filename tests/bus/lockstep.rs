@@ -1,14 +1,26 @@
 //! Waiting for verdicts, and only on request.
 
 use super::*;
-use linkwatch::{Departure, MessageKind, Outcome};
+use linkwatch::{Departure, MessageKind, Outcome, WaitMode};
 use std::time::Instant;
 
 #[test]
-fn each_frame_gets_its_verdict() {
+fn each_frame_gets_its_verdict_in_every_wait_mode() {
+    for simulator in WaitMode::ALL {
+        for watcher in WaitMode::ALL {
+            each_frame_gets_its_verdict(simulator, watcher);
+        }
+    }
+}
+
+fn each_frame_gets_its_verdict(simulator: WaitMode, watcher: WaitMode) {
     let name = service();
-    let mut sidecar = sidecar(&name);
-    let mut client = Client::open(&name, &ClientOptions::lockstep()).unwrap();
+    let mut options = SidecarOptions::default();
+    options.wait_mode = watcher;
+    let mut sidecar = Sidecar::open(&name, &options).unwrap();
+    let mut options = ClientOptions::lockstep();
+    options.wait_mode = simulator;
+    let mut client = Client::open(&name, &options).unwrap();
     client
         .describe(Basis::Polyline, Precision::F32, &COUNTS)
         .unwrap();
@@ -27,6 +39,35 @@ fn each_frame_gets_its_verdict() {
     client.finish().unwrap();
     let (published, counters, _) = watcher.join().unwrap();
     assert_eq!((published, counters.skipped), (200, 0));
+}
+
+/// The events of both sides are not read by a side that spins.
+#[test]
+fn a_spinning_client_keeps_its_deadlines_and_its_events() {
+    let name = service();
+    let mut options = ClientOptions::lockstep();
+    options.wait_mode = WaitMode::Spin;
+    let mut client = Client::open(&name, &options).unwrap();
+    client
+        .describe(Basis::Polyline, Precision::F32, &COUNTS)
+        .unwrap();
+    let deadline = Duration::from_millis(100);
+    let start = Instant::now();
+    publish(&mut client, 0);
+    assert_eq!(client.wait(0, deadline).unwrap(), Outcome::Stale);
+    assert!(start.elapsed() >= deadline);
+    let mut sidecar = sidecar(&name);
+    let watcher = std::thread::spawn(move || watch_to_the_end(&mut sidecar, Duration::ZERO));
+    assert!(client.wait_for_watcher(PATIENCE).unwrap());
+    // More verdicts than the buffer of a socket has room for events.
+    for seq in 1..2000 {
+        publish(&mut client, seq);
+        let outcome = client.wait(seq, PATIENCE).unwrap();
+        assert!(matches!(outcome, Outcome::Verdict(_)), "{seq}: {outcome:?}");
+    }
+    client.finish().unwrap();
+    let (published, counters, clean) = watcher.join().unwrap();
+    assert_eq!((published, counters.skipped, clean), (2000, 0, true));
 }
 
 #[test]

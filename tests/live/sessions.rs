@@ -264,3 +264,32 @@ fn a_watch_without_a_simulator_ends_after_the_time_limit() {
     );
     assert_eq!(ended.summary()["verdict"], "nothing was verified");
 }
+
+#[test]
+fn a_spinning_watcher_reports_times_and_ends_on_a_signal() {
+    let folder = TempDir::new().unwrap();
+    let service = service("spin");
+    let spin = ["--wait-mode", "spin"];
+    let watch = Watch::start(folder.path(), "watch", &service, &spin);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    for frame in 0..5 {
+        assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
+    }
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    // The first frame has no interval before it.
+    let times: Vec<_> = ended.lines[..5].iter().map(|l| &l["times_ms"]).collect();
+    assert!(times[0].get("wait").is_none(), "{}", times[0]);
+    for stage in ["wait", "ingest", "verification", "send"] {
+        for times in &times[1..] {
+            assert!(times[stage].as_f64().unwrap() > 0.0, "{stage}: {times}");
+        }
+        let summary = &ended.summary()["times_ms"]["stages"][stage];
+        let [median, p99, max] = ["median", "p99", "max"].map(|q| summary[q].as_f64().unwrap());
+        assert!(0.0 < median && median <= p99 && p99 <= max, "{summary}");
+    }
+    let share = ended.summary()["times_ms"]["share_of_interval"].as_f64();
+    assert!((0.0..=1.0).contains(&share.unwrap()), "{share:?}");
+}

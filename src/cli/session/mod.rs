@@ -3,12 +3,17 @@
 mod news;
 mod sinks;
 mod summary;
+mod times;
 
 pub use sinks::Sinks;
 pub use summary::FrameCounts;
+pub use times::FrameTimes;
+#[cfg(feature = "bus")]
+pub use times::LiveTimes;
 
 use self::news::{New, News};
-use self::summary::{Durations, Unresolved};
+use self::summary::Unresolved;
+use self::times::RunTimes;
 use super::Outcome;
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
@@ -122,7 +127,7 @@ impl From<Result<CurveSet>> for Ingested {
 /// Result of a frame, before it goes to the sinks.
 pub struct Judged {
     pub report: Arc<Report>,
-    pub check: Duration,
+    pub times: FrameTimes,
     pub work: Work,
     /// Work done on the GPU.
     pub offload: Offload,
@@ -176,7 +181,7 @@ pub struct Session {
     news: News,
     unresolved: Unresolved,
     tally: FrameCounts,
-    checks: Durations,
+    times: RunTimes,
     /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
     last_check: Option<Duration>,
@@ -250,7 +255,7 @@ impl Session {
                 ..Unresolved::default()
             },
             tally: FrameCounts::default(),
-            checks: Durations::default(),
+            times: RunTimes::default(),
             #[cfg(feature = "bus")]
             last_check: None,
             routes: [0; 3],
@@ -341,10 +346,14 @@ impl Session {
             ) => return Err(e),
             Err(e) => (self.verifier.reject(seq, time, &e), None),
         };
-        let check = took + start.elapsed();
+        let times = FrameTimes {
+            ingest: took,
+            verification: start.elapsed(),
+            live: None,
+        };
         #[cfg(feature = "bus")]
         {
-            self.last_check = Some(check);
+            self.last_check = Some(times.check());
         }
         let (work, offload) = match report.verdict {
             Verdict::Rejected => Default::default(),
@@ -359,7 +368,7 @@ impl Session {
         }
         Ok(Judged {
             report: Arc::new(report),
-            check,
+            times,
             work,
             offload,
             curves,
@@ -401,7 +410,7 @@ impl Session {
                 self.warn_of_scene(&judged);
                 self.open_curves = Some(judged.report.stats.open_curves);
             }
-            self.checks.add(judged.check);
+            self.times.add(&judged.times);
             self.routes[judged.work.route as usize] += 1;
         }
         self.print(&judged);
@@ -412,7 +421,7 @@ impl Session {
             verified: tally.verified,
             skipped: tally.skipped,
             rejected: tally.rejected,
-            check: judged.check,
+            check: judged.times.check(),
             work: judged.work,
             received: SystemTime::now(),
         });
@@ -434,7 +443,7 @@ impl Session {
     fn print(&mut self, judged: &Judged) {
         let Judged {
             report,
-            check,
+            times,
             work,
             offload,
             model,
@@ -443,7 +452,8 @@ impl Session {
         if self.json {
             let mut line = serde_json::json!({
                 "report": **report,
-                "ms": check.as_secs_f64() * 1e3,
+                "ms": times.check().as_secs_f64() * 1e3,
+                "times_ms": times.to_json(),
                 "work": work,
                 "offload": offload,
                 "verified": self.tally.verified,
@@ -460,7 +470,7 @@ impl Session {
         match model {
             _ if self.json => {}
             Some(model) => print_model(model, report, &news),
-            None if news.notable => print_frame(report, *check, &news),
+            None if news.notable => print_frame(report, times.check(), &news),
             None => {}
         }
         if model.is_none() {
@@ -468,7 +478,7 @@ impl Session {
                 "{}: {}, {} ({}); {} verified, {} skipped",
                 report.frame(),
                 report.verdict,
-                millis(*check),
+                millis(times.check()),
                 in_words(work, *offload),
                 count(self.tally.verified),
                 count(self.tally.skipped),
@@ -549,8 +559,9 @@ impl Session {
                     "skipped": tally.skipped,
                     "skipped_share": tally.skipped_share(),
                     "rejected": tally.rejected,
-                    "median_ms": self.checks.median().as_secs_f64() * 1e3,
-                    "max_ms": self.checks.longest.as_secs_f64() * 1e3,
+                    "median_ms": self.times.checks.median().as_secs_f64() * 1e3,
+                    "max_ms": self.times.checks.longest.as_secs_f64() * 1e3,
+                    "times_ms": self.times.to_json(),
                     "first_violation": first,
                     "routes": { "full": full, "quiet": quiet, "partial": partial },
                     "open_curves": self.open_curves,
@@ -564,11 +575,14 @@ impl Session {
         }
         let mut line = format!("{word}: {}", tally.words(self.models));
         if tally.verified > 0 {
-            line += &format!("; {}", self.checks.words());
+            line += &format!("; {}", self.times.checks.words());
         }
         if quiet + partial > 0 {
             let [quiet, partial, full] = [quiet, partial, full].map(count);
             line += &format!("\nframes: {quiet} quiet, {partial} partial, {full} full");
+        }
+        if let Some(times) = self.times.words() {
+            line += &format!("\n{times}");
         }
         match first {
             // The findings of each model are printed above.

@@ -1,9 +1,7 @@
-//! Summary of a run: numbers of frames, and duration of the checks.
+//! Summary of a run: numbers of frames, and unresolved pull-throughs.
 
-use crate::cli::output::{count, millis, percent, plural};
+use crate::cli::output::{count, percent, plural};
 use linkwatch::Report;
-use std::collections::BTreeMap;
-use std::time::Duration;
 
 /// Numbers of frames verified, skipped and rejected so far.
 #[derive(Clone, Copy, Debug, Default)]
@@ -73,62 +71,5 @@ impl Unresolved {
             self.lengths,
             self.limit,
         )
-    }
-}
-
-/// Histogram of durations in buckets of 5 %, because a run may last for days.
-#[derive(Default)]
-pub struct Durations {
-    buckets: BTreeMap<i32, u64>,
-    pub longest: Duration,
-}
-
-impl Durations {
-    /// Ratio of neighbouring buckets.
-    const RATIO: f64 = 1.05;
-
-    pub fn add(&mut self, d: Duration) {
-        let bucket = d.as_secs_f64().max(1e-9).ln() / Self::RATIO.ln();
-        *self.buckets.entry(bucket.round() as i32).or_default() += 1;
-        self.longest = self.longest.max(d);
-    }
-
-    /// Returns the median, with the precision of a bucket.
-    pub fn median(&self) -> Duration {
-        let half = self.buckets.values().sum::<u64>() / 2;
-        let mut seen = 0;
-        let middle = self.buckets.iter().find(|(_, n)| {
-            seen += **n;
-            seen > half
-        });
-        middle.map_or(Duration::ZERO, |(&bucket, _)| {
-            Duration::from_secs_f64(Self::RATIO.powi(bucket)).min(self.longest)
-        })
-    }
-
-    /// Returns median and maximum in words.
-    pub fn words(&self) -> String {
-        format!(
-            "a check took {} (median), {} at most",
-            millis(self.median()),
-            millis(self.longest)
-        )
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_median_is_right_within_a_bucket() {
-        let mut d = Durations::default();
-        assert_eq!(d.median(), Duration::ZERO);
-        for ms in 1..=101 {
-            d.add(Duration::from_millis(ms));
-        }
-        let median = d.median().as_secs_f64();
-        assert!((median / 0.051 - 1.0).abs() < 0.05, "{median}");
-        assert_eq!(d.longest, Duration::from_millis(101));
     }
 }

@@ -1,0 +1,213 @@
+//! Times of the frames of a run, stage by stage.
+
+use crate::cli::output::{millis, percent};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// Times of a frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FrameTimes {
+    /// Reading and checking the coordinates.
+    pub ingest: Duration,
+    /// Comparison with the baseline, and the search for pull-throughs.
+    pub verification: Duration,
+    /// Exchange with the simulator, if the frame is a live one and not the first.
+    pub live: Option<LiveTimes>,
+}
+
+/// Times of a live frame.
+#[derive(Clone, Copy, Debug)]
+pub struct LiveTimes {
+    /// Time since the previous frame was received.
+    pub interval: Duration,
+    /// Part of it that was spent waiting for this frame.
+    pub wait: Duration,
+    /// Sending the verdict.
+    pub send: Duration,
+}
+
+impl FrameTimes {
+    /// Returns the time from the receipt of the frame to its report.
+    pub fn check(&self) -> Duration {
+        self.ingest + self.verification
+    }
+
+    /// Returns the times in milliseconds.
+    pub fn to_json(self) -> Value {
+        let mut out = json!({
+            "ingest": ms(self.ingest),
+            "verification": ms(self.verification),
+        });
+        if let Some(live) = self.live {
+            out["wait"] = ms(live.wait).into();
+            out["send"] = ms(live.send).into();
+        }
+        out
+    }
+}
+
+fn ms(d: Duration) -> f64 {
+    d.as_secs_f64() * 1e3
+}
+
+/// Times of all frames of a run.
+#[derive(Default)]
+pub struct RunTimes {
+    pub checks: Durations,
+    ingest: Durations,
+    verification: Durations,
+    wait: Durations,
+    send: Durations,
+    /// Sum of the intervals between live frames.
+    intervals: Duration,
+    /// Part of the intervals that linkwatch needed until the verdict was sent.
+    busy: Duration,
+}
+
+impl RunTimes {
+    pub fn add(&mut self, times: &FrameTimes) {
+        self.checks.add(times.check());
+        self.ingest.add(times.ingest);
+        self.verification.add(times.verification);
+        if let Some(live) = times.live {
+            self.wait.add(live.wait);
+            self.send.add(live.send);
+            self.intervals += live.interval;
+            self.busy += times.check() + live.send;
+        }
+    }
+
+    fn stages(&self) -> [(&'static str, &Durations); 4] {
+        [
+            ("wait", &self.wait),
+            ("ingest", &self.ingest),
+            ("verification", &self.verification),
+            ("send", &self.send),
+        ]
+    }
+
+    /// Returns the share of the time between frames that passed until the verdict was sent, if the
+    /// frames were live.
+    fn share(&self) -> Option<f64> {
+        (!self.intervals.is_zero()).then(|| self.busy.as_secs_f64() / self.intervals.as_secs_f64())
+    }
+
+    /// Returns the times of each stage in milliseconds, and the share of the time between frames.
+    pub fn to_json(&self) -> Value {
+        let stages = self.stages().into_iter().filter(|(_, d)| !d.is_empty());
+        let stages = stages.map(|(name, d)| {
+            let [median, p99] = [0.5, 0.99].map(|q| ms(d.quantile(q)));
+            let times = json!({ "median": median, "p99": p99, "max": ms(d.longest) });
+            (name.to_owned(), times)
+        });
+        json!({
+            "stages": stages.collect::<serde_json::Map<_, _>>(),
+            "share_of_interval": self.share(),
+        })
+    }
+
+    /// Returns the times in words, if the frames were live.
+    pub fn words(&self) -> Option<String> {
+        let share = percent(self.share()?);
+        let stages = self.stages().map(|(name, d)| {
+            let [median, p99] = [0.5, 0.99].map(|q| millis(d.quantile(q)));
+            format!("{name} {median}, {p99}, {}", millis(d.longest))
+        });
+        Some(format!(
+            "times (median, 99th percentile, maximum): {}; {share} of the time between frames \
+             until the verdict was sent",
+            stages.join("; ")
+        ))
+    }
+}
+
+/// Histogram of durations in buckets of 5 %, because a run may last for days.
+#[derive(Default)]
+pub struct Durations {
+    buckets: BTreeMap<i32, u64>,
+    pub longest: Duration,
+}
+
+impl Durations {
+    /// Ratio of neighbouring buckets.
+    const RATIO: f64 = 1.05;
+
+    fn add(&mut self, d: Duration) {
+        let bucket = d.as_secs_f64().max(1e-9).ln() / Self::RATIO.ln();
+        *self.buckets.entry(bucket.round() as i32).or_default() += 1;
+        self.longest = self.longest.max(d);
+    }
+
+    fn is_empty(&self) -> bool {
+        self.buckets.is_empty()
+    }
+
+    /// Returns the duration that the share `q` of all durations does not exceed, with the precision
+    /// of a bucket.
+    fn quantile(&self, q: f64) -> Duration {
+        let below = q * self.buckets.values().sum::<u64>() as f64;
+        let mut seen = 0;
+        let bucket = self.buckets.iter().find(|(_, n)| {
+            seen += **n;
+            seen as f64 > below
+        });
+        bucket.map_or(self.longest, |(&bucket, _)| {
+            Duration::from_secs_f64(Self::RATIO.powi(bucket)).min(self.longest)
+        })
+    }
+
+    /// Returns the median, with the precision of a bucket.
+    pub fn median(&self) -> Duration {
+        self.quantile(0.5)
+    }
+
+    /// Returns median and maximum in words.
+    pub fn words(&self) -> String {
+        format!(
+            "a check took {} (median), {} at most",
+            millis(self.median()),
+            millis(self.longest)
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_right_within_a_bucket() {
+        let mut d = Durations::default();
+        assert_eq!(d.median(), Duration::ZERO);
+        for ms in 1..=101 {
+            d.add(Duration::from_millis(ms));
+        }
+        for (q, expected) in [(0.5, 0.051), (0.99, 0.100), (1.0, 0.101)] {
+            let found = d.quantile(q).as_secs_f64();
+            assert!((found / expected - 1.0).abs() < 0.05, "{q}: {found}");
+        }
+        assert_eq!(d.longest, Duration::from_millis(101));
+    }
+
+    #[test]
+    fn the_share_counts_live_frames_only() {
+        let ms = Duration::from_millis;
+        let mut times = FrameTimes {
+            ingest: ms(1),
+            verification: ms(2),
+            live: None,
+        };
+        let mut run = RunTimes::default();
+        run.add(&times);
+        assert_eq!((run.share(), run.words()), (None, None));
+        times.live = Some(LiveTimes {
+            interval: ms(40),
+            wait: ms(36),
+            send: ms(1),
+        });
+        run.add(&times);
+        assert_eq!(run.share(), Some(0.1));
+        assert_eq!(run.to_json()["stages"]["wait"]["max"], 36.0);
+    }
+}
