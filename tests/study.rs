@@ -417,3 +417,39 @@ fn bad_studies_of_the_table_exit_with_2() {
         assert!(stderr.contains(says), "{args:?}: {stderr}");
     }
 }
+
+#[cfg(feature = "mcap")]
+#[test]
+fn measures_the_motion_of_a_recording() {
+    // Frames 1 to 14 and 16 on: frame 15 has a NaN.
+    let run = frames(&["--recording", "recordings/squares.mcap", "--json"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let found: Value = serde_json::from_str(&run.stdout).unwrap();
+    let row = &found["rows"][0];
+    assert_eq!(row["motion"], "recorded");
+    assert_eq!(row["compared"], row["equal"]);
+    assert!(row["compared"].as_u64() > Some(10), "{row}");
+    assert!(row["not_intact"].as_u64() > Some(0), "{row}");
+    // Four pull-throughs in one step.
+    let run = frames(&[
+        "--recording",
+        "recordings/flight.mcap",
+        "--events",
+        "--json",
+    ]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let found: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert!(found["rows"][0]["compared"].as_u64() > Some(0), "{found}");
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn a_recording_excludes_the_options_of_generated_motions() {
+    for args in [&[KNIT][..], &["--frames", "3"], &["--motions", "iid"]] {
+        let run = frames(&[&["--recording", "recordings/flight.mcap"], args].concat());
+        assert_eq!(run.code, 2, "{args:?}: {}", run.stdout);
+    }
+    assert_eq!(frames(&[]).code, 2);
+    let run = frames(&["--recording", "README.md"]);
+    assert_eq!(run.code, 2, "{}", run.stdout);
+}

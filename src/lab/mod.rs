@@ -7,7 +7,7 @@
 //! |---|---|
 //! | time of each stage of a certificate | [`Run`] |
 //! | speed of a kernel against its error | [`KernelRow`], [`Slope`], [`Plot`] |
-//! | cost of moving frames | [`MotionRow`] |
+//! | cost of moving frames | [`MotionRow`], of a [`FrameSource`] |
 //! | adapter or CPU | `AdapterTimes`, `calibrate` (feature `gpu`); [`GrowingScenes`] |
 //! | published times | [`TABLE_1`] |
 //!
@@ -34,6 +34,8 @@ mod kernels;
 mod motion;
 mod plot;
 mod published;
+#[cfg(feature = "mcap")]
+mod recorded;
 mod setting;
 mod sizes;
 mod slopes;
@@ -50,9 +52,11 @@ pub use clock::{Elapsed, peak_mb, timed};
 pub use figures::{error_against_beta, error_against_time, time_against_size};
 pub use growing::{GrowingScenes, faster_from};
 pub use kernels::{KernelEffort, KernelRow};
-pub use motion::{MotionRow, MotionStudy};
+pub use motion::{FrameSource, GeneratedMotion, MotionRow, MotionStudy, MovedFrame};
 pub use plot::{Plot, Series};
 pub use published::{MACHINE, Published, Source, TABLE_1};
+#[cfg(feature = "mcap")]
+pub use recorded::RecordedMotion;
 pub use setting::Setting;
 pub use sizes::at_sizes;
 pub use slopes::Slope;

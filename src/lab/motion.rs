@@ -20,17 +20,65 @@ const FULL_RUNS: u64 = 25;
 /// Number of first frames after each of which the background work is awaited.
 const SETTLED: u64 = 3;
 
-/// Curves that move, and the frames to measure.
+/// A frame of a motion.
+#[derive(Clone, Copy, Debug)]
+pub struct MovedFrame<'a> {
+    /// Positions of all control points.
+    pub positions: Positions<'a>,
+    /// True if the frame does not continue the previous one.
+    pub cut: bool,
+}
+
+/// Frames of one motion, in order.
+pub trait FrameSource {
+    /// Returns the next frame, or `None` at the end. The first one is the baseline.
+    fn next(&mut self) -> Result<Option<MovedFrame<'_>>>;
+}
+
+/// Generated frames of a motion.
+#[derive(Debug)]
+pub struct GeneratedMotion<'a> {
+    frames: &'a mut Frames,
+    motion: &'a Motion,
+    /// Amplitude in units of the set.
+    amplitude: f64,
+    next: u64,
+    count: u64,
+}
+
+impl<'a> GeneratedMotion<'a> {
+    /// Returns `count` frames after the first one, which is at rest. The amplitude is in units of
+    /// the set.
+    pub fn new(frames: &'a mut Frames, motion: &'a Motion, amplitude: f64, count: u64) -> Self {
+        GeneratedMotion {
+            frames,
+            motion,
+            amplitude,
+            next: 0,
+            count,
+        }
+    }
+}
+
+impl FrameSource for GeneratedMotion<'_> {
+    fn next(&mut self) -> Result<Option<MovedFrame<'_>>> {
+        if self.next > self.count {
+            return Ok(None);
+        }
+        self.next += 1;
+        let positions = self.frames.at(self.motion, self.amplitude, self.next - 1);
+        Ok(Some(MovedFrame {
+            positions,
+            cut: false,
+        }))
+    }
+}
+
+/// Curves that move, and what is measured.
 #[derive(Debug)]
 pub struct MotionStudy {
     /// The curves. Their positions are those of the last frame.
     pub curves: CurveSet,
-    /// Generator of the frames.
-    pub frames: Frames,
-    /// Diameter of the curves: the unit of amplitudes.
-    pub diameter: f64,
-    /// Number of frames of each motion and amplitude.
-    pub count: u64,
     /// Pull-throughs that both verifiers search for.
     pub events: Events,
     /// Motion beyond which pull-throughs that cancel count as unresolved
@@ -40,8 +88,7 @@ pub struct MotionStudy {
 
 impl MotionStudy {
     /// Creates the incremental verifier that is measured, and the one that computes frames in full.
-    /// Both have seen frame 0, which is their baseline.
-    fn verifiers(&mut self) -> Result<[Verifier; 2]> {
+    fn verifiers(&self) -> Result<[Verifier; 2]> {
         let verifier = |strategy| {
             Verifier::new(VerifierOptions {
                 strategy,
@@ -50,43 +97,51 @@ impl MotionStudy {
                 ..VerifierOptions::default()
             })
         };
-        let mut verifiers = [verifier(Strategy::Incremental)?, verifier(Strategy::Full)?];
-        let first = self.frames.at(&Motion::new([]), 0.0, 0);
-        self.curves.update(first)?;
-        for verifier in &mut verifiers {
-            // The baseline.
-            let _ = verifier.step(0, 0.0, &self.curves)?;
-        }
-        Ok(verifiers)
+        Ok([verifier(Strategy::Incremental)?, verifier(Strategy::Full)?])
     }
 
-    /// Measures all frames of a motion. The amplitude is in diameters. `on_frame` gets the number
-    /// of each frame, and the full and the incremental report if they disagree.
+    /// Measures all frames of a motion. `name` and `amplitude` describe it in the row. `count` is
+    /// the number of frames, if it is known: then some of many frames are computed in full, else
+    /// all. `on_frame` gets the number of each frame, and the full and the incremental report if
+    /// they disagree.
     ///
-    /// Errors: a frame whose coordinates overflow.
+    /// Errors: a frame whose coordinates overflow, or that cannot be read.
     pub fn measure(
         &mut self,
-        motion: &Motion,
-        amplitude: f64,
+        (name, amplitude): (String, f64),
+        source: &mut dyn FrameSource,
+        count: Option<u64>,
         mut on_frame: impl FnMut(u64, Option<[&Report; 2]>),
     ) -> Result<MotionRow> {
         let mut row = MotionRow {
-            motion: motion.to_string(),
+            motion: name,
             amplitude,
             ..MotionRow::default()
         };
         // The search for pull-throughs must see every frame.
-        let every = match self.events {
-            Events::Off => (self.count / FULL_RUNS).max(1),
+        let every = match (self.events, count) {
+            (Events::Off, Some(count)) => (count / FULL_RUNS).max(1),
             _ => 1,
         };
         let [mut incremental, mut full] = self.verifiers()?;
-        for frame in 1..=self.count {
-            let curves = &mut self.curves;
-            let length = amplitude * self.diameter;
-            let positions = self.frames.at(motion, length, frame);
+        let curves = &mut self.curves;
+        if let Some(first) = source.next()? {
+            curves.update(first.positions)?;
+            for verifier in [&mut incremental, &mut full] {
+                // The baseline.
+                let _ = verifier.step(0, 0.0, curves)?;
+            }
+        }
+        for frame in 1.. {
+            let Some(MovedFrame { positions, cut }) = source.next()? else {
+                break;
+            };
             record(&mut row.read, || largest(black_box(positions)));
             record(&mut row.update, || curves.update(black_box(positions)))?;
+            if cut {
+                incremental.cut();
+                full.cut();
+            }
             let report = record(&mut row.frame, || incremental.step(frame, 0.0, curves))?;
             let work = incremental.work();
             row.routes[work.route as usize] += 1;

@@ -5,11 +5,18 @@ use crate::cli::event_args::EventArgs;
 use crate::cli::input;
 use crate::cli::number::positive;
 use crate::cli::output::{self, count, plural};
-use linkwatch::lab::{MotionRow, MotionStudy, Table, median, percentile};
+use indicatif::ProgressBar;
+#[cfg(feature = "mcap")]
+use linkwatch::lab::RecordedMotion;
+use linkwatch::lab::{
+    FrameSource, GeneratedMotion, MotionRow, MotionStudy, Table, median, percentile,
+};
 use linkwatch::scenes::{Frames, Motion, Scene};
-use linkwatch::{AbortOn, Error, Events, Report, Result};
+use linkwatch::{AbortOn, CurveSet, Error, Events, Report, Result};
 use serde_json::{Value, json};
 use std::path::Path;
+#[cfg(feature = "mcap")]
+use std::path::PathBuf;
 
 /// Time moving frames: incremental verification against a plain read of the frame and a full run
 ///
@@ -21,7 +28,17 @@ use std::path::Path;
 pub struct Args {
     /// A model (.bcc, .obj, .vect), or a scene as `linkwatch generate` takes it
     #[arg(value_name = "MODEL|SCENE")]
-    input: String,
+    #[cfg_attr(feature = "mcap", arg(required_unless_present = "recording"))]
+    input: Option<String>,
+    /// Measure the frames of a recording instead of a generated motion. Every frame is computed in
+    /// full as well
+    #[cfg(feature = "mcap")]
+    #[arg(
+        long,
+        value_name = "FILE.mcap",
+        conflicts_with_all = ["input", "diameter", "frames", "motions", "amplitudes"]
+    )]
+    recording: Option<PathBuf>,
     /// Diameter of the yarn, in units of the model [default: that of the scene, if it has one]
     #[arg(long, value_name = "D", value_parser = positive)]
     diameter: Option<f64>,
@@ -63,39 +80,26 @@ fn amplitude(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
-    let curves = input::read(Path::new(&args.input))?;
+    #[cfg(feature = "mcap")]
+    if let Some(file) = &args.recording {
+        let mut motion = RecordedMotion::open(file)?;
+        let curves = motion.curves().clone();
+        let mut study = Study::new(args, &file.display().to_string(), curves, as_json);
+        study.announce("");
+        study.measure("recorded", 0.0, &mut motion, None, &ProgressBar::hidden())?;
+        return Ok(study.finish(None, None));
+    }
+    let Some(input) = &args.input else {
+        return Err(Error::Usage("give a model or a scene".into()));
+    };
+    let curves = input::read(Path::new(input))?;
     // An input that could be read and parses as a scene is a scene, unless it is a file.
-    let scene = args.input.parse::<Scene>().ok();
+    let scene = input.parse::<Scene>().ok();
     let own = scene.and_then(|scene| scene.value("diameter"));
     let diameter = args.diameter.or(own).ok_or_else(|| {
         let what = "has no diameter, the unit of the amplitudes: give --diameter";
-        Error::Usage(format!("{} {what}", args.input))
+        Error::Usage(format!("{input} {what}"))
     })?;
-    let mut study = MotionStudy {
-        frames: Frames::new(&curves, diameter),
-        curves,
-        diameter,
-        count: args.frames,
-        events: args.event_args.events(AbortOn::Never),
-        motion_limit: args.event_args.motion_limit,
-    };
-    let (curves, segments) = (study.curves.len(), study.curves.segments());
-    let threads = rayon::current_num_threads();
-    let table = table();
-    if !as_json {
-        output::line(format_args!(
-            "{}: {} of {}, {diameter} across; {} each, {}; medians",
-            args.input,
-            plural(curves as u64, "curve"),
-            plural(segments as u64, "segment"),
-            plural(args.frames, "frame"),
-            plural(threads as u64, "thread"),
-        ));
-        if study.events != Events::Off {
-            output::line("with the search for pull-throughs from frame to frame, in both");
-        }
-        output::line(table.header());
-    }
     let mut cases: Vec<(&Motion, f64)> = Vec::new();
     for motion in &args.motions {
         match motion.has_amplitude() {
@@ -104,56 +108,125 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
             false => cases.push((motion, 0.0)),
         }
     }
+    let mut frames = Frames::new(&curves, diameter);
+    let mut study = Study::new(args, input, curves, as_json);
+    let each = plural(args.frames, "frame");
+    study.announce(&format!(", {diameter} across; {each} each"));
     let bar = output::bar(args.frames * cases.len() as u64, "frames");
-    let mut rows = Vec::with_capacity(cases.len());
     for (motion, amplitude) in cases {
+        let length = amplitude * diameter;
+        let mut source = GeneratedMotion::new(&mut frames, motion, length, args.frames);
+        let name = motion.to_string();
+        study.measure(&name, amplitude, &mut source, Some(args.frames), &bar)?;
+    }
+    bar.finish_and_clear();
+    Ok(study.finish(Some(diameter), Some(args.frames)))
+}
+
+/// A study, and its results so far.
+struct Study {
+    input: String,
+    motions: MotionStudy,
+    as_json: bool,
+    table: Table,
+    rows: Vec<MotionRow>,
+}
+
+impl Study {
+    fn new(args: &Args, input: &str, curves: CurveSet, as_json: bool) -> Study {
+        Study {
+            input: input.to_owned(),
+            motions: MotionStudy {
+                curves,
+                events: args.event_args.events(AbortOn::Never),
+                motion_limit: args.event_args.motion_limit,
+            },
+            as_json,
+            table: table(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// Prints the heading of the table.
+    fn announce(&self, details: &str) {
+        if self.as_json {
+            return;
+        }
+        output::line(format_args!(
+            "{}: {} of {}{details}, {}; medians",
+            self.input,
+            plural(self.motions.curves.len() as u64, "curve"),
+            plural(self.motions.curves.segments() as u64, "segment"),
+            plural(rayon::current_num_threads() as u64, "thread"),
+        ));
+        if self.motions.events != Events::Off {
+            output::line("with the search for pull-throughs from frame to frame, in both");
+        }
+        output::line(self.table.header());
+    }
+
+    /// Measures one motion, and prints its row.
+    fn measure(
+        &mut self,
+        motion: &str,
+        amplitude: f64,
+        source: &mut dyn FrameSource,
+        count: Option<u64>,
+        bar: &ProgressBar,
+    ) -> Result<()> {
         bar.set_message(format!("{motion} {amplitude}"));
-        let row = study.measure(motion, amplitude, |frame, difference| {
+        let report = |frame: u64, difference: Option<[&Report; 2]>| {
             if let Some([expected, found]) = difference.map(|reports| reports.map(words)) {
                 let what = format!("{found}, but the full run says {expected}");
                 bar.suspend(|| tracing::error!("{motion} {amplitude}, frame {frame}: {what}"));
             }
             bar.inc(1);
-        })?;
-        if !as_json {
-            bar.suspend(|| output::line(table.row(cells(&row))));
+        };
+        let described = (motion.to_owned(), amplitude);
+        let row = self.motions.measure(described, source, count, report)?;
+        if !self.as_json {
+            bar.suspend(|| output::line(self.table.row(cells(&row))));
         }
-        rows.push(row);
+        self.rows.push(row);
+        Ok(())
     }
-    bar.finish_and_clear();
 
-    let all = |f: fn(&MotionRow) -> &Vec<f64>| median(rows.iter().flat_map(f).copied());
-    let (read, update, full) = (all(|r| &r.read), all(|r| &r.update), all(|r| &r.full));
-    let sum = |f: fn(&MotionRow) -> u64| rows.iter().map(f).sum::<u64>();
-    let (compared, equal) = (sum(MotionRow::compared), sum(|r| r.equal));
-    if as_json {
-        output::json(&json!({
-            "model": args.input,
-            "diameter": diameter,
-            "curves": curves,
-            "segments": segments,
-            "frames": args.frames,
-            "threads": threads,
-            "events": study.events.to_string(),
-            "read_ms": read,
-            "update_ms": update,
-            "full_ms": full,
-            "compared": compared,
-            "equal": equal,
-            "rows": rows.iter().map(row_json).collect::<Vec<_>>(),
-        }));
-    } else {
-        output::line(format_args!(
-            "read {read:.4} ms, update {update:.3} ms, full run {full:.3} ms; \
-             {} of {} verdicts as in the full run",
-            count(equal),
-            count(compared),
-        ));
+    /// Prints the sums. `frames` is the number of frames of each motion, if it was given.
+    fn finish(self, diameter: Option<f64>, frames: Option<u64>) -> Outcome {
+        let rows = &self.rows;
+        let all = |f: fn(&MotionRow) -> &Vec<f64>| median(rows.iter().flat_map(f).copied());
+        let (read, update, full) = (all(|r| &r.read), all(|r| &r.update), all(|r| &r.full));
+        let sum = |f: fn(&MotionRow) -> u64| rows.iter().map(f).sum::<u64>();
+        let (compared, equal) = (sum(MotionRow::compared), sum(|r| r.equal));
+        if self.as_json {
+            output::json(&json!({
+                "model": self.input,
+                "diameter": diameter,
+                "curves": self.motions.curves.len(),
+                "segments": self.motions.curves.segments(),
+                "frames": frames,
+                "threads": rayon::current_num_threads(),
+                "events": self.motions.events.to_string(),
+                "read_ms": read,
+                "update_ms": update,
+                "full_ms": full,
+                "compared": compared,
+                "equal": equal,
+                "rows": rows.iter().map(row_json).collect::<Vec<_>>(),
+            }));
+        } else {
+            output::line(format_args!(
+                "read {read:.4} ms, update {update:.3} ms, full run {full:.3} ms; \
+                 {} of {} verdicts as in the full run",
+                count(equal),
+                count(compared),
+            ));
+        }
+        match equal == compared {
+            true => Outcome::Fine,
+            false => Outcome::Changed,
+        }
     }
-    Ok(match equal == compared {
-        true => Outcome::Fine,
-        false => Outcome::Changed,
-    })
 }
 
 /// Returns a report in a few words.

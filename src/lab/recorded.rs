@@ -1,0 +1,120 @@
+//! Motion of a recording.
+
+use super::motion::{FrameSource, MovedFrame};
+use crate::curve::{CurveSet, Positions, Precision};
+use crate::error::{Error, Result};
+use crate::sinks::{RecordedFrame, RecordedItem, RecordingReader};
+use std::fmt;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// Frames of a recording, for a [`MotionStudy`](super::MotionStudy). Frames that break their
+/// contract (a NaN) are skipped.
+pub struct RecordedMotion {
+    reader: RecordingReader<BufReader<File>>,
+    /// The curves of the last frame.
+    curves: CurveSet,
+    cuts: u32,
+    /// True until the first frame was returned, which is read by [`RecordedMotion::open`].
+    is_first: bool,
+    bytes: Vec<u8>,
+    single: Vec<f32>,
+    double: Vec<f64>,
+}
+
+impl fmt::Debug for RecordedMotion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RecordedMotion").finish_non_exhaustive()
+    }
+}
+
+impl RecordedMotion {
+    /// Opens a recording, and reads its first valid frame.
+    ///
+    /// Errors: a file that is no recording, is damaged, or has no valid frame.
+    pub fn open(path: &Path) -> Result<RecordedMotion> {
+        let mut reader = RecordingReader::open(path)?;
+        while let Some(frame) = next_frame(&mut reader)? {
+            let mut curves = None;
+            if let (Ok(()), Some(curves)) = (frame.ingest(&mut curves), curves) {
+                return Ok(RecordedMotion {
+                    reader,
+                    curves,
+                    cuts: frame.cuts,
+                    is_first: true,
+                    bytes: Vec::new(),
+                    single: Vec::new(),
+                    double: Vec::new(),
+                });
+            }
+        }
+        let why = "a recording without a valid frame";
+        Err(Error::unsupported("motion", why).in_file(path))
+    }
+
+    /// Returns the curves of the last frame.
+    pub fn curves(&self) -> &CurveSet {
+        &self.curves
+    }
+
+    /// Returns the positions of the last frame.
+    fn positions(&mut self) -> Positions<'_> {
+        self.bytes.clear();
+        self.curves.write_positions(&mut self.bytes);
+        match self.curves.precision() {
+            Precision::F32 => {
+                let values = self.bytes.as_chunks().0.iter();
+                self.single.clear();
+                self.single.extend(values.map(|b| f32::from_le_bytes(*b)));
+                Positions::F32(&self.single)
+            }
+            Precision::F64 => {
+                let values = self.bytes.as_chunks().0.iter();
+                self.double.clear();
+                self.double.extend(values.map(|b| f64::from_le_bytes(*b)));
+                Positions::F64(&self.double)
+            }
+        }
+    }
+
+    /// Reads the next valid frame. Returns true if it does not continue the last one, or `None` at
+    /// the end.
+    fn advance(&mut self) -> Result<Option<bool>> {
+        let mut curves = Some(self.curves.clone());
+        while let Some(frame) = next_frame(&mut self.reader)? {
+            if let (Ok(()), Some(curves)) = (frame.ingest(&mut curves), &curves) {
+                self.curves.clone_from(curves);
+                let before = std::mem::replace(&mut self.cuts, frame.cuts);
+                return Ok(Some(before != frame.cuts));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Returns the next frame of a recording.
+fn next_frame(reader: &mut RecordingReader<BufReader<File>>) -> Result<Option<RecordedFrame>> {
+    while let Some(item) = reader.next_item()? {
+        if let RecordedItem::Frame(frame) = item {
+            return Ok(Some(frame));
+        }
+    }
+    Ok(None)
+}
+
+impl FrameSource for RecordedMotion {
+    fn next(&mut self) -> Result<Option<MovedFrame<'_>>> {
+        let cut = match std::mem::take(&mut self.is_first) {
+            true => false,
+            false => match self.advance()? {
+                Some(cut) => cut,
+                None => return Ok(None),
+            },
+        };
+        Ok(Some(MovedFrame {
+            positions: self.positions(),
+            cut,
+        }))
+    }
+}
