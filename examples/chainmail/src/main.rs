@@ -29,6 +29,9 @@ struct Args {
     /// Time steps per frame: 1 breaks the sheet, 16 keeps it intact
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     substeps: u16,
+    /// Publish every time step as a frame of its own
+    #[arg(long)]
+    every_step: bool,
     /// Frames to simulate
     #[arg(long, default_value_t = FRAMES)]
     frames: usize,
@@ -166,11 +169,22 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
     );
     let start = Instant::now();
     let mut watched = true;
-    for frame in 0..args.frames {
+    let substeps = usize::from(args.substeps);
+    // Published frames per frame of the simulation, and time steps per published frame.
+    let (frames, steps) = match args.every_step {
+        true => (substeps, 1),
+        false => (1, substeps),
+    };
+    let dt = FRAME_DT / frames as f32;
+    let count = match args.frames {
+        0 => 0,
+        n => (n - 1) * frames + 1,
+    };
+    for frame in 0..count {
         if frame > 0 {
-            sheet.step(FRAME_DT, usize::from(args.substeps));
+            sheet.step(dt, steps);
         }
-        let mut loan = client.loan(frame as f64 * f64::from(FRAME_DT))?;
+        let mut loan = client.loan(frame as f64 * f64::from(dt))?;
         sheet.write_positions(loan.positions_f32()?);
         let seq = loan.publish()?;
         if args.lockstep {
