@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn one_long_line_a_curve() {
+    fn a_long_line_is_one_curve() {
         expect(
             "l 1 2 3 4 1\nl 5 6 7\n",
             &[(true, &[1, 2, 3, 4]), (false, &[5, 6, 7])],

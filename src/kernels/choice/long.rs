@@ -38,7 +38,7 @@ const LONG: u32 = 50_000;
 const SHORT_MS: f64 = 500.0;
 
 /// Number of links below which they are not split among threads.
-const FEW: usize = 64;
+const PARALLEL_LINKS: usize = 64;
 
 /// Factor by which the sum must be faster, because of the errors of the predictions.
 const SHORTER: f64 = 2.5;
@@ -68,7 +68,7 @@ pub(super) fn worth_summing(input: Input<'_>, links: &[Pair]) -> Vec<LongLink> {
     };
     match links.len() {
         // A parallel iterator allocates, and a frame like the previous one should allocate nothing.
-        few @ ..FEW => (0..few).filter_map(long).collect(),
+        few @ ..PARALLEL_LINKS => (0..few).filter_map(long).collect(),
         many => (0..many).into_par_iter().filter_map(long).collect(),
     }
 }

@@ -13,7 +13,7 @@ use std::ops::ControlFlow;
 const GRAIN: usize = 1 << 14;
 
 /// Maximum number of candidates for which single tests are faster than a batch.
-const FEW: usize = 2;
+const SINGLE_TESTS: usize = 2;
 
 /// Sum of the signed crossings of one pair of curves in one direction, or of a part of the pair.
 #[derive(Clone, Copy, Debug, Default)]
@@ -101,7 +101,7 @@ impl SignedCount {
         self.stats.tests += tests.len() as u64;
         let mut batch = None;
         for chunk in tests.chunks(8) {
-            if chunk.len() <= FEW {
+            if chunk.len() <= SINGLE_TESTS {
                 for &(s, t) in chunk {
                     self.add_segments(task, [&upper, &lower], s, t);
                 }

@@ -187,7 +187,7 @@ impl<'a> BarnesHut<'a> {
                 let all = leaves[0] * leaves[1];
                 // A good initial value for neighbouring rings; long curves need more node pairs.
                 let mut share = budget / (8.0 * (leaves[0] + leaves[1]).sqrt());
-                if all <= FEW {
+                if all <= UNEXPANDED {
                     share = 0.0;
                 }
                 let mut sum = self.pass(trees, Criterion::Share(share));
@@ -220,7 +220,7 @@ impl<'a> BarnesHut<'a> {
 const PASSES: usize = 12;
 
 /// Maximum number of leaf pairs that are summed without expansions.
-const FEW: f64 = 64.0;
+const UNEXPANDED: f64 = 64.0;
 
 /// Maximum number of leaves of two trees that are summed in one task.
 const SMALL: usize = 64;

@@ -74,14 +74,15 @@ const U: f64 = f64::EPSILON / 2.0;
 /// by its root, and products of three lengths, each below 4, by less than `1e-158`.
 const TINY: f64 = 1e-150;
 
-/// Number of columns (segments of the second strip) in a block. A short strip uses smaller blocks,
-/// which cost less to set up.
+/// Number of columns (segments of the second strip) in a block.
 const COLUMNS: usize = 64;
-const FEW: usize = 16;
+
+/// Number of columns of a short block, which costs less to set up.
+const FEW_COLUMNS: usize = 16;
 
 /// Padding of a row: there is one more vertex than columns, and loops over vertices run to the end
 /// of a vector register.
-const MORE: usize = 8;
+const PADDING: usize = 8;
 
 /// Returns the contribution of two strips to the linking number: all pairs of a segment of one and
 /// a segment of the other.
@@ -90,12 +91,12 @@ pub(crate) fn gauss_sum(formula: Formula, rows: Strip<'_>, columns: Strip<'_>) -
 }
 
 #[inline(always)]
-fn few(columns: Strip<'_>) -> Block<{ FEW + MORE }> {
+fn short_block(columns: Strip<'_>) -> Block<{ FEW_COLUMNS + PADDING }> {
     Block::new(columns)
 }
 
 #[inline(always)]
-fn many(columns: Strip<'_>) -> Block<{ COLUMNS + MORE }> {
+fn block(columns: Strip<'_>) -> Block<{ COLUMNS + PADDING }> {
     Block::new(columns)
 }
 
@@ -112,11 +113,11 @@ pub(super) fn sum_all<S: Simd>(
     for first in (0..last).step_by(COLUMNS) {
         let end = last.min(first + COLUMNS);
         let columns = columns.map(|v| &v[first..=end]);
-        sum.add(match (formula, end - first <= FEW) {
-            (Formula::Arctangent, true) => few(columns).sum::<S, false>(rows),
-            (Formula::Arctangent, false) => many(columns).sum::<S, false>(rows),
-            (Formula::AngleSum, true) => few(columns).sum::<S, true>(rows),
-            (Formula::AngleSum, false) => many(columns).sum::<S, true>(rows),
+        sum.add(match (formula, end - first <= FEW_COLUMNS) {
+            (Formula::Arctangent, true) => short_block(columns).sum::<S, false>(rows),
+            (Formula::Arctangent, false) => block(columns).sum::<S, false>(rows),
+            (Formula::AngleSum, true) => short_block(columns).sum::<S, true>(rows),
+            (Formula::AngleSum, false) => block(columns).sum::<S, true>(rows),
         });
     }
     sum.estimate()
@@ -219,7 +220,7 @@ impl<const N: usize> Block<N> {
 
     #[inline(always)]
     fn sum<S: Simd, const PRODUCT: bool>(&mut self, rows: Strip<'_>) -> Estimate {
-        let n = self.filled.min(N - MORE);
+        let n = self.filled.min(N - PADDING);
         for j in 0..n {
             let f = sub(self.vertex(j + 1), self.vertex(j));
             let [x, y, z] = &mut self.edges;

@@ -114,7 +114,7 @@ impl Fmm {
     /// Returns the order for a pair, or `None` if the leaf pairs are so few that no expansion pays.
     fn order(&self, trees: [&Tree; 2]) -> Option<usize> {
         let [m, n] = trees.map(|t| t.root().leaves as usize);
-        if m * n <= FEW {
+        if m * n <= UNEXPANDED {
             return None;
         }
         let least = match self.options.accept {
@@ -181,7 +181,7 @@ impl Fmm {
 const TRIES: usize = 8;
 
 /// Maximum number of leaf pairs that are summed without expansions.
-const FEW: usize = 9;
+const UNEXPANDED: usize = 9;
 
 impl Summation for Fmm {
     fn linking_number(&self, pair: Pair) -> Estimate {
