@@ -4,6 +4,7 @@ use super::basis::bspline_knot;
 use super::set::Curve;
 use super::tile::{self, Bad};
 use super::{Basis, Point, Positions, Precision};
+use crate::simd::dispatch;
 
 /// Coordinates in three arrays, one per axis, in the precision of the input.
 #[derive(Debug)]
@@ -92,10 +93,10 @@ impl Coordinates {
     pub fn write(&mut self, at: usize, positions: Positions<'_>, limit: f64) -> Result<f64, Bad> {
         match (self, positions) {
             (Self::F32(dst), Positions::F32(src)) => {
-                tile::write(dst, at, src, f32::bits_within(limit))
+                dispatch!(tile::write(dst, at, src, f32::bits_within(limit)))
             }
             (Self::F64(dst), Positions::F64(src)) => {
-                tile::write(dst, at, src, f64::bits_within(limit))
+                dispatch!(tile::write(dst, at, src, f64::bits_within(limit)))
             }
             _ => unreachable!("callers compare the precision first"),
         }
@@ -112,11 +113,11 @@ impl Coordinates {
         match (self, positions) {
             (Self::F32(dst), Positions::F32(src)) => {
                 let limit = f32::bits_within(limit);
-                tile::write_curves(dst, curves, basis, src, limit)
+                dispatch!(tile::write_curves(dst, curves, basis, src, limit))
             }
             (Self::F64(dst), Positions::F64(src)) => {
                 let limit = f64::bits_within(limit);
-                tile::write_curves(dst, curves, basis, src, limit)
+                dispatch!(tile::write_curves(dst, curves, basis, src, limit))
             }
             _ => unreachable!("callers compare the precision first"),
         }

@@ -7,10 +7,13 @@
 use super::basis::Basis;
 use super::coordinates::Scalar;
 use super::set::{Curve, slots_of};
-use crate::simd::{LANES, dispatch};
+use crate::simd::LANES;
 
 /// Number of points of a tile. Its coordinates fit into the first-level cache.
 const POINTS: usize = 256;
+
+/// Number of points of two rows.
+const TWO_ROWS: usize = 2 * LANES;
 
 /// Number of coordinates of a tile.
 const VALUES: usize = 3 * POINTS;
@@ -68,7 +71,7 @@ impl<T: Scalar> Tile<T> {
             let (src, dst) = (&src[from..], &mut dst[to..]);
             match count {
                 ..=LANES if rows && copy_row(src, dst, 0) => {}
-                ..=16 if rows && copy_row(src, dst, LANES) => {
+                ..=TWO_ROWS if rows && copy_row(src, dst, LANES) => {
                     copy_row(src, dst, 0);
                 }
                 _ => dst[..count].copy_from_slice(&src[..count]),
@@ -93,17 +96,8 @@ fn copy_row<T: Copy>(src: &[T], dst: &mut [T], at: usize) -> bool {
 
 /// Writes points to the slots from `at` on. Returns the largest magnitude, or the first value whose
 /// magnitude has a larger bit pattern than `limit`.
-pub(super) fn write<T: Scalar>(
-    dst: &mut [Vec<T>; 3],
-    at: usize,
-    src: &[T],
-    limit: u64,
-) -> Result<f64, Bad> {
-    dispatch!(write_run(dst, at, src, limit))
-}
-
 #[inline(always)]
-fn write_run<T: Scalar>(
+pub(super) fn write<T: Scalar>(
     dst: &mut [Vec<T>; 3],
     at: usize,
     src: &[T],
@@ -119,18 +113,8 @@ fn write_run<T: Scalar>(
 }
 
 /// [`write`] for all points of all curves, with the slots around them ([`finish_curve`]).
-pub(super) fn write_curves<T: Scalar>(
-    dst: &mut [Vec<T>; 3],
-    curves: &[Curve],
-    basis: Basis,
-    src: &[T],
-    limit: u64,
-) -> Result<f64, Bad> {
-    dispatch!(write_all(dst, curves, basis, src, limit))
-}
-
 #[inline(always)]
-fn write_all<T: Scalar>(
+pub(super) fn write_curves<T: Scalar>(
     dst: &mut [Vec<T>; 3],
     curves: &[Curve],
     basis: Basis,
