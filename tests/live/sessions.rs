@@ -121,18 +121,10 @@ fn a_killed_simulator_ends_the_watch_with_a_message_and_does_not_affect_the_next
     assert_eq!(watch.end().code, Some(0));
 }
 
-#[test]
-fn a_signal_ends_the_watch_properly() {
-    let folder = TempDir::new().unwrap();
-    let service = service("signal");
-    let recording = folder.path().join("run.mcap");
-    let watch = Watch::start(
-        folder.path(),
-        "watch",
-        &service,
-        &["--record", recording.to_str().unwrap()],
-    );
-    let mut sim = client(&service);
+/// Runs a watch over five intact frames, and ends it by SIGTERM.
+fn end_by_signal(folder: &TempDir, service: &str, args: &[&str]) -> Ended {
+    let watch = Watch::start(folder.path(), "watch", service, args);
+    let mut sim = client(service);
     assert!(sim.wait_for_watcher(PATIENCE).unwrap());
     for frame in 0..5 {
         assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
@@ -140,6 +132,15 @@ fn a_signal_ends_the_watch_properly() {
     watch.signal("TERM");
     let ended = watch.end();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    ended
+}
+
+#[test]
+fn a_signal_ends_the_watch_properly() {
+    let folder = TempDir::new().unwrap();
+    let recording = folder.path().join("run.mcap");
+    let record = ["--record", recording.to_str().unwrap()];
+    let ended = end_by_signal(&folder, &service("signal"), &record);
     assert_eq!(ended.summary()["verified"], 5);
     let replayed = replay(&recording);
     assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
@@ -268,17 +269,7 @@ fn a_watch_without_a_simulator_ends_after_the_time_limit() {
 #[test]
 fn a_spinning_watcher_reports_times_and_ends_on_a_signal() {
     let folder = TempDir::new().unwrap();
-    let service = service("spin");
-    let spin = ["--wait-mode", "spin"];
-    let watch = Watch::start(folder.path(), "watch", &service, &spin);
-    let mut sim = client(&service);
-    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
-    for frame in 0..5 {
-        assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
-    }
-    watch.signal("TERM");
-    let ended = watch.end();
-    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let ended = end_by_signal(&folder, &service("spin"), &["--wait-mode", "spin"]);
     // The first frame has no interval before it.
     let times: Vec<_> = ended.lines[..5].iter().map(|l| &l["times_ms"]).collect();
     assert!(times[0].get("wait").is_none(), "{}", times[0]);
