@@ -18,26 +18,6 @@ pub struct Comparison {
     pub adopted: Vec<Link>,
 }
 
-impl Comparison {
-    /// Returns this comparison with the entries of these pairs, which must be sorted, replaced by
-    /// those of another comparison.
-    pub(crate) fn patched(&self, pairs: &[(u32, u32)], with: Comparison) -> Comparison {
-        let mut out = self.clone();
-        let other = |i: u32, j: u32| pairs.binary_search(&(i, j)).is_err();
-        out.changes.retain(|c| other(c.i, c.j));
-        out.changes.extend(with.changes);
-        out.changes.sort_by_key(|c| (c.i, c.j));
-        out.defects.retain(|d| d.j.is_none_or(|j| other(d.i, j)));
-        out.defects.extend(with.defects);
-        out.defects.sort_by_key(|d| (d.i, d.j));
-        out.defects.dedup_by_key(|d| (d.i, d.j));
-        out.adopted.retain(|l| other(l.i, l.j));
-        out.adopted.extend(with.adopted);
-        out.adopted.sort_by_key(|l| (l.i, l.j));
-        out
-    }
-}
-
 impl Certificate {
     /// Adds the linking numbers that this baseline lacks, from the first frame that has them.
     /// `comparison` covers all pairs of the frame. Returns true if any number was added.

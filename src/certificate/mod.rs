@@ -37,12 +37,6 @@ pub struct Certificate {
 }
 
 impl Certificate {
-    /// Returns the entries of these pairs, which must be sorted, and of curves without any linking
-    /// number.
-    pub(crate) fn of_pairs(&self, pairs: &[(u32, u32)]) -> Certificate {
-        self.filtered(|i, j| j.is_none_or(|j| pairs.binary_search(&(i, j)).is_ok()))
-    }
-
     /// Returns this certificate with the entries of these pairs, which must be sorted, replaced by
     /// those of another certificate.
     pub(crate) fn patched(&self, pairs: &[(u32, u32)], with: &Certificate) -> Certificate {
@@ -53,6 +47,11 @@ impl Certificate {
         out.undefined.sort_by_key(|d| (d.i, d.j));
         out.undefined.dedup_by_key(|d| (d.i, d.j));
         out
+    }
+
+    /// Returns true if a curve has no linking number with any other.
+    pub(crate) fn has_degenerate_curves(&self) -> bool {
+        self.undefined.iter().any(|d| d.j.is_none())
     }
 
     fn filtered(&self, keep: impl Fn(u32, Option<u32>) -> bool) -> Certificate {

@@ -48,16 +48,6 @@ impl Affine {
         Affine::new(m, sample.mean + mean - m * sample.mean)
     }
 
-    /// Returns the identity.
-    pub fn identity() -> Affine {
-        Affine {
-            m: Matrix3::identity(),
-            t: Vector3::zeros(),
-            inverse: Matrix3::identity(),
-            sigma: 1.0,
-        }
-    }
-
     /// Returns a bound of the deviation from straight lines, as a share of the length of a path, of
     /// points that move on straight lines at constant speed between two frames, seen in the space
     /// of the reference frame. Returns `None` if the maps of the two frames are too different.

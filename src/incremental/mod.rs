@@ -30,5 +30,5 @@ mod work;
 pub(crate) use coverage::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome};
-pub(crate) use monitor::{Finding, Monitor};
+pub(crate) use monitor::Monitor;
 pub use work::{Route, Work};

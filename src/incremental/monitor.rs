@@ -2,23 +2,21 @@
 
 use super::affine::Affine;
 use super::coverage::Coverage;
-use super::motion::{MovedSegments, Space};
+use super::motion::MovedSegments;
 use super::reference::Reference;
 use super::stream::moved_chunks;
 use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::pairs::{LinkSearch, Pair};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// Share of moved chunks above which a full run costs less than a check of the affected pairs.
+/// Share of moved chunks above which a search of all pairs costs less than one near these chunks.
 const MANY_CHUNKS: f64 = 0.02;
 
-/// Number of moved chunks up to which a check always pays.
+/// Number of moved chunks up to which a search near them always pays.
 const FEW_CHUNKS: usize = 16;
-
-/// Share of affected potential links above which a full run costs less.
-const MANY_PAIRS: f64 = 0.25;
 
 /// Share of moved chunks above which a new reference frame may pay.
 const STALE: f64 = 0.005;
@@ -56,7 +54,7 @@ pub(crate) struct Monitor {
 struct Known {
     reference: Reference,
     comparison: Comparison,
-    /// True if the reference served a quiet or partial frame.
+    /// True if the reference served a quiet frame, or limited a search.
     used: bool,
 }
 
@@ -67,15 +65,6 @@ struct Survey {
     affine: Option<Affine>,
     /// Chunks of slots with a point that moved further than its allowance.
     chunks: Vec<u32>,
-}
-
-/// Conclusion from the reference frame about the current frame.
-pub(crate) enum Finding {
-    /// Nothing is known: compute everything.
-    Unknown,
-    /// Everything is unchanged except for these pairs, sorted, about which nothing is known.
-    /// Usually there are no such pairs.
-    UnchangedExcept(Vec<Pair>),
 }
 
 impl Survey {
@@ -91,6 +80,11 @@ impl Survey {
             self.affine = None;
         }
     }
+
+    /// Returns true if no point moved further than its allowance.
+    fn is_quiet(&self) -> bool {
+        self.affine.is_some() && self.chunks.is_empty()
+    }
 }
 
 impl Monitor {
@@ -103,74 +97,56 @@ impl Monitor {
         }
     }
 
-    /// Compares the frame `set` with the reference frame. A new baseline needs a new monitor.
-    /// `before` is the previous frame, for [`Monitor::pairs_to_search`].
-    pub fn compare(
+    /// Compares the frame `set` with the reference frame. Returns true if it has the linking
+    /// numbers of the reference frame. A new baseline needs a new monitor. `before` is the previous
+    /// frame, for [`Monitor::pairs_to_search`].
+    pub fn is_quiet(
         &mut self,
         before: Option<&CurveSet>,
         set: &CurveSet,
         baseline: &Certificate,
         work: &mut Work,
-    ) -> Finding {
+    ) -> bool {
         self.frame += 1;
         std::mem::swap(&mut self.previous, &mut self.current);
         self.current.affine = None;
         let adopted = self.adopt(set, baseline);
         *work = Work::default();
         let Some(known) = self.reference.as_mut() else {
-            return Finding::Unknown;
+            return false;
         };
         let reference = &known.reference;
-        // The linking numbers of a degenerate loop were not computed in the reference frame.
-        let undefined = &reference.certificate.undefined;
-        if undefined.iter().any(|d| d.j.is_none()) {
-            return Finding::Unknown;
-        }
         work.blocks = reference.blocks;
         work.reference_age = Some(self.frame - reference.frame);
         if adopted && let Some(before) = before {
             self.previous.of(reference, before);
         }
         self.current.of(reference, set);
-        let Survey { affine, chunks } = &self.current;
-        let Some(affine) = affine else {
-            return Finding::Unknown;
-        };
-        if chunks.is_empty() {
-            known.used = true;
+        // The linking numbers of a degenerate loop were not computed in the reference frame.
+        let quiet = self.current.is_quiet() && !reference.certificate.has_degenerate_curves();
+        known.used |= quiet;
+        if quiet {
             work.route = Route::Quiet;
-            return Finding::UnchangedExcept(Vec::new());
         }
-        let still = Affine::identity();
-        let ends = [(&still, &reference.set), (affine, set)];
-        let motion = MovedSegments::new(reference, ends, chunks, Space::Reference);
-        work.marked = motion.blocks() as u64;
-        // Only the full run reports a loop that has shrunk to a point or a line.
-        if !motion.loops().all(|i| set.has_three_distinct_points(i)) {
-            return Finding::Unknown;
-        }
-        let (pairs, recertified) = motion.affected(&mut self.search);
-        let many = MANY_PAIRS * reference.potential_links as f64;
-        if pairs.len() as f64 > many.max(8.0) {
-            return Finding::Unknown;
-        }
-        known.used = true;
-        work.route = Route::Partial;
-        work.recertified = recertified as u64;
-        work.recomputed = pairs.len() as u64;
-        Finding::UnchangedExcept(pairs)
+        quiet
     }
 
     /// Returns the pairs of curves (`(i, i)`: a curve and itself), sorted, that may have passed
     /// through each other between the previous frame and the current one. Returns `None` if nothing
     /// is known.
-    pub fn pairs_to_search(&mut self, before: &CurveSet, after: &CurveSet) -> Option<Vec<Pair>> {
-        let reference = &self.reference.as_ref()?.reference;
+    pub fn pairs_to_search(
+        &mut self,
+        before: &CurveSet,
+        after: &CurveSet,
+        work: &mut Work,
+    ) -> Option<Vec<Pair>> {
+        let known = self.reference.as_mut()?;
         let affines = [
             self.previous.affine.as_ref()?,
             self.current.affine.as_ref()?,
         ];
         let bend = Affine::bend(affines)?;
+        known.used = true;
         let mut chunks = [&self.previous.chunks[..], &self.current.chunks].concat();
         if chunks.is_empty() {
             return Some(Vec::new());
@@ -178,36 +154,31 @@ impl Monitor {
         chunks.sort_unstable();
         chunks.dedup();
         let ends = [(affines[0], before), (affines[1], after)];
-        let motion = MovedSegments::new(reference, ends, &chunks, Space::World { bend });
-        Some(motion.affected(&mut self.search).0)
+        let motion = MovedSegments::new(&known.reference, ends, &chunks, bend);
+        work.marked = motion.blocks() as u64;
+        let (pairs, recertified) = motion.affected(&mut self.search);
+        work.recertified = recertified as u64;
+        Some(pairs)
     }
 
     /// Returns the linking numbers of the reference frame, and their comparison with the baseline.
-    pub fn reference_result(&self) -> Option<(&Certificate, &Comparison)> {
+    pub fn reference_result(&self) -> Option<(&Arc<Certificate>, &Comparison)> {
         let known = self.reference.as_ref()?;
         Some((&known.reference.certificate, &known.comparison))
     }
 
     /// Returns true if the current frame would make a better reference.
-    pub fn wants_reference(&self, work: &Work) -> bool {
+    pub fn wants_reference(&self) -> bool {
         let chunks = self.reference.as_ref().map_or(0, |k| k.reference.chunks());
-        let stale = match work.route {
-            Route::Full => true,
-            Route::Quiet => false,
-            Route::Partial => self.current.chunks.len() as f64 > STALE * chunks as f64,
-        };
+        let stale = self.current.affine.is_none()
+            || self.current.chunks.len() as f64 > STALE * chunks as f64;
         stale && self.build.is_none() && self.frame >= self.next_reference
     }
 
     /// Starts to build a reference from the current frame, in a background thread. Does nothing if
     /// boxes dilated by the reach could overflow single precision. The reach is less than four
     /// times the largest coordinate.
-    pub fn make_reference(
-        &mut self,
-        set: CurveSet,
-        certificate: Certificate,
-        potential_links: usize,
-    ) {
+    pub fn make_reference(&mut self, set: CurveSet, certificate: Arc<Certificate>) {
         if set.max_abs() > f64::from(f32::MAX) / 16.0 {
             return;
         }
@@ -220,7 +191,7 @@ impl Monitor {
                 .num_threads(1)
                 .build()
                 .ok()?;
-            let reference = || Reference::build(set, certificate, frame, potential_links, coverage);
+            let reference = || Reference::build(set, certificate, frame, coverage);
             Some(pool.install(reference))
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());

@@ -3,6 +3,7 @@
 use super::affine::Affine;
 use super::reference::Reference;
 use super::slots::CHUNK;
+use crate::curve::vector::distance;
 use crate::curve::{Bezier, Box3, CurveSet, Point};
 use crate::discretize::{Hull, MovingSeparation};
 use crate::pairs::{LinkSearch, Pair};
@@ -12,24 +13,14 @@ use rayon::prelude::*;
 /// Segments that moved further than their allowances in a step from one frame to another.
 ///
 /// The search takes place in the space of the reference frame, into which both frames are mapped
-/// back.
+/// back. Points move on straight lines in world space. Mapped back, their paths deviate from
+/// straight lines by up to a share of their length ([`Affine::bend`]).
 pub(super) struct MovedSegments<'a> {
     reference: &'a Reference,
     ends: [(&'a Affine, &'a CurveSet); 2],
-    space: Space,
+    bend: f64,
     /// Blocks of eight segments with at least one marked segment, sorted.
     blocks: Vec<Block>,
-}
-
-/// Space in which points move on straight lines at constant speed.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Space {
-    /// Space of the reference frame. For linking numbers any motion will do, as long as every map
-    /// in between is isotopic to the identity.
-    Reference,
-    /// World space. Mapped back, paths deviate from straight lines by up to this share of their
-    /// length ([`Affine::bend`]).
-    World { bend: f64 },
 }
 
 /// A block of eight segments of a curve.
@@ -50,13 +41,13 @@ impl<'a> MovedSegments<'a> {
         reference: &'a Reference,
         ends: [(&'a Affine, &'a CurveSet); 2],
         chunks: &[u32],
-        space: Space,
+        bend: f64,
     ) -> MovedSegments<'a> {
         let set = ends[1].1;
         let mut motion = MovedSegments {
             reference,
             ends,
-            space,
+            bend,
             blocks: Vec::new(),
         };
         let mut segments: Vec<(u32, u32)> = Vec::new();
@@ -96,28 +87,12 @@ impl<'a> MovedSegments<'a> {
         self.blocks.len()
     }
 
-    /// Returns the closed curves with a marked segment, without duplicates.
-    pub fn loops(&self) -> impl Iterator<Item = usize> + '_ {
-        let blocks = self.blocks.chunk_by(|a, b| a.curve == b.curve);
-        let curves = blocks.map(|of_one| of_one[0].curve as usize);
-        curves.filter(|&i| self.reference.set.curve(i).closed)
-    }
-
     /// Returns a segment at both ends of the step, mapped back to the reference frame.
     fn both(&self, i: usize, s: u32) -> [Bezier; 2] {
         self.ends.map(|(affine, set)| {
             let back = |p: Point| affine.back(p);
             set.segment(i, s as usize).map(back)
         })
-    }
-
-    /// Returns a segment at both ends of the step, in the space in which it moves on straight
-    /// lines.
-    fn straight(&self, i: usize, s: u32) -> [Bezier; 2] {
-        match self.space {
-            Space::Reference => self.both(i, s),
-            Space::World { .. } => self.ends.map(|(_, set)| set.segment(i, s as usize)),
-        }
     }
 
     /// Returns a generous bound of the rounding errors of points that are mapped back, and of
@@ -138,13 +113,7 @@ impl<'a> MovedSegments<'a> {
                 let s = block.leaf * LANES as u32 + k;
                 let [from, to] = self.both(block.curve as usize, s);
                 for (p, q) in from.iter().zip(&to) {
-                    let bent = match self.space {
-                        Space::Reference => 0.0,
-                        Space::World { bend } => {
-                            let way = [0, 1, 2].map(|x| q[x] - p[x]);
-                            bend * way.iter().map(|d| d * d).sum::<f64>().sqrt() * (1.0 + 1e-9)
-                        }
-                    };
+                    let bent = self.bend * distance(*p, *q) * (1.0 + 1e-9);
                     for p in [p, q] {
                         out = out.union(&Box3::around(*p, slack + bent));
                     }
@@ -157,9 +126,7 @@ impl<'a> MovedSegments<'a> {
     /// Returns the pairs of curves that may have touched during the step, sorted, and the number of
     /// other pairs that came near and were proven apart.
     ///
-    /// In the space of the reference frame these are pairs of closed curves; all other pairs have
-    /// the linking numbers of the reference frame. In world space these are all pairs that the
-    /// reference frame covers, with `(i, i)` for a curve and itself.
+    /// The pair `(i, i)` is a curve and itself.
     pub fn affected(&self, search: &mut LinkSearch) -> (Vec<Pair>, usize) {
         let reference = self.reference;
         // Unmarked segments stay within the reach of their places, and two unmarked segments do not
@@ -180,17 +147,10 @@ impl<'a> MovedSegments<'a> {
         }
         let pairs = search.find(&boxes);
         pairs.retain(|&(i, j)| marked[i as usize] || marked[j as usize]);
-        match self.space {
-            Space::Reference => {
-                let closed = |i: u32| reference.set.curve(i as usize).closed;
-                pairs.retain(|&(i, j)| closed(i) && closed(j));
-            }
-            Space::World { .. } if reference.coverage.self_crossings => {
-                let alone = (0..marked.len()).filter(|&i| marked[i]);
-                pairs.extend(alone.map(|i| (i as u32, i as u32)));
-                pairs.sort_unstable();
-            }
-            Space::World { .. } => {}
+        if reference.coverage.self_crossings {
+            let alone = (0..marked.len()).filter(|&i| marked[i]);
+            pairs.extend(alone.map(|i| (i as u32, i as u32)));
+            pairs.sort_unstable();
         }
         let near: Vec<(Pair, bool, bool)> = pairs
             .par_iter()
@@ -289,7 +249,10 @@ impl<'a> MovedSegments<'a> {
     /// Returns true if the marked segments of a block are proven apart from segment `t` of curve
     /// `j` at all times.
     fn block_apart(&self, block: &Block, j: u32, t: u32) -> bool {
-        let hulls = |i: usize, s: u32| self.straight(i, s).map(|p| Hull::of_piece(&p));
+        let hulls = |i: usize, s: u32| {
+            self.ends
+                .map(|(_, set)| Hull::of_piece(&set.segment(i, s as usize)))
+        };
         let [b_before, b_after] = hulls(j as usize, t);
         let curve = self.reference.set.curve(j as usize);
         let margin = 2.0 * (self.slack() + self.reference.set.pad());

@@ -13,6 +13,7 @@ use crate::scenes::{Frames, Motion};
 use crate::verdict::{Report, Verdict};
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::hint::black_box;
+use std::sync::Arc;
 
 /// Number of full runs of a row: enough for a median.
 const FULL_RUNS: u64 = 25;
@@ -77,7 +78,7 @@ impl FrameSource for GeneratedMotion<'_> {
 /// Curves that move, and what is measured.
 #[derive(Debug)]
 pub struct MotionStudy {
-    /// The curves. Their positions are those of the last frame.
+    /// The curves, at any positions.
     pub curves: CurveSet,
     /// Pull-throughs that both verifiers search for.
     pub events: Events,
@@ -107,7 +108,7 @@ impl MotionStudy {
     ///
     /// Errors: a frame whose coordinates overflow, or that cannot be read.
     pub fn measure(
-        &mut self,
+        &self,
         (name, amplitude): (String, f64),
         source: &mut dyn FrameSource,
         count: Option<u64>,
@@ -124,12 +125,14 @@ impl MotionStudy {
             _ => 1,
         };
         let [mut incremental, mut full] = self.verifiers()?;
-        let curves = &mut self.curves;
+        let mut pool = Pool {
+            curves: &self.curves,
+            sets: Vec::new(),
+        };
         if let Some(first) = source.next()? {
-            curves.update(first.positions)?;
             for verifier in [&mut incremental, &mut full] {
                 // The baseline.
-                let _ = verifier.step(0, 0.0, curves)?;
+                let _ = verifier.step_shared(0, 0.0, &pool.filled(first.positions)?)?;
             }
         }
         for frame in 1.. {
@@ -137,12 +140,14 @@ impl MotionStudy {
                 break;
             };
             record(&mut row.read, || largest(black_box(positions)));
-            record(&mut row.update, || curves.update(black_box(positions)))?;
+            let mut set = pool.free();
+            record(&mut row.update, || fill(&mut set, black_box(positions)))?;
+            pool.sets.push(Arc::clone(&set));
             if cut {
                 incremental.cut();
                 full.cut();
             }
-            let report = record(&mut row.frame, || incremental.step(frame, 0.0, curves))?;
+            let report = record(&mut row.frame, || incremental.step_shared(frame, 0.0, &set))?;
             let work = incremental.work();
             row.routes[work.route as usize] += 1;
             row.blocks += work.blocks;
@@ -159,9 +164,9 @@ impl MotionStudy {
                 on_frame(frame, None);
                 continue;
             }
-            // Updated again, so that both verifiers run after the same single-threaded work.
-            curves.update(black_box(positions))?;
-            let expected = record(&mut row.full, || full.step(frame, 0.0, curves))?;
+            // Filled again, so that both verifiers run after the same single-threaded work.
+            let set = pool.filled(black_box(positions))?;
+            let expected = record(&mut row.full, || full.step_shared(frame, 0.0, &set))?;
             row.not_intact += u64::from(expected.verdict != Verdict::Intact);
             let equal = same(&expected, &report);
             row.equal += u64::from(equal);
@@ -169,6 +174,36 @@ impl MotionStudy {
         }
         Ok(row)
     }
+}
+
+/// Curve sets of earlier frames. As in a live run, a set is used again when no verifier keeps it.
+struct Pool<'a> {
+    curves: &'a CurveSet,
+    sets: Vec<Arc<CurveSet>>,
+}
+
+impl Pool<'_> {
+    /// Takes a set that only the pool holds, or makes one.
+    fn free(&mut self) -> Arc<CurveSet> {
+        let free = |set: &Arc<CurveSet>| Arc::strong_count(set) == 1;
+        match self.sets.iter().position(free) {
+            Some(k) => self.sets.swap_remove(k),
+            None => Arc::new(self.curves.clone()),
+        }
+    }
+
+    /// Returns a set with these positions.
+    fn filled(&mut self, positions: Positions<'_>) -> Result<Arc<CurveSet>> {
+        let mut set = self.free();
+        fill(&mut set, positions)?;
+        self.sets.push(Arc::clone(&set));
+        Ok(set)
+    }
+}
+
+/// Sets the positions of a set that nobody else holds.
+fn fill(set: &mut Arc<CurveSet>, positions: Positions<'_>) -> Result<()> {
+    Arc::make_mut(set).update(positions)
 }
 
 /// Measurements of one motion and amplitude. Times are in milliseconds, one for each frame.

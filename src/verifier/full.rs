@@ -213,11 +213,6 @@ impl FullRun {
         self.search.pairs()
     }
 
-    /// Returns the number of potential links of the last full run.
-    pub fn potential_links(&self) -> usize {
-        self.search.pairs().len()
-    }
-
     /// Runs the stages before the linking numbers: boxes and potential links.
     pub fn find_pairs(&mut self, set: &CurveSet) -> Stats {
         let start = Instant::now();

@@ -6,6 +6,7 @@
 mod full;
 mod ladder;
 mod options;
+mod routing;
 mod steps;
 #[cfg(test)]
 mod tests;
@@ -14,12 +15,13 @@ pub use ladder::Ladder;
 pub use options::{Strategy, VerifierOptions};
 
 use self::full::{FullRun, sizes};
-use self::steps::Steps;
+use self::routing::Routing;
+use self::steps::{Linking, Steps};
 use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Events, Finding, Monitor, Outcome, Route, Work};
+use crate::incremental::{Events, Monitor, Outcome, Route, Work};
 use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
@@ -93,9 +95,18 @@ pub struct Verifier {
     full: FullRun,
     monitor: Monitor,
     steps: Steps,
+    routing: Routing,
     work: Work,
     /// Extent of the first frame.
     extent: Option<f64>,
+}
+
+/// Result of comparing a frame with the baseline.
+struct Compared {
+    linking: Linking,
+    stats: Stats,
+    /// Outcome of the step from the previous frame, if it was searched.
+    step: Option<Outcome>,
 }
 
 impl Default for Verifier {
@@ -122,7 +133,9 @@ impl Verifier {
         let limit = options
             .motion_limit
             .unwrap_or(VerifierOptions::MOTION_LIMIT);
-        let steps = Steps::new(options.events, limit, full.progress.cancel.clone());
+        let cancel = full.progress.cancel.clone();
+        let incremental = options.strategy.is_incremental();
+        let steps = Steps::new(options.events, incremental, limit, cancel);
         Verifier {
             abort_on: options.abort_on,
             baseline: options.baseline,
@@ -130,6 +143,7 @@ impl Verifier {
             full,
             monitor: Monitor::new(steps.coverage()),
             steps,
+            routing: Routing::default(),
             work: Work::default(),
             extent: None,
         }
@@ -222,8 +236,8 @@ impl Verifier {
 
     /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
     ///
-    /// If pull-throughs are reported, the positions are copied, to compare them with the next
-    /// frame; [`Verifier::step_shared`] needs no copy.
+    /// If pull-throughs are reported, or the frame is verified incrementally, the positions are
+    /// copied, to compare them with the next frame; [`Verifier::step_shared`] needs no copy.
     ///
     /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves;
     /// [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
@@ -232,8 +246,8 @@ impl Verifier {
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         let verified = self.verify(seq, time, set);
         self.full.gpu.end_frame(set);
-        let (report, comparison) = verified?;
-        self.steps.remember_copy(set, comparison);
+        let (report, linking) = verified?;
+        self.steps.remember_copy(set, linking);
         Ok(report)
     }
 
@@ -242,8 +256,8 @@ impl Verifier {
     pub fn step_shared(&mut self, seq: u64, time: f64, set: &Arc<CurveSet>) -> Result<Report> {
         let verified = self.verify(seq, time, set);
         self.full.gpu.end_frame(set);
-        let (report, comparison) = verified?;
-        self.steps.remember(Arc::clone(set), comparison);
+        let (report, linking) = verified?;
+        self.steps.remember(Arc::clone(set), linking);
         Ok(report)
     }
 
@@ -263,8 +277,8 @@ impl Verifier {
         self.full.gpu.announce(next);
     }
 
-    /// Returns the report on a frame, and the comparison of its linking numbers with the baseline.
-    fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, Comparison)> {
+    /// Returns the report on a frame, and its linking numbers.
+    fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, Linking)> {
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
             return Err(Error::CertificateMismatch {
                 certificate: b.curves,
@@ -281,10 +295,15 @@ impl Verifier {
         self.work = Work::default();
         // Needed here, because a partial run does not start the frame.
         self.full.gpu.start_frame();
-        let (mut comparison, stats) = self.compare(set)?;
-        self.add_places(set, &mut comparison);
+        let Compared {
+            mut linking,
+            stats,
+            step,
+        } = self.compare(set)?;
+        let comparison = &mut linking.comparison;
+        self.add_places(set, comparison);
         let mut defects = comparison.defects.clone();
-        let (events, unresolved) = self.search_events(set, &comparison, &mut defects);
+        let (events, unresolved) = self.search_events(set, step, comparison, &mut defects);
         // A report must not depend on work that was skipped after a cancellation.
         self.full.progress.check()?;
         let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
@@ -314,117 +333,167 @@ impl Verifier {
         };
         report.abort = self.abort_on.aborts(&report, expected);
         self.full.timings.total = start.elapsed();
-        Ok((report, comparison))
+        Ok((report, linking))
     }
 
     /// Compares a frame with the baseline, by the strategy of the verifier.
-    fn compare(&mut self, set: &CurveSet) -> Result<(Comparison, Stats)> {
+    fn compare(&mut self, set: &CurveSet) -> Result<Compared> {
         let Some(baseline) = self.baseline.take() else {
             let stats = self.certify_fully(set)?;
             let baseline = self.full.certificate.clone();
             let comparison = baseline.compare(&baseline);
             self.baseline = Some(baseline);
-            self.offer_reference(set);
-            return Ok((comparison?, self.counted(set, stats)));
+            return Ok(self.counted(set, self.of_full_run(comparison?, stats)));
         };
         let compared = match self.strategy {
             Strategy::Full => self.compare_fully(set, &baseline),
-            Strategy::EarlyExit => self.full.compare_until_change(set, &baseline),
+            Strategy::EarlyExit => {
+                let compared = self.full.compare_until_change(set, &baseline);
+                compared.map(|(comparison, stats)| self.of_full_run(comparison, stats))
+            }
             Strategy::Incremental | Strategy::Paranoid => {
                 self.compare_incrementally(set, &baseline)
             }
         };
         let baseline = self.baseline.insert(baseline);
-        let (comparison, stats) = compared?;
+        let compared = compared?;
         // With early exit, unchecked pairs have no linking number yet.
-        if stats.unchecked == 0 && baseline.adopt(&comparison) {
+        if compared.stats.unchecked == 0 && baseline.adopt(&compared.linking.comparison) {
             self.monitor.set_baseline(baseline);
         }
-        Ok((comparison, self.counted(set, stats)))
+        Ok(self.counted(set, compared))
     }
 
-    /// Returns the counts of a report. Work is counted only if it depends on the frame alone.
-    fn counted(&self, set: &CurveSet, stats: Stats) -> Stats {
-        match self.strategy.is_incremental() {
-            true => sizes(set),
-            false => stats,
+    /// Returns the linking numbers with the counts of a report. Work is counted only if it depends
+    /// on the frame alone. Offers the frame as a reference frame.
+    fn counted(&mut self, set: &CurveSet, mut compared: Compared) -> Compared {
+        if self.strategy.is_incremental() {
+            compared.stats = sizes(set);
+            if let Some(certificate) = &compared.linking.certificate
+                && self.monitor.wants_reference()
+            {
+                let certificate = Arc::clone(certificate);
+                self.monitor.make_reference(set.clone(), certificate);
+            }
+        }
+        compared
+    }
+
+    /// Returns the result of a full run.
+    fn of_full_run(&self, comparison: Comparison, stats: Stats) -> Compared {
+        let keeps = self.strategy.is_incremental();
+        let certificate = keeps.then(|| Arc::new(self.full.certificate.clone()));
+        Compared {
+            linking: Linking {
+                comparison,
+                certificate,
+            },
+            stats,
+            step: None,
         }
     }
 
-    fn compare_fully(
-        &mut self,
-        set: &CurveSet,
-        baseline: &Certificate,
-    ) -> Result<(Comparison, Stats)> {
+    fn compare_fully(&mut self, set: &CurveSet, baseline: &Certificate) -> Result<Compared> {
         let stats = self.certify_fully(set)?;
-        Ok((self.full.certificate.compare(baseline)?, stats))
+        let comparison = self.full.certificate.compare(baseline)?;
+        Ok(self.of_full_run(comparison, stats))
     }
 
     /// Computes a frame in full, and records the number of pairs decided by sums.
     fn certify_fully(&mut self, set: &CurveSet) -> Result<Stats> {
+        let start = Instant::now();
         let stats = self.full.certify(set);
         self.full.progress.check()?;
+        self.routing.took_full_run(start.elapsed());
         self.work.recomputed = stats.potential_links;
         self.work.summed = self.full.ladder.summed;
         Ok(stats)
     }
 
-    /// Compares a frame with the baseline. Computes only linking numbers that the reference frame
-    /// does not prove.
+    /// Compares a frame with the baseline. Computes only linking numbers that neither the reference
+    /// frame nor the step from the previous frame proves.
     fn compare_incrementally(
         &mut self,
         set: &CurveSet,
         baseline: &Certificate,
-    ) -> Result<(Comparison, Stats)> {
+    ) -> Result<Compared> {
         let before = self.steps.before();
-        let finding = self.monitor.compare(before, set, baseline, &mut self.work);
-        let (Finding::UnchangedExcept(pairs), Some((known, comparison))) =
-            (finding, self.monitor.reference_result())
-        else {
-            let compared = self.compare_fully(set, baseline)?;
-            self.offer_reference(set);
-            return Ok(compared);
-        };
-        let comparison = match &pairs[..] {
-            [] => comparison.clone(),
-            pairs => {
-                let anew = self.full.certify_pairs(set, pairs);
-                self.full.progress.check()?;
-                let fresh = anew.compare(&baseline.of_pairs(pairs))?;
-                let comparison = comparison.patched(pairs, fresh);
-                if self.monitor.wants_reference(&self.work) {
-                    let certificate = known.patched(pairs, &anew);
-                    let links = self.full.potential_links();
-                    self.monitor.make_reference(set.clone(), certificate, links);
-                }
-                comparison
-            }
+        let quiet = self.monitor.is_quiet(before, set, baseline, &mut self.work);
+        let compared = match self.monitor.reference_result().filter(|_| quiet) {
+            Some((certificate, comparison)) => Compared {
+                linking: Linking {
+                    comparison: comparison.clone(),
+                    certificate: Some(Arc::clone(certificate)),
+                },
+                stats: Stats::default(),
+                step: None,
+            },
+            None => match self.compare_by_step(set, baseline)? {
+                Some(compared) => compared,
+                None => return self.compare_fully(set, baseline),
+            },
         };
         if self.strategy == Strategy::Paranoid {
             let stats = self.full.certify(set);
             self.full.progress.check()?;
             let full = self.full.certificate.compare(baseline)?;
-            if full != comparison {
+            if full != compared.linking.comparison {
                 self.disagree();
             }
-            return Ok((full, stats));
+            let step = compared.step;
+            let full = self.of_full_run(full, stats);
+            return Ok(Compared { step, ..full });
         }
-        Ok((comparison, Stats::default()))
+        Ok(compared)
+    }
+
+    /// Compares a frame with the baseline, by a search of the step from the previous frame: the
+    /// linking number of a pair without a passage or a contact has not changed. Returns `None` if
+    /// the previous frame does not help, or if a full run costs less.
+    fn compare_by_step(
+        &mut self,
+        set: &CurveSet,
+        baseline: &Certificate,
+    ) -> Result<Option<Compared>> {
+        let start = Instant::now();
+        let Some(certificate) = self.steps.known(set) else {
+            return Ok(None);
+        };
+        if self.steps.events() == Events::Off && !self.routing.search_pays() {
+            return Ok(None);
+        }
+        let step = self.search_step(set);
+        let mut pairs = step.unsettled_pairs();
+        pairs.retain(|&(i, j)| [i, j].iter().all(|&i| set.curve(i as usize).closed));
+        // Nothing is known about pairs that had no linking number.
+        pairs.extend(certificate.undefined.iter().filter_map(|d| Some((d.i, d.j?))));
+        pairs.sort_unstable();
+        pairs.dedup();
+        self.work.route = Route::Partial;
+        self.work.recomputed = pairs.len() as u64;
+        let certificate = if pairs.is_empty() {
+            certificate
+        } else {
+            let anew = self.full.certify_pairs(set, &pairs);
+            self.full.progress.check()?;
+            Arc::new(certificate.patched(&pairs, &anew))
+        };
+        let linking = Linking {
+            comparison: certificate.compare(baseline)?,
+            certificate: Some(certificate),
+        };
+        self.routing.took_search(start.elapsed());
+        Ok(Some(Compared {
+            linking,
+            stats: Stats::default(),
+            step: Some(step),
+        }))
     }
 
     /// Records an error of the incremental verification, and switches it off.
     fn disagree(&mut self) {
         self.work.disagreed = true;
         self.strategy = Strategy::Full;
-    }
-
-    /// Makes the last certified frame the reference frame, if that may pay.
-    fn offer_reference(&mut self, set: &CurveSet) {
-        if self.strategy.is_incremental() && self.monitor.wants_reference(&self.work) {
-            let links = self.full.potential_links();
-            let certificate = self.full.certificate.clone();
-            self.monitor.make_reference(set.clone(), certificate, links);
-        }
     }
 
     /// Adds the places of closest approach of changed pairs, and of pairs that the baseline lacks.
@@ -462,31 +531,40 @@ impl Verifier {
         });
     }
 
-    /// Returns the pull-throughs since the previous frame, if they are searched for, and the
-    /// unresolved ones. Adds undecided pairs of the step to the defects.
-    fn search_events(
-        &mut self,
-        set: &CurveSet,
-        comparison: &Comparison,
-        defects: &mut Vec<Defect>,
-    ) -> (Vec<PullThrough>, Vec<PullThrough>) {
-        if self.steps.events() == Events::Off {
-            return Default::default();
-        }
+    /// Searches the step from the previous frame, only where the reference frame does not exclude
+    /// passages.
+    fn search_step(&mut self, set: &CurveSet) -> Outcome {
         let pairs = match (self.strategy.is_incremental(), self.steps.before()) {
-            (true, Some(before)) => self.monitor.pairs_to_search(before, set),
+            (true, Some(before)) => self.monitor.pairs_to_search(before, set, &mut self.work),
             _ => None,
         };
-        let (mut outcome, searched) = self.steps.outcome(set, pairs.as_deref());
+        let mut outcome = self.steps.outcome(set, pairs.as_deref());
+        self.work.searched = outcome.counts.pairs;
         if self.strategy == Strategy::Paranoid && pairs.is_some() {
-            let (full, _) = self.steps.outcome(set, None);
+            let full = self.steps.outcome(set, None);
             let findings = |o: Outcome| (o.events, o.unresolved, o.undecided, o.touching);
             if findings(full.clone()) != findings(outcome) {
                 self.disagree();
             }
             outcome = full;
         }
-        self.work.searched = searched;
+        outcome
+    }
+
+    /// Returns the pull-throughs since the previous frame, if they are reported, and the unresolved
+    /// ones. Adds undecided pairs of the step to the defects. `step` is the outcome of the step, if
+    /// it was searched already.
+    fn search_events(
+        &mut self,
+        set: &CurveSet,
+        step: Option<Outcome>,
+        comparison: &Comparison,
+        defects: &mut Vec<Defect>,
+    ) -> (Vec<PullThrough>, Vec<PullThrough>) {
+        if self.steps.events() == Events::Off {
+            return Default::default();
+        }
+        let outcome = step.unwrap_or_else(|| self.search_step(set));
         let full = &mut self.full;
         let place = |(i, j): Pair| {
             full.refit(set, &[(i, j)]);

@@ -1,11 +1,12 @@
-//! Steps between frames: pull-throughs, and their consistency with the linking numbers.
+//! Steps between frames: pull-throughs, their consistency with the linking numbers, and the pairs
+//! whose linking numbers they may have changed.
 
 use crate::cancel::Cancel;
-use crate::certificate::Comparison;
+use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome};
-use crate::pairs::Pair;
+use crate::pairs::{Pair, degenerate_curves};
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
 
@@ -13,6 +14,9 @@ use std::sync::Arc;
 #[derive(Debug, Default)]
 pub(super) struct Steps {
     events: Events,
+    /// True if steps prove linking numbers, so that frames are kept without a search for
+    /// pull-throughs too.
+    incremental: bool,
     ledger: Ledger,
     last: Option<Last>,
     /// Contacts of the current frame.
@@ -25,17 +29,26 @@ pub(super) struct Steps {
 #[derive(Debug)]
 struct Last {
     set: Arc<CurveSet>,
-    /// Comparison of the frame with the baseline.
-    comparison: Comparison,
+    linking: Linking,
     contacts: Contacts,
+}
+
+/// Linking numbers of a frame.
+#[derive(Clone, Debug)]
+pub(super) struct Linking {
+    /// Comparison with the baseline.
+    pub comparison: Comparison,
+    /// All linking numbers, if later frames are verified incrementally.
+    pub certificate: Option<Arc<Certificate>>,
 }
 
 impl Steps {
     /// Creates the state, with a motion limit in segment lengths. `cancel` ends a search for
     /// pull-throughs early.
-    pub fn new(events: Events, motion_limit: f64, cancel: Cancel) -> Self {
+    pub fn new(events: Events, incremental: bool, motion_limit: f64, cancel: Cancel) -> Self {
         Steps {
             events,
+            incremental,
             ledger: Ledger::new(motion_limit, cancel),
             ..Steps::default()
         }
@@ -53,9 +66,25 @@ impl Steps {
         }
     }
 
-    /// Returns the previous frame, if pull-throughs are searched for.
+    /// Returns the previous frame, if it was kept.
     pub fn before(&self) -> Option<&CurveSet> {
         self.last.as_ref().map(|last| &*last.set)
+    }
+
+    /// Returns the linking numbers of the previous frame, if the curves are the same, and every
+    /// curve had linking numbers and still has.
+    pub fn known(&self, set: &CurveSet) -> Option<Arc<Certificate>> {
+        let last = self.last.as_ref()?;
+        let certificate = last.linking.certificate.as_ref()?;
+        let known = last.set.same_layout(set)
+            && !certificate.has_degenerate_curves()
+            && degenerate_curves(set).next().is_none();
+        known.then(|| Arc::clone(certificate))
+    }
+
+    /// Returns true if frames are kept for the next step.
+    fn keeps_frames(&self) -> bool {
+        self.incremental || self.events != Events::Off
     }
 
     /// Discards the previous frame, so that the next one does not continue it.
@@ -66,9 +95,13 @@ impl Steps {
     /// Fails if the curves differ from those of the previous frame, because there is no motion
     /// between different curves.
     pub fn check_layout(&self, set: &CurveSet) -> Result<()> {
-        let Some(before) = self.before().filter(|before| !before.same_layout(set)) else {
+        let other = |before: &&CurveSet| !before.same_layout(set);
+        let Some(before) = self.before().filter(other) else {
             return Ok(());
         };
+        if self.events == Events::Off {
+            return Ok(());
+        }
         let curves = before.curves().iter().zip(set.curves());
         let points = curves.map(|(a, b)| ("control points of a curve", a.points, b.points));
         let bytes = [before, set].map(|set| set.precision().bytes() as u32);
@@ -94,7 +127,7 @@ impl Steps {
     #[cfg(test)]
     pub fn falsify(&mut self) {
         let last = self.last.as_mut().expect("a frame before");
-        last.comparison.changes.push(crate::verdict::Change {
+        last.linking.comparison.changes.push(crate::verdict::Change {
             i: 0,
             j: 1,
             expected: 1,
@@ -104,19 +137,19 @@ impl Steps {
     }
 
     /// Keeps a verified frame, if the next one is compared with it.
-    pub fn remember(&mut self, set: Arc<CurveSet>, comparison: Comparison) {
-        if self.events != Events::Off {
+    pub fn remember(&mut self, set: Arc<CurveSet>, linking: Linking) {
+        if self.keeps_frames() {
             self.last = Some(Last {
                 set,
-                comparison,
+                linking,
                 contacts: std::mem::take(&mut self.contacts),
             });
         }
     }
 
     /// Same as [`Steps::remember`], with a copy that reuses the memory of the previous frame.
-    pub fn remember_copy(&mut self, set: &CurveSet, comparison: Comparison) {
-        if self.events == Events::Off {
+    pub fn remember_copy(&mut self, set: &CurveSet, linking: Linking) {
+        if !self.keeps_frames() {
             return;
         }
         let copy = match self.last.take().map(|last| last.set) {
@@ -129,16 +162,15 @@ impl Steps {
             }
             None => Arc::new(set.clone()),
         };
-        self.remember(copy, comparison);
+        self.remember(copy, linking);
     }
 
-    /// Returns the outcome of the step from the previous frame, for these pairs or for all, and the
-    /// number of pairs that were searched. For a first frame, the outcome has the curves that
-    /// touch.
+    /// Returns the outcome of the step from the previous frame, for these pairs or for all. For a
+    /// first frame, the outcome has the curves that touch.
     ///
     /// # Panics
     /// If the previous frame has other curves.
-    pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> (Outcome, u64) {
+    pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> Outcome {
         let coverage = self.coverage();
         let Some(last) = &self.last else {
             let (contacts, touching) = self.ledger.first_frame(set, coverage);
@@ -148,14 +180,13 @@ impl Steps {
                 ..Outcome::default()
             };
             self.note_touching(&outcome);
-            return (outcome, 0);
+            return outcome;
         };
         let frames = [&*last.set, set];
         let mut outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
         self.contacts = std::mem::take(&mut outcome.contacts);
         self.note_touching(&outcome);
-        let searched = outcome.counts.pairs;
-        (outcome, searched)
+        outcome
     }
 
     fn note_touching(&mut self, outcome: &Outcome) {
@@ -189,7 +220,7 @@ impl Steps {
             ..*d
         });
         let last = self.last.as_ref();
-        let unaccounted = last.map(|last| outcome.check(&last.comparison, comparison));
+        let unaccounted = last.map(|last| outcome.check(&last.linking.comparison, comparison));
         let unaccounted = unaccounted.into_iter().flatten().map(|pair| Defect {
             i: pair.0,
             j: Some(pair.1),

@@ -17,6 +17,7 @@ use super::slots::CHUNK;
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::pairs::Trees;
+use std::sync::Arc;
 
 /// A frame with proven linking numbers, and the allowances of its points.
 #[derive(Debug)]
@@ -26,11 +27,9 @@ pub(super) struct Reference {
     pub coverage: Coverage,
     /// Trees of all covered curves.
     pub trees: Trees,
-    pub certificate: Certificate,
+    pub certificate: Arc<Certificate>,
     /// Number of the frame, counted by the monitor.
     pub frame: u64,
-    /// Number of pairs of curves with overlapping boxes.
-    pub potential_links: usize,
     /// Points to which affine frames are fitted.
     pub sample: Sample,
     /// Number of blocks of eight segments.
@@ -48,9 +47,8 @@ pub(super) struct Reference {
 impl Reference {
     pub fn build(
         set: CurveSet,
-        certificate: Certificate,
+        certificate: Arc<Certificate>,
         frame: u64,
-        potential_links: usize,
         coverage: Coverage,
     ) -> Reference {
         let mut trees = Trees::default();
@@ -75,7 +73,6 @@ impl Reference {
             trees,
             certificate,
             frame,
-            potential_links,
             sample,
             blocks,
             allowances,

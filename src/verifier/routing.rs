@@ -1,0 +1,41 @@
+//! Choice between a search of the step from the previous frame and a full run, by measured times.
+
+use std::time::Duration;
+
+/// Maximum number of full runs between two attempts to search if searches take longer.
+const MAX_BACKOFF: u32 = 64;
+
+/// Times of earlier frames. Only the work depends on them, no result.
+#[derive(Debug, Default)]
+pub(super) struct Routing {
+    /// Time of the last full run.
+    full_run: Duration,
+    /// Number of full runs after the last search that took longer.
+    backoff: u32,
+    /// Number of them that are left.
+    left: u32,
+}
+
+impl Routing {
+    /// Returns true if the step of this frame should be searched.
+    pub fn search_pays(&mut self) -> bool {
+        let pays = self.left == 0;
+        self.left = self.left.saturating_sub(1);
+        pays
+    }
+
+    /// Records the time of a full run.
+    pub fn took_full_run(&mut self, took: Duration) {
+        self.full_run = took;
+    }
+
+    /// Records the time of a search.
+    pub fn took_search(&mut self, took: Duration) {
+        if took <= self.full_run {
+            self.backoff = 0;
+        } else {
+            self.backoff = (2 * self.backoff).clamp(1, MAX_BACKOFF);
+        }
+        self.left = self.backoff;
+    }
+}
