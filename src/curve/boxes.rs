@@ -116,19 +116,6 @@ impl BoxGroup {
         }
     }
 
-    /// Returns, lane by lane, the smallest box that contains the boxes of both groups.
-    #[inline(always)]
-    pub fn union(&self, other: &BoxGroup) -> BoxGroup {
-        let mut out = BoxGroup::EMPTY;
-        for x in 0..3 {
-            for k in 0..LANES {
-                out.lo[x][k] = smaller(self.lo[x][k], other.lo[x][k]);
-                out.hi[x][k] = larger(self.hi[x][k], other.hi[x][k]);
-            }
-        }
-        out
-    }
-
     /// Makes the boxes of all lanes from `count` on empty.
     #[inline(always)]
     pub fn clear_from(&mut self, count: usize) {

@@ -30,7 +30,7 @@ pub use basis::Basis;
 #[cfg(feature = "verify")]
 pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
 #[cfg(feature = "verify")]
-pub(crate) use boxes::{Box3, BoxGroup};
+pub(crate) use boxes::{Box3, BoxGroup, larger, smaller};
 #[cfg(feature = "verify")]
 pub use builder::CurveSetBuilder;
 #[cfg(feature = "verify")]

@@ -15,6 +15,7 @@
 
 mod affine;
 mod coverage;
+mod covered;
 mod events;
 mod ledger;
 mod monitor;

@@ -1,7 +1,7 @@
 //! Simultaneous depth-first descent of the trees of two curves to segment pairs.
 
 use super::layout::Node;
-use super::trees::CurveTree;
+use super::trees::BoxTree;
 use crate::curve::{Box3, BoxGroup};
 use crate::simd::{LANES, Lanes};
 
@@ -34,9 +34,9 @@ pub(crate) struct Query {
 /// node pairs have been visited, or `limit` segment pairs have been found. If `IN_SPACE` is set,
 /// only pairs whose boxes overlap in space are followed. Returns the number of visited node pairs.
 #[inline(always)]
-pub(crate) fn descend<L: Lanes, const IN_SPACE: bool>(
+pub(crate) fn descend<L: Lanes, T: BoxTree, const IN_SPACE: bool>(
     simd: L,
-    [first, second]: [CurveTree<'_>; 2],
+    [first, second]: [T; 2],
     Query { w, meeting, reach }: Query,
     agenda: &mut Agenda,
     found: &mut SegmentPairs,

@@ -25,7 +25,7 @@ pub(crate) use overlaps::overlapping_segments;
 pub(crate) use refit::refits_in_parallel;
 pub(crate) use suspects::most_suspect_first;
 pub(crate) use sweep::LinkSearch;
-pub(crate) use trees::{CurveTree, Trees};
+pub(crate) use trees::{BoxTree, CurveTree, Trees};
 
 /// A pair of curves, `i < j`.
 pub(crate) type Pair = (u32, u32);

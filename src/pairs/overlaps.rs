@@ -28,6 +28,6 @@ fn find<L: Lanes>(simd: L, set: &CurveSet, trees: &Trees, pair: [usize; 2]) -> V
         reach: 0.0,
     };
     let all = (usize::MAX, usize::MAX);
-    descend::<L, true>(simd, both, query, &mut agenda, &mut found, all);
+    descend::<L, _, true>(simd, both, query, &mut agenda, &mut found, all);
     found.all
 }

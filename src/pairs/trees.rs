@@ -108,6 +108,26 @@ pub(crate) struct CurveTree<'a> {
     pub bounds: Box3,
 }
 
+/// A tree of boxes, as far as a descent needs it.
+pub(crate) trait BoxTree: Copy {
+    /// Returns the box of a node.
+    fn node_box(&self, node: Node) -> Box3;
+    /// Returns the boxes of the children of a node. `buffer` is for boxes that are not stored.
+    fn children<'b>(&'b self, node: Node, buffer: &'b mut BoxGroup) -> &'b BoxGroup;
+}
+
+impl BoxTree for CurveTree<'_> {
+    #[inline(always)]
+    fn node_box(&self, node: Node) -> Box3 {
+        CurveTree::node_box(self, node)
+    }
+
+    #[inline(always)]
+    fn children<'b>(&'b self, node: Node, buffer: &'b mut BoxGroup) -> &'b BoxGroup {
+        CurveTree::children(self, node, buffer)
+    }
+}
+
 impl<'a> CurveTree<'a> {
     /// Returns the root node.
     pub fn root(&self) -> Node {
@@ -121,6 +141,13 @@ impl<'a> CurveTree<'a> {
     #[inline(always)]
     pub fn is_small(&self) -> bool {
         self.layout.segments <= SMALL
+    }
+
+    /// Returns the number of leaves if the curve is small.
+    #[inline(always)]
+    pub fn few_leaves(&self) -> Option<u32> {
+        let leaves = self.layout.segments.div_ceil(LANES as u32);
+        self.is_small().then_some(leaves)
     }
 
     /// Returns true if the boxes of single segments are stored.

@@ -101,6 +101,12 @@ pub struct Verifier {
     extent: Option<f64>,
 }
 
+/// Runs `work` in the rayon pool, so that the parallel parts of `work` do not each pass from a thread
+/// outside of the pool to one of the pool and back. A quiet frame has no such parts.
+fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
+}
+
 /// Result of comparing a frame with the baseline.
 struct Compared {
     linking: Linking,
@@ -196,7 +202,7 @@ impl Verifier {
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
         let start = Instant::now();
         self.full.heed_cancel(false);
-        let stats = self.full.certify(set);
+        let stats = in_pool(|| self.full.certify(set));
         self.full.timings.total = start.elapsed();
         (&self.full.certificate, stats)
     }
@@ -402,7 +408,7 @@ impl Verifier {
     /// Computes a frame in full, and records the number of pairs decided by sums.
     fn certify_fully(&mut self, set: &CurveSet) -> Result<Stats> {
         let start = Instant::now();
-        let stats = self.full.certify(set);
+        let stats = in_pool(|| self.full.certify(set));
         self.full.progress.check()?;
         self.routing.took_full_run(start.elapsed());
         self.work.recomputed = stats.potential_links;
@@ -534,6 +540,10 @@ impl Verifier {
     /// Searches the step from the previous frame, only where the reference frame does not exclude
     /// passages.
     fn search_step(&mut self, set: &CurveSet) -> Outcome {
+        in_pool(|| self.search_step_in_pool(set))
+    }
+
+    fn search_step_in_pool(&mut self, set: &CurveSet) -> Outcome {
         let pairs = match (self.strategy.is_incremental(), self.steps.before()) {
             (true, Some(before)) => self.monitor.pairs_to_search(before, set, &mut self.work),
             _ => None,

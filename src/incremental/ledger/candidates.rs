@@ -4,7 +4,8 @@
 use super::passages::Findings;
 use super::task::Task;
 use crate::curve::{Box3, BoxGroup};
-use crate::pairs::{Agenda, CurveTree, Node, Query, SegmentPairs, descend, overlapping};
+use super::swept::SweptTree;
+use crate::pairs::{Agenda, BoxTree, Node, Query, SegmentPairs, descend, overlapping};
 use crate::simd::{LANES, Lanes, Portable, dispatch};
 use std::ops::Range;
 use std::sync::atomic::Ordering;
@@ -40,6 +41,8 @@ enum Visit {
     Agenda,
     /// Blocks of a curve, each with itself.
     Blocks(Range<u32>),
+    /// All leaves of two small curves, of which these are the numbers.
+    Leaves([u32; 2]),
 }
 
 impl Task<'_> {
@@ -53,6 +56,8 @@ impl Task<'_> {
         if self.is_self() {
             self.visit(Visit::Blocks(0..self.segments().div_ceil(BLOCK)), gathered);
             above_the_leaves(first, &mut gathered.agenda);
+        } else if let (Some(p), Some(q)) = (first.few_leaves(), second.few_leaves()) {
+            return self.visit(Visit::Leaves([p, q]), gathered);
         } else {
             gathered.agenda.push((first.root(), second.root()));
         }
@@ -68,6 +73,7 @@ impl Task<'_> {
     fn visit_with<L: Lanes>(&self, simd: L, visit: Visit, gathered: &mut Gathered) {
         match visit {
             Visit::Agenda => self.visit_agenda(simd, gathered),
+            Visit::Leaves(counts) => self.visit_leaves(simd, counts, gathered),
             Visit::Blocks(blocks) if blocks.len() > BLOCKS => {
                 let middle = blocks.start + blocks.len() as u32 / 2;
                 let (left, right) = (blocks.start..middle, middle..blocks.end);
@@ -114,12 +120,51 @@ impl Task<'_> {
                 let others = others.collect();
                 return self.visit_both(gathered, [Visit::Agenda, Visit::Agenda], others);
             }
-            descend::<L, true>(simd, both, query, agenda, candidates, (STEPS, BATCH));
+            descend::<L, _, true>(simd, both, query, agenda, candidates, (STEPS, BATCH));
             self.test_candidates(gathered);
             if self.exceeds_limits() {
                 gathered.agenda.clear();
             }
         }
+    }
+
+    /// Visits all leaves of two small curves, without a descent.
+    #[inline(always)]
+    fn visit_leaves<L: Lanes>(&self, simd: L, [p, q]: [u32; 2], gathered: &mut Gathered) {
+        let [first, second] = [self.tree(0), self.tree(1)];
+        let [above, below] = [first, second].map(|tree| tree.node_box(tree.root()));
+        if !above.overlaps(&below) {
+            return;
+        }
+        let (mut leaf, mut buffer) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
+        let mut below_leaves = [BoxGroup::EMPTY; LANES];
+        // The boxes of the second curve are computed when the first one needs them.
+        let mut computed = false;
+        for g in 0..p {
+            let group = *first.children(Node::new(0, g), &mut leaf);
+            let mut lanes = overlapping(simd, &below, &group);
+            if lanes != 0 && !computed {
+                for (h, to) in (0..q).zip(&mut below_leaves) {
+                    *to = *second.children(Node::new(0, h), &mut buffer);
+                }
+                computed = true;
+            }
+            while lanes != 0 {
+                let k = lanes.trailing_zeros();
+                lanes &= lanes - 1;
+                let one = group.lane(k as usize);
+                for (h, eight) in (0..q).zip(&below_leaves) {
+                    let mut found = overlapping(simd, &one, eight);
+                    while found != 0 {
+                        let l = found.trailing_zeros();
+                        found &= found - 1;
+                        let pair = (g * BLOCK + k, h * BLOCK + l);
+                        gathered.candidates.all.push(pair);
+                    }
+                }
+            }
+        }
+        self.test_candidates(gathered);
     }
 
     /// Visits the segments of a block of a curve, with one another and (splines) with themselves
@@ -198,7 +243,7 @@ impl Task<'_> {
 
 /// Adds pairs of different children of the same node, above the leaves, with overlapping boxes.
 /// Their descendants contain every pair of segments of different leaves once.
-fn above_the_leaves(tree: CurveTree<'_>, agenda: &mut Agenda) {
+fn above_the_leaves(tree: SweptTree<'_>, agenda: &mut Agenda) {
     let mut nodes = vec![tree.root()];
     let mut leaf = BoxGroup::EMPTY;
     while let Some(node) = nodes.pop() {

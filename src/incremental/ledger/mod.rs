@@ -11,8 +11,8 @@
 //! A point of a segment, spline or edge, is a combination of its control points with constant,
 //! nonnegative weights that add up to 1, so it moves on a straight line too. The box around the
 //! boxes of the segment in both frames is convex and contains the point at both ends of the step,
-//! hence at all times in between. Trees of such *swept* boxes, a sweep over their roots, and a
-//! descent in space give the pairs of segments that may meet. Pairs of spline segments remain
+//! hence at all times in between. Trees of such *swept* boxes ([`swept`]), a sweep over their roots,
+//! and a descent in space give the pairs of segments that may meet. Pairs of spline segments remain
 //! candidates only if no plane separates their control points in both frames, on the same side
 //! ([`MovingSeparation`]).
 //!
@@ -61,6 +61,7 @@ mod passages;
 mod pieces;
 #[cfg(test)]
 pub(super) mod planted;
+mod swept;
 mod task;
 #[cfg(test)]
 mod tests;
@@ -70,11 +71,13 @@ pub(crate) use self::contact::Contacts;
 use self::contact::{Contact, Touching};
 pub(crate) use self::outcome::Outcome;
 use self::pair::{Part, Workspace};
+use self::swept::SweptTrees;
 use self::task::Step;
 use super::coverage::Coverage;
+use super::covered::Covered;
 use crate::cancel::Cancel;
-use crate::curve::{BoxGroup, Curve, CurveSet};
-use crate::pairs::{Leaves, LinkSearch, Pair, Trees, curves_of};
+use crate::curve::CurveSet;
+use crate::pairs::{LinkSearch, Pair, curves_of};
 use crate::verdict::PullThrough;
 use rayon::prelude::*;
 
@@ -97,7 +100,7 @@ pub(crate) const MOTION_LIMIT: f64 = 1.5;
 pub(crate) struct Ledger {
     /// Motion in segment lengths up to which pull-throughs that cancel count as real.
     pub motion_limit: f64,
-    trees: Trees,
+    trees: SweptTrees,
     search: LinkSearch,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
@@ -108,7 +111,7 @@ impl Default for Ledger {
     fn default() -> Self {
         Ledger {
             motion_limit: MOTION_LIMIT,
-            trees: Trees::default(),
+            trees: SweptTrees::default(),
             search: LinkSearch::default(),
             pairs: Vec::new(),
             parts: Vec::new(),
@@ -197,21 +200,15 @@ impl Ledger {
             "both frames must have the same curves"
         );
         let frames = [before, after];
-        let swept = Swept {
-            frames,
-            open: coverage.open_curves,
-        };
+        let curves = pairs.map(|pairs| curves_of(pairs.iter().copied()));
+        self.trees.refit(frames, coverage, curves.as_deref());
         self.pairs.clear();
         match pairs {
-            Some(pairs) => {
-                self.trees
-                    .refit_some(swept, &curves_of(pairs.iter().copied()));
-                self.pairs.extend_from_slice(pairs);
-            }
-            None => {
-                self.trees.refit(swept);
-                self.find_pairs(swept, coverage.self_crossings);
-            }
+            Some(pairs) => self.pairs.extend_from_slice(pairs),
+            None => self.find_pairs(Covered {
+                set: before,
+                coverage,
+            }),
         }
         let step = Step {
             frames,
@@ -248,14 +245,14 @@ impl Ledger {
         (outcome, contacts)
     }
 
-    /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if
-    /// `self_crossings` is set, sorted.
-    fn find_pairs(&mut self, swept: Swept<'_>, self_crossings: bool) {
-        self.pairs
-            .extend_from_slice(self.search.find(self.trees.roots()));
-        if self_crossings {
-            let selves = (0..swept.curves().len()).filter(|&i| swept.has_tree(i));
-            self.pairs.extend(selves.map(|i| (i as u32, i as u32)));
+    /// Finds the pairs of curves that may meet, and the pairs of a curve and itself if they are
+    /// covered, sorted.
+    fn find_pairs(&mut self, covered: Covered<'_>) {
+        let pairs = self.search.find(self.trees.roots());
+        self.pairs.extend_from_slice(pairs);
+        if covered.coverage.self_crossings {
+            self.pairs
+                .extend(covered.indices().map(|i| (i as u32, i as u32)));
             self.pairs.par_sort_unstable();
         }
     }
@@ -268,33 +265,4 @@ fn sort(events: &mut [PullThrough]) {
         let by_time = a.fraction.total_cmp(&b.fraction);
         by_time.then_with(|| key(a).cmp(&key(b)))
     });
-}
-
-/// Boxes that contain every segment at all times between two frames.
-#[derive(Clone, Copy)]
-struct Swept<'a> {
-    frames: [&'a CurveSet; 2],
-    /// True if open curves have trees.
-    open: bool,
-}
-
-impl Leaves for Swept<'_> {
-    fn curves(&self) -> &[Curve] {
-        self.frames[0].curves()
-    }
-
-    fn has_tree(&self, i: usize) -> bool {
-        self.open || self.curves()[i].closed
-    }
-
-    /// All boxes are stored, because the set of curves can only provide those of a single frame.
-    fn stored(&self, _: u32) -> bool {
-        true
-    }
-
-    #[inline(always)]
-    fn boxes(&self, i: usize, g: usize) -> BoxGroup {
-        let [before, after] = self.frames;
-        before.leaf_boxes(i, g).union(&after.leaf_boxes(i, g))
-    }
 }

@@ -1,9 +1,10 @@
 //! Search for the passages of one pair of curves, or of a curve and itself: its frames and limits.
 
+use super::swept::{Observer, SweptTree, SweptTrees};
 use crate::cancel::Cancel;
 use crate::curve::CurveSet;
 use crate::discretize::MovingSeparation;
-use crate::pairs::{CurveTree, Pair, Trees};
+use crate::pairs::Pair;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -25,8 +26,7 @@ const MAX_EXACT: [u64; 2] = [1 << 12, 4];
 #[derive(Clone, Copy)]
 pub(super) struct Step<'a> {
     pub frames: [&'a CurveSet; 2],
-    /// Trees of swept boxes.
-    pub trees: &'a Trees,
+    pub trees: &'a SweptTrees,
     /// Motion limit in segment lengths.
     pub motion_limit: f64,
     pub cancel: &'a Cancel,
@@ -37,6 +37,8 @@ pub(super) struct Task<'a> {
     pub step: Step<'a>,
     pub curves: [usize; 2],
     pub separation: MovingSeparation<'a>,
+    /// Moves with the curves.
+    observer: Observer,
     /// Work counters of all tasks of the pair.
     pub candidates: AtomicU64,
     pub pieces: AtomicU64,
@@ -50,6 +52,7 @@ impl<'a> Task<'a> {
             step,
             curves,
             separation: MovingSeparation::new(step.frames, curves),
+            observer: step.trees.observer((i, j)),
             candidates: AtomicU64::new(0),
             pieces: AtomicU64::new(0),
             exact: AtomicU64::new(0),
@@ -75,8 +78,10 @@ impl<'a> Task<'a> {
         self.step.frames[0].curve(self.curves[0]).adjacent(s, t)
     }
 
-    pub fn tree(&self, side: usize) -> CurveTree<'a> {
-        self.step.trees.of(self.step.frames[0], self.curves[side])
+    /// Returns the tree of swept boxes of one of the curves.
+    pub fn tree(&self, side: usize) -> SweptTree<'a> {
+        let Step { frames, trees, .. } = self.step;
+        trees.of(frames, self.curves[side], self.observer)
     }
 
     /// Returns true if the pair needs more work than the limit for one pair, or if the step was

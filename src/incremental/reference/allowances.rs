@@ -30,12 +30,12 @@
 //! pair of segments within it. Only pairs that may lower an allowance are examined more closely.
 
 use super::clearance::typical_clearance;
-use super::covered::Covered;
 use super::gap::{DEPTH, GOOD, gap, least_component};
 use crate::certificate::Certificate;
 use crate::curve::vector::distance;
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
+use crate::incremental::covered::Covered;
 use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Trees, descend};
 use crate::simd::{Lanes, dispatch};
 use rayon::prelude::*;
@@ -170,7 +170,7 @@ impl<'a> Allowances<'a> {
             reach,
         };
         while !agenda.is_empty() {
-            descend::<L, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
+            descend::<L, _, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
             self.keep_all_apart(curves, &near.all);
             near.all.clear();
         }

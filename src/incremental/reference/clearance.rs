@@ -1,10 +1,10 @@
 //! Typical clearance of the curves of a scene, which determines the reach of its reference frame.
 
-use super::covered::Covered;
 use super::gap::near_points;
 use crate::curve::vector::distance;
 use crate::curve::{Box3, BoxGroup};
 use crate::discretize::Hull;
+use crate::incremental::covered::Covered;
 use crate::pairs::{Node, Trees};
 use crate::simd::LANES;
 use rayon::prelude::*;

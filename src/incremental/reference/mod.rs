@@ -3,15 +3,14 @@
 
 mod allowances;
 mod clearance;
-mod covered;
 mod gap;
 #[cfg(test)]
 mod tests;
 
 use self::allowances::Allowances;
-use self::covered::Covered;
 use super::affine::Sample;
 use super::coverage::Coverage;
+use super::covered::Covered;
 use super::packed::Packed;
 use super::slots::CHUNK;
 use crate::certificate::Certificate;

@@ -119,7 +119,7 @@ pub(super) fn gather<L: Lanes>(simd: L, task: &Task<'_>, workspace: &mut Workspa
         }
         let known = found.all.len();
         let limits = (STEPS, known + BATCH);
-        count.nodes += descend::<L, false>(simd, both, query, agenda, found, limits) as u64;
+        count.nodes += descend::<L, _, false>(simd, both, query, agenda, found, limits) as u64;
         if splines {
             // Candidates of splines wait for the final polylines.
             count.stats.overlaps += found.meeting.len() as u64;

@@ -63,7 +63,7 @@ pub(crate) fn sample(input: Input<'_>, (i, j): Pair, workspace: &mut Workspace) 
         nodes += factor * agenda.len() as f64;
         for pair in agenda.drain(..) {
             one.push(pair);
-            descend::<_, false>(Portable, both, query, one, found, (1, usize::MAX));
+            descend::<_, _, false>(Portable, both, query, one, found, (1, usize::MAX));
             below.append(one);
         }
         std::mem::swap(agenda, below);

@@ -111,7 +111,7 @@ impl Search<'_> {
         while !agenda.is_empty() {
             found.all.clear();
             let limits = (usize::MAX, BATCH);
-            descend::<L, true>(simd, self.trees, query, &mut agenda, &mut found, limits);
+            descend::<L, _, true>(simd, self.trees, query, &mut agenda, &mut found, limits);
             for &(s, t) in &found.all {
                 if !apart(self.set, self.curves, [s, t], self.gap) {
                     return Meeting::Maybe([s, t]);

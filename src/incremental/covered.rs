@@ -1,4 +1,4 @@
-//! Curves that a reference frame covers.
+//! Curves that a reference frame or a ledger covers.
 
 use crate::curve::{BoxGroup, Curve, CurveSet};
 use crate::incremental::coverage::Coverage;

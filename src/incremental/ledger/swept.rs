@@ -1,0 +1,185 @@
+//! Swept boxes: they contain every segment at all times between two frames.
+//!
+//! # A moving observer
+//!
+//! If both curves of a pair are seen by an observer who moves at a constant velocity, they pass
+//! through each other at the same times, and their points still move on straight lines. So the
+//! velocity is chosen for each pair such that the boxes around the boxes of both frames are small:
+//! as the mean of the velocities of the two curves. In a sheet that falls and crumples, neighbours
+//! move together, and nearly all candidates are ruled out.
+
+use crate::curve::{Box3, BoxGroup, CurveSet, larger, pow2, smaller};
+use crate::incremental::coverage::Coverage;
+use crate::incremental::covered::Covered;
+use crate::pairs::{BoxTree, CurveTree, Node, Pair, Trees};
+use crate::simd::LANES;
+
+/// Trees of the boxes of both frames of a step.
+#[derive(Debug, Default)]
+pub(super) struct SweptTrees {
+    trees: [Trees; 2],
+    roots: Vec<Box3>,
+    /// Bound of the rounding errors of boxes seen by a moving observer.
+    slack: f32,
+}
+
+/// Tree of the swept boxes of a curve, seen by a moving observer.
+#[derive(Clone, Copy)]
+pub(super) struct SweptTree<'a> {
+    frames: [CurveTree<'a>; 2],
+    observer: Observer,
+}
+
+/// A moving observer.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Observer {
+    /// Motion during the step.
+    motion: [f32; 3],
+    /// Bound of the rounding errors of boxes. 0 if the observer is at rest.
+    slack: f32,
+}
+
+impl Observer {
+    /// Returns an observer who moves like the average of some boxes, which are given at the start
+    /// and at the end of the step.
+    ///
+    /// # Derivation of the error bound
+    ///
+    /// Bounds are at most `5/3 M`, with `M` the largest coordinate, and the motion is at most twice
+    /// that. Their difference has a rounding error of at most `2^-24 * 5 M`, and the subtraction of
+    /// the slack adds `2^-24 * 6 M`. The slack is `2^-24 * 16 M`. A motion that is small compared
+    /// with it is not worth the errors.
+    fn following(boxes: impl Iterator<Item = [Box3; 2]>, slack: f32) -> Observer {
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for [before, after] in boxes {
+            let center = |b: &Box3, x: usize| 0.5 * f64::from(b.lo[x]) + 0.5 * f64::from(b.hi[x]);
+            for (x, sum) in sum.iter_mut().enumerate() {
+                *sum += center(&after, x) - center(&before, x);
+            }
+            count += 1.0;
+        }
+        let motion = sum.map(|sum| (sum / count) as f32);
+        if motion.iter().any(|x| x.abs() > 16.0 * slack) {
+            Observer { motion, slack }
+        } else {
+            Observer::default()
+        }
+    }
+
+    /// Returns the box that contains a segment at all times, from its boxes in both frames.
+    #[inline(always)]
+    fn swept(&self, [before, after]: [&Box3; 2]) -> Box3 {
+        let Observer { motion, slack } = self;
+        let mut out = Box3::EMPTY;
+        for x in 0..3 {
+            let (lo, hi) = (after.lo[x] - motion[x], after.hi[x] - motion[x]);
+            out.lo[x] = smaller(before.lo[x], lo) - slack;
+            out.hi[x] = larger(before.hi[x], hi) + slack;
+        }
+        out
+    }
+
+    /// Same as [`Observer::swept`], for eight boxes.
+    #[inline(always)]
+    fn swept_group(&self, [before, after]: [&BoxGroup; 2], out: &mut BoxGroup) {
+        let Observer { motion, slack } = self;
+        for x in 0..3 {
+            for k in 0..LANES {
+                let lo = after.lo[x][k] - motion[x];
+                let hi = after.hi[x][k] - motion[x];
+                out.lo[x][k] = smaller(before.lo[x][k], lo) - slack;
+                out.hi[x][k] = larger(before.hi[x][k], hi) + slack;
+            }
+        }
+    }
+}
+
+impl SweptTrees {
+    /// Computes the boxes of both frames: of the curves of these pairs, or of all curves.
+    pub fn refit(
+        &mut self,
+        frames: [&CurveSet; 2],
+        coverage: Coverage,
+        curves: Option<&[u32]>,
+    ) {
+        for (trees, set) in self.trees.iter_mut().zip(frames) {
+            let covered = Covered { set, coverage };
+            match curves {
+                Some(curves) => trees.refit_some(covered, curves),
+                None => trees.refit(covered),
+            }
+        }
+        let size = frames.map(CurveSet::max_abs);
+        let size = size[0].max(size[1]);
+        // Nothing may overflow, so that no bound is NaN.
+        self.slack = match size < pow2(100) {
+            true => (size * pow2(-20)) as f32 + f32::MIN_POSITIVE,
+            false => f32::INFINITY,
+        };
+    }
+
+    /// Returns the swept boxes of all curves, seen by an observer who moves like their average.
+    /// Curves without a tree have empty boxes.
+    pub fn roots(&mut self) -> &[Box3] {
+        let both = |i: usize| [0, 1].map(|f| self.trees[f].roots()[i]);
+        let curves = 0..self.trees[0].roots().len();
+        let some = curves.clone().map(both).filter(|b| b[0] != Box3::EMPTY);
+        let observer = Observer::following(some, self.slack);
+        self.roots.clear();
+        self.roots.extend(curves.map(|i| {
+            let [before, after] = both(i);
+            observer.swept([&before, &after])
+        }));
+        &self.roots
+    }
+
+    /// Returns an observer who moves with two curves, which must have trees.
+    pub fn observer(&self, (i, j): Pair) -> Observer {
+        let both = |i: u32| [0, 1].map(|f| self.trees[f].roots()[i as usize]);
+        Observer::following([both(i), both(j)].into_iter(), self.slack)
+    }
+
+    /// Returns the tree of curve `i`.
+    pub fn of<'a>(
+        &'a self,
+        frames: [&'a CurveSet; 2],
+        i: usize,
+        observer: Observer,
+    ) -> SweptTree<'a> {
+        SweptTree {
+            frames: [0, 1].map(|f| self.trees[f].of(frames[f], i)),
+            observer,
+        }
+    }
+}
+
+impl SweptTree<'_> {
+    /// Returns the root node.
+    pub fn root(&self) -> Node {
+        self.frames[0].root()
+    }
+
+    /// Returns the number of leaves if the curve is small.
+    #[inline(always)]
+    pub fn few_leaves(&self) -> Option<u32> {
+        self.frames[0].few_leaves()
+    }
+}
+
+impl BoxTree for SweptTree<'_> {
+    #[inline(always)]
+    fn node_box(&self, node: Node) -> Box3 {
+        let [before, after] = self.frames.each_ref().map(|tree| tree.node_box(node));
+        self.observer.swept([&before, &after])
+    }
+
+    #[inline(always)]
+    fn children<'b>(&'b self, node: Node, buffer: &'b mut BoxGroup) -> &'b BoxGroup {
+        let mut unused = [BoxGroup::EMPTY; 2];
+        let [first, second] = &mut unused;
+        let [before, after] = &self.frames;
+        let both = [before.children(node, first), after.children(node, second)];
+        self.observer.swept_group(both, buffer);
+        buffer
+    }
+}
