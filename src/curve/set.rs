@@ -289,6 +289,12 @@ impl CurveSet {
         self.curves[i].first as usize + s * self.basis.stride()
     }
 
+    /// Returns the slots of the control points of a range of segments, copies included.
+    pub(crate) fn slots_of(&self, i: usize, segments: Range<usize>) -> Range<usize> {
+        let window = self.basis.window();
+        self.slot(i, segments.start)..self.slot(i, segments.end - 1) + window
+    }
+
     /// Returns the point in a slot.
     #[inline]
     pub(crate) fn at(&self, slot: usize) -> Point {

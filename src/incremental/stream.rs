@@ -198,13 +198,13 @@ impl<T: Real> Scan<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::certificate::Certificate;
     use crate::curve::{Basis, Positions};
     use crate::incremental::Coverage;
     use crate::random::Random;
     use crate::simd::Portable;
     use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
+    use std::sync::Arc;
 
     /// Sizes of the curves, with about 500 slots in all.
     const COUNTS: [i32; 9] = [-64, -15, -15, -15, -40, 30, -130, -9, -100];
@@ -235,7 +235,7 @@ mod tests {
         }
         let set = set(&xyz, single);
         let mut reference =
-            Reference::build(set, Certificate::default(), 0, 0, Coverage::default());
+            Reference::build(set, Arc::default(), 0, Coverage::default());
         let mut allowances = vec![f32::INFINITY; reference.set.slots()];
         for i in (0..COUNTS.len()).filter(|&i| reference.set.curve(i).closed) {
             for slot in reference.set.body(i) {

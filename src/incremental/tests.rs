@@ -8,6 +8,7 @@ use crate::curve::{Basis, CurveSet};
 use crate::random::Random;
 use crate::verdict::{AbortOn, Report};
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Number of frames before a planted step, and after it.
@@ -123,7 +124,7 @@ fn reference_speed() {
             for _ in 0..7 {
                 let (set, certificate) = (set.clone(), certificate.clone());
                 let start = Instant::now();
-                let build = || Reference::build(set, certificate, 0, 0, coverage);
+                let build = || Reference::build(set, Arc::new(certificate), 0, coverage);
                 allowances = pool.install(build).allowances;
                 times.push(start.elapsed().as_secs_f64() * 1e3);
             }

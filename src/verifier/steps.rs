@@ -71,14 +71,13 @@ impl Steps {
         self.last.as_ref().map(|last| &*last.set)
     }
 
-    /// Returns the linking numbers of the previous frame, if the curves are the same, and every
-    /// curve had linking numbers and still has.
+    /// Returns the linking numbers of the previous frame, if every curve had linking numbers then,
+    /// and still has.
     pub fn known(&self, set: &CurveSet) -> Option<Arc<Certificate>> {
         let last = self.last.as_ref()?;
         let certificate = last.linking.certificate.as_ref()?;
-        let known = last.set.same_layout(set)
-            && !certificate.has_degenerate_curves()
-            && degenerate_curves(set).next().is_none();
+        let known =
+            !certificate.has_degenerate_curves() && degenerate_curves(set).next().is_none();
         known.then(|| Arc::clone(certificate))
     }
 
@@ -93,15 +92,15 @@ impl Steps {
     }
 
     /// Fails if the curves differ from those of the previous frame, because there is no motion
-    /// between different curves.
-    pub fn check_layout(&self, set: &CurveSet) -> Result<()> {
-        let other = |before: &&CurveSet| !before.same_layout(set);
-        let Some(before) = self.before().filter(other) else {
-            return Ok(());
-        };
+    /// between different curves. If pull-throughs are not searched for, forgets that frame instead.
+    pub fn check_layout(&mut self, set: &CurveSet) -> Result<()> {
         if self.events == Events::Off {
+            self.last.take_if(|last| !last.set.same_layout(set));
             return Ok(());
         }
+        let Some(before) = self.before().filter(|before| !before.same_layout(set)) else {
+            return Ok(());
+        };
         let curves = before.curves().iter().zip(set.curves());
         let points = curves.map(|(a, b)| ("control points of a curve", a.points, b.points));
         let bytes = [before, set].map(|set| set.precision().bytes() as u32);
@@ -183,8 +182,8 @@ impl Steps {
             return outcome;
         };
         let frames = [&*last.set, set];
-        let mut outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
-        self.contacts = std::mem::take(&mut outcome.contacts);
+        let outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
+        self.contacts.clone_from(&outcome.contacts);
         self.note_touching(&outcome);
         outcome
     }
