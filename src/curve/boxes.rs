@@ -25,14 +25,6 @@ impl Box3 {
         (0..3).all(|x| self.lo[x] <= other.hi[x] && other.lo[x] <= self.hi[x])
     }
 
-    /// Returns a box that contains all points within `slack` of `p` along every axis.
-    pub fn around(p: [f64; 3], slack: f64) -> Box3 {
-        Box3 {
-            lo: p.map(|x| below(x - slack)),
-            hi: p.map(|x| above(x + slack)),
-        }
-    }
-
     /// Returns the box grown by `reach` on all sides, up to the range of single precision. The
     /// empty box stays empty.
     pub fn dilated(&self, reach: f32) -> Box3 {
@@ -41,14 +33,6 @@ impl Box3 {
         Box3 {
             lo: self.lo.map(|x| (x - reach).max(f32::MIN)),
             hi: self.hi.map(|x| (x + reach).min(f32::MAX)),
-        }
-    }
-
-    /// Returns the smallest box that contains both.
-    pub fn union(&self, other: &Box3) -> Box3 {
-        Box3 {
-            lo: [0, 1, 2].map(|x| smaller(self.lo[x], other.lo[x])),
-            hi: [0, 1, 2].map(|x| larger(self.hi[x], other.hi[x])),
         }
     }
 

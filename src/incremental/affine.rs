@@ -1,7 +1,7 @@
 //! Affine frame of a motion: a rigid motion, rotation or stretch of the whole scene changes no
 //! linking number.
 
-use crate::curve::{CurveSet, Point};
+use crate::curve::CurveSet;
 use nalgebra::{Matrix3, Vector3};
 
 /// Number of points to which the affine frame is fitted: enough to follow the scene at a negligible
@@ -117,10 +117,6 @@ impl Affine {
             .fold(0.0, f64::max)
     }
 
-    /// Returns the point of the reference frame that is mapped to `p`.
-    pub fn back(&self, p: Point) -> Point {
-        (self.inverse * (Vector3::from(p) - self.t)).into()
-    }
 }
 
 /// A sample of control points of a reference frame, and precomputed values for a fit.

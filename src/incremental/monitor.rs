@@ -2,18 +2,18 @@
 
 use super::affine::Affine;
 use super::coverage::Coverage;
-use super::motion::MovedSegments;
+use super::motion::MovedBlocks;
 use super::reference::Reference;
 use super::stream::moved_chunks;
 use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
-use crate::pairs::{LinkSearch, Pair};
+use crate::pairs::Pair;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
 /// Share of moved chunks above which a search of all pairs costs less than one near these chunks.
-const MANY_CHUNKS: f64 = 0.02;
+const MANY_CHUNKS: f64 = 0.3;
 
 /// Number of moved chunks up to which a search near them always pays.
 const FEW_CHUNKS: usize = 16;
@@ -24,8 +24,8 @@ const STALE: f64 = 0.005;
 /// Maximum number of frames between two reference frames if they do not pay.
 const MAX_BACKOFF: u64 = 256;
 
-/// Back-off after an unused reference frame, in frames per frame that its construction took. On a
-/// busy stream, reference frames would compete for CPU time and memory.
+/// Back-off after a reference frame that was no better than the one before, in frames per frame that
+/// its construction took. On a busy stream, reference frames would compete for CPU time and memory.
 const BACKOFF: u64 = 16;
 
 /// Compares the frames of a scene with a reference frame.
@@ -43,10 +43,11 @@ pub(crate) struct Monitor {
     backoff: u64,
     /// Number of frames that passed while the last reference was built.
     build_frames: u64,
+    /// True if the last reference was better than the one before.
+    pays: bool,
     /// The previous frame and the current frame.
     previous: Survey,
     current: Survey,
-    search: LinkSearch,
 }
 
 /// A reference frame, and its comparison with the baseline.
@@ -54,8 +55,6 @@ pub(crate) struct Monitor {
 struct Known {
     reference: Reference,
     comparison: Comparison,
-    /// True if the reference served a quiet frame, or limited a search.
-    used: bool,
 }
 
 /// Result of comparing the points of a frame with the reference frame.
@@ -81,9 +80,9 @@ impl Survey {
         }
     }
 
-    /// Returns true if no point moved further than its allowance.
-    fn is_quiet(&self) -> bool {
-        self.affine.is_some() && self.chunks.is_empty()
+    /// Returns the number of chunks that moved, or the largest number if it is unknown.
+    fn moved(&self) -> usize {
+        self.affine.map_or(usize::MAX, |_| self.chunks.len())
     }
 }
 
@@ -109,22 +108,24 @@ impl Monitor {
     ) -> bool {
         self.frame += 1;
         std::mem::swap(&mut self.previous, &mut self.current);
-        self.current.affine = None;
-        let adopted = self.adopt(set, baseline);
         *work = Work::default();
-        let Some(known) = self.reference.as_mut() else {
+        self.reference
+            .take_if(|k| !k.reference.set.same_layout(set));
+        match &self.reference {
+            Some(known) => self.current.of(&known.reference, set),
+            None => self.current.affine = None,
+        }
+        if let Some(built) = self.take_built(set, baseline) {
+            self.adopt_if_better(built, before, set);
+        }
+        let Some(known) = &self.reference else {
             return false;
         };
         let reference = &known.reference;
-        work.blocks = reference.blocks;
+        work.blocks = reference.neighbours.blocks() as u64;
         work.reference_age = Some(self.frame - reference.frame);
-        if adopted && let Some(before) = before {
-            self.previous.of(reference, before);
-        }
-        self.current.of(reference, set);
         // The linking numbers of a degenerate loop were not computed in the reference frame.
-        let quiet = self.current.is_quiet() && !reference.certificate.has_degenerate_curves();
-        known.used |= quiet;
+        let quiet = self.current.moved() == 0 && !reference.certificate.has_degenerate_curves();
         if quiet {
             work.route = Route::Quiet;
         }
@@ -140,13 +141,12 @@ impl Monitor {
         after: &CurveSet,
         work: &mut Work,
     ) -> Option<Vec<Pair>> {
-        let known = self.reference.as_mut()?;
+        let known = self.reference.as_ref()?;
         let affines = [
             self.previous.affine.as_ref()?,
             self.current.affine.as_ref()?,
         ];
         let bend = Affine::bend(affines)?;
-        known.used = true;
         let mut chunks = [&self.previous.chunks[..], &self.current.chunks].concat();
         if chunks.is_empty() {
             return Some(Vec::new());
@@ -154,11 +154,11 @@ impl Monitor {
         chunks.sort_unstable();
         chunks.dedup();
         let ends = [(affines[0], before), (affines[1], after)];
-        let motion = MovedSegments::new(&known.reference, ends, &chunks, bend);
-        work.marked = motion.blocks() as u64;
-        let (pairs, recertified) = motion.affected(&mut self.search);
-        work.recertified = recertified as u64;
-        Some(pairs)
+        let step = MovedBlocks::new(&known.reference, ends, &chunks, bend);
+        work.marked = step.marked() as u64;
+        let affected = step.affected()?;
+        work.recertified = affected.apart as u64;
+        Some(affected.pairs)
     }
 
     /// Returns the linking numbers of the reference frame, and their comparison with the baseline.
@@ -197,9 +197,7 @@ impl Monitor {
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());
         // Without a thread there is no reference, and every frame is computed in full.
         self.build = thread.spawn(build).ok();
-        // Successive references that no frame used do not pay.
-        let used = self.reference.as_ref().is_none_or(|k| k.used);
-        self.backoff = if used {
+        self.backoff = if self.pays {
             1
         } else {
             let backoff = (2 * self.backoff).max(BACKOFF * self.build_frames);
@@ -233,28 +231,36 @@ impl Monitor {
         reference.packed = super::packed::Packed::blocks(&reference.set, &reference.allowances);
     }
 
-    /// Adopts a completed reference frame, and drops one of other curves. Returns true if there is
-    /// a new one.
-    fn adopt(&mut self, set: &CurveSet, baseline: &Certificate) -> bool {
-        let mut adopted = false;
-        if let Some(build) = self.build.take_if(|m| m.is_finished()) {
-            // The panic hook has already reported a panic of the thread.
-            if let Ok(Some(reference)) = build.join() {
-                // The earliest frame that can use it is the one after it.
-                self.build_frames = self.frame - reference.frame - 1;
-                // Certificates with different numbers of curves cannot be compared.
-                if let Ok(comparison) = reference.certificate.compare(baseline) {
-                    adopted = true;
-                    self.reference = Some(Known {
-                        reference,
-                        comparison,
-                        used: false,
-                    });
-                }
+    /// Takes a completed reference frame of the same curves.
+    fn take_built(&mut self, set: &CurveSet, baseline: &Certificate) -> Option<Known> {
+        let build = self.build.take_if(|m| m.is_finished())?;
+        // The panic hook has already reported a panic of the thread.
+        let reference = build.join().ok()??;
+        // The earliest frame that can use it is the one after it.
+        self.build_frames = self.frame - reference.frame - 1;
+        // Certificates with different numbers of curves cannot be compared.
+        let comparison = reference.certificate.compare(baseline).ok()?;
+        reference.set.same_layout(set).then_some(Known {
+            reference,
+            comparison,
+        })
+    }
+
+    /// Adopts a reference frame if fewer points of the current frame moved relative to it than
+    /// relative to the present one.
+    fn adopt_if_better(&mut self, built: Known, before: Option<&CurveSet>, set: &CurveSet) {
+        let mut survey = Survey::default();
+        survey.of(&built.reference, set);
+        let present = self.reference.as_ref();
+        let present = present.filter(|k| !k.reference.certificate.has_degenerate_curves());
+        self.pays = present.is_none() || survey.moved() < self.current.moved();
+        if self.pays {
+            self.current = survey;
+            match before.filter(|before| before.same_layout(set)) {
+                Some(before) => self.previous.of(&built.reference, before),
+                None => self.previous.affine = None,
             }
+            self.reference = Some(built);
         }
-        self.reference
-            .take_if(|k| !k.reference.set.same_layout(set));
-        adopted
     }
 }

@@ -1,102 +1,251 @@
-//! Segments that moved further than their allowances, and the pairs of curves that this may affect.
+//! Blocks of segments that moved further than their allowances, and the pairs of curves that this
+//! may affect.
+//!
+//! # Proof: neighbours stay apart
+//!
+//! Seen in the space of the reference frame, a control point is displaced by `d` from its place.
+//! Its displacements at both ends of a step are in a box, and at all times in between within
+//! `bend` times the diagonal of that box of it ([`Affine::bend`]). The points of the hulls of
+//! segments are combinations of control points with weights that add up to 1, so they are displaced
+//! by such combinations. For Catmull-Rom, whose weights have magnitudes of at most `4/3` in all,
+//! these are in the box enlarged about its center by that factor. For the other bases, whose
+//! weights are not negative, they are in the box itself.
+//!
+//! Let `g` be a lower bound of the distance between two convex hulls in the reference frame, and
+//! `n` the unit vector between their nearest points. If no difference of a displacement in one box
+//! and one in the other is longer than `g`, the hulls stay apart along `n`. The difference is
+//! small if both move together, however far.
+//!
+//! Blocks that are no neighbours are further apart than the range of the list. If no hull point is
+//! displaced by more than half of the range, they stay apart. A curve with a block that moved
+//! further may have touched any curve.
+//!
+//! If the difference is too long, the segments are tested one by one.
 
 use super::affine::Affine;
-use super::reference::Reference;
-use super::slots::CHUNK;
-use crate::curve::vector::distance;
-use crate::curve::{Bezier, Box3, CurveSet, Point};
-use crate::discretize::{Hull, MovingSeparation};
-use crate::pairs::{LinkSearch, Pair};
-use crate::simd::LANES;
+use super::covered::Covered;
+use super::ledger::Observer;
+use super::reference::{Block, Reference};
+use super::slots::{CHUNK, Real};
+use crate::curve::{Axes, Basis, CurveSet};
+use crate::discretize::MovingSeparation;
+use crate::exact::{Decided, Ties, passages};
+use crate::pairs::{Pair, overlapping};
+use crate::simd::{LANES, Portable, dispatch};
 use rayon::prelude::*;
+use std::ops::Range;
+
+/// Number of blocks whose displacements a task computes.
+const GRAIN: usize = 256;
+
+/// Number of curves beyond the range of the list of neighbours up to which a search of all their
+/// pairs pays.
+const FEW_STRAYS: usize = 4;
 
 /// Segments that moved further than their allowances in a step from one frame to another.
-///
-/// The search takes place in the space of the reference frame, into which both frames are mapped
-/// back. Points move on straight lines in world space. Mapped back, their paths deviate from
-/// straight lines by up to a share of their length ([`Affine::bend`]).
-pub(super) struct MovedSegments<'a> {
+pub(super) struct MovedBlocks<'a> {
     reference: &'a Reference,
     ends: [(&'a Affine, &'a CurveSet); 2],
     bend: f64,
-    /// Blocks of eight segments with at least one marked segment, sorted.
-    blocks: Vec<Block>,
+    /// Segments that depend on a point that moved further than its allowance, sorted.
+    segments: Vec<(u32, u32)>,
+    /// Blocks with such a segment, sorted.
+    marked: Vec<Block>,
 }
 
-/// A block of eight segments of a curve.
-struct Block {
-    curve: u32,
-    /// Leaf of the curve's tree.
-    leaf: u32,
-    /// Marked segments, one bit each.
-    marked: u32,
-    /// Bounding box of the marked segments in both frames, and so at all times in between.
-    swept: Box3,
+/// Pairs of curves that may have touched during a step.
+pub(super) struct Affected {
+    /// The pairs, sorted. `(i, i)` is a curve and itself.
+    pub pairs: Vec<Pair>,
+    /// Number of pairs of neighbours that are proven apart at all times.
+    pub apart: usize,
 }
 
-impl<'a> MovedSegments<'a> {
-    /// Marks the segments that depend on a point in one of the chunks, which contain the points
-    /// that moved further than their allowances.
+/// Box of the displacements of the hull points of a block during a step.
+#[derive(Clone, Copy, Debug)]
+struct Displacement {
+    lo: [f64; 3],
+    hi: [f64; 3],
+}
+
+impl Displacement {
+    /// Returns an upper bound of the squared lengths.
+    fn largest_square(&self) -> f64 {
+        square([0, 1, 2].map(|x| larger(self.hi[x], -self.lo[x])))
+    }
+
+    /// Returns an upper bound of the squared lengths of the differences from another displacement.
+    #[inline(always)]
+    fn largest_difference_square(&self, other: &Displacement) -> f64 {
+        square([0, 1, 2].map(|x| larger(other.hi[x] - self.lo[x], self.hi[x] - other.lo[x])))
+    }
+}
+
+/// Returns the squared length of a vector, rounded up. Infinite if it overflows.
+#[inline(always)]
+fn square([x, y, z]: [f64; 3]) -> f64 {
+    (x * x + y * y + z * z) * (1.0 + 1e-9)
+}
+
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+impl<'a> MovedBlocks<'a> {
+    /// Marks the blocks that depend on a point in one of the chunks, which contain the points that
+    /// moved further than their allowances in either frame.
     pub fn new(
         reference: &'a Reference,
         ends: [(&'a Affine, &'a CurveSet); 2],
         chunks: &[u32],
         bend: f64,
-    ) -> MovedSegments<'a> {
-        let set = ends[1].1;
-        let mut motion = MovedSegments {
-            reference,
-            ends,
-            bend,
-            blocks: Vec::new(),
-        };
+    ) -> MovedBlocks<'a> {
         let mut segments: Vec<(u32, u32)> = Vec::new();
         for &chunk in chunks {
             let slots = chunk as usize * CHUNK..(chunk as usize + 1) * CHUNK;
+            let set = &reference.set;
             set.segments_at(slots, reference.coverage.open_curves, |i, s| {
                 segments.push((i, s))
             });
         }
         segments.sort_unstable();
         segments.dedup();
-        for (i, s) in segments {
-            let (leaf, bit) = (s / LANES as u32, 1 << (s % LANES as u32));
-            match motion.blocks.last_mut() {
-                Some(b) if (b.curve, b.leaf) == (i, leaf) => b.marked |= bit,
-                _ => motion.blocks.push(Block {
-                    curve: i,
-                    leaf,
-                    marked: bit,
-                    swept: Box3::EMPTY,
-                }),
-            }
+        let block = |&(i, s): &(u32, u32)| reference.neighbours.block(i, s);
+        let mut marked: Vec<Block> = segments.iter().map(block).collect();
+        marked.dedup();
+        MovedBlocks {
+            reference,
+            ends,
+            bend,
+            segments,
+            marked,
         }
-        let swept: Vec<Box3> = motion
-            .blocks
-            .par_iter()
-            .map(|block| motion.swept(block))
-            .collect();
-        for (block, swept) in motion.blocks.iter_mut().zip(swept) {
-            block.swept = swept;
-        }
-        motion
     }
 
     /// Returns the number of marked blocks.
-    pub fn blocks(&self) -> usize {
-        self.blocks.len()
+    pub fn marked(&self) -> usize {
+        self.marked.len()
     }
 
-    /// Returns a segment at both ends of the step, mapped back to the reference frame.
-    fn both(&self, i: usize, s: u32) -> [Bezier; 2] {
-        self.ends.map(|(affine, set)| {
-            let back = |p: Point| affine.back(p);
-            set.segment(i, s as usize).map(back)
-        })
+    /// Returns the pairs of curves that may have touched during the step. Returns `None` if many
+    /// curves moved beyond the range of the list of neighbours.
+    pub fn affected(&self) -> Option<Affected> {
+        const NONE: u32 = u32::MAX;
+        let neighbours = &self.reference.neighbours;
+        // Marked blocks come first, then their neighbours.
+        let mut blocks = self.marked.clone();
+        let mut index = vec![NONE; neighbours.blocks()];
+        for (k, &a) in self.marked.iter().enumerate() {
+            index[a as usize] = k as u32;
+        }
+        for &a in &self.marked {
+            for b in neighbours.of(a) {
+                let at = &mut index[b.block as usize];
+                if *at == NONE {
+                    *at = blocks.len() as u32;
+                    blocks.push(b.block);
+                }
+            }
+        }
+        let displacements: Vec<Displacement> = blocks
+            .par_iter()
+            .with_min_len(GRAIN)
+            .map(|&block| self.displacement(block))
+            .collect();
+        let slack = self.slack();
+        let within = |most: f64, square: f64| most > 0.0 && square < most * most;
+        let most = 0.5 * neighbours.range - slack;
+        let marked = self.marked.iter().zip(&displacements);
+        let stray = marked.filter(|(_, d)| !within(most, d.largest_square()));
+        let mut stray: Vec<u32> = stray.map(|(&a, _)| neighbours.place(a).0 as u32).collect();
+        stray.dedup();
+        if stray.len() > FEW_STRAYS {
+            return None;
+        }
+        let mut affected = Affected {
+            pairs: self.folded(),
+            apart: 0,
+        };
+        let mut near: Vec<[Block; 2]> = Vec::new();
+        for (k, &a) in self.marked.iter().enumerate() {
+            for b in neighbours.of(a) {
+                let l = index[b.block as usize] as usize;
+                // Two marked blocks are neighbours of one another.
+                if l < k {
+                    continue;
+                }
+                let square = displacements[k].largest_difference_square(&displacements[l]);
+                if within(f64::from(b.gap) - 2.0 * slack, square) {
+                    affected.apart += 1;
+                } else {
+                    near.push([a, b.block]);
+                }
+            }
+        }
+        let met: Vec<Option<Pair>> = near.par_iter().map(|&blocks| self.met(blocks)).collect();
+        affected.apart += met.iter().filter(|pair| pair.is_none()).count();
+        affected.pairs.extend(met.into_iter().flatten());
+        self.add_all_pairs(&stray, &mut affected.pairs);
+        affected.pairs.sort_unstable();
+        affected.pairs.dedup();
+        Some(affected)
     }
 
-    /// Returns a generous bound of the rounding errors of points that are mapped back, and of
-    /// values computed from them.
+    /// Adds the pairs of some curves with all covered curves.
+    fn add_all_pairs(&self, curves: &[u32], pairs: &mut Vec<Pair>) {
+        let Reference { set, coverage, .. } = self.reference;
+        let covered = Covered {
+            set,
+            coverage: *coverage,
+        };
+        for &i in curves {
+            let others = covered.indices().map(|j| j as u32);
+            let others = others.filter(|&j| i != j || coverage.self_crossings);
+            pairs.extend(others.map(|j| (i.min(j), i.max(j))));
+        }
+    }
+
+    /// Returns the pair of curves of two blocks if any of their segments may have met during the
+    /// step.
+    fn met(&self, blocks: [Block; 2]) -> Option<Pair> {
+        let [before, after] = self.ends.map(|(_, set)| set);
+        let mut places = blocks.map(|block| self.reference.neighbours.place(block));
+        places.sort_unstable();
+        let [(i, a), (j, b)] = places;
+        let observer = Observer::of_leaves([before, after], places);
+        let [first, second] = places.map(|(i, g)| {
+            let boxes = [before, after].map(|set| set.leaf_boxes(i, g));
+            observer.swept_leaf(&boxes)
+        });
+        let separation = MovingSeparation::new([before, after], [i, j]);
+        let curve = before.curve(i);
+        let may_meet = |s: u32, t: u32| {
+            if i == j && (s >= t || curve.adjacent(s, t)) {
+                return false;
+            }
+            match before.basis().is_polyline() {
+                true => edges_may_meet([before, after], [(i, s), (j, t)]),
+                false => !separation.apart(s, t),
+            }
+        };
+        let lanes = 0..LANES as u32;
+        let met = lanes.clone().any(|k| {
+            let overlapping = overlapping(Portable, &first.lane(k as usize), &second);
+            let mut others = lanes.clone().filter(|l| overlapping >> l & 1 != 0);
+            let [s, t] = [a, b].map(|g| (g * LANES) as u32);
+            others.any(|l| may_meet(s + k, t + l))
+        });
+        met.then_some((i as u32, j as u32))
+    }
+
+    /// Returns a generous bound of the rounding errors of displacements, and of values computed
+    /// from them.
     fn slack(&self) -> f64 {
         let ends = self.ends.iter();
         let size: f64 = ends
@@ -105,166 +254,105 @@ impl<'a> MovedSegments<'a> {
         (self.reference.set.max_abs() + 10.0 * size) * 1e-12 + 1e-300
     }
 
-    fn swept(&self, block: &Block) -> Box3 {
-        let slack = self.slack();
-        let mut out = Box3::EMPTY;
-        for k in 0..LANES as u32 {
-            if block.marked >> k & 1 != 0 {
-                let s = block.leaf * LANES as u32 + k;
-                let [from, to] = self.both(block.curve as usize, s);
-                for (p, q) in from.iter().zip(&to) {
-                    let bent = self.bend * distance(*p, *q) * (1.0 + 1e-9);
-                    for p in [p, q] {
-                        out = out.union(&Box3::around(*p, slack + bent));
-                    }
-                }
-            }
-        }
-        out
-    }
-
-    /// Returns the pairs of curves that may have touched during the step, sorted, and the number of
-    /// other pairs that came near and were proven apart.
-    ///
-    /// The pair `(i, i)` is a curve and itself.
-    pub fn affected(&self, search: &mut LinkSearch) -> (Vec<Pair>, usize) {
-        let reference = self.reference;
-        // Unmarked segments stay within the reach of their places, and two unmarked segments do not
-        // touch.
-        let reach = (reference.reach * (1.0 + 1e-6) + self.slack()) as f32;
-        let reach = reach.next_up();
-        let mut boxes: Vec<Box3> = reference
-            .trees
-            .roots()
-            .iter()
-            .map(|b| b.dilated(reach))
-            .collect();
-        let mut marked = vec![false; boxes.len()];
-        for block in &self.blocks {
-            let i = block.curve as usize;
-            marked[i] = true;
-            boxes[i] = boxes[i].union(&block.swept);
-        }
-        let pairs = search.find(&boxes);
-        pairs.retain(|&(i, j)| marked[i as usize] || marked[j as usize]);
-        if reference.coverage.self_crossings {
-            let alone = (0..marked.len()).filter(|&i| marked[i]);
-            pairs.extend(alone.map(|i| (i as u32, i as u32)));
-            pairs.sort_unstable();
-        }
-        let near: Vec<(Pair, bool, bool)> = pairs
-            .par_iter()
-            .map(|&pair| {
-                let (near, apart) = self.check(pair, reach);
-                (pair, near, apart)
-            })
-            .collect();
-        let affected = near.iter().filter(|n| !n.2).map(|n| n.0).collect();
-        let recertified = near.iter().filter(|n| n.1 && n.2).count();
-        (affected, recertified)
-    }
-
-    fn blocks_of(&self, i: u32) -> &[Block] {
-        let start = self.blocks.partition_point(|b| b.curve < i);
-        let end = start + self.blocks[start..].partition_point(|b| b.curve == i);
-        &self.blocks[start..end]
-    }
-
-    /// Returns two results: true if marked segments came near the other curve, and true if all of
-    /// these are proven apart at all times.
-    fn check(&self, (i, j): Pair, reach: f32) -> (bool, bool) {
-        let same = i == j;
-        if same && !self.is_monotonic(i) {
-            return (true, false);
-        }
-        let mut near = false;
-        // Marked segments with unmarked ones, both ways.
-        let both = [(i, j), (j, i)];
-        for &(a, b) in &both[..if same { 1 } else { 2 }] {
-            let tree = self.reference.trees.of(&self.reference.set, b as usize);
-            let others = self.blocks_of(b);
-            for block in self.blocks_of(a) {
-                let query = block.swept.dilated(reach);
-                let mut apart = true;
-                tree.visit(
-                    |lane| lane.overlaps(&query),
-                    |t| {
-                        let leaf = t / LANES as u32;
-                        let at = others.binary_search_by_key(&leaf, |o| o.leaf);
-                        if at.is_ok_and(|at| others[at].marked >> (t % LANES as u32) & 1 != 0) {
-                            // This one is marked as well and may have left its box: see below.
-                            return;
-                        }
-                        near = true;
-                        apart = apart && self.block_apart(block, b, t);
-                    },
-                );
-                if !apart {
-                    return (true, false);
-                }
-            }
-        }
-        // Marked segments with marked ones.
-        for a in self.blocks_of(i) {
-            for b in self.blocks_of(j) {
-                if !(same && b.leaf < a.leaf) && a.swept.overlaps(&b.swept) {
-                    near = true;
-                    let mut bits = b.marked;
-                    while bits != 0 {
-                        let t = b.leaf * LANES as u32 + bits.trailing_zeros();
-                        bits &= bits - 1;
-                        if !self.block_apart(a, j, t) {
-                            return (true, false);
-                        }
-                    }
-                }
-            }
-        }
-        (near, true)
-    }
-
-    /// Returns true if the curve is monotonic at all times along each marked segment together with
-    /// its neighbours, so that these do not pass through themselves or one another. Adjacent edges
-    /// never do.
-    fn is_monotonic(&self, i: u32) -> bool {
+    /// Returns the displacements of the hull points of a block.
+    fn displacement(&self, block: Block) -> Displacement {
         let set = &self.reference.set;
-        if set.basis().is_polyline() {
-            return true;
+        let (i, block) = self.reference.neighbours.place(block);
+        let first = block * LANES;
+        let last = (first + LANES).min(set.curve(i).segments as usize);
+        let slots = set.slots_of(i, first..last);
+        let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for (affine, end) in self.ends {
+            let bounds = match (end.axes(), set.axes()) {
+                (Axes::F32(p), Axes::F32(q)) => dispatch!(bounds(affine, p, q, slots.clone())),
+                (Axes::F64(p), Axes::F64(q)) => dispatch!(bounds(affine, p, q, slots.clone())),
+                _ => unreachable!("the monitor compares the precision first"),
+            };
+            for x in 0..3 {
+                lo[x] = smaller(lo[x], bounds[x][0]);
+                hi[x] = larger(hi[x], bounds[x][1]);
+            }
         }
-        let curve = set.curve(i as usize);
+        let diagonal = square([0, 1, 2].map(|x| hi[x] - lo[x])).sqrt();
+        let enlarged = match set.basis() {
+            Basis::CatmullRom => 1.0 / 6.0,
+            Basis::Polyline | Basis::Bezier | Basis::BSpline => 0.0,
+        };
+        for x in 0..3 {
+            // The bend first: the control points themselves are displaced by that.
+            lo[x] -= self.bend * diagonal;
+            hi[x] += self.bend * diagonal;
+            let more = enlarged * (hi[x] - lo[x]) * (1.0 + 1e-9);
+            lo[x] -= more;
+            hi[x] += more;
+        }
+        Displacement { lo, hi }
+    }
+
+    /// Returns the curves that are not proven to be monotonic at all times along each marked
+    /// segment together with its neighbours, if curves and themselves are covered. Along a
+    /// monotonic part, these do not pass through themselves or one another. Adjacent edges of a
+    /// polyline never do.
+    fn folded(&self) -> Vec<Pair> {
+        let set = &self.reference.set;
+        if !self.reference.coverage.self_crossings || set.basis().is_polyline() {
+            return Vec::new();
+        }
         let frames = self.ends.map(|(_, set)| set);
-        let separation = MovingSeparation::new(frames, [i as usize; 2]);
         let mut turns = Vec::new();
-        for block in self.blocks_of(i) {
-            for k in (0..LANES as u32).filter(|k| block.marked >> k & 1 != 0) {
-                let s = block.leaf * LANES as u32 + k;
+        let curves = self.segments.chunk_by(|a, b| a.0 == b.0);
+        let folded = curves.filter_map(|segments| {
+            let i = segments[0].0;
+            let curve = set.curve(i as usize);
+            let separation = MovingSeparation::new(frames, [i as usize; 2]);
+            turns.clear();
+            for &(_, s) in segments {
                 for s in [curve.before(s), s] {
                     separation.add_turns(s..s + 1, curve.after(s), &mut turns);
                 }
             }
-        }
-        turns.is_empty()
+            (!turns.is_empty()).then_some((i, i))
+        });
+        folded.collect()
     }
+}
 
-    /// Returns true if the marked segments of a block are proven apart from segment `t` of curve
-    /// `j` at all times.
-    fn block_apart(&self, block: &Block, j: u32, t: u32) -> bool {
-        let hulls = |i: usize, s: u32| {
-            self.ends
-                .map(|(_, set)| Hull::of_piece(&set.segment(i, s as usize)))
-        };
-        let [b_before, b_after] = hulls(j as usize, t);
-        let curve = self.reference.set.curve(j as usize);
-        let margin = 2.0 * (self.slack() + self.reference.set.pad());
-        (0..LANES as u32)
-            .filter(|k| block.marked >> k & 1 != 0)
-            .map(|k| block.leaf * LANES as u32 + k)
-            // Adjacent segments are joined.
-            .filter(|&s| block.curve != j || !curve.adjacent(s, t))
-            .all(|s| {
-                let [before, after] = hulls(block.curve as usize, s);
-                let frames = [[&before, &b_before], [&after, &b_after]];
-                Hull::separated_throughout(frames, margin)
-            })
-    }
+/// Returns false if two edges, each given by curve and segment, are proven not to meet during the
+/// step.
+fn edges_may_meet(frames: [&CurveSet; 2], edges: [(usize, u32); 2]) -> bool {
+    let ends = |set: &CurveSet| {
+        edges.map(|(i, s)| [set.knot(i, s as usize), set.knot(i, s as usize + 1)])
+    };
+    let [before, after] = frames.map(ends);
+    let mut met = false;
+    let decided = passages(&before, &after, Ties::Report, &mut |_| met = true);
+    met || decided == Decided::Tie
+}
+
+/// Returns the smallest and the largest displacement along each axis of the points in these slots:
+/// the differences between their places, mapped back to the reference frame, and their places
+/// there.
+#[inline(always)]
+fn bounds<T: Real + Into<f64>>(
+    affine: &Affine,
+    p: [&[T]; 3],
+    q: [&[T]; 3],
+    slots: Range<usize>,
+) -> [[f64; 2]; 3] {
+    let p = p.map(|p| &p[slots.clone()]);
+    let q = q.map(|q| &q[slots.clone()]);
+    let n = slots.len();
+    let (p, q) = (p.map(|p| &p[..n]), q.map(|q| &q[..n]));
+    let t = affine.t;
+    [0, 1, 2].map(|x| {
+        let m = [0, 1, 2].map(|y| affine.inverse[(x, y)]);
+        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+        for k in 0..n {
+            let v = [0, 1, 2].map(|y| p[y][k].into() - t[y]);
+            let d = m[0] * v[0] + m[1] * v[1] + m[2] * v[2] - q[x][k].into();
+            lo = smaller(lo, d);
+            hi = larger(hi, d);
+        }
+        [lo, hi]
+    })
 }

@@ -11,7 +11,7 @@ pub struct Work {
     pub blocks: u64,
     /// Number of blocks that depend on a point that moved further than its allowance.
     pub marked: u64,
-    /// Number of pairs of curves near such a block that the boxes of their motion proved unchanged.
+    /// Number of pairs of near blocks, at least one of them marked, that cannot have met.
     pub recertified: u64,
     /// Number of pairs with recomputed linking numbers: all potential links on the full route.
     pub recomputed: u64,

@@ -182,27 +182,6 @@ impl<'a> CurveTree<'a> {
     }
 }
 
-impl CurveTree<'_> {
-    /// Calls `segment` with every segment such that `enter` accepts its box and the boxes of all
-    /// nodes above it.
-    pub fn visit(&self, mut enter: impl FnMut(&Box3) -> bool, mut segment: impl FnMut(u32)) {
-        let mut leaf = BoxGroup::EMPTY;
-        let mut stack = vec![self.root()];
-        while let Some(node) = stack.pop() {
-            let group = *self.children(node, &mut leaf);
-            for k in 0..LANES {
-                let lane = group.lane(k);
-                if lane != Box3::EMPTY && enter(&lane) {
-                    match node.level {
-                        0 => segment(node.lane(k as u32)),
-                        _ => stack.push(node.child(k as u32)),
-                    }
-                }
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

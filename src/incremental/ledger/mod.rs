@@ -71,6 +71,7 @@ pub(crate) use self::contact::Contacts;
 use self::contact::{Contact, Touching};
 pub(crate) use self::outcome::Outcome;
 use self::pair::{Part, Workspace};
+pub(super) use self::swept::Observer;
 use self::swept::SweptTrees;
 use self::task::Step;
 use super::coverage::Coverage;

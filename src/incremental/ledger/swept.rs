@@ -32,7 +32,7 @@ pub(super) struct SweptTree<'a> {
 
 /// A moving observer.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Observer {
+pub(in crate::incremental) struct Observer {
     /// Motion during the step.
     motion: [f32; 3],
     /// Bound of the rounding errors of boxes. 0 if the observer is at rest.
@@ -66,6 +66,20 @@ impl Observer {
         }
     }
 
+    /// Returns an observer who moves with two leaves, each given by curve and index.
+    pub fn of_leaves(frames: [&CurveSet; 2], leaves: [(usize, usize); 2]) -> Observer {
+        let both = |(i, g)| frames.map(|set| set.leaf_boxes(i, g).bounds());
+        Observer::following(leaves.map(both).into_iter(), slack(frames))
+    }
+
+    /// Returns the boxes that contain eight segments at all times, from their boxes in both frames.
+    #[inline(always)]
+    pub fn swept_leaf(&self, [before, after]: &[BoxGroup; 2]) -> BoxGroup {
+        let mut swept = BoxGroup::EMPTY;
+        self.swept_group([before, after], &mut swept);
+        swept
+    }
+
     /// Returns the box that contains a segment at all times, from its boxes in both frames.
     #[inline(always)]
     fn swept(&self, [before, after]: [&Box3; 2]) -> Box3 {
@@ -94,6 +108,17 @@ impl Observer {
     }
 }
 
+/// Returns the slack of moving observers. It is infinite, which excludes them, if a bound could
+/// overflow.
+fn slack(frames: [&CurveSet; 2]) -> f32 {
+    let size = frames.map(CurveSet::max_abs);
+    let size = size[0].max(size[1]);
+    match size < pow2(100) {
+        true => (size * pow2(-20)) as f32 + f32::MIN_POSITIVE,
+        false => f32::INFINITY,
+    }
+}
+
 impl SweptTrees {
     /// Computes the boxes of both frames: of the curves of these pairs, or of all curves.
     pub fn refit(
@@ -109,13 +134,7 @@ impl SweptTrees {
                 None => trees.refit(covered),
             }
         }
-        let size = frames.map(CurveSet::max_abs);
-        let size = size[0].max(size[1]);
-        // Nothing may overflow, so that no bound is NaN.
-        self.slack = match size < pow2(100) {
-            true => (size * pow2(-20)) as f32 + f32::MIN_POSITIVE,
-            false => f32::INFINITY,
-        };
+        self.slack = slack(frames);
     }
 
     /// Returns the swept boxes of all curves, seen by an observer who moves like their average.

@@ -31,19 +31,24 @@
 
 use super::clearance::typical_clearance;
 use super::gap::{DEPTH, GOOD, gap, least_component};
+use super::neighbours::{Block, NearBlocks, Neighbours, first_blocks, near_leaves};
 use crate::certificate::Certificate;
 use crate::curve::vector::distance;
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
 use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Trees, descend};
-use crate::simd::{Lanes, dispatch};
+use crate::simd::{LANES, Lanes, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Share of a gap between two segments that allowances may use. The remainder is a margin for
 /// rounding and for the discretization of splines.
 const SHARE: f64 = 0.49;
+
+/// Range of the list of neighbours, in distances within which pairs bound allowances. Blocks may
+/// move by half of it before the list no longer helps.
+const RANGE: f64 = 2.0;
 
 /// Number of segment pairs that are gathered before they are processed.
 const BATCH: usize = 1024;
@@ -53,6 +58,8 @@ const BATCH: usize = 1024;
 struct Buffers {
     agenda: Agenda,
     near: SegmentPairs,
+    /// Blocks with near segments, of the current pair of curves.
+    blocks: Vec<NearBlocks>,
 }
 
 /// Allowances under construction.
@@ -62,6 +69,8 @@ pub(super) struct Allowances<'a> {
     pub reach: f64,
     /// Bit patterns of the allowances. None is negative, so the patterns have the same order.
     slots: Vec<AtomicU32>,
+    /// First block of each curve.
+    first: Vec<Block>,
 }
 
 impl<'a> Allowances<'a> {
@@ -71,6 +80,7 @@ impl<'a> Allowances<'a> {
             trees,
             reach: typical_clearance(covered, trees) * SHARE * GOOD,
             slots: Vec::new(),
+            first: first_blocks(covered.set),
         };
         let none = || AtomicU32::new(f32::INFINITY.to_bits());
         all.slots.resize_with(covered.set.slots(), none);
@@ -103,8 +113,8 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// Computes all allowances.
-    pub fn fill(self, certificate: &Certificate) -> Vec<f32> {
+    /// Computes all allowances, and the list of neighbours.
+    pub fn fill(self, certificate: &Certificate) -> (Vec<f32>, Neighbours) {
         let curves: Vec<usize> = self.covered.indices().collect();
         curves.par_iter().for_each(|&i| {
             self.bound(i, certificate);
@@ -116,28 +126,38 @@ impl<'a> Allowances<'a> {
         // Rounding of single-precision boxes.
         let rounding = set.max_abs() * pow2(-22);
         // Pairs that are further apart bound no allowance below the reach.
-        let within = (self.reach / SHARE + 2.0 * rounding).min(f32::MAX.into()) as f32;
+        let at_most = |x: f64| (x + 2.0 * rounding).min(f32::MAX.into()) as f32;
+        let within = at_most(self.reach / SHARE);
+        let range = at_most(RANGE * self.reach / SHARE);
         let dilated: Vec<Box3> = self
             .trees
             .roots()
             .iter()
-            .map(|b| b.dilated(0.5 * within + rounding as f32))
+            .map(|b| b.dilated(0.5 * range + rounding as f32))
             .collect();
         let mut search = LinkSearch::default();
         let pairs = search.find(&dilated);
         if self.covered.coverage.self_crossings {
             pairs.extend(curves.iter().map(|&i| (i as u32, i as u32)));
         }
-        pairs
-            .par_iter()
-            .for_each_init(Buffers::default, |buffers, &(i, j)| {
-                let curves = [i as usize, j as usize];
-                dispatch!(simd => Self::keep_apart(&self, simd, curves, within, buffers));
-            });
-        self.slots
-            .into_iter()
-            .map(|a| f32::from_bits(a.into_inner()))
-            .collect()
+        let size = pairs.len().div_ceil(8 * rayon::current_num_threads());
+        let near: Vec<Vec<NearBlocks>> = pairs
+            .par_chunks(size.max(1))
+            .map(|pairs| {
+                let (mut buffers, mut near) = (Buffers::default(), Vec::new());
+                for &(i, j) in pairs {
+                    let (curves, own) = ([i as usize, j as usize], &mut buffers);
+                    dispatch!(simd => Self::keep_apart(&self, simd, curves, within, own));
+                    self.add_leaves(curves, range, &mut buffers.blocks);
+                    add_nearest(&mut buffers.blocks, &mut near);
+                }
+                near
+            })
+            .collect();
+        let neighbours = Neighbours::new(set, &near.concat(), RANGE * self.reach / SHARE);
+        let slots = self.slots.into_iter();
+        let allowances = slots.map(|a| f32::from_bits(a.into_inner())).collect();
+        (allowances, neighbours)
     }
 
     /// Applies the bounds that all points of a curve have.
@@ -160,7 +180,11 @@ impl<'a> Allowances<'a> {
         simd: L,
         curves: [usize; 2],
         reach: f32,
-        Buffers { agenda, near }: &mut Buffers,
+        Buffers {
+            agenda,
+            near,
+            blocks,
+        }: &mut Buffers,
     ) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
         agenda.push((trees[0].root(), trees[1].root()));
@@ -171,15 +195,36 @@ impl<'a> Allowances<'a> {
         };
         while !agenda.is_empty() {
             descend::<L, _, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
-            self.keep_all_apart(curves, &near.all);
+            self.keep_all_apart(curves, &near.all, blocks);
             near.all.clear();
         }
+    }
+
+    /// Adds all pairs of blocks within the range. Segments of two blocks that are not near one
+    /// another have at least the distance within which pairs bound allowances.
+    fn add_leaves(&self, curves: [usize; 2], range: f32, blocks: &mut Vec<NearBlocks>) {
+        let trees = curves.map(|i| self.trees.of(self.covered.set, i));
+        let [i, j] = curves.map(|i| self.first[i]);
+        let least = ((self.reach / SHARE).min(f32::MAX.into()) as f32) * (1.0 - 1e-6);
+        near_leaves(trees, range, |a, b, gap| {
+            if i != j || a <= b {
+                blocks.push(NearBlocks {
+                    blocks: [i + a, j + b],
+                    gap: gap.max(least),
+                });
+            }
+        });
     }
 
     /// Applies the bounds of near segments. Fast if pairs with the same first segment are
     /// consecutive.
     #[inline(always)]
-    fn keep_all_apart(&self, [i, j]: [usize; 2], pairs: &[(u32, u32)]) {
+    fn keep_all_apart(
+        &self,
+        [i, j]: [usize; 2],
+        pairs: &[(u32, u32)],
+        blocks: &mut Vec<NearBlocks>,
+    ) {
         let (set, slack, share) = (self.covered.set, self.slack(), self.stiffness() * SHARE);
         let allowance = |slot: usize| self.slots[slot].load(Ordering::Relaxed);
         for pairs in pairs.chunk_by(|a, b| a.0 == b.0) {
@@ -196,6 +241,11 @@ impl<'a> Allowances<'a> {
                 let enough = f64::from(most) * (1.0 + 1e-5) / share + slack;
                 let b = Hull::new(set.hull(j, t as usize));
                 let gap = gap(&a, &b, enough, DEPTH);
+                let block = |i: usize, s: u32| self.first[i] + s / LANES as u32;
+                blocks.push(NearBlocks {
+                    blocks: [block(i, s), block(j, t)],
+                    gap: (gap - slack).clamp(0.0, f32::MAX.into()) as f32 * (1.0 - 1e-6),
+                });
                 // A larger gap may depend on the order of tests, so it must not be used.
                 if gap < enough {
                     self.lower(support(), share * (gap - slack));
@@ -221,6 +271,13 @@ impl<'a> Allowances<'a> {
             self.lower(set.support(i, s).chain(set.support(i, next)), most);
         }
     }
+}
+
+/// Adds each pair of blocks once, with its smallest gap. Leaves `blocks` empty.
+fn add_nearest(blocks: &mut Vec<NearBlocks>, near: &mut Vec<NearBlocks>) {
+    blocks.sort_unstable_by(|a, b| a.blocks.cmp(&b.blocks).then(a.gap.total_cmp(&b.gap)));
+    blocks.dedup_by_key(|near| near.blocks);
+    near.append(blocks);
 }
 
 /// Returns upper bounds of the motion of the differences of consecutive Bezier control points if

@@ -4,10 +4,12 @@
 mod allowances;
 mod clearance;
 mod gap;
+mod neighbours;
 #[cfg(test)]
 mod tests;
 
 use self::allowances::Allowances;
+pub(super) use self::neighbours::{Block, Neighbours};
 use super::affine::Sample;
 use super::coverage::Coverage;
 use super::covered::Covered;
@@ -24,23 +26,19 @@ pub(super) struct Reference {
     pub set: CurveSet,
     /// Pairs for which the allowances are valid.
     pub coverage: Coverage,
-    /// Trees of all covered curves.
-    pub trees: Trees,
     pub certificate: Arc<Certificate>,
     /// Number of the frame, counted by the monitor.
     pub frame: u64,
     /// Points to which affine frames are fitted.
     pub sample: Sample,
-    /// Number of blocks of eight segments.
-    pub blocks: u64,
     /// Distance that the point of each slot may move. Infinite for copies, padding, and curves that
     /// are not covered.
     pub allowances: Vec<f32>,
     /// Compressed points and allowances.
     pub packed: Vec<Packed>,
-    /// Largest distance that hulls move while all control points stay within their allowances.
-    /// Segments whose distance exceeds twice the reach were not compared.
-    pub reach: f64,
+    /// Near blocks of segments. The hulls of segments move by less than half their range while all
+    /// control points stay within their allowances.
+    pub neighbours: Neighbours,
 }
 
 impl Reference {
@@ -57,26 +55,17 @@ impl Reference {
         };
         trees.refit(covered);
         let sample = Sample::new(&set, coverage.open_curves);
-        let blocks = set
-            .curves()
-            .iter()
-            .map(|c| u64::from(c.segments.div_ceil(8)));
-        let blocks = blocks.sum();
-        let allowances = Allowances::new(covered, &trees);
-        let reach = allowances.reach;
-        let allowances = allowances.fill(&certificate);
+        let (allowances, neighbours) = Allowances::new(covered, &trees).fill(&certificate);
         let packed = Packed::blocks(&set, &allowances);
         Reference {
             set,
             coverage,
-            trees,
             certificate,
             frame,
             sample,
-            blocks,
             allowances,
             packed,
-            reach,
+            neighbours,
         }
     }
 
