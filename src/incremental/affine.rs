@@ -116,7 +116,6 @@ impl Affine {
         rows.map(|r| r.iter().map(|m| m.abs()).sum())
             .fold(0.0, f64::max)
     }
-
 }
 
 /// A sample of control points of a reference frame, and precomputed values for a fit.

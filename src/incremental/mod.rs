@@ -3,15 +3,20 @@
 //!
 //! ```text
 //! frame ─▶ affine frame ─▶ one pass over all points ─┬▶ quiet: as the reference frame
-//!              (affine)        (stream)              ├▶ partial: recompute affected pairs (motion)
-//!                                                    └▶ full: recompute all ─▶ new reference frame
-//!                                                       (reference, monitor; in the background)
-//! previous and current frame ─▶ pairs that may have passed through each other (motion)
-//!                            ─▶ ledger ─▶ pull-throughs
+//!              (affine)        (stream)              └▶ otherwise:
+//! previous and current frame ─▶ pairs near a moved part (motion), or all pairs
+//!                            ─▶ ledger ─▶ pull-throughs, pairs that may have changed (partial)
+//! no previous frame          ─▶ all pairs (full)
+//! a frame that is not quiet  ─▶ new reference frame (reference, monitor; in the background)
 //! ```
 //!
-//! Linking numbers depend on no chain of frames: each frame is compared with the reference frame
-//! itself, so errors do not accumulate.
+//! # Proof: the linking numbers of a frame that is not quiet
+//!
+//! Between two frames, the linking number of two closed curves changes by the sum of the signs of
+//! their passages ([`ledger`]). A pair without a passage has the number that it had in the previous
+//! frame. A pair that the ledger does not decide, that touches, that had no number, or whose sum is
+//! not 0 is computed again. Each of these steps is exact, so errors do not accumulate from frame to
+//! frame.
 
 mod affine;
 mod coverage;

@@ -320,9 +320,8 @@ impl<'a> MovedBlocks<'a> {
 /// Returns false if two edges, each given by curve and segment, are proven not to meet during the
 /// step.
 fn edges_may_meet(frames: [&CurveSet; 2], edges: [(usize, u32); 2]) -> bool {
-    let ends = |set: &CurveSet| {
-        edges.map(|(i, s)| [set.knot(i, s as usize), set.knot(i, s as usize + 1)])
-    };
+    let ends =
+        |set: &CurveSet| edges.map(|(i, s)| [set.knot(i, s as usize), set.knot(i, s as usize + 1)]);
     let [before, after] = frames.map(ends);
     let mut met = false;
     let decided = passages(&before, &after, Ties::Report, &mut |_| met = true);
@@ -355,4 +354,102 @@ fn bounds<T: Real + Into<f64>>(
         }
         [lo, hi]
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Point, Positions};
+    use crate::incremental::Coverage;
+    use crate::incremental::ledger::Ledger;
+    use crate::random::Random;
+    use std::f64::consts::TAU;
+    use std::sync::Arc;
+
+    /// Returns rings of random shapes.
+    fn rings(r: &mut Random, basis: Basis) -> (Vec<i32>, Vec<Vec<Point>>) {
+        let curves = 2 + r.below(5);
+        let rings = (0..curves).map(|_| {
+            let n = 3 * (4 + r.below(12));
+            let (center, u, v, w) = (r.point(2.0), r.point(1.5), r.point(1.5), r.point(0.3));
+            let points = (0..n).map(|k| {
+                let t = TAU * k as f64 / n as f64;
+                let (c, s, f) = (t.cos(), t.sin(), (3.0 * t).cos());
+                [0, 1, 2].map(|x| center[x] + c * u[x] + s * v[x] + f * w[x])
+            });
+            points.collect()
+        });
+        let rings: Vec<Vec<Point>> = rings.collect();
+        let closed = rings.iter().map(|ring| -(ring.len() as i32));
+        // The last curve is open.
+        let mut counts: Vec<i32> = closed.collect();
+        let mut rings = rings;
+        let last = curves - 1;
+        if basis == Basis::Bezier {
+            rings[last].push([0.0; 3]);
+        }
+        counts[last] = rings[last].len() as i32;
+        (counts, rings)
+    }
+
+    /// All pairs that meet in a step are affected, whatever the curves did since the reference
+    /// frame, for all bases and coverages.
+    #[test]
+    fn every_pair_that_meets_is_affected() {
+        let (mut met, mut excluded, mut beyond) = (0, 0, 0);
+        for seed in 0..4000 {
+            let mut r = Random::new(seed);
+            let basis = r.pick(&Basis::ALL);
+            let coverage = Coverage {
+                self_crossings: r.one_in(2),
+                open_curves: r.one_in(2),
+            };
+            let (counts, rings) = rings(&mut r, basis);
+            let set = |rings: &[Vec<Point>]| {
+                let xyz: Vec<f64> = rings.concat().concat();
+                CurveSet::from_counts(basis, &counts, Positions::F64(&xyz)).unwrap()
+            };
+            let size = r.pick(&[0.001, 0.03, 0.1, 0.3]);
+            let mut moved = |r: &mut Random| {
+                let both = rings.iter().map(|ring| {
+                    let (way, noise) = (r.point(size), 0.1 * size);
+                    let place = |p: &Point| {
+                        let jitter = r.point(noise);
+                        [0, 1, 2].map(|x| p[x] + way[x] + jitter[x])
+                    };
+                    ring.iter().map(place).collect()
+                });
+                set(&both.collect::<Vec<Vec<Point>>>())
+            };
+            let frames = [moved(&mut r), moved(&mut r)];
+            let reference = Reference::build(set(&rings), Arc::default(), 0, coverage);
+            let affines = frames
+                .each_ref()
+                .map(|set| Affine::fit(&reference.sample, set));
+            let [Some(from), Some(to)] = &affines else {
+                continue;
+            };
+            let Some(bend) = Affine::bend([from, to]) else {
+                continue;
+            };
+            let all: Vec<u32> = (0..reference.chunks() as u32).collect();
+            let ends = [(from, &frames[0]), (to, &frames[1])];
+            let Some(affected) = MovedBlocks::new(&reference, ends, &all, bend).affected() else {
+                beyond += 1;
+                continue;
+            };
+            let outcome = Ledger::default().first_step(&frames[0], &frames[1], coverage, None);
+            let events = outcome.events.iter().chain(&outcome.unresolved);
+            let undecided = outcome.undecided.iter().filter_map(|d| Some((d.i, d.j?)));
+            for pair in events.map(|e| (e.i, e.j)).chain(undecided) {
+                met += 1;
+                assert!(affected.pairs.contains(&pair), "seed {seed}: {pair:?}");
+            }
+            excluded += usize::from(affected.pairs.is_empty() && affected.apart > 0);
+        }
+        assert!(
+            met > 500 && excluded > 500 && beyond > 50,
+            "{met} {excluded} {beyond}"
+        );
+    }
 }

@@ -9,17 +9,19 @@ pub struct Work {
     pub route: Route,
     /// Number of blocks of eight segments, if the frame was compared with a reference frame.
     pub blocks: u64,
-    /// Number of blocks that depend on a point that moved further than its allowance.
+    /// Number of blocks that depend on a point that moved further than its allowance, in this frame
+    /// or the previous one. 0 if too many points moved to list them.
     pub marked: u64,
     /// Number of pairs of near blocks, at least one of them marked, that cannot have met.
     pub recertified: u64,
-    /// Number of pairs with recomputed linking numbers: all potential links on the full route.
+    /// Number of pairs with recomputed linking numbers: all potential links on the full route; on
+    /// the partial route, pairs with a passage or a contact, and pairs that had no number.
     pub recomputed: u64,
     /// Number of recomputed pairs that the bound of a sum decided
     /// ([`VerifierOptions::kernel`](crate::VerifierOptions::kernel)).
     pub summed: u64,
-    /// Number of pairs of curves (and of curves with themselves) that were searched for
-    /// pull-throughs since the previous frame.
+    /// Number of pairs of curves (and of curves with themselves) that were searched for passages
+    /// since the previous frame.
     pub searched: u64,
     /// Number of frames since the reference frame, if the frame was compared with one.
     pub reference_age: Option<u64>,
@@ -39,7 +41,8 @@ pub enum Route {
     /// No point moved further than its allowance, so all linking numbers are those of the reference
     /// frame.
     Quiet,
-    /// Some pairs were checked or recomputed.
+    /// Pairs that may have passed through each other since the previous frame were searched. All
+    /// other pairs, and those without a passage, have the linking numbers of that frame.
     Partial,
 }
 

@@ -136,16 +136,32 @@ impl<S: Leaves> Strip<'_, S> {
         for (k, group) in self.below.iter_mut().enumerate() {
             let at = k * LANES;
             let count = (self.leaves - at).min(LANES);
-            for (g, leaf) in eight[..count].iter_mut().enumerate() {
+            let leaves = &mut eight[..count];
+            for (g, leaf) in leaves.iter_mut().enumerate() {
                 *leaf = self.source.boxes(self.i, self.first + at + g);
             }
-            eight[count..].fill(BoxGroup::EMPTY);
             if !self.stored.is_empty() {
-                self.stored[at..at + count].copy_from_slice(&eight[..count]);
+                self.stored[at..at + count].copy_from_slice(leaves);
             }
-            *group = bounds_of_eight(simd, &eight);
+            *group = match (&*leaves).try_into() {
+                Ok(eight) => bounds_of_eight(simd, eight),
+                Err(_) => bounds_of_few(leaves),
+            };
         }
     }
+}
+
+/// Returns the bounding boxes of fewer than eight groups, one per lane.
+#[inline(always)]
+fn bounds_of_few(groups: &[BoxGroup]) -> BoxGroup {
+    let mut out = BoxGroup::EMPTY;
+    for (k, group) in groups.iter().enumerate() {
+        let Box3 { lo, hi } = group.bounds();
+        for x in 0..3 {
+            (out.lo[x][k], out.hi[x][k]) = (lo[x], hi[x]);
+        }
+    }
+    out
 }
 
 /// Refits a level from the level below.
@@ -154,11 +170,7 @@ fn raise<L: Lanes>(simd: L, below: &[BoxGroup], level: &mut [BoxGroup]) {
     for (groups, parent) in below.chunks(LANES).zip(level) {
         *parent = match groups.try_into() {
             Ok(eight) => bounds_of_eight(simd, eight),
-            Err(_) => {
-                let mut eight = [BoxGroup::EMPTY; LANES];
-                eight[..groups.len()].copy_from_slice(groups);
-                bounds_of_eight(simd, &eight)
-            }
+            Err(_) => bounds_of_few(groups),
         };
     }
 }

@@ -101,12 +101,6 @@ pub struct Verifier {
     extent: Option<f64>,
 }
 
-/// Runs `work` in the rayon pool, so that the parallel parts of `work` do not each pass from a thread
-/// outside of the pool to one of the pool and back. A quiet frame has no such parts.
-fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
-    rayon::scope(|_| work())
-}
-
 /// Result of comparing a frame with the baseline.
 struct Compared {
     linking: Linking,
@@ -202,7 +196,7 @@ impl Verifier {
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
         let start = Instant::now();
         self.full.heed_cancel(false);
-        let stats = in_pool(|| self.full.certify(set));
+        let stats = rayon::scope(|_| self.full.certify(set));
         self.full.timings.total = start.elapsed();
         (&self.full.certificate, stats)
     }
@@ -295,7 +289,7 @@ impl Verifier {
         if !closed && self.steps.events() == Events::Off {
             return Err(Error::NothingClosed { curves: set.len() });
         }
-        self.steps.check_layout(set)?;
+        self.steps.begin(set)?;
         let start = Instant::now();
         self.full.heed_cancel(true);
         self.work = Work::default();
@@ -408,7 +402,8 @@ impl Verifier {
     /// Computes a frame in full, and records the number of pairs decided by sums.
     fn certify_fully(&mut self, set: &CurveSet) -> Result<Stats> {
         let start = Instant::now();
-        let stats = in_pool(|| self.full.certify(set));
+        // In the pool, so that its parallel parts do not each pass to another thread and back.
+        let stats = rayon::scope(|_| self.full.certify(set));
         self.full.progress.check()?;
         self.routing.took_full_run(start.elapsed());
         self.work.recomputed = stats.potential_links;
@@ -465,14 +460,21 @@ impl Verifier {
         let Some(certificate) = self.steps.known(set) else {
             return Ok(None);
         };
-        if self.steps.events() == Events::Off && !self.routing.search_pays() {
+        let pairs = self.pairs_to_search(set);
+        let all = pairs.is_none();
+        if all && self.steps.events() == Events::Off && !self.routing.search_pays() {
             return Ok(None);
         }
-        let step = self.search_step(set);
+        let step = self.search_step(set, pairs);
         let mut pairs = step.unsettled_pairs();
         pairs.retain(|&(i, j)| [i, j].iter().all(|&i| set.curve(i as usize).closed));
         // Nothing is known about pairs that had no linking number.
-        pairs.extend(certificate.undefined.iter().filter_map(|d| Some((d.i, d.j?))));
+        pairs.extend(
+            certificate
+                .undefined
+                .iter()
+                .filter_map(|d| Some((d.i, d.j?))),
+        );
         pairs.sort_unstable();
         pairs.dedup();
         self.work.route = Route::Partial;
@@ -488,7 +490,9 @@ impl Verifier {
             comparison: certificate.compare(baseline)?,
             certificate: Some(certificate),
         };
-        self.routing.took_search(start.elapsed());
+        if all {
+            self.routing.took_search(start.elapsed());
+        }
         Ok(Some(Compared {
             linking,
             stats: Stats::default(),
@@ -537,17 +541,18 @@ impl Verifier {
         });
     }
 
-    /// Searches the step from the previous frame, only where the reference frame does not exclude
-    /// passages.
-    fn search_step(&mut self, set: &CurveSet) -> Outcome {
-        in_pool(|| self.search_step_in_pool(set))
+    /// Returns the pairs for which the reference frame does not exclude passages since the previous
+    /// frame, or `None` if that may be any pairs.
+    fn pairs_to_search(&mut self, set: &CurveSet) -> Option<Vec<Pair>> {
+        if !self.strategy.is_incremental() {
+            return None;
+        }
+        let before = self.steps.before()?;
+        self.monitor.pairs_to_search(before, set, &mut self.work)
     }
 
-    fn search_step_in_pool(&mut self, set: &CurveSet) -> Outcome {
-        let pairs = match (self.strategy.is_incremental(), self.steps.before()) {
-            (true, Some(before)) => self.monitor.pairs_to_search(before, set, &mut self.work),
-            _ => None,
-        };
+    /// Searches the step from the previous frame: these pairs, or all.
+    fn search_step(&mut self, set: &CurveSet, pairs: Option<Vec<Pair>>) -> Outcome {
         let mut outcome = self.steps.outcome(set, pairs.as_deref());
         self.work.searched = outcome.counts.pairs;
         if self.strategy == Strategy::Paranoid && pairs.is_some() {
@@ -574,7 +579,10 @@ impl Verifier {
         if self.steps.events() == Events::Off {
             return Default::default();
         }
-        let outcome = step.unwrap_or_else(|| self.search_step(set));
+        let outcome = step.unwrap_or_else(|| {
+            let pairs = self.pairs_to_search(set);
+            self.search_step(set, pairs)
+        });
         let full = &mut self.full;
         let place = |(i, j): Pair| {
             full.refit(set, &[(i, j)]);

@@ -21,6 +21,8 @@ pub(super) struct Steps {
     last: Option<Last>,
     /// Contacts of the current frame.
     contacts: Contacts,
+    /// True if the current frame was searched.
+    searched: bool,
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
     /// closed curves; `None` before that frame.
     touching_from_the_start: Option<Vec<Pair>>,
@@ -31,6 +33,8 @@ struct Last {
     set: Arc<CurveSet>,
     linking: Linking,
     contacts: Contacts,
+    /// True if the last search of the ledger ended in this frame.
+    searched: bool,
 }
 
 /// Linking numbers of a frame.
@@ -76,8 +80,7 @@ impl Steps {
     pub fn known(&self, set: &CurveSet) -> Option<Arc<Certificate>> {
         let last = self.last.as_ref()?;
         let certificate = last.linking.certificate.as_ref()?;
-        let known =
-            !certificate.has_degenerate_curves() && degenerate_curves(set).next().is_none();
+        let known = !certificate.has_degenerate_curves() && degenerate_curves(set).next().is_none();
         known.then(|| Arc::clone(certificate))
     }
 
@@ -91,9 +94,11 @@ impl Steps {
         self.last = None;
     }
 
-    /// Fails if the curves differ from those of the previous frame, because there is no motion
-    /// between different curves. If pull-throughs are not searched for, forgets that frame instead.
-    pub fn check_layout(&mut self, set: &CurveSet) -> Result<()> {
+    /// Begins a frame. Fails if the curves differ from those of the previous frame, because there
+    /// is no motion between different curves. If pull-throughs are not searched for, forgets that
+    /// frame instead.
+    pub fn begin(&mut self, set: &CurveSet) -> Result<()> {
+        self.searched = false;
         if self.events == Events::Off {
             self.last.take_if(|last| !last.set.same_layout(set));
             return Ok(());
@@ -126,13 +131,16 @@ impl Steps {
     #[cfg(test)]
     pub fn falsify(&mut self) {
         let last = self.last.as_mut().expect("a frame before");
-        last.linking.comparison.changes.push(crate::verdict::Change {
-            i: 0,
-            j: 1,
-            expected: 1,
-            found: 0,
-            place: None,
-        });
+        last.linking
+            .comparison
+            .changes
+            .push(crate::verdict::Change {
+                i: 0,
+                j: 1,
+                expected: 1,
+                found: 0,
+                place: None,
+            });
     }
 
     /// Keeps a verified frame, if the next one is compared with it.
@@ -142,6 +150,7 @@ impl Steps {
                 set,
                 linking,
                 contacts: std::mem::take(&mut self.contacts),
+                searched: std::mem::take(&mut self.searched),
             });
         }
     }
@@ -171,7 +180,8 @@ impl Steps {
     /// If the previous frame has other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> Outcome {
         let coverage = self.coverage();
-        let Some(last) = &self.last else {
+        self.searched = true;
+        let Some(last) = &mut self.last else {
             let (contacts, touching) = self.ledger.first_frame(set, coverage);
             self.contacts = contacts;
             let outcome = Outcome {
@@ -182,7 +192,11 @@ impl Steps {
             return outcome;
         };
         let frames = [&*last.set, set];
-        let outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
+        // A second search of this step would not continue the first one.
+        let continued = std::mem::take(&mut last.searched);
+        let outcome = self
+            .ledger
+            .step(frames, continued, &last.contacts, coverage, pairs);
         self.contacts.clone_from(&outcome.contacts);
         self.note_touching(&outcome);
         outcome

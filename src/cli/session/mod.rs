@@ -668,10 +668,9 @@ fn in_words(work: &Work, offload: Offload) -> String {
             )
         }
         Route::Partial => format!(
-            "{} of {} blocks marked, {} recomputed{age}",
-            count(work.marked),
-            count(work.blocks),
-            plural(work.recomputed, "pair"),
+            "partial, {} searched, {} recomputed{age}",
+            plural(work.searched, "pair"),
+            count(work.recomputed),
         ),
     }
 }

@@ -2,9 +2,9 @@
 //! Candidates that are edges of polylines are tested at once.
 
 use super::passages::Findings;
+use super::swept::SweptTree;
 use super::task::Task;
 use crate::curve::{Box3, BoxGroup};
-use super::swept::SweptTree;
 use crate::pairs::{Agenda, BoxTree, Node, Query, SegmentPairs, descend, overlapping};
 use crate::simd::{LANES, Lanes, Portable, dispatch};
 use std::ops::Range;

@@ -11,8 +11,8 @@
 //! A point of a segment, spline or edge, is a combination of its control points with constant,
 //! nonnegative weights that add up to 1, so it moves on a straight line too. The box around the
 //! boxes of the segment in both frames is convex and contains the point at both ends of the step,
-//! hence at all times in between. Trees of such *swept* boxes ([`swept`]), a sweep over their roots,
-//! and a descent in space give the pairs of segments that may meet. Pairs of spline segments remain
+//! hence at all times in between. Trees of such *swept* boxes ([`swept`]), a sweep over their
+//! roots, and a descent in space give the pairs of segments that may meet. Pairs of spline segments remain
 //! candidates only if no plane separates their control points in both frames, on the same side
 //! ([`MovingSeparation`]).
 //!
@@ -102,6 +102,8 @@ pub(crate) struct Ledger {
     /// Motion in segment lengths up to which pull-throughs that cancel count as real.
     pub motion_limit: f64,
     trees: SweptTrees,
+    /// True if the trees have the boxes of all curves in the last frame that was searched.
+    boxed: bool,
     search: LinkSearch,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
@@ -113,6 +115,7 @@ impl Default for Ledger {
         Ledger {
             motion_limit: MOTION_LIMIT,
             trees: SweptTrees::default(),
+            boxed: false,
             search: LinkSearch::default(),
             pairs: Vec::new(),
             parts: Vec::new(),
@@ -132,7 +135,8 @@ impl Ledger {
         }
     }
 
-    /// Returns all passages between two frames.
+    /// Returns all passages between two frames. `continued`: the first frame is the last frame of
+    /// the previous step, and the coverage is the same, so its boxes may be used again.
     ///
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
@@ -144,6 +148,7 @@ impl Ledger {
     pub fn step(
         &mut self,
         [before, after]: [&CurveSet; 2],
+        continued: bool,
         contacts: &Contacts,
         coverage: Coverage,
         pairs: Option<&[Pair]>,
@@ -155,9 +160,12 @@ impl Ledger {
             all
         });
         if pairs.as_ref().is_some_and(Vec::is_empty) {
+            self.boxed = false;
             return Outcome::default();
         }
-        let (mut outcome, found) = self.search([before, after], coverage, pairs.as_deref());
+        // In the pool, so that its parallel parts do not each pass to another thread and back.
+        let (mut outcome, found) =
+            rayon::scope(|_| self.search([before, after], continued, coverage, pairs.as_deref()));
         let followed = contacts.follow(&found, [before, after]);
         outcome.events.extend(followed.events);
         sort(&mut outcome.events);
@@ -172,7 +180,7 @@ impl Ledger {
     /// Returns the contacts of a first frame, and the pairs of curves that touch. Their earlier
     /// passages are unknown.
     pub fn first_frame(&mut self, set: &CurveSet, coverage: Coverage) -> (Contacts, Vec<Touching>) {
-        let (_, found) = self.search([set, set], coverage, None);
+        let (_, found) = self.search([set, set], false, coverage, None);
         Contacts::of_first_frame(&found, set)
     }
 
@@ -186,13 +194,15 @@ impl Ledger {
         pairs: Option<&[Pair]>,
     ) -> Outcome {
         let (contacts, _) = self.first_frame(before, coverage);
-        self.step([before, after], &contacts, coverage, pairs)
+        self.step([before, after], false, &contacts, coverage, pairs)
     }
 
-    /// Finds passages within a step, and contacts at its ends, sorted by pair.
+    /// Finds passages within a step, and contacts at its ends, sorted by pair. `continued`: see
+    /// [`Ledger::step`].
     fn search(
         &mut self,
         [before, after]: [&CurveSet; 2],
+        continued: bool,
         coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> (Outcome, Vec<Contact>) {
@@ -202,7 +212,9 @@ impl Ledger {
         );
         let frames = [before, after];
         let curves = pairs.map(|pairs| curves_of(pairs.iter().copied()));
-        self.trees.refit(frames, coverage, curves.as_deref());
+        self.trees
+            .refit(frames, coverage, curves.as_deref(), continued && self.boxed);
+        self.boxed = pairs.is_none();
         self.pairs.clear();
         match pairs {
             Some(pairs) => self.pairs.extend_from_slice(pairs),

@@ -120,14 +120,20 @@ fn slack(frames: [&CurveSet; 2]) -> f32 {
 }
 
 impl SweptTrees {
-    /// Computes the boxes of both frames: of the curves of these pairs, or of all curves.
+    /// Computes the boxes of both frames: of these curves, or of all. If `continued` is set, the
+    /// boxes of the second frame of the last call are those of the first frame of this one.
     pub fn refit(
         &mut self,
         frames: [&CurveSet; 2],
         coverage: Coverage,
         curves: Option<&[u32]>,
+        continued: bool,
     ) {
-        for (trees, set) in self.trees.iter_mut().zip(frames) {
+        if continued {
+            self.trees.swap(0, 1);
+        }
+        let both = self.trees.iter_mut().zip(frames);
+        for (trees, set) in both.skip(usize::from(continued)) {
             let covered = Covered { set, coverage };
             match curves {
                 Some(curves) => trees.refit_some(covered, curves),

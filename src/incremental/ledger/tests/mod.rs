@@ -435,3 +435,29 @@ fn joined_pieces_do_not_pass_through_each_other() {
     let outcome = Ledger::default().first_step(&before, &after, ALL, None);
     assert_eq!((outcome.events, outcome.undecided), (vec![], vec![]));
 }
+
+/// Boxes are used again only if they are those of the first frame of the step.
+#[test]
+fn boxes_of_an_earlier_frame_are_not_used_after_a_step_without_a_search() {
+    let mut events = 0;
+    for seed in 0..300 {
+        let mut r = Random::new(seed);
+        let basis = Basis::ALL[seed as usize % Basis::ALL.len()];
+        let [before, after] = random_step(&mut r, basis);
+        let want = Ledger::default().first_step(&before, &after, ALL, None);
+        let mut ledger = Ledger::default();
+        let none = Contacts::default();
+        let (contacts, _) = ledger.first_frame(&before, ALL);
+        // Continued by the next step.
+        let found = ledger.step([&before, &after], true, &contacts, ALL, None);
+        assert_eq!(found, want, "seed {seed}");
+        // A step without a search, and one of a single pair, end in the first frame.
+        for pairs in [&[][..], &[(0, 1)]] {
+            let _ = ledger.step([&after, &before], true, &none, ALL, Some(pairs));
+            let found = ledger.step([&before, &after], true, &contacts, ALL, None);
+            assert_eq!(found, want, "seed {seed}, after {pairs:?}");
+        }
+        events += want.events.len();
+    }
+    assert!(events > 100, "{events}");
+}
