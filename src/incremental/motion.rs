@@ -410,7 +410,7 @@ mod tests {
                 CurveSet::from_counts(basis, &counts, Positions::F64(&xyz)).unwrap()
             };
             let size = r.pick(&[0.001, 0.03, 0.1, 0.3]);
-            let mut moved = |r: &mut Random| {
+            let moved = |r: &mut Random| {
                 let both = rings.iter().map(|ring| {
                     let (way, noise) = (r.point(size), 0.1 * size);
                     let place = |p: &Point| {

@@ -73,8 +73,9 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) {
     for (verdict, least) in [(all.intact, 10), (all.changed, 10), (all.undecided, 100)] {
         assert!(verdict > total / least / 2, "{all:?}");
     }
-    for route in [all.full, all.quiet, all.partial] {
-        assert!(route > total / 10, "{all:?}");
+    // Few frames need a full run: the first ones, and those where a search takes longer.
+    for (route, least) in [(all.full, 50), (all.quiet, 10), (all.partial, 20)] {
+        assert!(route > total / least, "{all:?}");
     }
     // Points of splines are computed, so splines that touch are too close to decide.
     assert_eq!(all.contact > total / 20, basis == Basis::Polyline);
@@ -91,8 +92,9 @@ fn calm_sequences(first: u64, count: u64) {
         }
     }
     let total = all.full + all.quiet + all.partial;
-    for route in [all.full, all.quiet, all.partial] {
-        assert!(route > total / 20, "{all:?}");
+    // Few frames need a full run: the first ones, and those where a search takes longer.
+    for (route, least) in [(all.full, 50), (all.quiet, 10), (all.partial, 20)] {
+        assert!(route > total / least, "{all:?}");
     }
 }
 

@@ -85,8 +85,8 @@ impl Observer {
     fn swept(&self, [before, after]: [&Box3; 2]) -> Box3 {
         let Observer { motion, slack } = self;
         let mut out = Box3::EMPTY;
-        for x in 0..3 {
-            let (lo, hi) = (after.lo[x] - motion[x], after.hi[x] - motion[x]);
+        for (x, motion) in motion.iter().enumerate() {
+            let (lo, hi) = (after.lo[x] - motion, after.hi[x] - motion);
             out.lo[x] = smaller(before.lo[x], lo) - slack;
             out.hi[x] = larger(before.hi[x], hi) + slack;
         }
@@ -97,10 +97,10 @@ impl Observer {
     #[inline(always)]
     fn swept_group(&self, [before, after]: [&BoxGroup; 2], out: &mut BoxGroup) {
         let Observer { motion, slack } = self;
-        for x in 0..3 {
+        for (x, motion) in motion.iter().enumerate() {
             for k in 0..LANES {
-                let lo = after.lo[x][k] - motion[x];
-                let hi = after.hi[x][k] - motion[x];
+                let lo = after.lo[x][k] - motion;
+                let hi = after.hi[x][k] - motion;
                 out.lo[x][k] = smaller(before.lo[x][k], lo) - slack;
                 out.hi[x][k] = larger(before.hi[x][k], hi) + slack;
             }

@@ -247,7 +247,7 @@ fn the_search_finds_the_passages_of_all_pairs_of_segments() {
         let (mut events, mut undecided) = (0, 0);
         for k in 0..200 {
             let [before, after] = random_step(&mut r, basis);
-            let (mut outcome, mut contacts) = ledger.search([&before, &after], ALL, None);
+            let (mut outcome, mut contacts) = ledger.search([&before, &after], false, ALL, None);
             let step = Step {
                 frames: [&before, &after],
                 trees: &ledger.trees,
