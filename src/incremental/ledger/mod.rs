@@ -12,9 +12,9 @@
 //! nonnegative weights that add up to 1, so it moves on a straight line too. The box around the
 //! boxes of the segment in both frames is convex and contains the point at both ends of the step,
 //! hence at all times in between. Trees of such *swept* boxes ([`swept`]), a sweep over their
-//! roots, and a descent in space give the pairs of segments that may meet. Pairs of spline segments remain
-//! candidates only if no plane separates their control points in both frames, on the same side
-//! ([`MovingSeparation`]).
+//! roots, and a descent in space give the pairs of segments that may meet. Pairs of spline segments
+//! remain candidates only if no plane separates their control points in both frames, on the same
+//! side ([`MovingSeparation`]).
 //!
 //! # Pieces
 //!
