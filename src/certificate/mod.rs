@@ -39,11 +39,11 @@ pub struct Certificate {
 impl Certificate {
     /// Returns this certificate with the entries of these pairs, which must be sorted, replaced by
     /// those of another certificate.
-    pub(crate) fn patched(&self, pairs: &[(u32, u32)], with: &Certificate) -> Certificate {
+    pub(crate) fn with_replaced(&self, pairs: &[(u32, u32)], by: &Certificate) -> Certificate {
         let mut out = self.filtered(|i, j| j.is_none_or(|j| pairs.binary_search(&(i, j)).is_err()));
-        out.links.extend_from_slice(&with.links);
+        out.links.extend_from_slice(&by.links);
         out.links.sort_unstable_by_key(|l| (l.i, l.j));
-        out.undefined.extend_from_slice(&with.undefined);
+        out.undefined.extend_from_slice(&by.undefined);
         out.undefined.sort_by_key(|d| (d.i, d.j));
         out.undefined.dedup_by_key(|d| (d.i, d.j));
         out

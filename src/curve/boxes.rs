@@ -125,13 +125,13 @@ impl BoxGroup {
 
 /// Returns the smaller of two numbers that are not NaN (one instruction, unlike `f32::min`).
 #[inline(always)]
-pub(crate) fn smaller(a: f32, b: f32) -> f32 {
+pub(crate) fn smaller<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
 /// Returns the larger of two numbers that are not NaN.
 #[inline(always)]
-pub(crate) fn larger(a: f32, b: f32) -> f32 {
+pub(crate) fn larger<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 

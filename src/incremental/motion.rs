@@ -27,7 +27,7 @@ use super::covered::Covered;
 use super::ledger::Observer;
 use super::reference::{Block, Reference};
 use super::slots::{CHUNK, Real};
-use crate::curve::{Axes, Basis, CurveSet};
+use crate::curve::{Axes, Basis, CurveSet, larger, smaller};
 use crate::discretize::MovingSeparation;
 use crate::exact::{Decided, Ties, passages};
 use crate::pairs::{Pair, overlapping};
@@ -85,16 +85,6 @@ impl Displacement {
 #[inline(always)]
 fn square([x, y, z]: [f64; 3]) -> f64 {
     (x * x + y * y + z * z) * (1.0 + 1e-9)
-}
-
-#[inline(always)]
-fn smaller(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
 }
 
 impl<'a> MovedBlocks<'a> {
@@ -218,11 +208,9 @@ impl<'a> MovedBlocks<'a> {
         let mut places = blocks.map(|block| self.reference.neighbours.place(block));
         places.sort_unstable();
         let [(i, a), (j, b)] = places;
-        let observer = Observer::of_leaves([before, after], places);
-        let [first, second] = places.map(|(i, g)| {
-            let boxes = [before, after].map(|set| set.leaf_boxes(i, g));
-            observer.swept_leaf(&boxes)
-        });
+        let boxes = places.map(|(i, g)| [before, after].map(|set| set.leaf_boxes(i, g)));
+        let observer = Observer::of_leaves([before, after], &boxes);
+        let [first, second] = boxes.map(|boxes| observer.swept_leaf(&boxes));
         let separation = MovingSeparation::new([before, after], [i, j]);
         let curve = before.curve(i);
         let may_meet = |s: u32, t: u32| {

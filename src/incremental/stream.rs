@@ -4,7 +4,7 @@ use super::affine::Affine;
 use super::packed::{Packed, PackedCondition};
 use super::reference::Reference;
 use super::slots::{BLOCK, CHUNK, Real};
-use crate::curve::{Axes, CurveSet};
+use crate::curve::{Axes, CurveSet, smaller};
 use crate::simd::{Simd, dispatch, prefetch};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -62,12 +62,6 @@ impl<T: Real> Condition<T> {
         }
         slack.into_iter().fold(T::MAX, smaller)
     }
-}
-
-/// Returns the smaller of two numbers that are not NaN.
-#[inline(always)]
-fn smaller<T: PartialOrd>(a: T, b: T) -> T {
-    if a < b { a } else { b }
 }
 
 /// Returns an array of the values, padded with `padding`.

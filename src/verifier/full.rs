@@ -183,13 +183,13 @@ impl FullRun {
         };
         // Too few to be worth a transfer to the GPU.
         linking_numbers(input, &meeting, &mut self.parts, &self.progress.done);
-        let mut anew = Certificate {
+        let mut certificate = Certificate {
             curves: set.len(),
             ..Certificate::default()
         };
-        gather(&self.parts, &mut anew, &mut Stats::default());
+        gather(&self.parts, &mut certificate, &mut Stats::default());
         self.timings.links = start.elapsed();
-        anew
+        certificate
     }
 
     /// Updates the trees of the curves of some pairs to this frame.

@@ -16,7 +16,7 @@ pub use options::{Strategy, VerifierOptions};
 
 use self::full::{FullRun, sizes};
 use self::routing::Routing;
-use self::steps::{Linking, Steps};
+use self::steps::{LinkingNumbers, Steps};
 use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
@@ -103,7 +103,7 @@ pub struct Verifier {
 
 /// Result of comparing a frame with the baseline.
 struct Compared {
-    linking: Linking,
+    linking: LinkingNumbers,
     stats: Stats,
     /// Outcome of the step from the previous frame, if it was searched.
     step: Option<Outcome>,
@@ -265,7 +265,7 @@ impl Verifier {
     /// search for pull-throughs between the two. Call this after a rollback, a restart or a cut of
     /// the simulation.
     ///
-    /// Linking numbers are still compared with the baseline.
+    /// LinkingNumbers numbers are still compared with the baseline.
     pub fn cut(&mut self) {
         self.steps.forget();
     }
@@ -278,7 +278,7 @@ impl Verifier {
     }
 
     /// Returns the report on a frame, and its linking numbers.
-    fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, Linking)> {
+    fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, LinkingNumbers)> {
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
             return Err(Error::CertificateMismatch {
                 certificate: b.curves,
@@ -338,12 +338,22 @@ impl Verifier {
 
     /// Compares a frame with the baseline, by the strategy of the verifier.
     fn compare(&mut self, set: &CurveSet) -> Result<Compared> {
+        let mut compared = self.compare_with_baseline(set)?;
+        if self.strategy.is_incremental() {
+            // The work depends on earlier frames, so only the sizes are counted.
+            compared.stats = sizes(set);
+            self.offer_reference(set, &compared.linking);
+        }
+        Ok(compared)
+    }
+
+    fn compare_with_baseline(&mut self, set: &CurveSet) -> Result<Compared> {
         let Some(baseline) = self.baseline.take() else {
             let stats = self.certify_fully(set)?;
             let baseline = self.full.certificate.clone();
             let comparison = baseline.compare(&baseline);
             self.baseline = Some(baseline);
-            return Ok(self.counted(set, self.of_full_run(comparison?, stats)));
+            return Ok(self.of_full_run(comparison?, stats));
         };
         let compared = match self.strategy {
             Strategy::Full => self.compare_fully(set, &baseline),
@@ -361,22 +371,17 @@ impl Verifier {
         if compared.stats.unchecked == 0 && baseline.adopt(&compared.linking.comparison) {
             self.monitor.set_baseline(baseline);
         }
-        Ok(self.counted(set, compared))
+        Ok(compared)
     }
 
-    /// Returns the linking numbers with the counts of a report. Work is counted only if it depends
-    /// on the frame alone. Offers the frame as a reference frame.
-    fn counted(&mut self, set: &CurveSet, mut compared: Compared) -> Compared {
-        if self.strategy.is_incremental() {
-            compared.stats = sizes(set);
-            if let Some(certificate) = &compared.linking.certificate
-                && self.monitor.wants_reference()
-            {
-                let certificate = Arc::clone(certificate);
-                self.monitor.make_reference(set.clone(), certificate);
-            }
+    /// Makes a frame the reference frame, if that may pay.
+    fn offer_reference(&mut self, set: &CurveSet, linking: &LinkingNumbers) {
+        if let Some(certificate) = &linking.certificate
+            && self.monitor.wants_reference()
+        {
+            let certificate = Arc::clone(certificate);
+            self.monitor.make_reference(set.clone(), certificate);
         }
-        compared
     }
 
     /// Returns the result of a full run.
@@ -384,7 +389,7 @@ impl Verifier {
         let keeps = self.strategy.is_incremental();
         let certificate = keeps.then(|| Arc::new(self.full.certificate.clone()));
         Compared {
-            linking: Linking {
+            linking: LinkingNumbers {
                 comparison,
                 certificate,
             },
@@ -422,7 +427,7 @@ impl Verifier {
         let quiet = self.monitor.is_quiet(before, set, baseline, &mut self.work);
         let compared = match self.monitor.reference_result().filter(|_| quiet) {
             Some((certificate, comparison)) => Compared {
-                linking: Linking {
+                linking: LinkingNumbers {
                     comparison: comparison.clone(),
                     certificate: Some(Arc::clone(certificate)),
                 },
@@ -466,15 +471,13 @@ impl Verifier {
             return Ok(None);
         }
         let step = self.search_step(set, pairs);
-        let mut pairs = step.unsettled_pairs();
-        pairs.retain(|&(i, j)| [i, j].iter().all(|&i| set.curve(i as usize).closed));
+        let closed = |i: u32| set.curve(i as usize).closed;
+        let unsettled = step.unsettled_pairs();
+        let unsettled = unsettled.filter(|&(i, j)| i != j && closed(i) && closed(j));
         // Nothing is known about pairs that had no linking number.
-        pairs.extend(
-            certificate
-                .undefined
-                .iter()
-                .filter_map(|d| Some((d.i, d.j?))),
-        );
+        let undefined = &certificate.undefined;
+        let unknown = undefined.iter().filter_map(|d| Some((d.i, d.j?)));
+        let mut pairs: Vec<Pair> = unsettled.chain(unknown).collect();
         pairs.sort_unstable();
         pairs.dedup();
         self.work.route = Route::Partial;
@@ -482,11 +485,11 @@ impl Verifier {
         let certificate = if pairs.is_empty() {
             certificate
         } else {
-            let anew = self.full.certify_pairs(set, &pairs);
+            let recomputed = self.full.certify_pairs(set, &pairs);
             self.full.progress.check()?;
-            Arc::new(certificate.patched(&pairs, &anew))
+            Arc::new(certificate.with_replaced(&pairs, &recomputed))
         };
-        let linking = Linking {
+        let linking = LinkingNumbers {
             comparison: certificate.compare(baseline)?,
             certificate: Some(certificate),
         };

@@ -5,7 +5,7 @@ use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome};
+use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, StepFrame};
 use crate::pairs::{Pair, degenerate_curves};
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
@@ -21,8 +21,8 @@ pub(super) struct Steps {
     last: Option<Last>,
     /// Contacts of the current frame.
     contacts: Contacts,
-    /// True if the current frame was searched.
-    searched: bool,
+    /// Number of the current frame.
+    frame: u64,
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
     /// closed curves; `None` before that frame.
     touching_from_the_start: Option<Vec<Pair>>,
@@ -31,15 +31,15 @@ pub(super) struct Steps {
 #[derive(Debug)]
 struct Last {
     set: Arc<CurveSet>,
-    linking: Linking,
+    linking: LinkingNumbers,
     contacts: Contacts,
-    /// True if the last search of the ledger ended in this frame.
-    searched: bool,
+    /// Number of the frame.
+    frame: u64,
 }
 
 /// Linking numbers of a frame.
 #[derive(Clone, Debug)]
-pub(super) struct Linking {
+pub(super) struct LinkingNumbers {
     /// Comparison with the baseline.
     pub comparison: Comparison,
     /// All linking numbers, if later frames are verified incrementally.
@@ -98,7 +98,7 @@ impl Steps {
     /// is no motion between different curves. If pull-throughs are not searched for, forgets that
     /// frame instead.
     pub fn begin(&mut self, set: &CurveSet) -> Result<()> {
-        self.searched = false;
+        self.frame += 1;
         if self.events == Events::Off {
             self.last.take_if(|last| !last.set.same_layout(set));
             return Ok(());
@@ -144,19 +144,19 @@ impl Steps {
     }
 
     /// Keeps a verified frame, if the next one is compared with it.
-    pub fn remember(&mut self, set: Arc<CurveSet>, linking: Linking) {
+    pub fn remember(&mut self, set: Arc<CurveSet>, linking: LinkingNumbers) {
         if self.keeps_frames() {
             self.last = Some(Last {
                 set,
                 linking,
                 contacts: std::mem::take(&mut self.contacts),
-                searched: std::mem::take(&mut self.searched),
+                frame: self.frame,
             });
         }
     }
 
     /// Same as [`Steps::remember`], with a copy that reuses the memory of the previous frame.
-    pub fn remember_copy(&mut self, set: &CurveSet, linking: Linking) {
+    pub fn remember_copy(&mut self, set: &CurveSet, linking: LinkingNumbers) {
         if !self.keeps_frames() {
             return;
         }
@@ -180,9 +180,12 @@ impl Steps {
     /// If the previous frame has other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> Outcome {
         let coverage = self.coverage();
-        self.searched = true;
-        let Some(last) = &mut self.last else {
-            let (contacts, touching) = self.ledger.first_frame(set, coverage);
+        let current = StepFrame {
+            number: self.frame,
+            set,
+        };
+        let Some(last) = &self.last else {
+            let (contacts, touching) = self.ledger.first_frame(current, coverage);
             self.contacts = contacts;
             let outcome = Outcome {
                 touching,
@@ -191,12 +194,12 @@ impl Steps {
             self.note_touching(&outcome);
             return outcome;
         };
-        let frames = [&*last.set, set];
-        // A second search of this step would not continue the first one.
-        let continued = std::mem::take(&mut last.searched);
-        let outcome = self
-            .ledger
-            .step(frames, continued, &last.contacts, coverage, pairs);
+        let before = StepFrame {
+            number: last.frame,
+            set: &last.set,
+        };
+        let frames = [before, current];
+        let outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
         self.contacts.clone_from(&outcome.contacts);
         self.note_touching(&outcome);
         outcome

@@ -132,28 +132,23 @@ impl Task<'_> {
     #[inline(always)]
     fn visit_leaves<L: Lanes>(&self, simd: L, [p, q]: [u32; 2], gathered: &mut Gathered) {
         let [first, second] = [self.tree(0), self.tree(1)];
-        let [above, below] = [first, second].map(|tree| tree.node_box(tree.root()));
-        if !above.overlaps(&below) {
+        let [bounds, other_bounds] = [first, second].map(|tree| tree.node_box(tree.root()));
+        if !bounds.overlaps(&other_bounds) {
             return;
         }
-        let (mut leaf, mut buffer) = (BoxGroup::EMPTY, BoxGroup::EMPTY);
-        let mut below_leaves = [BoxGroup::EMPTY; LANES];
-        // The boxes of the second curve are computed when the first one needs them.
-        let mut computed = false;
+        let mut buffer = BoxGroup::EMPTY;
+        let mut others = [BoxGroup::EMPTY; LANES];
+        for (h, other) in (0..q).zip(&mut others) {
+            *other = *second.children(Node::new(0, h), &mut buffer);
+        }
         for g in 0..p {
-            let group = *first.children(Node::new(0, g), &mut leaf);
-            let mut lanes = overlapping(simd, &below, &group);
-            if lanes != 0 && !computed {
-                for (h, to) in (0..q).zip(&mut below_leaves) {
-                    *to = *second.children(Node::new(0, h), &mut buffer);
-                }
-                computed = true;
-            }
+            let group = *first.children(Node::new(0, g), &mut buffer);
+            let mut lanes = overlapping(simd, &other_bounds, &group);
             while lanes != 0 {
                 let k = lanes.trailing_zeros();
                 lanes &= lanes - 1;
                 let one = group.lane(k as usize);
-                for (h, eight) in (0..q).zip(&below_leaves) {
+                for (h, eight) in (0..q).zip(&others) {
                     let mut found = overlapping(simd, &one, eight);
                     while found != 0 {
                         let l = found.trailing_zeros();

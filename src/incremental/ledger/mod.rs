@@ -94,6 +94,13 @@ use crate::discretize::MovingSeparation;
 /// side of another strand to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
 
+/// A frame at an end of a step. Different frames have different numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepFrame<'a> {
+    pub number: u64,
+    pub set: &'a CurveSet,
+}
+
 /// Finds passages, step by step. Its buffers are reused from step to step.
 ///
 /// The outcome does not depend on the number of threads of the rayon pool that it is called in.
@@ -102,8 +109,6 @@ pub(crate) struct Ledger {
     /// Motion in segment lengths up to which pull-throughs that cancel count as real.
     pub motion_limit: f64,
     trees: SweptTrees,
-    /// True if the trees have the boxes of all curves in the last frame that was searched.
-    boxed: bool,
     search: LinkSearch,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
@@ -115,7 +120,6 @@ impl Default for Ledger {
         Ledger {
             motion_limit: MOTION_LIMIT,
             trees: SweptTrees::default(),
-            boxed: false,
             search: LinkSearch::default(),
             pairs: Vec::new(),
             parts: Vec::new(),
@@ -135,8 +139,7 @@ impl Ledger {
         }
     }
 
-    /// Returns all passages between two frames. `continued`: the first frame is the last frame of
-    /// the previous step, and the coverage is the same, so its boxes may be used again.
+    /// Returns all passages between two frames. All steps must have the same coverage.
     ///
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
@@ -147,8 +150,7 @@ impl Ledger {
     /// Panics if the frames are not of the same curves.
     pub fn step(
         &mut self,
-        [before, after]: [&CurveSet; 2],
-        continued: bool,
+        frames: [StepFrame<'_>; 2],
         contacts: &Contacts,
         coverage: Coverage,
         pairs: Option<&[Pair]>,
@@ -160,13 +162,12 @@ impl Ledger {
             all
         });
         if pairs.as_ref().is_some_and(Vec::is_empty) {
-            self.boxed = false;
             return Outcome::default();
         }
         // In the pool, so that its parallel parts do not each pass to another thread and back.
         let (mut outcome, found) =
-            rayon::scope(|_| self.search([before, after], continued, coverage, pairs.as_deref()));
-        let followed = contacts.follow(&found, [before, after]);
+            rayon::scope(|_| self.search(frames, coverage, pairs.as_deref()));
+        let followed = contacts.follow(&found, frames.map(|frame| frame.set));
         outcome.events.extend(followed.events);
         sort(&mut outcome.events);
         sort(&mut outcome.unresolved);
@@ -179,9 +180,13 @@ impl Ledger {
 
     /// Returns the contacts of a first frame, and the pairs of curves that touch. Their earlier
     /// passages are unknown.
-    pub fn first_frame(&mut self, set: &CurveSet, coverage: Coverage) -> (Contacts, Vec<Touching>) {
-        let (_, found) = self.search([set, set], false, coverage, None);
-        Contacts::of_first_frame(&found, set)
+    pub fn first_frame(
+        &mut self,
+        frame: StepFrame<'_>,
+        coverage: Coverage,
+    ) -> (Contacts, Vec<Touching>) {
+        let (_, found) = self.search([frame, frame], coverage, None);
+        Contacts::of_first_frame(&found, frame.set)
     }
 
     /// [`Ledger::step`] from a first frame.
@@ -193,28 +198,29 @@ impl Ledger {
         coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
+        // The numbers of an earlier step would name other frames.
+        self.trees = SweptTrees::default();
+        let [before, after] =
+            [(0, before), (1, after)].map(|(number, set)| StepFrame { number, set });
         let (contacts, _) = self.first_frame(before, coverage);
-        self.step([before, after], false, &contacts, coverage, pairs)
+        self.step([before, after], &contacts, coverage, pairs)
     }
 
-    /// Finds passages within a step, and contacts at its ends, sorted by pair. `continued`: see
-    /// [`Ledger::step`].
+    /// Finds passages within a step, and contacts at its ends, sorted by pair.
     fn search(
         &mut self,
-        [before, after]: [&CurveSet; 2],
-        continued: bool,
+        ends: [StepFrame<'_>; 2],
         coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> (Outcome, Vec<Contact>) {
+        let frames = ends.map(|frame| frame.set);
+        let [before, after] = frames;
         assert!(
             before.same_layout(after),
             "both frames must have the same curves"
         );
-        let frames = [before, after];
         let curves = pairs.map(|pairs| curves_of(pairs.iter().copied()));
-        self.trees
-            .refit(frames, coverage, curves.as_deref(), continued && self.boxed);
-        self.boxed = pairs.is_none();
+        self.trees.refit(ends, coverage, curves.as_deref());
         self.pairs.clear();
         match pairs {
             Some(pairs) => self.pairs.extend_from_slice(pairs),

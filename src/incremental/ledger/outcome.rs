@@ -58,18 +58,14 @@ impl Counts {
 }
 
 impl Outcome {
-    /// Returns the pairs of different curves whose linking numbers the step may have changed, or
-    /// that may have none in the last frame: those with a sum, in contact, or undecided. Sorted.
-    /// All other pairs that had a linking number have the same one.
-    pub fn unsettled_pairs(&self) -> Vec<Pair> {
+    /// Returns the pairs whose linking numbers the step may have changed, or that may have none in
+    /// the last frame: those with a sum, undecided, or in contact. Not sorted; includes pairs of a
+    /// curve and itself and of open curves. All other pairs that had a linking number have the same
+    /// one.
+    pub fn unsettled_pairs(&self) -> impl Iterator<Item = Pair> {
         let sums = self.sums.iter().map(|link| (link.i, link.j));
         let undecided = self.undecided.iter().filter_map(|d| Some((d.i, d.j?)));
-        let mut pairs: Vec<Pair> = sums.chain(undecided).collect();
-        pairs.extend(self.contacts.pairs());
-        pairs.retain(|(i, j)| i != j);
-        pairs.sort_unstable();
-        pairs.dedup();
-        pairs
+        sums.chain(undecided).chain(self.contacts.pairs())
     }
 
     /// Returns the pairs of closed curves for which the change of the linking number differs from

@@ -8,6 +8,7 @@
 //! as the mean of the velocities of the two curves. In a sheet that falls and crumples, neighbours
 //! move together, and nearly all candidates are ruled out.
 
+use super::StepFrame;
 use crate::curve::{Box3, BoxGroup, CurveSet, larger, pow2, smaller};
 use crate::incremental::coverage::Coverage;
 use crate::incremental::covered::Covered;
@@ -18,6 +19,8 @@ use crate::simd::LANES;
 #[derive(Debug, Default)]
 pub(super) struct SweptTrees {
     trees: [Trees; 2],
+    /// Number of the frame in which the second tree has the boxes of all curves.
+    boxed: Option<u64>,
     roots: Vec<Box3>,
     /// Bound of the rounding errors of boxes seen by a moving observer.
     slack: f32,
@@ -66,10 +69,10 @@ impl Observer {
         }
     }
 
-    /// Returns an observer who moves with two leaves, each given by curve and index.
-    pub fn of_leaves(frames: [&CurveSet; 2], leaves: [(usize, usize); 2]) -> Observer {
-        let both = |(i, g)| frames.map(|set| set.leaf_boxes(i, g).bounds());
-        Observer::following(leaves.map(both).into_iter(), slack(frames))
+    /// Returns an observer who moves with two leaves, each given by its boxes in both frames.
+    pub fn of_leaves(frames: [&CurveSet; 2], leaves: &[[BoxGroup; 2]; 2]) -> Observer {
+        let bounds = |leaf: &[BoxGroup; 2]| leaf.each_ref().map(BoxGroup::bounds);
+        Observer::following(leaves.iter().map(bounds), slack(frames))
     }
 
     /// Returns the boxes that contain eight segments at all times, from their boxes in both frames.
@@ -120,18 +123,21 @@ fn slack(frames: [&CurveSet; 2]) -> f32 {
 }
 
 impl SweptTrees {
-    /// Computes the boxes of both frames: of these curves, or of all. If `continued` is set, the
-    /// boxes of the second frame of the last call are those of the first frame of this one.
+    /// Computes the boxes of both frames: of these curves, or of all. All calls must have the same
+    /// coverage. The boxes of the first frame are kept from the last call if it ended in that
+    /// frame.
     pub fn refit(
         &mut self,
-        frames: [&CurveSet; 2],
+        [before, after]: [StepFrame<'_>; 2],
         coverage: Coverage,
         curves: Option<&[u32]>,
-        continued: bool,
     ) {
+        let continued = self.boxed == Some(before.number);
         if continued {
             self.trees.swap(0, 1);
         }
+        self.boxed = curves.is_none().then_some(after.number);
+        let frames = [before.set, after.set];
         let both = self.trees.iter_mut().zip(frames);
         for (trees, set) in both.skip(usize::from(continued)) {
             let covered = Covered { set, coverage };

@@ -154,7 +154,7 @@ impl<'a> Allowances<'a> {
                 near
             })
             .collect();
-        let neighbours = Neighbours::new(set, &near.concat(), RANGE * self.reach / SHARE);
+        let neighbours = Neighbours::new(self.first, &near.concat(), RANGE * self.reach / SHARE);
         let slots = self.slots.into_iter();
         let allowances = slots.map(|a| f32::from_bits(a.into_inner())).collect();
         (allowances, neighbours)

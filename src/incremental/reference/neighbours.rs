@@ -25,7 +25,7 @@ pub(in crate::incremental) struct Neighbour {
 }
 
 /// The neighbours of every block.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(in crate::incremental) struct Neighbours {
     /// First block of each curve, and the number of all blocks.
     first: Vec<Block>,
@@ -39,8 +39,8 @@ pub(in crate::incremental) struct Neighbours {
 }
 
 impl Neighbours {
-    pub fn new(set: &CurveSet, near: &[NearBlocks], range: f64) -> Neighbours {
-        let first = first_blocks(set);
+    /// Lists the neighbours. `first` is the result of [`first_blocks`].
+    pub fn new(first: Vec<Block>, near: &[NearBlocks], range: f64) -> Neighbours {
         let count = *first.last().expect("the number of all blocks") as usize;
         let mut starts = vec![0u32; count + 1];
         // A block of a curve may be near itself.

@@ -247,7 +247,9 @@ fn the_search_finds_the_passages_of_all_pairs_of_segments() {
         let (mut events, mut undecided) = (0, 0);
         for k in 0..200 {
             let [before, after] = random_step(&mut r, basis);
-            let (mut outcome, mut contacts) = ledger.search([&before, &after], false, ALL, None);
+            let frames = [(2 * k, &before), (2 * k + 1, &after)];
+            let frames = frames.map(|(number, set)| StepFrame { number, set });
+            let (mut outcome, mut contacts) = ledger.search(frames, ALL, None);
             let step = Step {
                 frames: [&before, &after],
                 trees: &ledger.trees,
@@ -447,14 +449,22 @@ fn boxes_of_an_earlier_frame_are_not_used_after_a_step_without_a_search() {
         let want = Ledger::default().first_step(&before, &after, ALL, None);
         let mut ledger = Ledger::default();
         let none = Contacts::default();
-        let (contacts, _) = ledger.first_frame(&before, ALL);
-        // Continued by the next step.
-        let found = ledger.step([&before, &after], true, &contacts, ALL, None);
+        let start = |number| StepFrame {
+            number,
+            set: &before,
+        };
+        let end = |number| StepFrame {
+            number,
+            set: &after,
+        };
+        let (contacts, _) = ledger.first_frame(start(0), ALL);
+        let found = ledger.step([start(0), end(1)], &contacts, ALL, None);
         assert_eq!(found, want, "seed {seed}");
-        // A step without a search, and one of a single pair, end in the first frame.
-        for pairs in [&[][..], &[(0, 1)]] {
-            let _ = ledger.step([&after, &before], true, &none, ALL, Some(pairs));
-            let found = ledger.step([&before, &after], true, &contacts, ALL, None);
+        // A step without a search, and one of a single pair, end in the first frame again.
+        for (number, pairs) in [(1, &[][..]), (3, &[(0, 1)])] {
+            let _ = ledger.step([end(number), start(number + 1)], &none, ALL, Some(pairs));
+            let frames = [start(number + 1), end(number + 2)];
+            let found = ledger.step(frames, &contacts, ALL, None);
             assert_eq!(found, want, "seed {seed}, after {pairs:?}");
         }
         events += want.events.len();

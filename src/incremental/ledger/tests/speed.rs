@@ -53,7 +53,9 @@ fn speed() {
                 let mut outcome = Outcome::default();
                 for _ in 0..31 {
                     let start = Instant::now();
-                    ledger.trees.refit([&before, &after], options, None, false);
+                    let frames = [(0, &before), (1, &after)];
+                    let frames = frames.map(|(number, set)| StepFrame { number, set });
+                    ledger.trees.refit(frames, options, None);
                     times[0].push(start.elapsed());
                     let start = Instant::now();
                     outcome = ledger.first_step(&before, &after, options, None);
