@@ -5,48 +5,116 @@
 //! Percentiles are over all rounds of one run. Every ratio is relative to the copy of the same
 //! frame.
 
+use linkwatch::scenes::{Frames, Motion, Scene};
 use linkwatch::{
-    Basis, Client, ClientOptions, CurveSet, Event, Outcome, Positions, Precision, Report, Sidecar,
-    SidecarOptions, Verdict, WaitMode,
+    Basis, Client, ClientOptions, CurveSet, Event, Events, Outcome, Positions, Precision, Report,
+    Sidecar, SidecarOptions, Strategy, Verdict, Verifier, VerifierOptions, WaitMode,
 };
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 const DEADLINE: Duration = Duration::from_secs(20);
 
+/// Number of frames of the motion, which repeats.
+const FRAMES: u64 = 8;
+
+/// Number of first frames after each of which the watcher waits for a reference frame.
+const SETTLED: u64 = 3;
+
 struct Case {
     name: &'static str,
-    curves: usize,
-    points_each: i32,
+    /// Empty: two linked pentagons, 120 bytes.
+    scene: &'static str,
     precision: Precision,
 }
 
 const CASES: [Case; 4] = [
     Case {
         name: "tiny/f32",
-        curves: 2,
-        points_each: 5,
+        scene: "",
         precision: Precision::F32,
     },
     Case {
         name: "chainmail/f32",
-        curves: 14_112,
-        points_each: 15,
+        scene: "chainmail",
         precision: Precision::F32,
     },
     Case {
         name: "yarn/f32",
-        curves: 70,
-        points_each: 3_024,
+        scene: "knit:rows=70,stitches=126,segments=211680",
         precision: Precision::F32,
     },
     Case {
         name: "yarn/f64",
-        curves: 70,
-        points_each: 3_024,
+        scene: "knit:rows=70,stitches=126,segments=211680",
         precision: Precision::F64,
     },
 ];
+
+/// Frames of a case.
+struct Input {
+    basis: Basis,
+    precision: Precision,
+    counts: Vec<i32>,
+    /// Positions of all frames, in both precisions.
+    single: Vec<Vec<f32>>,
+    double: Vec<Vec<f64>>,
+}
+
+impl Input {
+    /// Generates a motion of quiet frames: waves of a thousandth of a unit, and a translation of the
+    /// whole scene.
+    fn new(case: &Case) -> Input {
+        let set = match case.scene {
+            "" => pentagons(),
+            scene => {
+                scene
+                    .parse::<Scene>()
+                    .expect("a scene")
+                    .build()
+                    .expect("fits")
+                    .curves
+            }
+        };
+        let motion: Motion = "smooth+translate".parse().expect("a motion");
+        let mut frames = Frames::new(&set, 0.1);
+        let of = |frame| match frames.at(&motion, 0.001, frame) {
+            Positions::F32(v) => v.iter().map(|&x| f64::from(x)).collect(),
+            Positions::F64(v) => v.to_vec(),
+        };
+        let double: Vec<Vec<f64>> = (0..FRAMES).map(of).collect();
+        let narrow = |v: &Vec<f64>| v.iter().map(|&x| x as f32).collect();
+        Input {
+            basis: set.basis(),
+            precision: case.precision,
+            counts: set.counts().collect(),
+            single: double.iter().map(narrow).collect(),
+            double,
+        }
+    }
+
+    /// Returns the positions of a frame.
+    fn at(&self, frame: u64) -> Positions<'_> {
+        let k = (frame % FRAMES) as usize;
+        match self.precision {
+            Precision::F32 => Positions::F32(&self.single[k]),
+            Precision::F64 => Positions::F64(&self.double[k]),
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        self.at(0).len() * self.precision.bytes()
+    }
+}
+
+fn pentagons() -> CurveSet {
+    let corner = |k: usize| (k as f64 * std::f64::consts::TAU / 5.0).sin_cos();
+    let flat = (0..5).map(corner).flat_map(|(s, c)| [c, s, 0.0]);
+    let upright = (0..5).map(corner).flat_map(|(s, c)| [1.0 + c, 0.0, s]);
+    let points: Vec<f64> = flat.chain(upright).collect();
+    CurveSet::from_counts(Basis::Polyline, &[-5, -5], Positions::F64(&points)).expect("good")
+}
 
 fn main() {
     let args: Vec<String> = std::env::args().collect();
@@ -63,16 +131,9 @@ fn main() {
 }
 
 fn measure(case: &Case, rounds: u64) {
-    let counts = vec![-case.points_each; case.curves];
-    let n = 3 * case.curves * case.points_each as usize;
-    let single: Vec<f32> = (0..n).map(|k| k as f32 * 0.001).collect();
-    let double: Vec<f64> = single.iter().map(|&x| f64::from(x)).collect();
-    let positions = match case.precision {
-        Precision::F32 => Positions::F32(&single),
-        Precision::F64 => Positions::F64(&double),
-    };
-    let bytes = n * case.precision.bytes();
-    println!("\n{}: {} curves, {bytes} bytes", case.name, case.curves);
+    let input = Input::new(case);
+    let (curves, bytes) = (input.counts.len(), input.bytes());
+    println!("\n{}: {curves} curves, {bytes} bytes", case.name);
 
     let from: Vec<u8> = (0..bytes).map(|k| k as u8).collect();
     let mut to = vec![0u8; bytes];
@@ -91,23 +152,31 @@ fn measure(case: &Case, rounds: u64) {
     };
     show("copy", &copy);
 
-    let mut set = CurveSet::from_counts(Basis::Polyline, &counts, positions).expect("good");
-    let update = times(rounds, |_| set.update(black_box(positions)).expect("good"));
+    let set = CurveSet::from_counts(input.basis, &input.counts, input.at(0));
+    let mut set = set.expect("good");
+    let update = times(rounds, |k| {
+        set.update(black_box(input.at(k))).expect("good");
+    });
     show("ingest from private memory", &update);
 
     for mode in WaitMode::ALL {
-        println!("  both sides wait by --wait-mode {mode}:");
-        exchange(case, &counts, positions, rounds, mode, &show);
+        for verify in [false, true] {
+            let verdict = match verify {
+                false => "the verdict is sent without verification",
+                true => "incremental verification, with pull-throughs",
+            };
+            println!("  both sides wait by --wait-mode {mode}; {verdict}:");
+            exchange(&input, rounds, mode, verify, &show);
+        }
     }
 }
 
 /// Measures a session.
 fn exchange(
-    case: &Case,
-    counts: &[i32],
-    positions: Positions<'_>,
+    input: &Input,
     rounds: u64,
     mode: WaitMode,
+    verify: bool,
     show: &impl Fn(&str, &[Duration]),
 ) {
     let name = format!("linkwatch bench {}", std::process::id());
@@ -115,52 +184,114 @@ fn exchange(
     options.wait_mode = mode;
     let mut client = Client::open(&name, &options).expect("client");
     client
-        .describe(Basis::Polyline, case.precision, counts)
+        .describe(input.basis, input.precision, &input.counts)
         .expect("describe");
-    let alone = times(rounds, |_| {
-        client.publish(0.0, positions).expect("publish");
-    });
-    show("write and publish, without a watcher", &alone);
+    if !verify {
+        let alone = times(rounds, |k| {
+            client.publish(0.0, input.at(k)).expect("publish");
+        });
+        show("write and publish, without a watcher", &alone);
+    }
 
     let watcher = std::thread::spawn({
         let mut options = SidecarOptions::default();
         options.wait_mode = mode;
         let sidecar = Sidecar::open(&name, &options).expect("sidecar");
-        move || watch(sidecar)
+        move || watch(sidecar, verify.then(verifier))
     });
     assert!(client.wait_for_watcher(DEADLINE).expect("handshake"));
+    let mut published = Vec::new();
     let trip = times(rounds, |k| {
-        let seq = client.publish(k as f64, positions).expect("publish");
+        let mut frame = client.loan(k as f64).expect("loan");
+        match input.at(k) {
+            Positions::F32(v) => frame.positions_f32().expect("single").copy_from_slice(v),
+            Positions::F64(v) => frame.positions_f64().expect("double").copy_from_slice(v),
+        }
+        let start = Instant::now();
+        let seq = frame.publish().expect("publish");
         match client.wait(seq, DEADLINE).expect("wait") {
             Outcome::Verdict(m) => assert_eq!(m.verdict, Verdict::Intact),
             other => panic!("frame {seq}: {other:?}"),
         }
+        published.push(start.elapsed());
     });
+    published.sort();
+    show("published to verdict", &published);
     show("write, publish, ingest, verdict", &trip);
-    let free = times(rounds, |_| {
-        client.publish(0.0, positions).expect("publish");
-        client.poll().expect("poll");
-    });
-    show("write, publish, poll, free-running", &free);
+    if !verify {
+        let free = times(rounds, |k| {
+            client.publish(0.0, input.at(k)).expect("publish");
+            client.poll().expect("poll");
+        });
+        show("write, publish, poll, free-running", &free);
+    }
     client.finish().expect("finish");
-    let mut ingest = watcher.join().expect("watcher");
-    ingest.sort();
-    show("ingest from shared memory", &ingest);
+    let mut watched = watcher.join().expect("watcher");
+    watched.ingest.sort();
+    show("ingest from shared memory", &watched.ingest);
+    if verify {
+        watched.verification.sort();
+        show("verification", &watched.verification);
+        let [full, quiet, partial] = watched.routes;
+        println!("  frames: {quiet} quiet, {partial} partial, {full} full");
+    }
 }
 
-/// Answers every frame. Returns the time of each ingest.
-fn watch(mut sidecar: Sidecar) -> Vec<Duration> {
-    let (mut set, mut times) = (None, Vec::new());
+fn verifier() -> Verifier {
+    let mut options = VerifierOptions::default();
+    options.strategy = Strategy::Incremental;
+    options.events = Events::Between;
+    Verifier::new(options).expect("valid options")
+}
+
+/// Times of a watcher.
+#[derive(Default)]
+struct Watched {
+    ingest: Vec<Duration>,
+    verification: Vec<Duration>,
+    /// Number of frames on the full, the quiet and the partial route.
+    routes: [u64; 3],
+}
+
+/// Answers every frame.
+fn watch(mut sidecar: Sidecar, mut verifier: Option<Verifier>) -> Watched {
+    let mut watched = Watched::default();
+    let mut sets: Vec<Arc<CurveSet>> = Vec::new();
     loop {
         match sidecar.wait(DEADLINE).expect("wait") {
             Event::Frame(frame) => {
                 let start = Instant::now();
-                frame.ingest(&mut set).expect("a good frame");
-                times.push(start.elapsed());
-                let report = Report::new(frame.seq(), frame.time(), Verdict::Intact);
+                let free = |set: &Arc<CurveSet>| Arc::strong_count(set) == 1;
+                let free = sets.iter().position(free).map(|k| sets.swap_remove(k));
+                // Later frames must have the layout of the first one.
+                let copy = || sets.first().map(|set| CurveSet::clone(set));
+                let mut set = free.and_then(Arc::into_inner).or_else(copy);
+                match &mut verifier {
+                    Some(verifier) => frame.read(|raw| verifier.receive(raw, &mut set)),
+                    None => frame.ingest(&mut set),
+                }
+                .expect("a good frame");
+                let (seq, time) = (frame.seq(), frame.time());
+                drop(frame);
+                let received = Instant::now();
+                watched.ingest.push(received - start);
+                let set = Arc::new(set.expect("ingested"));
+                let report = match &mut verifier {
+                    Some(verifier) => {
+                        let report = verifier.step_shared(seq, time, &set).expect("a frame");
+                        watched.routes[verifier.work().route as usize] += 1;
+                        report
+                    }
+                    None => Report::new(seq, time, Verdict::Intact),
+                };
+                watched.verification.push(received.elapsed());
                 sidecar
                     .send_verdict(&report, start.elapsed())
                     .expect("send");
+                sets.push(set);
+                if let Some(verifier) = verifier.as_mut().filter(|_| seq < SETTLED) {
+                    verifier.settle();
+                }
             }
             Event::NewSession { .. } => {}
             Event::End {
@@ -169,7 +300,7 @@ fn watch(mut sidecar: Sidecar) -> Vec<Duration> {
                 ..
             } => {
                 assert_eq!(counters.verified + counters.skipped, published);
-                return times;
+                return watched;
             }
             other => panic!("{other:?}"),
         }

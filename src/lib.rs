@@ -50,7 +50,7 @@
 //!
 //! | purpose | items |
 //! |---|---|
-//! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`model`] |
+//! | curves of a frame | [`CurveSet`], [`RawFrame`], [`Basis`], [`Positions`]; from files: [`model`] |
 //! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
@@ -110,7 +110,7 @@ mod error;
 mod exact;
 #[cfg(feature = "verify")]
 mod incremental;
-#[cfg(any(feature = "bus", feature = "mcap"))]
+#[cfg(feature = "verify")]
 mod ingest;
 #[cfg(feature = "verify")]
 pub mod kernels;
@@ -154,6 +154,8 @@ pub use discretize::{Polylines, homotopic_polylines};
 pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Events, Route, Work};
+#[cfg(feature = "verify")]
+pub use ingest::RawFrame;
 #[cfg(feature = "verify")]
 pub use plan::Plan;
 #[cfg(feature = "verify")]

@@ -5,7 +5,7 @@ use super::message::Counters;
 use super::wire::{FLAG_LOCKSTEP, FrameHeader};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::ingest::ingest;
+use crate::ingest::{RawFrame, ingest};
 use iceoryx2::sample::Sample;
 use std::fmt;
 
@@ -98,14 +98,22 @@ impl Frame {
     /// Checks the frame and copies its positions from shared memory into `set`, which the first
     /// frame creates and every later one updates. Every value is read once.
     ///
+    /// [`Frame::read`] with [`Verifier::receive`](crate::Verifier::receive) does the same, and saves
+    /// time if the frame is then verified.
+    ///
     /// Errors: the frame breaks its contract. Answer it with
     /// [`Verdict::Rejected`](crate::Verdict::Rejected). The next valid frame makes an existing set
     /// valid again.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
+        self.read(|frame| ingest(frame, set, CurveSet::update))
+    }
+
+    /// Calls `receive` with the frame in shared memory, unless its header breaks the contract.
+    /// Errors: those of [`Frame::ingest`].
+    pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
         if let Some(fault) = &self.fault {
             return Err(Error::format("frame", "sequence number", fault));
         }
-        let frame = self.header.view(self.sample.payload(), self.max_bytes)?;
-        ingest(frame, set)
+        receive(self.header.view(self.sample.payload(), self.max_bytes)?)
     }
 }

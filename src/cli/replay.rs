@@ -270,7 +270,7 @@ impl Replay {
         match item {
             RecordedItem::Baseline(_) => {}
             RecordedItem::Frame(recorded) => {
-                let frame = self.session.ingest(|set| recorded.ingest(set));
+                let frame = self.session.ingest(|receive| recorded.read(receive));
                 self.session.announce(&frame);
                 self.finish_waiting()?;
                 self.waiting.push_back(Waiting::Frame {

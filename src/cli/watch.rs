@@ -216,7 +216,7 @@ fn watch<'s>(
             Event::Frame(frame) => {
                 let received = Instant::now();
                 let (seq, time, cuts) = (frame.seq(), frame.time(), frame.cuts());
-                let ingested = session.ingest(|set| frame.ingest(set));
+                let ingested = session.ingest(|receive| frame.read(receive));
                 // Returns the memory to the simulator.
                 drop(frame);
                 let judged = if session.is_quick(&ingested) {

@@ -85,7 +85,7 @@ impl CurveSetBuilder {
             });
         };
         // Checked before anything is allocated.
-        let first = set.coordinates.len();
+        let first = set.slots();
         if u32::try_from(first + slots).is_err() {
             return Err(Error::Count {
                 what: "points of all curves",
@@ -93,9 +93,10 @@ impl CurveSetBuilder {
                 available: u64::from(u32::MAX),
             });
         }
-        set.coordinates.grow(slots);
+        set.coordinates.arrays_mut(first).grow(slots);
         Arc::make_mut(&mut set.curves).push(Curve {
             first: first as u32,
+            first_point: set.points as u32,
             points: points as u32,
             segments: segments as u32,
             closed,

@@ -1,6 +1,7 @@
 //! Coordinates of all curves, in three arrays.
 
 use super::basis::bspline_knot;
+use super::lazy::Received;
 use super::set::Curve;
 use super::tile::{self, Bad};
 use super::{Basis, Point, Positions, Precision};
@@ -151,17 +152,30 @@ impl Coordinates {
         }
     }
 
-    /// Appends the point in a slot to `out` as little-endian bytes.
-    pub fn append_bytes(&self, slot: usize, out: &mut Vec<u8>) {
+    /// Returns the points of all curves, `x y z x y z ..` in the order of the input.
+    pub fn in_order(&self, curves: &[Curve], basis: Basis) -> Received {
+        fn interleaved<T: Copy>(v: &[Vec<T>; 3], curves: &[Curve], basis: Basis) -> Vec<T> {
+            let points: usize = curves.iter().map(|c| c.points as usize).sum();
+            let mut out = Vec::with_capacity(3 * points);
+            for c in curves {
+                let first = c.first as usize + basis.lead(c.closed);
+                let body = first..first + c.points as usize;
+                let [x, y, z] = v.each_ref().map(|v| &v[body.clone()]);
+                for ((&x, &y), &z) in x.iter().zip(y).zip(z) {
+                    out.extend([x, y, z]);
+                }
+            }
+            out
+        }
         match self {
-            Self::F32(v) => v.iter().for_each(|v| out.extend(v[slot].to_le_bytes())),
-            Self::F64(v) => v.iter().for_each(|v| out.extend(v[slot].to_le_bytes())),
+            Self::F32(v) => Received::F32(interleaved(v, curves, basis)),
+            Self::F64(v) => Received::F64(interleaved(v, curves, basis)),
         }
     }
 }
 
 /// A type of coordinates.
-pub(super) trait Scalar: Copy + Into<f64> + Default {
+pub(crate) trait Scalar: Copy + Into<f64> + Default {
     /// Bit pattern of the largest finite magnitude.
     const MAX_BITS: u64;
     /// Returns the bit pattern of the largest magnitude.

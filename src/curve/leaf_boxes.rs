@@ -54,7 +54,7 @@ impl CurveSet {
         let count = self.curves[i].segments as usize - g * LANES;
         let first = self.slot(i, g * LANES);
         let mut group = match self.basis {
-            Basis::Polyline => match &self.coordinates {
+            Basis::Polyline => match self.coordinates() {
                 Coordinates::F32(v) => edge_boxes(v, first, smaller, larger),
                 Coordinates::F64(v) => edge_boxes(
                     v,
@@ -63,7 +63,7 @@ impl CurveSet {
                     |p, q| above(if p > q { p } else { q }),
                 ),
             },
-            Basis::CatmullRom | Basis::BSpline => match &self.coordinates {
+            Basis::CatmullRom | Basis::BSpline => match self.coordinates() {
                 Coordinates::F32(v) => match self.single_pad() {
                     Some(pad) => {
                         uniform_boxes(self.basis, v, first, |lo: f32| lo - pad, |hi: f32| hi + pad)

@@ -14,6 +14,8 @@ mod coordinates;
 #[cfg(feature = "verify")]
 mod extent;
 #[cfg(feature = "verify")]
+mod lazy;
+#[cfg(feature = "verify")]
 mod leaf_boxes;
 mod notation;
 mod positions;
@@ -34,13 +36,17 @@ pub(crate) use boxes::{Box3, BoxGroup, larger, smaller};
 #[cfg(feature = "verify")]
 pub use builder::CurveSetBuilder;
 #[cfg(feature = "verify")]
-pub(crate) use coordinates::{Axes, Knots, ReadKnots};
+pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
 #[cfg(feature = "verify")]
 pub use extent::LongSegment;
+#[cfg(feature = "verify")]
+pub(crate) use lazy::Received;
 pub(crate) use notation::{Notation, significant};
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};
+#[cfg(feature = "verify")]
+pub(crate) use tile::{Bad, POINTS, Tile, VALUES, largest_within};
 
 /// A point in space, in the units of the simulation.
 pub type Point = [f64; 3];

@@ -1,6 +1,8 @@
 //! Coordinates of the input, as they come from outside.
 
 #[cfg(feature = "verify")]
+use super::Point;
+#[cfg(feature = "verify")]
 use std::ops::Range;
 
 /// Floating-point type of the input coordinates. They are stored in this type, without rounding.
@@ -52,6 +54,16 @@ impl<'a> Positions<'a> {
     /// Returns true if there are no coordinates.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Returns a point, counted over all curves.
+    #[cfg(feature = "verify")]
+    #[inline]
+    pub(crate) fn point(&self, k: usize) -> Point {
+        match self {
+            Positions::F32(v) => [0, 1, 2].map(|x| v[3 * k + x].into()),
+            Positions::F64(v) => [0, 1, 2].map(|x| v[3 * k + x]),
+        }
     }
 
     /// Returns the coordinates in a range.

@@ -2,11 +2,14 @@
 
 use super::basis::bspline_knot;
 use super::coordinates::{Axes, Coordinates, Knots};
+use super::lazy::{LazyCoordinates, Received};
+use super::tile::Bad;
 use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
 use crate::error::{Error, Result};
 use crate::simd::LANES;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Size of one curve of a [`CurveSet`], and the position of its control points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +17,8 @@ pub struct Curve {
     /// First slot of the curve in the coordinate arrays (a wrapped control point if the basis needs
     /// one).
     pub(super) first: u32,
+    /// Number of control points of all curves before this one.
+    pub(super) first_point: u32,
     /// Number of control points.
     pub points: u32,
     /// Number of spline segments (for polylines: edges).
@@ -69,13 +74,15 @@ pub struct CurveSet {
     /// Shared by clones, so that clones of one set are recognized as having the same layout at
     /// once.
     pub(super) curves: Arc<Vec<Curve>>,
-    pub(super) coordinates: Coordinates,
+    pub(super) coordinates: LazyCoordinates,
     pub(super) points: usize,
     /// Counted during construction, so that reading it costs no pass over the curves.
     pub(super) segments: usize,
     pub(super) open_curves: usize,
     /// Largest magnitude of any coordinate.
     pub(super) max_abs: f64,
+    /// Number of the positions; see [`CurveSet::contents`].
+    pub(super) contents: u64,
 }
 
 impl Clone for CurveSet {
@@ -97,11 +104,37 @@ impl Clone for CurveSet {
             segments,
             open_curves,
             max_abs,
+            contents,
         } = self;
         curves.clone_from(&source.curves);
         coordinates.clone_from(&source.coordinates);
-        (*basis, *max_abs) = (source.basis, source.max_abs);
+        (*basis, *max_abs, *contents) = (source.basis, source.max_abs, source.contents);
         (*points, *segments, *open_curves) = (source.points, source.segments, source.open_curves);
+    }
+}
+
+/// Positions of all control points of a set in the order of the input.
+pub(crate) enum InOrder<'a> {
+    /// As they were received.
+    Received(Positions<'a>),
+    /// Copied from the arrays.
+    Copied(Received),
+}
+
+impl InOrder<'_> {
+    pub fn as_positions(&self) -> Positions<'_> {
+        match self {
+            InOrder::Received(positions) => *positions,
+            InOrder::Copied(copy) => copy.positions(),
+        }
+    }
+
+    pub fn into_copy(self) -> Received {
+        match self {
+            InOrder::Received(Positions::F32(v)) => Received::F32(v.to_vec()),
+            InOrder::Received(Positions::F64(v)) => Received::F64(v.to_vec()),
+            InOrder::Copied(copy) => copy,
+        }
     }
 }
 
@@ -111,17 +144,30 @@ pub(super) fn slots_of(basis: Basis, segments: usize) -> usize {
     (segments.next_multiple_of(LANES) - 1) * basis.stride() + basis.window()
 }
 
+/// Returns the number of slots of all curves.
+pub(super) fn slots_of_all(curves: &[Curve], basis: Basis) -> usize {
+    let end = |c: &Curve| c.first as usize + slots_of(basis, c.segments as usize);
+    curves.last().map_or(0, end)
+}
+
+/// Returns a new number of contents.
+fn next_contents() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    NEXT.fetch_add(1, Ordering::Relaxed)
+}
+
 impl CurveSet {
     /// Returns a set without curves.
     pub(super) fn empty(basis: Basis, precision: Precision, slots: usize) -> CurveSet {
         CurveSet {
             basis,
             curves: Arc::default(),
-            coordinates: Coordinates::with_capacity(precision, slots),
+            coordinates: LazyCoordinates::with_capacity(precision, slots),
             points: 0,
             segments: 0,
             open_curves: 0,
             max_abs: 0.0,
+            contents: next_contents(),
         }
     }
 
@@ -129,6 +175,29 @@ impl CurveSet {
     ///
     /// After an error the set holds a mixture of both frames, and must be updated again before use.
     pub fn update(&mut self, positions: Positions<'_>) -> Result<()> {
+        self.check(positions)?;
+        let (slots, limit) = (self.slots(), self.limit());
+        let arrays = self.coordinates.arrays_mut(slots);
+        let written = arrays.write_curves(&self.curves, self.basis, positions, limit);
+        self.finish_update(written)
+    }
+
+    /// [`CurveSet::update`] by a function that copies all positions. It reads each value of its
+    /// source once, and returns the largest magnitude, or the first value that is not within the
+    /// limit. The arrays are built from the copy when they are needed.
+    pub(crate) fn update_by(
+        &mut self,
+        positions: Positions<'_>,
+        copy: impl FnOnce(&mut Received, f64) -> Result<f64, Bad>,
+    ) -> Result<()> {
+        self.check(positions)?;
+        let limit = self.limit();
+        let copied = copy(self.coordinates.received_mut(positions.len()), limit);
+        self.finish_update(copied)
+    }
+
+    /// Fails if the positions are not those of a frame of the same curves.
+    fn check(&self, positions: Positions<'_>) -> Result<()> {
         if positions.precision() != self.precision() {
             return Err(Error::LayoutChanged {
                 what: "bytes of a coordinate",
@@ -143,19 +212,23 @@ impl CurveSet {
                 available: positions.len() as u64,
             });
         }
-        let limit = self.limit();
-        let written = self
-            .coordinates
-            .write_curves(&self.curves, self.basis, positions, limit);
-        self.max_abs = written.map_err(|(mut point, axis, value)| {
-            // The number in the input becomes one in a curve.
-            let mut curve = 0;
-            while let Some(next) = point.checked_sub(self.curves[curve].points as usize) {
-                (curve, point) = (curve + 1, next);
-            }
+        Ok(())
+    }
+
+    fn finish_update(&mut self, largest: Result<f64, Bad>) -> Result<()> {
+        self.contents = next_contents();
+        self.max_abs = largest.map_err(|(point, axis, value)| {
+            let (curve, point) = self.curve_of_point(point);
             self.bad_value(curve, point, axis, value)
         })?;
         Ok(())
+    }
+
+    /// Returns the curve of a point, counted over all curves, and the point in that curve.
+    fn curve_of_point(&self, point: usize) -> (usize, usize) {
+        let before = |c: &Curve| c.first_point as usize <= point;
+        let curve = self.curves.partition_point(before) - 1;
+        (curve, point - self.curves[curve].first_point as usize)
     }
 
     /// Returns the largest allowed magnitude of a coordinate.
@@ -187,7 +260,9 @@ impl CurveSet {
     pub(super) fn write(&mut self, i: usize, start: usize, positions: Positions<'_>) -> Result<()> {
         let c = self.curves[i];
         let at = c.first as usize + self.basis.lead(c.closed) + start;
-        let written = self.coordinates.write(at, positions, self.limit());
+        let (slots, limit) = (self.slots(), self.limit());
+        let arrays = self.coordinates.arrays_mut(slots);
+        let written = arrays.write(at, positions, limit);
         let max_abs = written
             .map_err(|(point, axis, value)| self.bad_value(i, start + point, axis, value))?;
         self.max_abs = self.max_abs.max(max_abs);
@@ -196,7 +271,9 @@ impl CurveSet {
 
     /// Updates the copies of points that a closed curve stores at its ends, and the padding.
     pub(super) fn wrap(&mut self, i: usize) {
-        self.coordinates.finish_curve(&self.curves[i], self.basis);
+        let slots = self.slots();
+        let arrays = self.coordinates.arrays_mut(slots);
+        arrays.finish_curve(&self.curves[i], self.basis);
     }
 
     /// Returns true if another set has the same curves in the same precision, so that only
@@ -266,15 +343,36 @@ impl CurveSet {
         self.max_abs
     }
 
+    /// Returns a number that sets with other positions do not have: copies of a set have the number
+    /// of the set, and an update changes the number.
+    pub(crate) fn contents(&self) -> u64 {
+        self.contents
+    }
+
+    /// Returns the coordinates in three arrays.
+    #[inline(always)]
+    pub(super) fn coordinates(&self) -> &Coordinates {
+        self.coordinates.get(&self.curves, self.basis)
+    }
+
+    /// Returns the positions of all control points in the order of the input, as received if
+    /// possible.
+    pub(crate) fn positions(&self) -> InOrder<'_> {
+        match self.coordinates.received() {
+            Some(positions) => InOrder::Received(positions),
+            None => InOrder::Copied(self.coordinates().in_order(&self.curves, self.basis)),
+        }
+    }
+
     /// Returns the coordinates of all slots: control points, the copies that wrap closed curves,
     /// and padding.
     pub(crate) fn axes(&self) -> Axes<'_> {
-        self.coordinates.axes()
+        self.coordinates().axes()
     }
 
     /// Returns the number of slots of all curves.
     pub(crate) fn slots(&self) -> usize {
-        self.coordinates.len()
+        slots_of_all(&self.curves, self.basis)
     }
 
     /// Returns the slots of the control points of curve `i`, without copies.
@@ -298,7 +396,7 @@ impl CurveSet {
     /// Returns the point in a slot.
     #[inline]
     pub(crate) fn at(&self, slot: usize) -> Point {
-        self.coordinates.at(slot)
+        self.coordinates().at(slot)
     }
 
     /// Returns control point `k` of curve `i`.
@@ -329,14 +427,14 @@ impl CurveSet {
     /// Returns the Bezier control points of segment `s` of curve `i`: `[axis][k]`.
     #[inline(always)]
     pub(crate) fn hull(&self, i: usize, s: usize) -> [[f64; 4]; 3] {
-        let slot = self.slot(i, s);
+        let (slot, coordinates) = (self.slot(i, s), self.coordinates());
         let mut hull = [[0.0; 4]; 3];
         for (x, hull) in hull.iter_mut().enumerate() {
             *hull = self.basis.hull(if self.basis.is_polyline() {
-                let [p, q] = self.coordinates.window(x, slot);
+                let [p, q] = coordinates.window(x, slot);
                 [p, q, p, q]
             } else {
-                self.coordinates.window(x, slot)
+                coordinates.window(x, slot)
             });
         }
         hull
@@ -377,12 +475,9 @@ impl CurveSet {
     /// Appends the control points of all curves to `out`, `x y z` curve after curve, in their
     /// precision, as little-endian bytes. Recordings store this form.
     pub fn write_positions(&self, out: &mut Vec<u8>) {
-        out.reserve(3 * self.points * self.precision().bytes());
-        for c in self.curves.iter() {
-            let body = c.first as usize + self.basis.lead(c.closed);
-            for k in body..body + c.points as usize {
-                self.coordinates.append_bytes(k, out);
-            }
+        match self.positions().as_positions() {
+            Positions::F32(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
+            Positions::F64(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
         }
     }
 
@@ -393,7 +488,7 @@ impl CurveSet {
         let computed = self.basis == Basis::BSpline;
         let frame = [(w + 1) % 3, (w + 2) % 3, w];
         Knots::new(
-            &self.coordinates,
+            self.coordinates(),
             first,
             self.basis.stride(),
             computed,
@@ -408,7 +503,7 @@ impl CurveSet {
             return 0;
         }
         let c = self.curves[i];
-        self.coordinates
+        self.coordinates()
             .repeats(c.first as usize, c.segments as usize)
     }
 

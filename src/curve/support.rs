@@ -25,31 +25,37 @@ impl CurveSet {
         })
     }
 
+    /// Returns the numbers of the control points of curve `i`, counted over all curves.
+    pub(crate) fn points_of(&self, i: usize) -> Range<usize> {
+        let c = &self.curves[i];
+        c.first_point as usize..(c.first_point + c.points) as usize
+    }
+
     /// Calls `segment` with the segments of closed curves, and of open curves if `open` is set,
-    /// that depend on a point in one of these slots or on a copy of it.
+    /// that depend on one of these points, counted over all curves.
     pub(crate) fn segments_at(
         &self,
-        slots: Range<usize>,
+        points: Range<usize>,
         open: bool,
         mut segment: impl FnMut(u32, u32),
     ) {
         let (stride, window) = (self.basis.stride(), self.basis.window());
         let first = self
             .curves
-            .partition_point(|c| (c.first as usize) <= slots.start);
+            .partition_point(|c| (c.first_point as usize) <= points.start);
         for i in first.saturating_sub(1)..self.curves.len() {
-            let body = self.body(i);
-            if body.start >= slots.end {
+            let own = self.points_of(i);
+            if own.start >= points.end {
                 break;
             }
             let (c, lead) = (self.curves[i], self.basis.lead(self.curves[i].closed));
-            let here = slots.start.max(body.start)..slots.end.min(body.end);
+            let here = points.start.max(own.start)..points.end.min(own.end);
             if !c.closed && !open {
                 continue;
             }
-            for slot in here {
-                // Windows that contain the slot. Windows of closed curves may wrap around the end.
-                let (n, at) = (c.segments as usize, slot - body.start + lead);
+            for point in here {
+                // Windows that contain the point. Windows of closed curves may wrap around the end.
+                let (n, at) = (c.segments as usize, point - own.start + lead);
                 let last = at / stride;
                 for back in 0..window.div_ceil(stride) {
                     if !c.closed {
@@ -78,13 +84,13 @@ mod tests {
     use crate::curve::{Basis, Positions};
 
     #[test]
-    fn finds_the_segments_that_depend_on_a_slot() {
+    fn finds_the_segments_that_depend_on_a_point() {
         for basis in Basis::ALL {
             let counts = [-3, -9, 10, -30, 4];
             let xyz = vec![0.5f32; 3 * 56];
             let set = CurveSet::from_counts(basis, &counts, Positions::F32(&xyz)).unwrap();
-            for (from, open) in (0..set.slots()).flat_map(|k| [(k, false), (k, true)]) {
-                for to in from + 1..set.slots().min(from + 9) {
+            for (from, open) in (0..set.points()).flat_map(|k| [(k, false), (k, true)]) {
+                for to in from + 1..set.points().min(from + 9) {
                     let mut found = Vec::new();
                     set.segments_at(from..to, open, |i, s| found.push((i, s)));
                     found.sort_unstable();
@@ -92,7 +98,12 @@ mod tests {
                     let some = (0..set.len()).filter(|&i| open || set.curve(i).closed);
                     let all = some.flat_map(|i| (0..set.curve(i).segments).map(move |s| (i, s)));
                     let want: Vec<(u32, u32)> = all
-                        .filter(|&(i, s)| set.support(i, s).any(|k| (from..to).contains(&k)))
+                        .filter(|&(i, s)| {
+                            let first = set.points_of(i).start;
+                            let point = |slot: usize| first + slot - set.body(i).start;
+                            let mut points = set.support(i, s).map(point);
+                            points.any(|k| (from..to).contains(&k))
+                        })
                         .map(|(i, s)| (i as u32, s))
                         .collect();
                     assert_eq!(found, want, "{basis:?} {from}..{to}");

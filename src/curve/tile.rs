@@ -10,19 +10,19 @@ use super::set::{Curve, slots_of};
 use crate::simd::LANES;
 
 /// Number of points of a tile. Its coordinates fit into the first-level cache.
-const POINTS: usize = 256;
+pub(crate) const POINTS: usize = 256;
 
 /// Number of points of two rows.
 const TWO_ROWS: usize = 2 * LANES;
 
 /// Number of coordinates of a tile.
-const VALUES: usize = 3 * POINTS;
+pub(crate) const VALUES: usize = 3 * POINTS;
 
 /// A coordinate beyond the limit: point of the input, axis, value.
-pub(super) type Bad = (usize, usize, f64);
+pub(crate) type Bad = (usize, usize, f64);
 
 /// A part of the input.
-struct Tile<T> {
+pub(crate) struct Tile<T> {
     raw: [T; VALUES],
     /// The coordinates of each axis, and as many slots more as a row has lanes, so that a copy may
     /// end with a whole row.
@@ -30,41 +30,39 @@ struct Tile<T> {
 }
 
 impl<T: Scalar> Tile<T> {
-    fn new() -> Tile<T> {
+    pub fn new() -> Tile<T> {
         Tile {
             raw: [T::default(); VALUES],
             axes: [[T::default(); POINTS + LANES]; 3],
         }
     }
 
-    /// Reads at most [`VALUES`] coordinates. Returns the bit pattern of the largest magnitude, or
-    /// the first value above `limit`; `first` is the number of the first point.
-    ///
-    /// Magnitudes are compared as integers: without the sign bit, the bit pattern of a float
-    /// increases with its magnitude, and the patterns of infinities and NaN are larger than all
-    /// others. So one maximum gives the range and the check.
+    /// Reads at most [`VALUES`] coordinates, each once. Returns the bit pattern of the largest
+    /// magnitude, or the first value above `limit`; `first` is the number of the first point.
     #[inline(always)]
     fn read(&mut self, src: &[T], limit: u64, first: usize) -> Result<u64, Bad> {
         let raw = &mut self.raw[..src.len()];
         raw.copy_from_slice(src);
-        let largest = T::largest(raw);
-        if largest > limit {
-            let above = |v: &T| T::largest(&[*v]) > limit;
-            let k = raw.iter().position(above).unwrap_or(0);
-            return Err((first + k / 3, k % 3, raw[k].into()));
-        }
-        let [x, y, z] = &mut self.axes;
-        // All of the tile: a loop of a fixed length is compiled to shuffles.
-        for k in 0..POINTS {
-            x[k] = self.raw[3 * k];
-            y[k] = self.raw[3 * k + 1];
-            z[k] = self.raw[3 * k + 2];
-        }
+        let largest = largest_within(raw, limit, first)?;
+        spread(&self.raw, &mut self.axes);
         Ok(largest)
     }
 
-    /// Copies `count` points, from point `from` of the tile on, to the slots from `to` on. Copies
-    /// whole rows if `rows` is true, which overwrites up to seven slots more.
+    /// Returns at most [`VALUES`] coordinates of private memory, one array per axis. The arrays may
+    /// have old points behind them.
+    #[inline(always)]
+    pub fn axes(&mut self, values: &[T]) -> [&[T; POINTS + LANES]; 3] {
+        if let Some(values) = values.as_array() {
+            spread(values, &mut self.axes);
+        } else {
+            self.raw[..values.len()].copy_from_slice(values);
+            spread(&self.raw, &mut self.axes);
+        }
+        self.axes.each_ref()
+    }
+
+    /// Copies `count` points, from point `from` of the tile on, to the slots from `to` on.
+    /// Copies whole rows if `rows` is true, which overwrites up to seven slots more.
     #[inline(always)]
     fn copy(&self, from: usize, count: usize, dst: &mut [Vec<T>; 3], to: usize, rows: bool) {
         for (src, dst) in self.axes.iter().zip(dst) {
@@ -77,6 +75,34 @@ impl<T: Scalar> Tile<T> {
                 _ => dst[..count].copy_from_slice(&src[..count]),
             }
         }
+    }
+}
+
+/// Returns the bit pattern of the largest magnitude, or the first value above `limit`; `first` is
+/// the number of the first point.
+///
+/// Magnitudes are compared as integers: without the sign bit, the bit pattern of a float increases
+/// with its magnitude, and the patterns of infinities and NaN are larger than all others. So one
+/// maximum gives the range and the check.
+#[inline(always)]
+pub(crate) fn largest_within<T: Scalar>(raw: &[T], limit: u64, first: usize) -> Result<u64, Bad> {
+    let largest = T::largest(raw);
+    if largest > limit {
+        let above = |v: &T| T::largest(&[*v]) > limit;
+        let k = raw.iter().position(above).unwrap_or(0);
+        return Err((first + k / 3, k % 3, raw[k].into()));
+    }
+    Ok(largest)
+}
+
+/// Spreads the coordinates of a tile over one array per axis.
+#[inline(always)]
+fn spread<T: Scalar>(raw: &[T; VALUES], [x, y, z]: &mut [[T; POINTS + LANES]; 3]) {
+    // All of the tile: a loop of a fixed length is compiled to shuffles.
+    for k in 0..POINTS {
+        x[k] = raw[3 * k];
+        y[k] = raw[3 * k + 1];
+        z[k] = raw[3 * k + 2];
     }
 }
 

@@ -1,7 +1,7 @@
 //! Affine frame of a motion: a rigid motion, rotation or stretch of the whole scene changes no
 //! linking number.
 
-use crate::curve::CurveSet;
+use crate::curve::{CurveSet, Positions};
 use nalgebra::{Matrix3, Vector3};
 
 /// Number of points to which the affine frame is fitted: enough to follow the scene at a negligible
@@ -28,19 +28,22 @@ pub(super) struct Affine {
 }
 
 impl Affine {
-    /// Returns the least-squares map from a sample of the reference frame to its positions in the
-    /// set `to`. Returns `None` if the map would flatten or mirror the scene.
+    /// Returns the least-squares map from a sample of the reference frame to its positions in a
+    /// frame. Returns `None` if the map would flatten or mirror the scene.
     ///
-    /// If the points lie in a plane or on a line, `M` is the identity across it. Conclusions from
-    /// the map are valid for every map; a poor fit only allows fewer conclusions.
-    pub fn fit(sample: &Sample, to: &CurveSet) -> Option<Affine> {
+    /// The positions may be unchecked, and may change meanwhile: conclusions from the map are valid
+    /// for every map.
+    ///
+    /// If the points lie in a plane or on a line, `M` is the identity across it. A poor fit only
+    /// allows fewer conclusions.
+    pub fn fit(sample: &Sample, to: Positions<'_>) -> Option<Affine> {
         let share = 1.0 / sample.points.len() as f64;
         let mut mean = Vector3::zeros();
         let mut moved = Matrix3::zeros();
         // Sums of the differences from the identity, so that a scene at rest gives exactly the
         // identity.
-        for (slot, q) in &sample.points {
-            let d = Vector3::from(to.at(*slot)) - q;
+        for (point, q) in &sample.points {
+            let d = Vector3::from(to.point(*point)) - q;
             mean += d * share;
             moved += d * (q - sample.mean).transpose() * share;
         }
@@ -96,11 +99,15 @@ impl Affine {
 
     /// Returns the map if it is well conditioned and preserves the orientation.
     pub fn new(m: Matrix3<f64>, t: Vector3<f64>) -> Option<Affine> {
+        // The decompositions below need not end for other numbers.
+        if !m.iter().chain(t.iter()).all(|x| x.is_finite()) {
+            return None;
+        }
         let inverse = m.try_inverse()?;
         let singular = m.svd(false, false).singular_values;
         let (least, most) = (singular.min(), singular.max());
         let usable = m.determinant() > 0.0 && least > 0.1 && most < 10.0;
-        let finite = t.iter().chain(inverse.iter()).all(|x| x.is_finite());
+        let finite = inverse.iter().all(|x| x.is_finite());
         (usable && finite).then_some(Affine {
             m,
             t,
@@ -121,7 +128,7 @@ impl Affine {
 /// A sample of control points of a reference frame, and precomputed values for a fit.
 #[derive(Debug)]
 pub(super) struct Sample {
-    /// Slot and position of each point.
+    /// Number, counted over all curves, and position of each point.
     points: Vec<(usize, Vector3<f64>)>,
     mean: Vector3<f64>,
     /// Inverse of the covariance of the points.
@@ -132,12 +139,15 @@ impl Sample {
     /// Returns evenly spread points of closed curves, and of open curves if `open` is set.
     pub fn new(set: &CurveSet, open: bool) -> Sample {
         let step = (set.points() / SAMPLES).max(1);
-        let slots = (0..set.len())
+        let positions = set.positions();
+        let positions = positions.as_positions();
+        let points = (0..set.len())
             .filter(|&i| open || set.curve(i).closed)
-            .flat_map(|i| set.body(i))
+            .flat_map(|i| set.points_of(i))
             .enumerate()
-            .filter(|(k, _)| (k / TOGETHER).is_multiple_of(step));
-        let points: Vec<_> = slots.map(|(_, k)| (k, Vector3::from(set.at(k)))).collect();
+            .filter(|(k, _)| (k / TOGETHER).is_multiple_of(step))
+            .map(|(_, k)| (k, Vector3::from(positions.point(k))));
+        let points: Vec<_> = points.collect();
         let share = 1.0 / points.len().max(1) as f64;
         let mean: Vector3<f64> = points.iter().map(|(_, q)| q * share).sum();
         let spread: Matrix3<f64> = points

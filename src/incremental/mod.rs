@@ -19,6 +19,7 @@
 //! frame.
 
 mod affine;
+mod blocks;
 mod coverage;
 mod covered;
 mod events;
@@ -27,7 +28,6 @@ mod monitor;
 mod motion;
 mod packed;
 mod reference;
-mod slots;
 mod stream;
 #[cfg(test)]
 mod tests;

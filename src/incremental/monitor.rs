@@ -4,11 +4,13 @@ use super::affine::Affine;
 use super::coverage::Coverage;
 use super::motion::MovedBlocks;
 use super::reference::Reference;
-use super::stream::moved_chunks;
+use super::stream::compare;
 use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
-use crate::curve::CurveSet;
+use crate::curve::{Bad, CurveSet, Positions, Received};
+use crate::error::Result;
 use crate::pairs::Pair;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -31,6 +33,9 @@ const MAX_BACKOFF: u64 = 256;
 /// memory.
 const BACKOFF: u64 = 16;
 
+/// Maximum number of frames that are received before they are verified.
+const RECEIVED: usize = 4;
+
 /// Compares the frames of a scene with a reference frame.
 #[derive(Debug, Default)]
 pub(crate) struct Monitor {
@@ -51,6 +56,9 @@ pub(crate) struct Monitor {
     /// The previous frame and the current frame.
     previous: Survey,
     current: Survey,
+    /// Surveys of frames that were received, but are not verified yet, oldest first: the number of
+    /// the contents, and the frame number of the reference.
+    received: VecDeque<(u64, u64, Survey)>,
 }
 
 /// A reference frame, and its comparison with the baseline.
@@ -65,22 +73,39 @@ struct Known {
 struct Survey {
     /// Affine frame of the scene. `None` if there is none, or if too many chunks moved.
     affine: Option<Affine>,
-    /// Chunks of slots with a point that moved further than its allowance.
+    /// Chunks of points with a point that moved further than its allowance.
     chunks: Vec<u32>,
 }
 
 impl Survey {
-    fn of(&mut self, reference: &Reference, set: &CurveSet) {
-        self.chunks.clear();
-        self.affine = Affine::fit(&reference.sample, set);
-        let Some(affine) = &self.affine else {
-            return;
+    /// Compares a frame with a reference frame.
+    fn of(reference: &Reference, set: &CurveSet) -> Survey {
+        let positions = set.positions();
+        let survey = Survey::read(reference, positions.as_positions(), None, f64::INFINITY);
+        // The coordinates of a set are finite.
+        survey.map_or_else(|_| Survey::default(), |(survey, _)| survey)
+    }
+
+    /// Compares positions with a reference frame, and copies them to `copy`. Returns their largest
+    /// magnitude too. Fails with the first value whose magnitude is not within `range`.
+    fn read(
+        reference: &Reference,
+        positions: Positions<'_>,
+        copy: Option<&mut Received>,
+        range: f64,
+    ) -> Result<(Survey, f64), Bad> {
+        let mut survey = Survey {
+            affine: Affine::fit(&reference.sample, positions),
+            chunks: Vec::new(),
         };
         let limit = FEW_CHUNKS.max((reference.chunks() as f64 * MANY_CHUNKS) as usize);
-        moved_chunks(reference, affine, set, limit, &mut self.chunks);
-        if self.chunks.len() > limit {
-            self.affine = None;
+        let affine = survey.affine.as_ref();
+        let found = (limit, &mut survey.chunks);
+        let compared = compare(reference, affine, positions, copy, range, found)?;
+        if survey.chunks.len() > limit || !compared.known {
+            survey.affine = None;
         }
+        Ok((survey, compared.largest))
     }
 
     /// Returns the number of chunks that moved, or the largest number if it is unknown.
@@ -99,6 +124,44 @@ impl Monitor {
         }
     }
 
+    /// Copies the positions of another frame to `set`, checks them, and compares them with the
+    /// reference frame in the same pass.
+    ///
+    /// Errors: those of [`CurveSet::update`].
+    pub fn receive(&mut self, set: &mut CurveSet, positions: Positions<'_>) -> Result<()> {
+        let same = |known: &&Known| known.reference.set.same_layout(set);
+        let Some(known) = self.reference.as_ref().filter(same) else {
+            return set.update(positions);
+        };
+        let mut found = None;
+        set.update_by(positions, |copy, range| {
+            let read = Survey::read(&known.reference, positions, Some(copy), range);
+            let (survey, largest) = read?;
+            found = Some(survey);
+            Ok(largest)
+        })?;
+        if self.received.len() == RECEIVED {
+            self.received.pop_front();
+        }
+        let reference = known.reference.frame;
+        let found = found.map(|survey| (set.contents(), reference, survey));
+        self.received.extend(found);
+        Ok(())
+    }
+
+    /// Returns the survey of a frame: that of [`Monitor::receive`], if the reference frame is still
+    /// the same.
+    fn survey(&mut self, reference: &Reference, set: &CurveSet) -> Survey {
+        let is_it = |(contents, frame, _): &(u64, u64, Survey)| {
+            (*contents, *frame) == (set.contents(), reference.frame)
+        };
+        let at = self.received.iter().position(is_it);
+        match at.and_then(|k| self.received.drain(..=k).next_back()) {
+            Some((_, _, survey)) => survey,
+            None => Survey::of(reference, set),
+        }
+    }
+
     /// Compares the frame `set` with the reference frame. Returns true if it has the linking
     /// numbers of the reference frame. A new baseline needs a new monitor. `before` is the previous
     /// frame, for [`Monitor::pairs_to_search`].
@@ -114,10 +177,12 @@ impl Monitor {
         *work = Work::default();
         self.reference
             .take_if(|k| !k.reference.set.same_layout(set));
-        match &self.reference {
-            Some(known) => self.current.of(&known.reference, set),
-            None => self.current.affine = None,
-        }
+        let known = self.reference.take();
+        self.current = match &known {
+            Some(known) => self.survey(&known.reference, set),
+            None => Survey::default(),
+        };
+        self.reference = known;
         if let Some(built) = self.take_built(set, baseline) {
             self.adopt_if_better(built, before, set);
         }
@@ -232,7 +297,9 @@ impl Monitor {
     pub fn make_allowances_infinite(&mut self) {
         let reference = &mut self.reference.as_mut().expect("a reference").reference;
         reference.allowances.fill(f32::INFINITY);
-        reference.packed = super::packed::Packed::blocks(&reference.set, &reference.allowances);
+        let (points, largest) = (reference.points.positions(), reference.set.max_abs());
+        reference.packed = super::packed::Packed::blocks(points, largest, &reference.allowances);
+        self.received.clear();
     }
 
     /// Takes a completed reference frame of the same curves.
@@ -253,17 +320,16 @@ impl Monitor {
     /// Adopts a reference frame if fewer points of the current frame moved relative to it than
     /// relative to the present one.
     fn adopt_if_better(&mut self, built: Known, before: Option<&CurveSet>, set: &CurveSet) {
-        let mut survey = Survey::default();
-        survey.of(&built.reference, set);
+        let survey = Survey::of(&built.reference, set);
         let present = self.reference.as_ref();
         let present = present.filter(|k| !k.reference.certificate.has_degenerate_curves());
         self.pays = present.is_none() || survey.moved() < self.current.moved();
         if self.pays {
             self.current = survey;
-            match before.filter(|before| before.same_layout(set)) {
-                Some(before) => self.previous.of(&built.reference, before),
-                None => self.previous.affine = None,
-            }
+            let before = before.filter(|before| before.same_layout(set));
+            self.previous = before.map_or_else(Survey::default, |before| {
+                Survey::of(&built.reference, before)
+            });
             self.reference = Some(built);
         }
     }

@@ -23,10 +23,10 @@
 //! If the difference is too long, the segments are tested one by one.
 
 use super::affine::Affine;
+use super::blocks::{CHUNK, Real};
 use super::covered::Covered;
 use super::ledger::Observer;
 use super::reference::{Block, Reference};
-use super::slots::{CHUNK, Real};
 use crate::curve::{Axes, Basis, CurveSet, larger, smaller};
 use crate::discretize::MovingSeparation;
 use crate::exact::{Decided, Ties, passages};
@@ -98,9 +98,9 @@ impl<'a> MovedBlocks<'a> {
     ) -> MovedBlocks<'a> {
         let mut segments: Vec<(u32, u32)> = Vec::new();
         for &chunk in chunks {
-            let slots = chunk as usize * CHUNK..(chunk as usize + 1) * CHUNK;
+            let points = chunk as usize * CHUNK..(chunk as usize + 1) * CHUNK;
             let set = &reference.set;
-            set.segments_at(slots, reference.coverage.open_curves, |i, s| {
+            set.segments_at(points, reference.coverage.open_curves, |i, s| {
                 segments.push((i, s))
             });
         }
@@ -413,7 +413,7 @@ mod tests {
             let reference = Reference::build(set(&rings), Arc::default(), 0, coverage);
             let affines = frames
                 .each_ref()
-                .map(|set| Affine::fit(&reference.sample, set));
+                .map(|set| Affine::fit(&reference.sample, set.positions().as_positions()));
             let [Some(from), Some(to)] = &affines else {
                 continue;
             };

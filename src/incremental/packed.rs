@@ -10,8 +10,8 @@
 //! frame.
 
 use super::affine::Affine;
-use super::slots::{BLOCK, Real};
-use crate::curve::{CurveSet, Point};
+use super::blocks::{BLOCK, Real};
+use crate::curve::{Point, Positions};
 use crate::simd::{LANES, Simd};
 
 /// Half a unit in the last place of 1, in single and in double precision.
@@ -21,7 +21,7 @@ const U_DOUBLE: f64 = f64::EPSILON / 2.0;
 /// Share of the allowance of a block that may be given up for a cheaper comparison.
 const MAX_LOSS: f64 = 0.125;
 
-/// The points of a block of slots in the reference frame: `origin + scale * offset`.
+/// The points of a block in the reference frame: `origin + scale * offset`.
 #[derive(Debug)]
 #[repr(align(64))]
 pub(super) struct Packed {
@@ -36,18 +36,20 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// Returns all complete blocks of a set.
-    pub fn blocks(set: &CurveSet, allowances: &[f32]) -> Vec<Packed> {
+    /// Returns all complete blocks of points. Their largest coordinate is `max_abs`.
+    pub fn blocks(points: Positions<'_>, max_abs: f64, allowances: &[f32]) -> Vec<Packed> {
         let blocks = allowances.as_chunks::<BLOCK>().0.iter().enumerate();
         blocks
-            .map(|(b, allowances)| Packed::new(set, b * BLOCK, allowances))
+            .map(|(b, allowances)| {
+                let points = std::array::from_fn(|k| points.point(b * BLOCK + k));
+                Packed::new(&points, max_abs, allowances)
+            })
             .collect()
     }
 
-    fn new(set: &CurveSet, first: usize, allowances: &[f32; BLOCK]) -> Packed {
-        let points = || (first..first + BLOCK).map(|slot| set.at(slot));
-        let (mut lo, mut hi) = (set.at(first), set.at(first));
-        for p in points() {
+    fn new(points: &[Point; BLOCK], max_abs: f64, allowances: &[f32; BLOCK]) -> Packed {
+        let (mut lo, mut hi) = (points[0], points[0]);
+        for p in points {
             for x in 0..3 {
                 (lo[x], hi[x]) = (lo[x].min(p[x]), hi[x].max(p[x]));
             }
@@ -59,7 +61,7 @@ impl Packed {
         let scale = (size / (2.0 * f64::from(i16::MAX))) as f32;
         let mut offsets = [[0; BLOCK]; 3];
         let (mut radius, mut allowance) = (0.0f64, f64::INFINITY);
-        for (k, (p, &a)) in points().zip(allowances).enumerate() {
+        for (k, (p, &a)) in points.iter().zip(allowances).enumerate() {
             let (mut far, mut off) = (0.0, 0.0);
             for x in 0..3 {
                 // The cast saturates.
@@ -71,7 +73,7 @@ impl Packed {
                 off += d * d;
             }
             if a < f32::INFINITY {
-                let rounding = 8.0 * U_DOUBLE * set.max_abs() + 1e-150;
+                let rounding = 8.0 * U_DOUBLE * max_abs + 1e-150;
                 radius = radius.max(far.sqrt());
                 allowance = allowance.min(f64::from(a) - off.sqrt() * (1.0 + 1e-9) - rounding);
             }
@@ -130,13 +132,10 @@ pub(super) struct PackedCondition {
 }
 
 impl PackedCondition {
-    pub fn new<T: Real>(
-        affine: &Affine,
-        reference: &CurveSet,
-        current: &CurveSet,
-    ) -> PackedCondition {
+    /// `reference` and `current` are upper bounds of the coordinates of both frames.
+    pub fn new<T: Real>(affine: &Affine, reference: f64, current: f64) -> PackedCondition {
         let largest = affine.largest_row().max(1.0);
-        let size = largest * reference.max_abs() + affine.t.amax() + current.max_abs();
+        let size = largest * reference + affine.t.amax() + current;
         let error = (3.0 * T::U + 32.0 * U_DOUBLE) * size + f64::from(f32::TINY);
         let stray = (affine.m - nalgebra::Matrix3::identity()).norm();
         PackedCondition {

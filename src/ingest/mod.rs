@@ -8,21 +8,27 @@
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::{Error, Result};
 
-/// Frame as received: the number of control points of each curve (negative if the curve is closed),
-/// and their positions.
+/// Frame as received, not yet checked. It may be in shared memory, and change while it is read.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RawFrame<'a> {
+pub struct RawFrame<'a> {
+    /// Basis of all curves.
     pub basis: Basis,
+    /// Number of control points of each curve, negative if the curve is closed.
     pub counts: &'a [i32],
+    /// The control points, curve after curve.
     pub positions: Positions<'a>,
 }
 
-/// Copies `frame` into `set`: the first frame creates the set, and every later one of equal layout
-/// updates it.
+/// Copies `frame` into `set`: the first frame creates the set, and `update` copies every later one
+/// of equal layout.
 ///
 /// After an error an existing set holds a mixture of both frames, and must be updated again before
 /// use. It is kept, because later frames are compared with its layout.
-pub(crate) fn ingest(frame: RawFrame<'_>, set: &mut Option<CurveSet>) -> Result<()> {
+pub(crate) fn ingest(
+    frame: RawFrame<'_>,
+    set: &mut Option<CurveSet>,
+    update: impl FnOnce(&mut CurveSet, Positions<'_>) -> Result<()>,
+) -> Result<()> {
     match set {
         None => {
             // Copied once, because the counts in shared memory could change between two reads.
@@ -35,7 +41,7 @@ pub(crate) fn ingest(frame: RawFrame<'_>, set: &mut Option<CurveSet>) -> Result<
         }
         Some(set) => {
             same_layout(&frame, set)?;
-            set.update(frame.positions)?;
+            update(set, frame.positions)?;
         }
     }
     Ok(())
@@ -89,18 +95,33 @@ mod tests {
     #[test]
     fn the_first_frame_creates_the_set_and_the_next_one_updates_it() {
         let mut set = None;
-        ingest(frame(Basis::Polyline, &[-4], &SQUARE), &mut set).unwrap();
+        ingest(
+            frame(Basis::Polyline, &[-4], &SQUARE),
+            &mut set,
+            CurveSet::update,
+        )
+        .unwrap();
         let moved = SQUARE.map(|x| x + 1.0);
-        ingest(frame(Basis::Polyline, &[-4], &moved), &mut set).unwrap();
+        ingest(
+            frame(Basis::Polyline, &[-4], &moved),
+            &mut set,
+            CurveSet::update,
+        )
+        .unwrap();
         assert_eq!(set.unwrap().point(0, 0), [1.0; 3]);
     }
 
     #[test]
     fn rejects_other_curves_and_keeps_the_old_layout() {
         let mut set = None;
-        ingest(frame(Basis::Polyline, &[-4], &SQUARE), &mut set).unwrap();
+        ingest(
+            frame(Basis::Polyline, &[-4], &SQUARE),
+            &mut set,
+            CurveSet::update,
+        )
+        .unwrap();
         let mut refuse = |basis, counts: &[i32]| {
-            let e = ingest(frame(basis, counts, &SQUARE), &mut set).unwrap_err();
+            let e = ingest(frame(basis, counts, &SQUARE), &mut set, CurveSet::update).unwrap_err();
             assert!(matches!(e, Error::LayoutChanged { .. }), "{e}");
             e.to_string()
         };
@@ -118,6 +139,11 @@ mod tests {
             format!("{head}control points of a curve was 4, is 3")
         );
         refuse(Basis::BSpline, &[-4]);
-        ingest(frame(Basis::Polyline, &[-4], &SQUARE), &mut set).unwrap();
+        ingest(
+            frame(Basis::Polyline, &[-4], &SQUARE),
+            &mut set,
+            CurveSet::update,
+        )
+        .unwrap();
     }
 }

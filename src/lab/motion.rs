@@ -1,14 +1,15 @@
 //! Measurement of moving frames: incremental verification, compared with a plain read of the frame
 //! and a full run.
 //!
-//! Every frame is read once, copied into the curve set, and verified incrementally. Every few
-//! frames a second verifier computes the frame in full, for its time and its verdict. All
+//! Every frame is read once, then received and verified incrementally. Every few frames a second
+//! verifier receives the frame and computes it in full, for its time and its verdict. All
 //! measurements alternate frame by frame, so that a busy machine slows all of them equally.
 
 use super::clock::timed;
 use crate::curve::{CurveSet, Positions};
 use crate::error::Result;
 use crate::incremental::Events;
+use crate::ingest::RawFrame;
 use crate::scenes::{Frames, Motion};
 use crate::verdict::{Report, Verdict};
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
@@ -125,14 +126,11 @@ impl MotionStudy {
             _ => 1,
         };
         let [mut incremental, mut full] = self.verifiers()?;
-        let mut pool = Pool {
-            curves: &self.curves,
-            sets: Vec::new(),
-        };
+        let mut pool = Pool::new(&self.curves);
         if let Some(first) = source.next()? {
             for verifier in [&mut incremental, &mut full] {
                 // The baseline.
-                let _ = verifier.step_shared(0, 0.0, &pool.filled(first.positions)?)?;
+                let _ = pool.verify(verifier, 0, first.positions)?;
             }
         }
         for frame in 1.. {
@@ -140,14 +138,13 @@ impl MotionStudy {
                 break;
             };
             record(&mut row.read, || largest(black_box(positions)));
-            let mut set = pool.free();
-            record(&mut row.update, || fill(&mut set, black_box(positions)))?;
-            pool.sets.push(Arc::clone(&set));
             if cut {
                 incremental.cut();
                 full.cut();
             }
-            let report = record(&mut row.frame, || incremental.step_shared(frame, 0.0, &set))?;
+            let (report, took) = pool.verify(&mut incremental, frame, positions)?;
+            row.receive.push(took[0]);
+            row.frame.push(took[0] + took[1]);
             let work = incremental.work();
             row.routes[work.route as usize] += 1;
             row.blocks += work.blocks;
@@ -164,9 +161,9 @@ impl MotionStudy {
                 on_frame(frame, None);
                 continue;
             }
-            // Filled again, so that both verifiers run after the same single-threaded work.
-            let set = pool.filled(black_box(positions))?;
-            let expected = record(&mut row.full, || full.step_shared(frame, 0.0, &set))?;
+            let (expected, [update, verification]) = pool.verify(&mut full, frame, positions)?;
+            row.update.push(update);
+            row.full.push(update + verification);
             row.not_intact += u64::from(expected.verdict != Verdict::Intact);
             let equal = same(&expected, &report);
             row.equal += u64::from(equal);
@@ -179,31 +176,48 @@ impl MotionStudy {
 /// Curve sets of earlier frames. As in a live run, a set is used again when no verifier keeps it.
 struct Pool<'a> {
     curves: &'a CurveSet,
+    counts: Vec<i32>,
     sets: Vec<Arc<CurveSet>>,
 }
 
-impl Pool<'_> {
-    /// Takes a set that only the pool holds, or makes one.
-    fn free(&mut self) -> Arc<CurveSet> {
-        let free = |set: &Arc<CurveSet>| Arc::strong_count(set) == 1;
-        match self.sets.iter().position(free) {
-            Some(k) => self.sets.swap_remove(k),
-            None => Arc::new(self.curves.clone()),
+impl<'a> Pool<'a> {
+    fn new(curves: &'a CurveSet) -> Pool<'a> {
+        Pool {
+            curves,
+            counts: curves.counts().collect(),
+            sets: Vec::new(),
         }
     }
 
-    /// Returns a set with these positions.
-    fn filled(&mut self, positions: Positions<'_>) -> Result<Arc<CurveSet>> {
-        let mut set = self.free();
-        fill(&mut set, positions)?;
-        self.sets.push(Arc::clone(&set));
-        Ok(set)
+    /// Takes a set that only the pool holds, or makes one.
+    fn free(&mut self) -> CurveSet {
+        let free = |set: &Arc<CurveSet>| Arc::strong_count(set) == 1;
+        let set = self.sets.iter().position(free);
+        let set = set.and_then(|k| Arc::into_inner(self.sets.swap_remove(k)));
+        set.unwrap_or_else(|| self.curves.clone())
     }
-}
 
-/// Sets the positions of a set that nobody else holds.
-fn fill(set: &mut Arc<CurveSet>, positions: Positions<'_>) -> Result<()> {
-    Arc::make_mut(set).update(positions)
+    /// Verifies a frame. Returns the report, and the milliseconds that it took to receive the frame
+    /// and to verify it.
+    fn verify(
+        &mut self,
+        verifier: &mut Verifier,
+        frame: u64,
+        positions: Positions<'_>,
+    ) -> Result<(Report, [f64; 2])> {
+        let mut set = Some(self.free());
+        let raw = RawFrame {
+            basis: self.curves.basis(),
+            counts: &self.counts,
+            positions,
+        };
+        let (received, receive) = timed(|| verifier.receive(black_box(raw), &mut set));
+        received?;
+        let set = Arc::new(set.expect("given"));
+        self.sets.push(Arc::clone(&set));
+        let (report, verification) = timed(|| verifier.step_shared(frame, 0.0, &set));
+        Ok((report?, [receive.wall_ms, verification.wall_ms]))
+    }
 }
 
 /// Measurements of one motion and amplitude. Times are in milliseconds, one for each frame.
@@ -215,11 +229,14 @@ pub struct MotionRow {
     pub amplitude: f64,
     /// Times of a plain read of the frame by one thread.
     pub read: Vec<f64>,
-    /// Times to copy the frame into the curve set.
-    pub update: Vec<f64>,
-    /// Times of the incremental verification.
+    /// Times to receive a frame for the incremental verification: to copy it, and to compare it on
+    /// the way.
+    pub receive: Vec<f64>,
+    /// Times to receive and to verify a frame incrementally.
     pub frame: Vec<f64>,
-    /// Times of the full runs.
+    /// Times to copy a frame into the arrays of a curve set, for a full run.
+    pub update: Vec<f64>,
+    /// Times to copy a frame and to verify it in full.
     pub full: Vec<f64>,
     /// Number of frames on the full, the quiet and the partial route.
     pub routes: [u64; 3],

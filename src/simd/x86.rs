@@ -23,8 +23,10 @@ pub(crate) fn avx2() -> Option<Avx2> {
 
 /// Returns the token if the CPU has AVX-512.
 pub(crate) fn avx512() -> Option<Avx512> {
-    static FOUND: LazyLock<bool> =
-        LazyLock::new(|| avx2().is_some() && has!("avx512f") && has!("avx512dq"));
+    static FOUND: LazyLock<bool> = LazyLock::new(|| {
+        let parts = has!("avx512f") && has!("avx512dq") && has!("avx512bw") && has!("avx512vl");
+        avx2().is_some() && parts
+    });
     FOUND.then_some(Avx512(()))
 }
 
@@ -63,7 +65,8 @@ calls! {
 }
 
 calls! {
-    Avx512: "avx2,fma,bmi1,bmi2,popcnt,avx512f,avx512dq",
+    Avx512: "avx2,fma,bmi1,bmi2,popcnt,avx512f,avx512dq,avx512bw,avx512vl",
+    call3(a: A, b: B, c: C)
     call4(a: A, b: B, c: C, d: D)
 }
 

@@ -22,6 +22,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Outcome, Route, Work};
+use crate::ingest::{RawFrame, ingest};
 use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
 use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
@@ -234,6 +235,41 @@ impl Verifier {
         self.monitor.wait_for_reference();
     }
 
+    /// Copies the frame that is verified next into `set`: the first frame creates the set, and every
+    /// later one of the same curves updates it. Every value is read once and checked.
+    ///
+    /// If the frame is verified incrementally, the same pass compares it with the reference frame,
+    /// so that [`Verifier::step_shared`] need not read a quiet frame again. Several frames may be
+    /// received before they are verified.
+    ///
+    /// Errors: the frame breaks its contract, as told by [`Verifier::reject`]: a number that is not
+    /// finite ([`Error::NotFinite`]) or too large, or curves other than those of `set`
+    /// ([`Error::LayoutChanged`]). The next valid frame makes an existing set valid again.
+    ///
+    /// ```
+    /// use linkwatch::{Basis, Positions, RawFrame, Verdict, Verifier};
+    /// use std::sync::Arc;
+    ///
+    /// let square = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0];
+    /// let (mut verifier, mut set) = (Verifier::default(), None);
+    /// let frame = RawFrame {
+    ///     basis: Basis::Polyline,
+    ///     counts: &[-4],
+    ///     positions: Positions::F64(&square),
+    /// };
+    /// verifier.receive(frame, &mut set)?;
+    /// let set = Arc::new(set.expect("the first frame creates the set"));
+    /// assert_eq!(verifier.step_shared(0, 0.0, &set)?.verdict, Verdict::Intact);
+    /// # Ok::<(), linkwatch::Error>(())
+    /// ```
+    pub fn receive(&mut self, frame: RawFrame<'_>, set: &mut Option<CurveSet>) -> Result<()> {
+        let incremental = self.strategy.is_incremental();
+        ingest(frame, set, |set, positions| match incremental {
+            true => self.monitor.receive(set, positions),
+            false => set.update(positions),
+        })
+    }
+
     /// Verifies one frame. Without a baseline, the first frame becomes the baseline.
     ///
     /// If pull-throughs are reported, or the frame is verified incrementally, the positions are
@@ -265,7 +301,7 @@ impl Verifier {
     /// search for pull-throughs between the two. Call this after a rollback, a restart or a cut of
     /// the simulation.
     ///
-    /// LinkingNumbers numbers are still compared with the baseline.
+    /// Linking numbers are still compared with the baseline.
     pub fn cut(&mut self) {
         self.steps.forget();
     }

@@ -23,8 +23,8 @@ use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameRecord, Overflow, Progress,
-    Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict, Verifier, VerifierOptions,
-    Work,
+    RawFrame, Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict, Verifier,
+    VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -284,13 +284,16 @@ impl Session {
         &self.live
     }
 
-    /// Converts a frame to curves. A frame that breaks its contract is rejected by
-    /// [`Session::judge`].
+    /// Copies a frame, which `read` passes to its argument. A frame that breaks its contract is
+    /// rejected by [`Session::judge`].
     #[cfg(any(feature = "bus", feature = "mcap"))]
-    pub fn ingest(&mut self, ingest: impl FnOnce(&mut Option<CurveSet>) -> Result<()>) -> Ingested {
+    pub fn ingest(
+        &mut self,
+        read: impl FnOnce(&mut dyn FnMut(RawFrame<'_>) -> Result<()>) -> Result<()>,
+    ) -> Ingested {
         let start = Instant::now();
         let mut set = self.free_curves();
-        let ingested = ingest(&mut set);
+        let ingested = read(&mut |frame| self.verifier.receive(frame, &mut set));
         let set = set.map(Arc::new);
         // A rejected frame is a mixture of this frame and the previous one: only its layout is
         // valid.

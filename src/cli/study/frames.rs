@@ -196,6 +196,7 @@ impl Study {
         let rows = &self.rows;
         let all = |f: fn(&MotionRow) -> &Vec<f64>| median(rows.iter().flat_map(f).copied());
         let (read, update, full) = (all(|r| &r.read), all(|r| &r.update), all(|r| &r.full));
+        let receive = all(|r| &r.receive);
         let sum = |f: fn(&MotionRow) -> u64| rows.iter().map(f).sum::<u64>();
         let (compared, equal) = (sum(MotionRow::compared), sum(|r| r.equal));
         if self.as_json {
@@ -208,6 +209,7 @@ impl Study {
                 "threads": rayon::current_num_threads(),
                 "events": self.motions.events.to_string(),
                 "read_ms": read,
+                "receive_ms": receive,
                 "update_ms": update,
                 "full_ms": full,
                 "compared": compared,
@@ -216,7 +218,7 @@ impl Study {
             }));
         } else {
             output::line(format_args!(
-                "read {read:.4} ms, update {update:.3} ms, full run {full:.3} ms; \
+                "read {read:.4} ms, receive {receive:.3} ms, full run {full:.3} ms; \
                  {} of {} verdicts as in the full run",
                 count(equal),
                 count(compared),
@@ -242,6 +244,7 @@ fn table() -> Table {
         ("amplitude", 9),
         ("read", 8),
         ("full", 7),
+        ("receive", 7),
         ("frame", 7),
         ("/read", 7),
         ("p95", 7),
@@ -253,8 +256,9 @@ fn table() -> Table {
     ])
 }
 
-fn cells(row: &MotionRow) -> [String; 12] {
+fn cells(row: &MotionRow) -> [String; 13] {
     let [read, full, frame] = medians([&row.read, &row.full, &row.frame]);
+    let receive = median(row.receive.iter().copied());
     let share = |n: u64| format!("{:.0}", 100.0 * n as f64 / row.frame.len() as f64);
     let broken = match row.not_intact {
         0 => String::new(),
@@ -269,6 +273,7 @@ fn cells(row: &MotionRow) -> [String; 12] {
         row.amplitude.to_string(),
         format!("{read:.4}"),
         format!("{full:.3}"),
+        format!("{receive:.3}"),
         format!("{frame:.3}"),
         format!("{:.2}", frame / read),
         format!("{:.3}", percentile(row.frame.iter().copied(), 95)),
@@ -281,11 +286,13 @@ fn cells(row: &MotionRow) -> [String; 12] {
 }
 
 fn row_json(row: &MotionRow) -> Value {
-    let [read, update, full, frame] = medians([&row.read, &row.update, &row.full, &row.frame]);
+    let [read, full, frame] = medians([&row.read, &row.full, &row.frame]);
+    let [receive, update] = medians([&row.receive, &row.update]);
     json!({
         "motion": row.motion,
         "amplitude": row.amplitude,
         "read_ms": read,
+        "receive_ms": receive,
         "update_ms": update,
         "full_ms": full,
         "frame_ms": frame,

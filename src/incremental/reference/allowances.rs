@@ -113,7 +113,7 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// Computes all allowances, and the list of neighbours.
+    /// Returns the allowances of all control points, in order, and the list of neighbours.
     pub fn fill(self, certificate: &Certificate) -> (Vec<f32>, Neighbours) {
         let curves: Vec<usize> = self.covered.indices().collect();
         curves.par_iter().for_each(|&i| {
@@ -155,8 +155,9 @@ impl<'a> Allowances<'a> {
             })
             .collect();
         let neighbours = Neighbours::new(self.first, &near.concat(), RANGE * self.reach / SHARE);
-        let slots = self.slots.into_iter();
-        let allowances = slots.map(|a| f32::from_bits(a.into_inner())).collect();
+        let slots = (0..set.len()).flat_map(|i| set.body(i));
+        let allowances = slots.map(|slot| f32::from_bits(self.slots[slot].load(Ordering::Relaxed)));
+        let allowances = allowances.collect();
         (allowances, neighbours)
     }
 

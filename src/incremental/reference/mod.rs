@@ -11,12 +11,12 @@ mod tests;
 use self::allowances::Allowances;
 pub(super) use self::neighbours::{Block, Neighbours};
 use super::affine::Sample;
+use super::blocks::CHUNK;
 use super::coverage::Coverage;
 use super::covered::Covered;
 use super::packed::Packed;
-use super::slots::CHUNK;
 use crate::certificate::Certificate;
-use crate::curve::CurveSet;
+use crate::curve::{CurveSet, Received};
 use crate::pairs::Trees;
 use std::sync::Arc;
 
@@ -24,6 +24,8 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(super) struct Reference {
     pub set: CurveSet,
+    /// Positions of the control points, in order.
+    pub points: Received,
     /// Pairs for which the allowances are valid.
     pub coverage: Coverage,
     pub certificate: Arc<Certificate>,
@@ -31,8 +33,7 @@ pub(super) struct Reference {
     pub frame: u64,
     /// Points to which affine frames are fitted.
     pub sample: Sample,
-    /// Distance that the point of each slot may move. Infinite for copies, padding, and curves that
-    /// are not covered.
+    /// Distance that each control point may move. Infinite for curves that are not covered.
     pub allowances: Vec<f32>,
     /// Compressed points and allowances.
     pub packed: Vec<Packed>,
@@ -56,9 +57,11 @@ impl Reference {
         trees.refit(covered);
         let sample = Sample::new(&set, coverage.open_curves);
         let (allowances, neighbours) = Allowances::new(covered, &trees).fill(&certificate);
-        let packed = Packed::blocks(&set, &allowances);
+        let points = set.positions().into_copy();
+        let packed = Packed::blocks(points.positions(), set.max_abs(), &allowances);
         Reference {
             set,
+            points,
             coverage,
             certificate,
             frame,
@@ -69,7 +72,7 @@ impl Reference {
         }
     }
 
-    /// Returns the number of chunks of slots.
+    /// Returns the number of chunks of points.
     pub fn chunks(&self) -> usize {
         self.allowances.len().div_ceil(CHUNK)
     }

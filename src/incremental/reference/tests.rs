@@ -106,7 +106,7 @@ fn moved(curves: &Curves, reference: &Reference, seed: u64, direction: Direction
     let mut xyz = Vec::new();
     for i in 0..set.len() {
         let whole = [0; 3].map(|_| random());
-        for slot in set.body(i) {
+        for (k, slot) in set.points_of(i).zip(set.body(i)) {
             let p = set.at(slot);
             let others = (0..set.len()).flat_map(|j| set.body(j));
             let v = match direction {
@@ -129,7 +129,7 @@ fn moved(curves: &Curves, reference: &Reference, seed: u64, direction: Direction
                     }
                 }
             };
-            let allowed = f64::from(reference.allowances[slot]).min(10.0);
+            let allowed = f64::from(reference.allowances[k]).min(10.0);
             let scale = 0.999_999 * allowed / norm(v).max(1e-9);
             let mut q = [0, 1, 2].map(|x| p[x] + scale * v[x]);
             if !curves.double {

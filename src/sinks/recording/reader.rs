@@ -81,6 +81,14 @@ impl RecordedFrame {
     /// Checks the frame and copies it into `set`: into a new one if there is none, else in place of
     /// the previous frame, which must have had the same curves.
     pub fn ingest(&self, set: &mut Option<CurveSet>) -> Result<()> {
+        self.read(|frame| ingest(frame, set, CurveSet::update))
+    }
+
+    /// Calls `receive` with the frame, for example [`Verifier::receive`](crate::Verifier::receive).
+    ///
+    /// Errors: [`Error::Count`] if the number of coordinates contradicts the counts; those of
+    /// `receive`.
+    pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
         let bytes = self.precision.bytes();
         let promised: u64 = self
             .counts
@@ -95,15 +103,14 @@ impl RecordedFrame {
                 available: self.positions.len() as u64,
             });
         }
+        let frame = |positions| RawFrame {
+            basis: self.basis,
+            counts: &self.counts,
+            positions,
+        };
         match self.precision {
-            Precision::F32 => {
-                let values: Vec<f32> = self.values(f32::from_le_bytes);
-                self.put(set, Positions::F32(&values))
-            }
-            Precision::F64 => {
-                let values: Vec<f64> = self.values(f64::from_le_bytes);
-                self.put(set, Positions::F64(&values))
-            }
+            Precision::F32 => receive(frame(Positions::F32(&self.values(f32::from_le_bytes)))),
+            Precision::F64 => receive(frame(Positions::F64(&self.values(f64::from_le_bytes)))),
         }
     }
 
@@ -114,15 +121,6 @@ impl RecordedFrame {
             .iter()
             .map(|b| parse(*b))
             .collect()
-    }
-
-    fn put(&self, set: &mut Option<CurveSet>, positions: Positions<'_>) -> Result<()> {
-        let frame = RawFrame {
-            basis: self.basis,
-            counts: &self.counts,
-            positions,
-        };
-        ingest(frame, set)
     }
 }
 

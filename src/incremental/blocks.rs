@@ -1,13 +1,13 @@
-//! Slots of the coordinate arrays: the blocks and chunks in which they are compared, and operations
-//! on coordinates in their own precision.
+//! Blocks and chunks of control points, in the order of the input, and operations on coordinates in
+//! their own precision.
 
 use crate::curve::pow2;
 use std::ops::{Add, Mul, Sub};
 
-/// Number of slots in a block, which is compressed as a whole.
+/// Number of points in a block, which is compressed as a whole.
 pub(super) const BLOCK: usize = 64;
 
-/// Number of slots in a chunk, which is marked as a whole.
+/// Number of points in a chunk, which is marked as a whole.
 pub(super) const CHUNK: usize = 8;
 
 /// Operations on a floating-point type of coordinates.
