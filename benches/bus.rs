@@ -1,7 +1,7 @@
 //! Cost of a frame on the bus, compared with a copy of the same bytes.
 //!
 //! `cargo bench --bench bus` measures; with `--smoke` (or under `cargo test`) it runs each step
-//! once.
+//! once. Names of cases (`-- yarn/f32`) select some of them.
 //! Percentiles are over all rounds of one run. Every ratio is relative to the copy of the same
 //! frame.
 
@@ -125,7 +125,9 @@ fn main() {
         20
     };
     println!("{rounds} rounds, microseconds p50 / p99, and p50 over the copy's");
-    for case in &CASES {
+    let named = |case: &&Case| args.iter().any(|a| a == case.name);
+    let all = !CASES.iter().any(|case| named(&case));
+    for case in CASES.iter().filter(|case| all || named(case)) {
         measure(case, rounds);
     }
 }

@@ -187,6 +187,7 @@ pub(crate) trait Scalar: Copy + Into<f64> + Default {
 }
 impl Scalar for f32 {
     const MAX_BITS: u64 = f32::MAX.to_bits() as u64;
+    #[inline(always)]
     fn largest(values: &[Self]) -> u64 {
         let largest = values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m));
         u64::from(largest)
@@ -204,6 +205,7 @@ impl Scalar for f32 {
 }
 impl Scalar for f64 {
     const MAX_BITS: u64 = f64::MAX.to_bits();
+    #[inline(always)]
     fn largest(values: &[Self]) -> u64 {
         values.iter().fold(0, |m, v| (v.to_bits() << 1 >> 1).max(m))
     }

@@ -46,7 +46,7 @@ pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};
 #[cfg(feature = "verify")]
-pub(crate) use tile::{Bad, POINTS, Tile, VALUES, largest_within};
+pub(crate) use tile::{Bad, largest_within};
 
 /// A point in space, in the units of the simulation.
 pub type Point = [f64; 3];

@@ -10,19 +10,19 @@ use super::set::{Curve, slots_of};
 use crate::simd::LANES;
 
 /// Number of points of a tile. Its coordinates fit into the first-level cache.
-pub(crate) const POINTS: usize = 256;
+const POINTS: usize = 256;
 
 /// Number of points of two rows.
 const TWO_ROWS: usize = 2 * LANES;
 
 /// Number of coordinates of a tile.
-pub(crate) const VALUES: usize = 3 * POINTS;
+const VALUES: usize = 3 * POINTS;
 
 /// A coordinate beyond the limit: point of the input, axis, value.
 pub(crate) type Bad = (usize, usize, f64);
 
 /// A part of the input.
-pub(crate) struct Tile<T> {
+struct Tile<T> {
     raw: [T; VALUES],
     /// The coordinates of each axis, and as many slots more as a row has lanes, so that a copy may
     /// end with a whole row.
@@ -30,7 +30,7 @@ pub(crate) struct Tile<T> {
 }
 
 impl<T: Scalar> Tile<T> {
-    pub fn new() -> Tile<T> {
+    fn new() -> Tile<T> {
         Tile {
             raw: [T::default(); VALUES],
             axes: [[T::default(); POINTS + LANES]; 3],
@@ -44,21 +44,14 @@ impl<T: Scalar> Tile<T> {
         let raw = &mut self.raw[..src.len()];
         raw.copy_from_slice(src);
         let largest = largest_within(raw, limit, first)?;
-        spread(&self.raw, &mut self.axes);
-        Ok(largest)
-    }
-
-    /// Returns at most [`VALUES`] coordinates of private memory, one array per axis. The arrays may
-    /// have old points behind them.
-    #[inline(always)]
-    pub fn axes(&mut self, values: &[T]) -> [&[T; POINTS + LANES]; 3] {
-        if let Some(values) = values.as_array() {
-            spread(values, &mut self.axes);
-        } else {
-            self.raw[..values.len()].copy_from_slice(values);
-            spread(&self.raw, &mut self.axes);
+        let [x, y, z] = &mut self.axes;
+        // All of the tile: a loop of a fixed length is compiled to shuffles.
+        for k in 0..POINTS {
+            x[k] = self.raw[3 * k];
+            y[k] = self.raw[3 * k + 1];
+            z[k] = self.raw[3 * k + 2];
         }
-        self.axes.each_ref()
+        Ok(largest)
     }
 
     /// Copies `count` points, from point `from` of the tile on, to the slots from `to` on.
@@ -93,17 +86,6 @@ pub(crate) fn largest_within<T: Scalar>(raw: &[T], limit: u64, first: usize) -> 
         return Err((first + k / 3, k % 3, raw[k].into()));
     }
     Ok(largest)
-}
-
-/// Spreads the coordinates of a tile over one array per axis.
-#[inline(always)]
-fn spread<T: Scalar>(raw: &[T; VALUES], [x, y, z]: &mut [[T; POINTS + LANES]; 3]) {
-    // All of the tile: a loop of a fixed length is compiled to shuffles.
-    for k in 0..POINTS {
-        x[k] = raw[3 * k];
-        y[k] = raw[3 * k + 1];
-        z[k] = raw[3 * k + 2];
-    }
 }
 
 /// Copies a row. Returns false if either slice is too short.

@@ -7,6 +7,9 @@ use std::ops::{Add, Mul, Sub};
 /// Number of points in a block, which is compressed as a whole.
 pub(super) const BLOCK: usize = 64;
 
+/// Number of coordinates of a block.
+pub(super) const VALUES: usize = 3 * BLOCK;
+
 /// Number of points in a chunk, which is marked as a whole.
 pub(super) const CHUNK: usize = 8;
 

@@ -10,15 +10,16 @@
 //! frame.
 
 use super::affine::Affine;
-use super::blocks::{BLOCK, Real};
-use crate::curve::{Point, Positions};
+use super::blocks::{BLOCK, Real, VALUES};
+use crate::curve::{Point, Positions, larger};
 use crate::simd::{LANES, Simd};
 
 /// Half a unit in the last place of 1, in single and in double precision.
 const U: f64 = f32::EPSILON as f64 / 2.0;
 const U_DOUBLE: f64 = f64::EPSILON / 2.0;
 
-/// Share of the allowance of a block that may be given up for a cheaper comparison.
+/// Share of the bound of a block up to which a deviation of the map from a translation is
+/// subtracted from the bound, for a cheaper comparison.
 const MAX_LOSS: f64 = 0.125;
 
 /// The points of a block in the reference frame: `origin + scale * offset`.
@@ -32,7 +33,8 @@ pub(super) struct Packed {
     /// Smallest allowance of the points minus their compression errors. Infinite if no point has an
     /// allowance.
     allowance: f32,
-    offsets: [[i16; BLOCK]; 3],
+    /// In the order of the input.
+    offsets: [i16; VALUES],
 }
 
 impl Packed {
@@ -59,7 +61,7 @@ impl Packed {
         // If the scale is 0 or too large for the type, the offsets are too, and the allowance
         // accounts for the error.
         let scale = (size / (2.0 * f64::from(i16::MAX))) as f32;
-        let mut offsets = [[0; BLOCK]; 3];
+        let mut offsets = [0; VALUES];
         let (mut radius, mut allowance) = (0.0f64, f64::INFINITY);
         for (k, (p, &a)) in points.iter().zip(allowances).enumerate() {
             let (mut far, mut off) = (0.0, 0.0);
@@ -68,7 +70,7 @@ impl Packed {
                 let offset = ((p[x] - origin[x]) / f64::from(scale)).round() as i16;
                 let by = f64::from(scale) * f64::from(offset);
                 let d = p[x] - (origin[x] + by);
-                offsets[x][k] = offset;
+                offsets[3 * k + x] = offset;
                 far += by * by;
                 off += d * d;
             }
@@ -117,8 +119,9 @@ impl Packed {
 ///
 /// Squares that underflow have an error of `2^-147` in all, which the square of `2^-70` covers.
 ///
-/// If `M` is so near the identity that `|M - I| r` is small, that is subtracted as well, and the
-/// product with `M` is skipped.
+/// If `M` is so near the identity that `|M - I| r` is small, that is subtracted as well, the product
+/// with `M` is skipped, and the distances along the axes are compared. If that proves nothing, the
+/// condition is evaluated as above.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PackedCondition {
     affine: Affine,
@@ -153,9 +156,10 @@ impl PackedCondition {
         }
     }
 
-    /// Returns true if all points of a block are proven to be within their allowances.
+    /// Returns true if all points of a block, `x y z x y z ..`, are proven to be within their
+    /// allowances.
     #[inline(always)]
-    pub fn holds<T: Real, S: Simd>(&self, _simd: S, block: &Packed, p: [&[T; BLOCK]; 3]) -> bool {
+    pub fn holds<T: Real, S: Simd>(&self, simd: S, block: &Packed, p: &[T; VALUES]) -> bool {
         if block.allowance == f32::INFINITY {
             return true;
         }
@@ -172,63 +176,105 @@ impl PackedCondition {
         }
         let stray = self.stray * radius;
         if stray < MAX_LOSS * bound {
-            let square = block.largest_square::<T, S, true>(&self.m, origin, p);
-            f64::from(square) <= (bound - stray) * (bound - stray)
-        } else {
-            let square = block.largest_square::<T, S, false>(&self.m, origin, p);
-            f64::from(square) <= bound * bound
+            // Along each axis, so that no point is further away than the bound.
+            let along = (bound - stray) * ((1.0 - 1e-6) / 3f64.sqrt());
+            if block.within(simd, along as f32, origin, p) {
+                return true;
+            }
         }
+        let square = block.largest_square(simd, &self.m, origin, p);
+        f64::from(square) <= bound * bound
     }
 }
 
+/// Number of coordinates that are compared at once: a multiple of the number of axes and of the
+/// widest vectors.
+const ROW: usize = 6 * LANES;
+
+/// For each axis: 1 in the lanes of a row that hold its coordinates, and 0 in the others.
+const LANES_OF_AXIS: [[f32; ROW]; 3] = {
+    let mut lanes = [[0.0; ROW]; 3];
+    let mut l = 0;
+    while l < ROW {
+        lanes[l % 3][l] = 1.0;
+        l += 1;
+    }
+    lanes
+};
+
 impl Packed {
-    /// Returns the largest squared distance of points from their expected positions. If `SAME` is
-    /// set, `m` is replaced by the identity.
+    /// Returns true if no point is further than a distance from its expected position along any
+    /// axis, with the affine map replaced by a translation.
     #[inline(always)]
-    fn largest_square<T: Real, S: Simd, const SAME: bool>(
+    fn within<T: Real, S: Simd>(
         &self,
+        _simd: S,
+        distance: f32,
+        origin: [T; 3],
+        p: &[T; VALUES],
+    ) -> bool {
+        // Exact sums, which are compiled to vector instructions, unlike a gather.
+        let mut row = [T::default(); ROW];
+        for (lanes, &origin) in LANES_OF_AXIS.iter().zip(&origin) {
+            for (row, &lane) in row.iter_mut().zip(lanes) {
+                *row = *row + T::from_f32(lane) * origin;
+            }
+        }
+        // Bit patterns, which have the order of the magnitudes: integers need no masked stores.
+        let mut largest = [0; ROW];
+        let offsets = self.offsets.as_chunks::<ROW>().0;
+        for (p, q) in p.as_chunks::<ROW>().0.iter().zip(offsets) {
+            for l in 0..ROW {
+                let d = (p[l] - row[l]).narrowed();
+                let d = add_product::<S>(d, -self.scale, f32::from(q[l])).abs();
+                largest[l] = d.to_bits().max(largest[l]);
+            }
+        }
+        largest.iter().fold(0, |m, &d| d.max(m)) <= distance.to_bits()
+    }
+
+    /// Returns the largest squared distance of points from their expected positions.
+    #[inline(always)]
+    fn largest_square<T: Real, S: Simd>(
+        &self,
+        _simd: S,
         m: &[[f32; 3]; 3],
         origin: [T; 3],
-        p: [&[T; BLOCK]; 3],
+        p: &[T; VALUES],
     ) -> f32 {
         let mut m = *m;
         for m in m.as_flattened_mut() {
             *m *= self.scale;
         }
+        let (p, offsets) = (axes(p, |x| x), axes(&self.offsets, f32::from));
         let mut largest = [0.0f32; LANES];
         for k in (0..BLOCK).step_by(LANES) {
             for l in 0..LANES {
-                let offsets = &self.offsets;
-                let q = [
-                    f32::from(offsets[0][k + l]),
-                    f32::from(offsets[1][k + l]),
-                    f32::from(offsets[2][k + l]),
-                ];
                 let mut square = 0.0;
                 for x in 0..3 {
                     let mut d = (p[x][k + l] - origin[x]).narrowed();
-                    if SAME {
-                        d = add_product::<S>(d, -self.scale, q[x]);
-                    } else {
-                        for y in 0..3 {
-                            d = add_product::<S>(d, -m[x][y], q[y]);
-                        }
+                    for y in 0..3 {
+                        d = add_product::<S>(d, -m[x][y], offsets[y][k + l]);
                     }
                     square = add_product::<S>(square, d, d);
                 }
-                largest[l] = if square > largest[l] {
-                    square
-                } else {
-                    largest[l]
-                };
+                largest[l] = larger(square, largest[l]);
             }
         }
-        let mut most = 0.0;
-        for x in largest {
-            most = if x > most { x } else { most };
-        }
-        most
+        largest.into_iter().fold(0.0, |m, x| larger(x, m))
     }
+}
+
+/// Returns the values of a block, one array per axis.
+#[inline(always)]
+fn axes<A: Copy, B: Copy + Default>(values: &[A; VALUES], of: impl Fn(A) -> B) -> [[B; BLOCK]; 3] {
+    let mut axes = [[B::default(); BLOCK]; 3];
+    for k in 0..BLOCK {
+        for x in 0..3 {
+            axes[x][k] = of(values[3 * k + x]);
+        }
+    }
+    axes
 }
 
 /// Returns `a + b c`, in a single instruction if the CPU has FMA.

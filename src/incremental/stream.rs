@@ -5,17 +5,16 @@
 //! compared.
 
 use super::affine::Affine;
-use super::blocks::{BLOCK, CHUNK, Real};
+use super::blocks::{BLOCK, CHUNK, Real, VALUES};
 use super::packed::{Packed, PackedCondition};
 use super::reference::Reference;
-use crate::curve::{
-    Bad, POINTS, Positions, Received, Scalar, Tile, VALUES, largest_within, smaller,
-};
-use crate::simd::{Simd, dispatch, prefetch};
+use crate::curve::{Bad, Positions, Received, Scalar, largest_within, smaller};
+use crate::simd::{Simd, dispatch_wide, prefetch};
 use rayon::prelude::*;
 
-/// Number of points per task, a multiple of the size of a tile.
-const GRAIN: usize = 1 << 17;
+/// Number of points per task, a multiple of the size of a block. The pass is bound by memory, so only
+/// very large frames gain from several threads. On a busy machine a second thread comes late.
+const GRAIN: usize = 1 << 19;
 
 /// Factor by which the largest coordinate of a frame may exceed that of the reference frame, mapped
 /// to the frame. A frame beyond it is not compared.
@@ -74,11 +73,15 @@ impl<T: Real> Condition<T> {
     }
 }
 
-/// Returns an array of at most as many values, padded with `padding`.
-fn padded<T: Copy>(values: &[T], padding: T) -> [T; CHUNK] {
-    let mut out = [padding; CHUNK];
-    out[..values.len()].copy_from_slice(values);
-    out
+/// Returns the points of a chunk, one array per axis, padded with the origin.
+fn axes<T: Real>(values: &[T]) -> [[T; CHUNK]; 3] {
+    let mut axes = [[T::default(); CHUNK]; 3];
+    for (l, point) in values.as_chunks::<3>().0.iter().enumerate() {
+        for (axis, &x) in axes.iter_mut().zip(point) {
+            axis[l] = x;
+        }
+    }
+    axes
 }
 
 /// Result of [`compare`].
@@ -153,7 +156,7 @@ fn compare_all<T: Real + Scalar>(
             largest: 0,
         });
     }
-    let run = |part: &mut Part<'_, T>| dispatch!(simd => Pass::part(&pass, simd, part));
+    let run = |part: &mut Part<'_, T>| dispatch_wide!(simd => Pass::part(&pass, simd, part));
     match &mut parts[..] {
         [part] => run(part)?,
         parts => {
@@ -173,7 +176,10 @@ fn compare_all<T: Real + Scalar>(
 
 /// Number of coordinates that are copied at once, then compared from the second-level cache. Shorter
 /// copies are slower.
-const SLAB: usize = 16 * VALUES;
+const SLAB: usize = 16 * TILE;
+
+/// Number of coordinates that are checked at once, then compared from the first-level cache.
+const TILE: usize = 4 * VALUES;
 
 /// Number of blocks of the reference frame by which prefetching is ahead.
 const AHEAD: usize = 16;
@@ -199,7 +205,7 @@ struct Pass<'a, T> {
     limit: usize,
 }
 
-/// A part of the points, which starts at a tile.
+/// A part of the points, which starts at a block.
 struct Part<'a, T> {
     /// First point.
     first: usize,
@@ -214,7 +220,6 @@ impl<T: Real + Scalar> Pass<'_, T> {
     /// Copies and compares a part.
     #[inline(always)]
     fn part<S: Simd>(&self, simd: S, part: &mut Part<'_, T>) -> Result<(), Bad> {
-        let mut tile = Tile::new();
         for at in (0..part.source.len()).step_by(SLAB) {
             let here = at..part.source.len().min(at + SLAB);
             let slab = match &mut part.copy {
@@ -224,15 +229,19 @@ impl<T: Real + Scalar> Pass<'_, T> {
                 }
                 None => &part.source[here],
             };
-            for (k, values) in slab.chunks(VALUES).enumerate() {
-                let first = part.first + at / 3 + k * POINTS;
-                let largest = largest_within(values, self.range, first)?;
+            for (k, tile) in slab.chunks(TILE).enumerate() {
+                let at = at + k * TILE;
+                let largest = largest_within(tile, self.range, part.first + at / 3)?;
                 part.largest = part.largest.max(largest);
-                if let Some(comparison) = self.comparison
-                    && part.found.len() <= self.limit
-                {
-                    let points = tile.axes(values).map(|axis| &axis[..values.len() / 3]);
-                    comparison.tile(simd, first, points, &mut part.found);
+                let Some(comparison) = self.comparison else {
+                    continue;
+                };
+                if part.found.len() > self.limit {
+                    continue;
+                }
+                for (k, values) in tile.chunks(VALUES).enumerate() {
+                    let first = part.first + at / 3 + k * BLOCK;
+                    comparison.block(simd, first, values, &mut part.found);
                 }
             }
         }
@@ -255,41 +264,34 @@ impl<'a, T: Real> Comparison<'a, T> {
         })
     }
 
-    /// Adds the moved chunks of a tile.
+    /// Adds the moved chunks of a block, the last of which may be incomplete.
     #[inline(always)]
-    fn tile<S: Simd>(&self, simd: S, first: usize, points: [&[T]; 3], found: &mut Vec<u32>) {
-        let ([x, y, z], count) = (points.map(|v| v.as_chunks::<BLOCK>().0), points[0].len());
-        for (b, ((x, y), z)) in x.iter().zip(y).zip(z).enumerate() {
-            let block = first / BLOCK + b;
-            // Data that was used a frame ago may have left the caches.
-            if let Some(block) = self.packed.get(block + AHEAD) {
-                prefetch(block);
-            }
-            if !self.quick.holds(simd, &self.packed[block], [x, y, z]) {
-                let slots = b * BLOCK..(b + 1) * BLOCK;
-                self.chunks(block * BLOCK, points.map(|v| &v[slots.clone()]), found);
-            }
+    fn block<S: Simd>(&self, simd: S, first: usize, values: &[T], found: &mut Vec<u32>) {
+        let block = first / BLOCK;
+        // Data that was used a frame ago may have left the caches.
+        if let Some(block) = self.packed.get(block + AHEAD) {
+            prefetch(block);
         }
-        let rest = count - count % BLOCK;
-        self.chunks(first + rest, points.map(|v| &v[rest..]), found);
+        let quiet = match (self.packed.get(block), values.as_array()) {
+            (Some(packed), Some(values)) => self.quick.holds(simd, packed, values),
+            _ => false,
+        };
+        if !quiet {
+            self.chunks(first, values, found);
+        }
     }
 
     /// Adds the moved chunks of points, tested with uncompressed points and allowances.
-    fn chunks(&self, first: usize, points: [&[T]; 3], found: &mut Vec<u32>) {
-        for at in (0..points[0].len()).step_by(CHUNK) {
-            let count = CHUNK.min(points[0].len() - at);
-            let reference = &self.reference[3 * (first + at)..][..3 * count];
-            let mut q = [[T::default(); CHUNK]; 3];
-            for (l, place) in reference.as_chunks::<3>().0.iter().enumerate() {
-                for (q, &place) in q.iter_mut().zip(place) {
-                    q[l] = place;
-                }
-            }
+    fn chunks(&self, first: usize, values: &[T], found: &mut Vec<u32>) {
+        let reference = self.reference[3 * first..].chunks(3 * CHUNK);
+        let allowances = self.allowances[first..].chunks(CHUNK);
+        let points = values.chunks(3 * CHUNK).zip(reference).zip(allowances);
+        for (k, ((p, q), allowances)) in points.enumerate() {
             // The last chunk is padded with points that have not moved.
-            let p = points.map(|v| padded(&v[at..at + count], T::default()));
-            let allowances = padded(&self.allowances[first + at..][..count], f32::INFINITY);
-            if self.condition.slack(&p, &q, &allowances) < T::default() {
-                found.push(((first + at) / CHUNK) as u32);
+            let mut padded = [f32::INFINITY; CHUNK];
+            padded[..allowances.len()].copy_from_slice(allowances);
+            if self.condition.slack(&axes(p), &axes(q), &padded) < T::default() {
+                found.push((first / CHUNK + k) as u32);
             }
         }
     }
@@ -301,7 +303,7 @@ mod tests {
     use crate::curve::{Basis, CurveSet};
     use crate::incremental::Coverage;
     use crate::random::Random;
-    use crate::simd::Portable;
+    use crate::simd::{Portable, dispatch};
     use nalgebra::{Matrix3, Rotation3, Vector3};
     use proptest::prelude::*;
     use std::sync::Arc;
@@ -482,15 +484,14 @@ mod tests {
             let points = frame.positions();
             let points = points.as_positions();
             for (b, packed) in r.packed.iter().enumerate() {
-                let axis = |x: usize| std::array::from_fn(|k| points.point(b * BLOCK + k)[x]);
-                let p: [[f64; BLOCK]; 3] = [0, 1, 2].map(axis);
+                let coordinate = |k: usize| points.point(b * BLOCK + k / 3)[k % 3];
+                let p: [f64; VALUES] = std::array::from_fn(coordinate);
                 let holds = if single {
                     let quick = PackedCondition::new::<f32>(&affine, sizes[0], sizes[1]);
-                    let p = p.map(|v| v.map(|x| x as f32));
-                    quick.holds(Portable, packed, p.each_ref())
+                    quick.holds(Portable, packed, &p.map(|x| x as f32))
                 } else {
                     let quick = PackedCondition::new::<f64>(&affine, sizes[0], sizes[1]);
-                    let p = p.each_ref();
+                    let p = &p;
                     dispatch!(simd => PackedCondition::holds(&quick, simd, packed, p))
                 };
                 // Points of the open curve have no allowance, and moved further.
