@@ -49,7 +49,7 @@ fn frames(count: u64) -> Vec<FrameRecord> {
             verified: seq + 1,
             skipped: 0,
             rejected: 0,
-            check: Duration::ZERO,
+            times: Default::default(),
             work: Work::default(),
             received: SystemTime::now(),
         }

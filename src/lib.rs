@@ -159,7 +159,9 @@ pub use ingest::RawFrame;
 #[cfg(feature = "verify")]
 pub use plan::Plan;
 #[cfg(feature = "verify")]
-pub use sinks::{BaselineRecord, FrameRecord, Overflow, Sink, SinkQueue, SinkSummary};
+pub use sinks::{
+    BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, Sink, SinkQueue, SinkSummary,
+};
 #[cfg(feature = "mcap")]
 pub use sinks::{
     Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,

@@ -3,8 +3,8 @@
 
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Ending, Error,
-    FrameRecord, Link, Place, Positions, Precision, PullThrough, RecordedItem, RecordingReader,
-    RecordingSink, Report, Route, Sink, Verdict, Work,
+    FrameRecord, FrameTimes, Link, LiveTimes, Place, Positions, Precision, PullThrough,
+    RecordedItem, RecordingReader, RecordingSink, Report, Route, Sink, Verdict, Work,
 };
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -154,7 +154,15 @@ fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
         verified: seq,
         skipped: 2 * seq,
         rejected: 3,
-        check: Duration::from_nanos(123_456_789),
+        times: FrameTimes {
+            ingest: Duration::from_nanos(123_456_789 + seq),
+            verification: Duration::from_nanos(987_654_321),
+            live: (seq > 0).then(|| LiveTimes {
+                interval: Duration::from_secs(seq),
+                wait: Duration::from_millis(seq),
+                send: Duration::from_nanos(seq),
+            }),
+        },
         work: work(seq),
         received: SystemTime::UNIX_EPOCH + Duration::from_nanos(1_700_000_000_000_000_000 + seq),
     }
@@ -275,8 +283,8 @@ fn every_basis_and_precision_is_read_bit_for_bit() {
                 assert_eq!(verdict.report, *was.report);
                 let p = verdict.progress;
                 assert_eq!(
-                    (p.verified, p.skipped, p.rejected, p.check, p.work),
-                    (was.verified, was.skipped, was.rejected, was.check, was.work)
+                    (p.verified, p.skipped, p.rejected, p.times, p.work),
+                    (was.verified, was.skipped, was.rejected, was.times, was.work)
                 );
             }
         }

@@ -9,8 +9,8 @@
 
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameRecord,
-    Link, Overflow, Place, Positions, PullThrough, Report, Route, Sink, SinkQueue, Verdict,
-    Verifier, VerifierOptions, ViewerSink, ViewerTarget, Work,
+    FrameTimes, Link, LiveTimes, Overflow, Place, Positions, PullThrough, Report, Route, Sink,
+    SinkQueue, Verdict, Verifier, VerifierOptions, ViewerSink, ViewerTarget, Work,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -138,7 +138,15 @@ fn verified(set: Arc<CurveSet>, report: Report, work: Work) -> FrameRecord {
         verified: seq,
         skipped: seq / 10,
         rejected: 0,
-        check: Duration::from_micros(1800 + 300 * (seq * 7 % 5)),
+        times: FrameTimes {
+            ingest: Duration::from_micros(400 + 50 * (seq * 3 % 7)),
+            verification: Duration::from_micros(1400 + 300 * (seq * 7 % 5)),
+            live: (seq > 0).then(|| LiveTimes {
+                interval: Duration::from_millis(16),
+                wait: Duration::from_micros(14_000 - 300 * (seq * 7 % 5)),
+                send: Duration::from_micros(8),
+            }),
+        },
         work,
         received: SystemTime::UNIX_EPOCH + Duration::from_millis(16 * seq),
     }

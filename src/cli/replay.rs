@@ -3,9 +3,7 @@
 use super::Outcome;
 use super::kernel::KernelArgs;
 use super::output::{self, count, plural};
-use super::session::{
-    FrameCounts, FrameTimes, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks,
-};
+use super::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks};
 use linkwatch::{
     AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
     Report, Result, Verdict,
@@ -351,10 +349,7 @@ impl Replay {
                 self.count(report.verdict);
                 let judged = Judged {
                     report: Arc::new(report),
-                    times: FrameTimes {
-                        verification: progress.check,
-                        ..FrameTimes::default()
-                    },
+                    times: progress.times,
                     work: progress.work,
                     offload: Default::default(),
                     curves: None,

@@ -3,10 +3,12 @@
 use super::kernel::KernelArgs;
 use super::number::{seconds, share};
 use super::output::{self, count, percent, plural};
-use super::session::{FrameCounts, Ingested, Judge, Judged, LiveTimes, Run, Session, Sinks};
+use super::session::{FrameCounts, Ingested, Judge, Judged, Run, Session, Sinks};
 use super::signals::{TICK, stop_on_signals};
 use super::{Outcome, services};
-use linkwatch::{Counters, Error, Event, Overflow, Result, Sidecar, SidecarOptions, WaitMode};
+use linkwatch::{
+    Counters, Error, Event, LiveTimes, Overflow, Result, Sidecar, SidecarOptions, WaitMode,
+};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};

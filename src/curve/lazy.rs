@@ -39,7 +39,7 @@ impl Received {
     }
 
     /// Copies positions of the same precision.
-    fn copy_from(&mut self, source: Positions<'_>) {
+    pub fn copy_from(&mut self, source: Positions<'_>) {
         match (self, source) {
             (Received::F32(to), Positions::F32(from)) => from.clone_into(to),
             (Received::F64(to), Positions::F64(from)) => from.clone_into(to),
@@ -127,6 +127,12 @@ impl LazyCoordinates {
         self.received.resize(len);
         self.is_received = true;
         &mut self.received
+    }
+
+    /// Returns true if the arrays are built.
+    #[cfg(test)]
+    pub fn has_arrays(&self) -> bool {
+        self.arrays.get().is_some()
     }
 
     /// Returns the positions as received, or `None` if there are only arrays.

@@ -355,6 +355,12 @@ impl CurveSet {
         self.coordinates.get(&self.curves, self.basis)
     }
 
+    /// Returns true if the arrays are built.
+    #[cfg(test)]
+    pub(crate) fn has_arrays(&self) -> bool {
+        self.coordinates.has_arrays()
+    }
+
     /// Returns the positions of all control points in the order of the input, as received if
     /// possible.
     pub(crate) fn positions(&self) -> InOrder<'_> {
@@ -558,6 +564,67 @@ mod tests {
             .map(|c| f64::from_le_bytes(c.try_into().unwrap()))
             .collect();
         assert_eq!(back, b);
+    }
+
+    /// Copies all positions, for [`CurveSet::update_by`].
+    fn copy(positions: Positions<'_>) -> impl FnOnce(&mut Received, f64) -> Result<f64, Bad> {
+        move |to, _| {
+            to.copy_from(positions);
+            let largest = (0..positions.len() / 3).flat_map(|k| positions.point(k));
+            Ok(largest.fold(0.0, |m: f64, x| m.max(x.abs())))
+        }
+    }
+
+    #[test]
+    fn a_received_frame_equals_a_fresh_set() {
+        let frame = |k: i32| -> Vec<f64> { (0..57).map(|x| f64::from(x * k).sin()).collect() };
+        for basis in Basis::ALL {
+            let counts = [-9, 4, -6];
+            let first = frame(1);
+            let mut set = CurveSet::from_counts(basis, &counts, Positions::F64(&first)).unwrap();
+            for k in 2..12 {
+                let xyz = frame(k);
+                let positions = Positions::F64(&xyz);
+                let before = set.contents();
+                match k % 3 {
+                    0 => set.update(positions).unwrap(),
+                    _ => set.update_by(positions, copy(positions)).unwrap(),
+                }
+                assert_ne!(set.contents(), before);
+                // The copy has no arrays if the set has none yet.
+                let copy = set.clone();
+                let fresh = CurveSet::from_counts(basis, &counts, positions).unwrap();
+                for set in [&set, &copy] {
+                    assert_eq!(set.max_abs(), fresh.max_abs());
+                    for (i, c) in fresh.curves().iter().enumerate() {
+                        for s in 0..c.segments as usize {
+                            assert_eq!(set.segment(i, s), fresh.segment(i, s), "{basis:?} {k}");
+                        }
+                    }
+                    let mut bytes = [Vec::new(), Vec::new()];
+                    set.write_positions(&mut bytes[0]);
+                    fresh.write_positions(&mut bytes[1]);
+                    assert_eq!(bytes[0], bytes[1]);
+                }
+                assert_eq!(copy.contents(), set.contents());
+            }
+        }
+    }
+
+    #[test]
+    fn a_set_takes_over_a_frame_of_other_curves_and_another_precision() {
+        let (single, double) = (vec![0.25f32; 36], vec![0.5f64; 60]);
+        let mut small =
+            CurveSet::from_counts(Basis::Polyline, &[-12], Positions::F32(&single)).unwrap();
+        let positions = Positions::F64(&double);
+        let mut large = CurveSet::from_counts(Basis::BSpline, &[-20], positions).unwrap();
+        large.update_by(positions, copy(positions)).unwrap();
+        small.clone_from(&large);
+        assert_eq!(small.point(0, 19), [0.5; 3]);
+        small.update(Positions::F64(&[0.75; 60])).unwrap();
+        assert_eq!(small.point(0, 19), [0.75; 3]);
+        small.update_by(positions, copy(positions)).unwrap();
+        assert_eq!(small.point(0, 19), [0.5; 3]);
     }
 
     #[test]

@@ -4,10 +4,14 @@
 use super::ledger::planted::{Plant, PlantedStep, planted_step};
 use super::reference::Reference;
 use super::{Coverage, Events, Route};
-use crate::curve::{Basis, CurveSet};
+use crate::curve::{Basis, CurveSet, Positions};
+use crate::error::Error;
+use crate::ingest::RawFrame;
 use crate::random::Random;
+use crate::scenes::{Frames, Motion, Scene};
 use crate::verdict::{AbortOn, Report};
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -94,6 +98,109 @@ fn reports_planted_pull_throughs_in_their_frame_and_no_others() {
     }
     assert!(routes[Route::Quiet as usize] > 10_000, "{routes:?}");
     assert!(routes[Route::Partial as usize] > 100, "{routes:?}");
+}
+
+/// Receives a frame into memory of its own.
+fn receive(verifier: &mut Verifier, set: &CurveSet, xyz: &[f64]) -> crate::error::Result<CurveSet> {
+    let mut memory = Some(set.clone());
+    let frame = RawFrame {
+        basis: set.basis(),
+        counts: &set.counts().collect::<Vec<_>>(),
+        positions: Positions::F64(xyz),
+    };
+    verifier.receive(frame, &mut memory)?;
+    Ok(memory.expect("given"))
+}
+
+/// Returns a scene in double precision, and its coordinates.
+fn double(scene: &str) -> (CurveSet, Vec<f64>) {
+    let scene: Scene = scene.parse().unwrap();
+    let set = scene.build().unwrap().curves;
+    let positions = set.positions();
+    let points = (0..set.points()).flat_map(|k| positions.as_positions().point(k));
+    let xyz: Vec<f64> = points.collect();
+    let counts: Vec<i32> = set.counts().collect();
+    let double = CurveSet::from_counts(set.basis(), &counts, Positions::F64(&xyz));
+    (double.unwrap(), xyz)
+}
+
+#[test]
+fn a_quiet_frame_needs_no_arrays() {
+    let (set, xyz) = double("chainmail:rows=4,columns=4");
+    for events in [Events::Off, Events::Between, Events::All] {
+        let mut verifier = Verifier::new(VerifierOptions {
+            strategy: Strategy::Incremental,
+            events,
+            ..VerifierOptions::default()
+        })
+        .unwrap();
+        for k in 0..6 {
+            let moved: Vec<f64> = xyz.iter().map(|x| x + 0.01 * f64::from(k)).collect();
+            let set = Arc::new(receive(&mut verifier, &set, &moved).unwrap());
+            let _ = verifier.step_shared(k as u64, 0.0, &set).unwrap();
+            verifier.settle();
+            let quiet = verifier.work().route == Route::Quiet;
+            assert_eq!(quiet, k > 1, "frame {k}");
+            assert!(!(quiet && set.has_arrays()), "frame {k}");
+        }
+    }
+}
+
+/// Frames that are received ahead of the one that is verified, as in a replay. Some are broken, and
+/// some are never verified.
+#[test]
+fn frames_that_are_received_in_advance_have_the_reports_of_full_runs() {
+    let (set, _) = double("knit:rows=3,stitches=16,segments=576");
+    let mut routes = [0; 3];
+    for seed in 0..30 {
+        let mut r = Random::new(seed);
+        let motion: Motion = r
+            .pick(&["smooth+translate", "smooth+rotate", "iid"])
+            .parse()
+            .unwrap();
+        let amplitude = r.pick(&[0.001, 0.02, 0.1, 0.4]);
+        let mut frames = Frames::new(&set, 1.0).with_seed(seed);
+        let [mut incremental, mut full] = [Strategy::Incremental, Strategy::Full].map(|strategy| {
+            Verifier::new(VerifierOptions {
+                strategy,
+                events: Events::All,
+                ..VerifierOptions::default()
+            })
+            .unwrap()
+        });
+        let mut waiting = VecDeque::new();
+        for frame in 0..40 {
+            let Positions::F64(xyz) = frames.at(&motion, amplitude, frame) else {
+                unreachable!("the set is in double precision");
+            };
+            let mut xyz = xyz.to_vec();
+            if r.one_in(8) {
+                let at = r.below(xyz.len());
+                let good = std::mem::replace(&mut xyz[at], f64::NAN);
+                let error = receive(&mut incremental, &set, &xyz).unwrap_err();
+                assert!(matches!(error, Error::NotFinite { .. }), "{error}");
+                xyz[at] = good;
+            }
+            let received = Arc::new(receive(&mut incremental, &set, &xyz).unwrap());
+            if !r.one_in(8) {
+                waiting.push_back((frame, received));
+            }
+            // Up to five frames wait, more than the surveys that are kept.
+            while waiting.len() > r.below(6) {
+                let (seq, set) = waiting.pop_front().expect("a frame");
+                let found = incremental.step_shared(seq, 0.0, &set).unwrap();
+                let mut expected = full.step(seq, 0.0, &set).unwrap();
+                expected.stats = found.stats;
+                assert_eq!(found, expected, "seed {seed}, frame {seq}");
+                routes[incremental.work().route as usize] += 1;
+                if r.one_in(2) {
+                    incremental.settle();
+                }
+            }
+        }
+    }
+    assert!(routes[Route::Quiet as usize] > 50, "{routes:?}");
+    assert!(routes[Route::Partial as usize] > 50, "{routes:?}");
 }
 
 /// Run with

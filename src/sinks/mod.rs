@@ -7,6 +7,7 @@
 mod queue;
 #[cfg(feature = "mcap")]
 mod recording;
+mod times;
 #[cfg(feature = "rerun")]
 mod viewer;
 
@@ -16,6 +17,7 @@ pub use recording::{
     Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,
     RecordingSink,
 };
+pub use times::{FrameTimes, LiveTimes};
 #[cfg(feature = "rerun")]
 pub use viewer::{ViewerSink, ViewerTarget};
 
@@ -27,7 +29,7 @@ use crate::error::Result;
 use crate::incremental::Work;
 use crate::verdict::Report;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 /// Certificate that every frame is compared with, and its origin.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,8 +56,8 @@ pub struct FrameRecord {
     pub skipped: u64,
     /// Number of frames rejected so far.
     pub rejected: u64,
-    /// Duration of the verification of this frame.
-    pub check: Duration,
+    /// Times of the frame.
+    pub times: FrameTimes,
     /// Work of the verification. Another run may take another route to the same report.
     pub work: Work,
     /// Time at which the frame arrived.

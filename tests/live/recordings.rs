@@ -71,7 +71,7 @@ fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
                     verified: progress.verified,
                     skipped: progress.skipped,
                     rejected: progress.rejected,
-                    check: progress.check,
+                    times: progress.times,
                     work: progress.work,
                     received: SystemTime::now(),
                 };

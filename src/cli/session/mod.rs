@@ -7,13 +7,10 @@ mod times;
 
 pub use sinks::Sinks;
 pub use summary::FrameCounts;
-pub use times::FrameTimes;
-#[cfg(feature = "bus")]
-pub use times::LiveTimes;
 
 use self::news::{New, News};
 use self::summary::Unresolved;
-use self::times::RunTimes;
+use self::times::{RunTimes, to_json};
 use super::Outcome;
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
@@ -22,9 +19,9 @@ use super::live::Live;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameRecord, Overflow, Progress,
-    RawFrame, Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict, Verifier,
-    VerifierOptions, Work,
+    AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameRecord, FrameTimes,
+    Overflow, Progress, RawFrame, Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict,
+    Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -424,7 +421,7 @@ impl Session {
             verified: tally.verified,
             skipped: tally.skipped,
             rejected: tally.rejected,
-            check: judged.times.check(),
+            times: judged.times,
             work: judged.work,
             received: SystemTime::now(),
         });
@@ -456,7 +453,7 @@ impl Session {
             let mut line = serde_json::json!({
                 "report": **report,
                 "ms": times.check().as_secs_f64() * 1e3,
-                "times_ms": times.to_json(),
+                "times_ms": to_json(times),
                 "work": work,
                 "offload": offload,
                 "verified": self.tally.verified,

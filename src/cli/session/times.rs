@@ -1,50 +1,22 @@
 //! Times of the frames of a run, stage by stage.
 
 use crate::cli::output::{millis, percent};
+use linkwatch::FrameTimes;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Times of a frame.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct FrameTimes {
-    /// Reading and checking the coordinates.
-    pub ingest: Duration,
-    /// Comparison with the baseline, and the search for pull-throughs.
-    pub verification: Duration,
-    /// Exchange with the simulator, if the frame is a live one and not the first.
-    pub live: Option<LiveTimes>,
-}
-
-/// Times of a live frame.
-#[derive(Clone, Copy, Debug)]
-pub struct LiveTimes {
-    /// Time since the previous frame was received.
-    pub interval: Duration,
-    /// Part of it that was spent waiting for this frame.
-    pub wait: Duration,
-    /// Sending the verdict.
-    pub send: Duration,
-}
-
-impl FrameTimes {
-    /// Returns the time from the receipt of the frame to its report.
-    pub fn check(&self) -> Duration {
-        self.ingest + self.verification
+/// Returns the times of a frame in milliseconds.
+pub fn to_json(times: &FrameTimes) -> Value {
+    let mut out = json!({
+        "ingest": ms(times.ingest),
+        "verification": ms(times.verification),
+    });
+    if let Some(live) = times.live {
+        out["wait"] = ms(live.wait).into();
+        out["send"] = ms(live.send).into();
     }
-
-    /// Returns the times in milliseconds.
-    pub fn to_json(self) -> Value {
-        let mut out = json!({
-            "ingest": ms(self.ingest),
-            "verification": ms(self.verification),
-        });
-        if let Some(live) = self.live {
-            out["wait"] = ms(live.wait).into();
-            out["send"] = ms(live.send).into();
-        }
-        out
-    }
+    out
 }
 
 fn ms(d: Duration) -> f64 {
@@ -175,6 +147,7 @@ impl Durations {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use linkwatch::LiveTimes;
 
     #[test]
     fn quantiles_are_right_within_a_bucket() {

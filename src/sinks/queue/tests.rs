@@ -76,7 +76,7 @@ fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
         verified: seq,
         skipped: 0,
         rejected: 0,
-        check: Duration::ZERO,
+        times: Default::default(),
         work: Default::default(),
         received: SystemTime::UNIX_EPOCH,
     })

@@ -5,11 +5,12 @@ use crate::certificate::Certificate;
 use crate::curve::{Basis, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::{Route, Work};
-use crate::sinks::BaselineRecord;
+use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes};
 use crate::verdict::{
     Change, Defect, DefectKind, Link, Place, PullThrough, Report, Stats, Verdict,
 };
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Compiled form of `schemas/linkwatch.proto`: the schema that every recording carries.
 pub(super) const DESCRIPTORS: &[u8] = include_bytes!("../../../schemas/linkwatch.binpb");
@@ -176,6 +177,39 @@ impl From<schema::PullThrough> for PullThrough {
             lengths: e.lengths,
         }
     }
+}
+
+impl From<&FrameTimes> for schema::FrameTimes {
+    fn from(t: &FrameTimes) -> Self {
+        schema::FrameTimes {
+            ingest_ns: nanoseconds(t.ingest),
+            verification_ns: nanoseconds(t.verification),
+            live: t.live.map(|live| schema::LiveTimes {
+                interval_ns: nanoseconds(live.interval),
+                wait_ns: nanoseconds(live.wait),
+                send_ns: nanoseconds(live.send),
+            }),
+        }
+    }
+}
+
+impl From<schema::FrameTimes> for FrameTimes {
+    fn from(t: schema::FrameTimes) -> Self {
+        FrameTimes {
+            ingest: Duration::from_nanos(t.ingest_ns),
+            verification: Duration::from_nanos(t.verification_ns),
+            live: t.live.map(|live| LiveTimes {
+                interval: Duration::from_nanos(live.interval_ns),
+                wait: Duration::from_nanos(live.wait_ns),
+                send: Duration::from_nanos(live.send_ns),
+            }),
+        }
+    }
+}
+
+/// Returns a duration in nanoseconds, at most the largest number.
+pub(super) fn nanoseconds(duration: Duration) -> u64 {
+    duration.as_nanos().try_into().unwrap_or(u64::MAX)
 }
 
 impl From<&Work> for schema::Work {

@@ -8,7 +8,7 @@ use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::Work;
 use crate::ingest::{RawFrame, ingest};
-use crate::sinks::BaselineRecord;
+use crate::sinks::{BaselineRecord, FrameTimes};
 use crate::verdict::Report;
 use mcap::records::op;
 use prost::Message;
@@ -50,8 +50,9 @@ pub struct RecordedProgress {
     pub skipped: u64,
     /// Number of frames rejected.
     pub rejected: u64,
-    /// Duration of the verification of this frame.
-    pub check: Duration,
+    /// Times of the frame. Recordings of earlier versions have only the sum of ingest and
+    /// verification, as `verification`.
+    pub times: FrameTimes,
     /// Work of the verification.
     pub work: Work,
 }
@@ -337,7 +338,13 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
                     verified: p.verified,
                     skipped: p.skipped,
                     rejected: p.rejected,
-                    check: Duration::from_nanos(p.check_ns),
+                    times: p.times.map_or_else(
+                        || FrameTimes {
+                            verification: Duration::from_nanos(p.check_ns),
+                            ..FrameTimes::default()
+                        },
+                        FrameTimes::from,
+                    ),
                     // Recordings of earlier versions lack it.
                     work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
                 },

@@ -73,12 +73,38 @@ pub struct Progress {
     pub skipped: u64,
     #[prost(uint64, tag = "3")]
     pub rejected: u64,
-    /// Duration of the verification of this frame.
+    /// Duration of ingest and verification of this frame.
     #[prost(uint64, tag = "4")]
     pub check_ns: u64,
     /// Work of the verification.
     #[prost(message, optional, tag = "5")]
     pub work: ::core::option::Option<Work>,
+    /// Times of this frame, stage by stage.
+    #[prost(message, optional, tag = "6")]
+    pub times: ::core::option::Option<FrameTimes>,
+}
+/// See linkwatch::FrameTimes.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct FrameTimes {
+    #[prost(uint64, tag = "1")]
+    pub ingest_ns: u64,
+    #[prost(uint64, tag = "2")]
+    pub verification_ns: u64,
+    /// Only for live frames, except for the first one.
+    #[prost(message, optional, tag = "3")]
+    pub live: ::core::option::Option<LiveTimes>,
+}
+/// See linkwatch::LiveTimes.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct LiveTimes {
+    /// Time since the previous frame was received, and the part of it that was spent waiting.
+    #[prost(uint64, tag = "1")]
+    pub interval_ns: u64,
+    #[prost(uint64, tag = "2")]
+    pub wait_ns: u64,
+    /// Sending the verdict.
+    #[prost(uint64, tag = "3")]
+    pub send_ns: u64,
 }
 /// See linkwatch::Work.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]

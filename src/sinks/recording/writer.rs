@@ -11,7 +11,7 @@
 //! nothing on coordinates and to cost 1.4 ms for a frame of 2.5 MB. Each chunk has a checksum, so
 //! damage is still detected.
 
-use super::messages::{self, DESCRIPTORS, PACKAGE};
+use super::messages::{self, DESCRIPTORS, PACKAGE, nanoseconds};
 use super::schema;
 use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::CurveSet;
@@ -37,8 +37,8 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 ///
 /// ```
 /// use linkwatch::{
-///     BaselineRecord, Basis, CurveSet, FrameRecord, Overflow, Positions, RecordingSink, SinkQueue,
-///     Verifier,
+///     BaselineRecord, Basis, CurveSet, FrameRecord, FrameTimes, Overflow, Positions,
+///     RecordingSink, SinkQueue, Verifier,
 /// };
 /// use std::sync::Arc;
 /// use std::time::{Duration, Instant, SystemTime};
@@ -66,7 +66,10 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 ///     verified: 1,
 ///     skipped: 0,
 ///     rejected: 0,
-///     check: start.elapsed(),
+///     times: FrameTimes {
+///         verification: start.elapsed(),
+///         ..FrameTimes::default()
+///     },
 ///     work: verifier.work(),
 ///     received: SystemTime::now(),
 /// }));
@@ -186,11 +189,11 @@ impl Sink for RecordingSink {
 
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()> {
         let message = schema::Baseline::from(baseline);
-        self.write(self.baseline, &message, 0, nanoseconds(SystemTime::now()))
+        self.write(self.baseline, &message, 0, since_epoch(SystemTime::now()))
     }
 
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
-        let time = nanoseconds(record.received);
+        let time = since_epoch(record.received);
         if let Some(curves) = &record.curves {
             self.write_curves(curves, record, time)?;
         }
@@ -200,8 +203,9 @@ impl Sink for RecordingSink {
                 verified: record.verified,
                 skipped: record.skipped,
                 rejected: record.rejected,
-                check_ns: record.check.as_nanos().try_into().unwrap_or(u64::MAX),
+                check_ns: nanoseconds(record.times.check()),
                 work: Some((&record.work).into()),
+                times: Some((&record.times).into()),
             }),
         };
         self.write(self.verdicts, &message, record.report.seq, time)
@@ -258,9 +262,8 @@ impl Write for Prefix {
 }
 
 /// Returns the nanoseconds since 1970, or 0 if the clock is set before that.
-fn nanoseconds(time: SystemTime) -> u64 {
-    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
-    since.as_nanos().try_into().unwrap_or(u64::MAX)
+fn since_epoch(time: SystemTime) -> u64 {
+    nanoseconds(time.duration_since(UNIX_EPOCH).unwrap_or_default())
 }
 
 fn sink_error(path: &Path, error: McapError) -> Error {
@@ -277,10 +280,10 @@ fn sink_error(path: &Path, error: McapError) -> Error {
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
+    use crate::sinks::FrameTimes;
     use crate::sinks::{Ending, RecordedItem, RecordingReader};
     use crate::verdict::{Report, Verdict};
     use std::sync::{Arc, Mutex};
-    use std::time::Duration;
 
     /// A disk with limited space. It truncates the write that exceeds it.
     #[derive(Clone)]
@@ -321,7 +324,7 @@ mod tests {
             verified: seq,
             skipped: 0,
             rejected: 0,
-            check: Duration::ZERO,
+            times: FrameTimes::default(),
             work: Default::default(),
             received: UNIX_EPOCH,
         }

@@ -67,6 +67,8 @@ pub struct ViewerSink {
     scale: Option<f64>,
     /// The newest status.
     status: String,
+    /// True if a frame with times of a live run was logged.
+    live: bool,
     first: Option<First>,
 }
 
@@ -96,6 +98,7 @@ impl ViewerSink {
             log: Log::default(),
             is_file,
             passed: Passed::default(),
+            live: false,
             last: None,
             scale: None,
             status: String::new(),
@@ -235,6 +238,9 @@ impl Sink for ViewerSink {
             plots::describe_events(&self.rec)?;
         }
         self.passed.add(report, record.curves.as_deref());
+        if record.times.live.is_some() && !std::mem::replace(&mut self.live, true) {
+            plots::describe_live(&self.rec)?;
+        }
         plots::add(&self.rec, record)?;
         let news = self.log.news(report, &self.passed);
         for line in &news.lines {

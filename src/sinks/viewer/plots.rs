@@ -10,6 +10,7 @@ use crate::verdict::{ChangeKind, Verdict};
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{Scalars, SeriesLines};
 use re_sdk_types::components::{InterpolationMode, MarkerShape};
+use std::time::Duration;
 
 /// Logs the names and colours of all series except for the pull-throughs.
 pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
@@ -18,22 +19,14 @@ pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
         (entity::GAINED, VIOLET, "links gained"),
         (entity::CHANGED, ORANGE, "links changed"),
         (entity::CHECK, DARK_GREEN, "check, ms a frame"),
+        (entity::INGEST, CYAN, "ingest"),
+        (entity::VERIFICATION, DARK_GREEN, "verification"),
         (entity::MARKED, ORANGE, "blocks marked, %"),
         (entity::RECOMPUTED, RED, "pairs recomputed"),
         (entity::SKIPPED, ORANGE, "frames skipped so far"),
     ];
     for (path, color, name) in series {
-        // Counts change in steps; times are measured at single frames.
-        let mode = match path {
-            entity::CHECK => InterpolationMode::Linear,
-            _ => InterpolationMode::StepAfter,
-        };
-        let style = SeriesLines::new()
-            .with_colors([color])
-            .with_names([name])
-            .with_widths([2.5])
-            .with_interpolation_mode(mode);
-        log_static(rec, path, &style)?;
+        describe_line(rec, path, color, name)?;
     }
     for (path, route) in entity::ROUTES.into_iter().zip(Route::ALL) {
         let color = match route {
@@ -45,6 +38,30 @@ pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
         log_static(rec, path, &style)?;
     }
     Ok(())
+}
+
+/// Logs the name and colour of a line.
+fn describe_line(rec: &RecordingStream, path: &str, color: u32, name: &str) -> Result<()> {
+    // Counts change in steps; times are measured at single frames.
+    let mode = match path {
+        entity::CHECK | entity::WAIT | entity::INGEST | entity::VERIFICATION | entity::SEND => {
+            InterpolationMode::Linear
+        }
+        _ => InterpolationMode::StepAfter,
+    };
+    let style = SeriesLines::new()
+        .with_colors([color])
+        .with_names([name])
+        .with_widths([2.5])
+        .with_interpolation_mode(mode);
+    log_static(rec, path, &style)
+}
+
+/// Logs the names and colours of the times of live frames. Call it before the first one but no
+/// earlier, because the viewer reports an error for a series without data.
+pub(super) fn describe_live(rec: &RecordingStream) -> Result<()> {
+    describe_line(rec, entity::WAIT, VIOLET, "wait for the frame")?;
+    describe_line(rec, entity::SEND, ORANGE, "verdict sent")
 }
 
 /// Logs the name and colour of the pull-throughs. Call it before the first one but no earlier,
@@ -69,8 +86,19 @@ pub(super) fn add(rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
         let events = record.report.events.len() as f64;
         log(rec, entity::EVENT_COUNT, &Scalars::single(events))?;
     }
-    let check_ms = record.check.as_secs_f64() * 1e3;
+    let times = &record.times;
+    let check_ms = ms(times.check());
     log(rec, entity::CHECK, &Scalars::single(check_ms))?;
+    log(rec, entity::INGEST, &Scalars::single(ms(times.ingest)))?;
+    log(
+        rec,
+        entity::VERIFICATION,
+        &Scalars::single(ms(times.verification)),
+    )?;
+    if let Some(live) = &times.live {
+        log(rec, entity::WAIT, &Scalars::single(ms(live.wait)))?;
+        log(rec, entity::SEND, &Scalars::single(ms(live.send)))?;
+    }
     if record.report.verdict != Verdict::Rejected {
         let work = &record.work;
         let route = entity::ROUTES[work.route as usize];
@@ -91,4 +119,8 @@ pub(super) fn add(rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
         entity::SKIPPED,
         &Scalars::single(record.skipped as f64),
     )
+}
+
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
 }

@@ -4,13 +4,14 @@ use super::names::APPLICATION;
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::incremental::Work;
+use crate::sinks::FrameTimes;
 use crate::verdict::{PullThrough, Report};
 use re_sdk::RecordingStreamBuilder;
 use re_sdk::log::{Chunk, LogMsg};
 use re_sdk::sink::MemorySinkStorage;
 use re_sdk_types::archetypes::{LineStrips3D, Points3D};
 use re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 /// A triangle at height `z`; `None` for a frame without curves.
 fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> FrameRecord {
@@ -35,7 +36,10 @@ fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> FrameRecord {
         verified: seq,
         skipped: 0,
         rejected: 0,
-        check: Duration::from_millis(1),
+        times: FrameTimes {
+            verification: Duration::from_millis(1),
+            ..FrameTimes::default()
+        },
         work: Work::default(),
         received: SystemTime::UNIX_EPOCH,
     }
