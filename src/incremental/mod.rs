@@ -2,8 +2,8 @@
 //! between frames.
 //!
 //! ```text
-//! frame ─▶ affine frame ─▶ one pass over all points ─┬▶ quiet: as the reference frame
-//!              (affine)        (stream)              └▶ otherwise:
+//! frame as received ─▶ affine frame ─▶ one pass: copy, check, compare ─┬▶ quiet: as the reference
+//!                         (affine)        (stream)                     └▶ otherwise:
 //! previous and current frame ─▶ pairs near a moved part (motion), or all pairs
 //!                            ─▶ ledger ─▶ pull-throughs, pairs that may have changed (partial)
 //! no previous frame          ─▶ all pairs (full)
@@ -35,6 +35,6 @@ mod work;
 
 pub(crate) use coverage::Coverage;
 pub use events::Events;
-pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, StepFrame};
+pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome};
 pub(crate) use monitor::Monitor;
 pub use work::{Route, Work};

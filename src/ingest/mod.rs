@@ -3,7 +3,9 @@
 //! Every value is read once: the pass that checks a value also stores it. The only assumption about
 //! the input is that the slices have their stated lengths.
 //!
-//! Cost: one read and one write of the positions, and no allocation after the first frame.
+//! Cost: one read and one write of the positions, and no allocation after the first frame. The
+//! verifier joins its comparison with the reference frame to this pass
+//! ([`Verifier::receive`](crate::Verifier::receive)).
 
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::{Error, Result};

@@ -5,7 +5,7 @@ use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, StepFrame};
+use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome};
 use crate::pairs::{Pair, degenerate_curves};
 use crate::verdict::{Defect, DefectKind, Place};
 use std::sync::Arc;
@@ -21,8 +21,6 @@ pub(super) struct Steps {
     last: Option<Last>,
     /// Contacts of the current frame.
     contacts: Contacts,
-    /// Number of the current frame.
-    frame: u64,
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
     /// closed curves; `None` before that frame.
     touching_from_the_start: Option<Vec<Pair>>,
@@ -33,8 +31,6 @@ struct Last {
     set: Arc<CurveSet>,
     linking: LinkingNumbers,
     contacts: Contacts,
-    /// Number of the frame.
-    frame: u64,
 }
 
 /// Linking numbers of a frame.
@@ -98,7 +94,6 @@ impl Steps {
     /// is no motion between different curves. If pull-throughs are not searched for, forgets that
     /// frame instead.
     pub fn begin(&mut self, set: &CurveSet) -> Result<()> {
-        self.frame += 1;
         if self.events == Events::Off {
             self.last.take_if(|last| !last.set.same_layout(set));
             return Ok(());
@@ -150,7 +145,6 @@ impl Steps {
                 set,
                 linking,
                 contacts: std::mem::take(&mut self.contacts),
-                frame: self.frame,
             });
         }
     }
@@ -180,12 +174,8 @@ impl Steps {
     /// If the previous frame has other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> Outcome {
         let coverage = self.coverage();
-        let current = StepFrame {
-            number: self.frame,
-            set,
-        };
         let Some(last) = &self.last else {
-            let (contacts, touching) = self.ledger.first_frame(current, coverage);
+            let (contacts, touching) = self.ledger.first_frame(set, coverage);
             self.contacts = contacts;
             let outcome = Outcome {
                 touching,
@@ -194,11 +184,7 @@ impl Steps {
             self.note_touching(&outcome);
             return outcome;
         };
-        let before = StepFrame {
-            number: last.frame,
-            set: &last.set,
-        };
-        let frames = [before, current];
+        let frames = [&*last.set, set];
         let outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
         self.contacts.clone_from(&outcome.contacts);
         self.note_touching(&outcome);

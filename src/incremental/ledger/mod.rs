@@ -94,13 +94,6 @@ use crate::discretize::MovingSeparation;
 /// side of another strand to the opposite side.
 pub(crate) const MOTION_LIMIT: f64 = 1.5;
 
-/// A frame at an end of a step. Different frames have different numbers.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct StepFrame<'a> {
-    pub number: u64,
-    pub set: &'a CurveSet,
-}
-
 /// Finds passages, step by step. Its buffers are reused from step to step.
 ///
 /// The outcome does not depend on the number of threads of the rayon pool that it is called in.
@@ -150,7 +143,7 @@ impl Ledger {
     /// Panics if the frames are not of the same curves.
     pub fn step(
         &mut self,
-        frames: [StepFrame<'_>; 2],
+        frames: [&CurveSet; 2],
         contacts: &Contacts,
         coverage: Coverage,
         pairs: Option<&[Pair]>,
@@ -167,7 +160,7 @@ impl Ledger {
         // In the pool, so that its parallel parts do not each pass to another thread and back.
         let (mut outcome, found) =
             rayon::scope(|_| self.search(frames, coverage, pairs.as_deref()));
-        let followed = contacts.follow(&found, frames.map(|frame| frame.set));
+        let followed = contacts.follow(&found, frames);
         outcome.events.extend(followed.events);
         sort(&mut outcome.events);
         sort(&mut outcome.unresolved);
@@ -182,11 +175,11 @@ impl Ledger {
     /// passages are unknown.
     pub fn first_frame(
         &mut self,
-        frame: StepFrame<'_>,
+        frame: &CurveSet,
         coverage: Coverage,
     ) -> (Contacts, Vec<Touching>) {
         let (_, found) = self.search([frame, frame], coverage, None);
-        Contacts::of_first_frame(&found, frame.set)
+        Contacts::of_first_frame(&found, frame)
     }
 
     /// [`Ledger::step`] from a first frame.
@@ -198,10 +191,8 @@ impl Ledger {
         coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> Outcome {
-        // The numbers of an earlier step would name other frames.
+        // The boxes of an earlier step may have another coverage.
         self.trees = SweptTrees::default();
-        let [before, after] =
-            [(0, before), (1, after)].map(|(number, set)| StepFrame { number, set });
         let (contacts, _) = self.first_frame(before, coverage);
         self.step([before, after], &contacts, coverage, pairs)
     }
@@ -209,18 +200,17 @@ impl Ledger {
     /// Finds passages within a step, and contacts at its ends, sorted by pair.
     fn search(
         &mut self,
-        ends: [StepFrame<'_>; 2],
+        frames: [&CurveSet; 2],
         coverage: Coverage,
         pairs: Option<&[Pair]>,
     ) -> (Outcome, Vec<Contact>) {
-        let frames = ends.map(|frame| frame.set);
         let [before, after] = frames;
         assert!(
             before.same_layout(after),
             "both frames must have the same curves"
         );
         let curves = pairs.map(|pairs| curves_of(pairs.iter().copied()));
-        self.trees.refit(ends, coverage, curves.as_deref());
+        self.trees.refit(frames, coverage, curves.as_deref());
         self.pairs.clear();
         match pairs {
             Some(pairs) => self.pairs.extend_from_slice(pairs),

@@ -8,7 +8,6 @@
 //! as the mean of the velocities of the two curves. In a sheet that falls and crumples, neighbours
 //! move together, and nearly all candidates are ruled out.
 
-use super::StepFrame;
 use crate::curve::{Box3, BoxGroup, CurveSet, larger, pow2, smaller};
 use crate::incremental::coverage::Coverage;
 use crate::incremental::covered::Covered;
@@ -19,7 +18,8 @@ use crate::simd::LANES;
 #[derive(Debug, Default)]
 pub(super) struct SweptTrees {
     trees: [Trees; 2],
-    /// Number of the frame in which the second tree has the boxes of all curves.
+    /// Contents of the frame of which the second tree has the boxes of all curves
+    /// ([`CurveSet::contents`]).
     boxed: Option<u64>,
     roots: Vec<Box3>,
     /// Bound of the rounding errors of boxes seen by a moving observer.
@@ -126,18 +126,13 @@ impl SweptTrees {
     /// Computes the boxes of both frames: of these curves, or of all. All calls must have the same
     /// coverage. The boxes of the first frame are kept from the last call if it ended in that
     /// frame.
-    pub fn refit(
-        &mut self,
-        [before, after]: [StepFrame<'_>; 2],
-        coverage: Coverage,
-        curves: Option<&[u32]>,
-    ) {
-        let continued = self.boxed == Some(before.number);
+    pub fn refit(&mut self, frames: [&CurveSet; 2], coverage: Coverage, curves: Option<&[u32]>) {
+        let [before, after] = frames.map(CurveSet::contents);
+        let continued = self.boxed == Some(before);
         if continued {
             self.trees.swap(0, 1);
         }
-        self.boxed = curves.is_none().then_some(after.number);
-        let frames = [before.set, after.set];
+        self.boxed = curves.is_none().then_some(after);
         let both = self.trees.iter_mut().zip(frames);
         for (trees, set) in both.skip(usize::from(continued)) {
             let covered = Covered { set, coverage };

@@ -53,9 +53,7 @@ fn speed() {
                 let mut outcome = Outcome::default();
                 for _ in 0..31 {
                     let start = Instant::now();
-                    let frames = [(0, &before), (1, &after)];
-                    let frames = frames.map(|(number, set)| StepFrame { number, set });
-                    ledger.trees.refit(frames, options, None);
+                    ledger.trees.refit([&before, &after], options, None);
                     times[0].push(start.elapsed());
                     let start = Instant::now();
                     outcome = ledger.first_step(&before, &after, options, None);
