@@ -63,8 +63,8 @@ struct Input {
 }
 
 impl Input {
-    /// Generates a motion of quiet frames: waves of a thousandth of a unit, and a translation of the
-    /// whole scene.
+    /// Generates a motion of quiet frames: waves of a thousandth of a unit, and a translation of
+    /// the whole scene.
     fn new(case: &Case) -> Input {
         let set = match case.scene {
             "" => pentagons(),
@@ -240,9 +240,11 @@ fn exchange(
 }
 
 fn verifier() -> Verifier {
-    let mut options = VerifierOptions::default();
-    options.strategy = Strategy::Incremental;
-    options.events = Events::Between;
+    let options = VerifierOptions {
+        strategy: Strategy::Incremental,
+        events: Events::Between,
+        ..VerifierOptions::default()
+    };
     Verifier::new(options).expect("valid options")
 }
 

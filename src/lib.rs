@@ -50,7 +50,8 @@
 //!
 //! | purpose | items |
 //! |---|---|
-//! | curves of a frame | [`CurveSet`], [`RawFrame`], [`Basis`], [`Positions`]; from files: [`model`] |
+//! | curves of a frame | [`CurveSet`], [`Basis`], [`Positions`]; from files: [`model`] |
+//! | frames in memory of others | [`RawFrame`], for [`Verifier::receive`] |
 //! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |

@@ -98,8 +98,8 @@ impl Frame {
     /// Checks the frame and copies its positions from shared memory into `set`, which the first
     /// frame creates and every later one updates. Every value is read once.
     ///
-    /// [`Frame::read`] with [`Verifier::receive`](crate::Verifier::receive) does the same, and saves
-    /// time if the frame is then verified.
+    /// [`Frame::read`] with [`Verifier::receive`](crate::Verifier::receive) does the same, and
+    /// saves time if the frame is then verified.
     ///
     /// Errors: the frame breaks its contract. Answer it with
     /// [`Verdict::Rejected`](crate::Verdict::Rejected). The next valid frame makes an existing set

@@ -28,7 +28,7 @@ impl Basis {
     ];
 
     /// Returns the wire code: the index in [`Basis::ALL`].
-    #[cfg(any(feature = "client", feature = "mcap"))]
+    #[cfg(any(feature = "client", feature = "verify"))]
     pub(crate) fn code(self) -> u32 {
         self as u32
     }

@@ -119,9 +119,9 @@ impl Packed {
 ///
 /// Squares that underflow have an error of `2^-147` in all, which the square of `2^-70` covers.
 ///
-/// If `M` is so near the identity that `|M - I| r` is small, that is subtracted as well, the product
-/// with `M` is skipped, and the distances along the axes are compared. If that proves nothing, the
-/// condition is evaluated as above.
+/// If `M` is so near the identity that `|M - I| r` is small, that is subtracted as well, the
+/// product with `M` is skipped, and the distances along the axes are compared. If that proves
+/// nothing, the condition is evaluated as above.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PackedCondition {
     affine: Affine,

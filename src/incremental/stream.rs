@@ -12,8 +12,8 @@ use crate::curve::{Bad, Positions, Received, Scalar, largest_within, smaller};
 use crate::simd::{Simd, dispatch_wide, prefetch};
 use rayon::prelude::*;
 
-/// Number of points per task, a multiple of the size of a block. The pass is bound by memory, so only
-/// very large frames gain from several threads. On a busy machine a second thread comes late.
+/// Number of points per task, a multiple of the size of a block. The pass is bound by memory, so
+/// only very large frames gain from several threads. On a busy machine a second thread comes late.
 const GRAIN: usize = 1 << 19;
 
 /// Factor by which the largest coordinate of a frame may exceed that of the reference frame, mapped
@@ -97,8 +97,8 @@ pub(super) struct Compared {
 /// point that moved further than its allowance, in order. Stops comparing if it has found more than
 /// `limit` chunks.
 ///
-/// Copies the positions to `copy`, if given. Fails with the first value whose magnitude is not within
-/// `range`.
+/// Copies the positions to `copy`, if given. Fails with the first value whose magnitude is not
+/// within `range`.
 pub(super) fn compare(
     reference: &Reference,
     affine: Option<&Affine>,
@@ -174,8 +174,8 @@ fn compare_all<T: Real + Scalar>(
     })
 }
 
-/// Number of coordinates that are copied at once, then compared from the second-level cache. Shorter
-/// copies are slower.
+/// Number of coordinates that are copied at once, then compared from the second-level cache.
+/// Shorter copies are slower.
 const SLAB: usize = 16 * TILE;
 
 /// Number of coordinates that are checked at once, then compared from the first-level cache.

@@ -235,7 +235,7 @@ impl Verifier {
         self.monitor.wait_for_reference();
     }
 
-    /// Copies the frame that is verified next into `set`: the first frame creates the set, and every
+    /// Copies a frame that will be verified into `set`: the first frame creates the set, and every
     /// later one of the same curves updates it. Every value is read once and checked.
     ///
     /// If the frame is verified incrementally, the same pass compares it with the reference frame,

@@ -20,8 +20,8 @@ use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameRecord, FrameTimes,
-    Overflow, Progress, RawFrame, Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict,
-    Verifier, VerifierOptions, Work,
+    Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict, Verifier,
+    VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -286,7 +286,7 @@ impl Session {
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn ingest(
         &mut self,
-        read: impl FnOnce(&mut dyn FnMut(RawFrame<'_>) -> Result<()>) -> Result<()>,
+        read: impl FnOnce(&mut dyn FnMut(linkwatch::RawFrame<'_>) -> Result<()>) -> Result<()>,
     ) -> Ingested {
         let start = Instant::now();
         let mut set = self.free_curves();
