@@ -119,6 +119,12 @@ impl LazyCoordinates {
         self.arrays.get_mut().expect("set above")
     }
 
+    /// Moves all points to the origin.
+    pub fn clear(&mut self, len: usize) {
+        self.received.resize(0);
+        self.received_mut(len);
+    }
+
     /// Returns memory for `len` coordinates, to receive positions.
     pub fn received_mut(&mut self, len: usize) -> &mut Received {
         if let Some(arrays) = self.arrays.take() {

@@ -62,8 +62,9 @@ const SPLINE_RANGE: f64 = pow2(300);
 
 /// All curves of one frame.
 ///
-/// Control points are stored in three arrays, one per axis, curve after curve. A closed curve
-/// stores copies of its first points after its last one (and of its last point before its first one
+/// Control points are stored in three arrays, one per axis, curve after curve. If a frame was
+/// received by a [`Verifier`](crate::Verifier), the arrays are built when they are needed. A closed
+/// curve stores copies of its first points after its last one (and of its last point before its first one
 /// if the basis needs it). So every segment is a window of adjacent slots, and eight segments are
 /// read at once.
 ///
@@ -171,26 +172,30 @@ impl CurveSet {
         }
     }
 
-    /// Replaces all positions by those of another frame of the same curves. Allocates nothing.
+    /// Replaces all positions by those of another frame of the same curves. Allocates nothing if
+    /// the frame before was updated in the same way.
     ///
-    /// After an error the set holds a mixture of both frames, and must be updated again before use.
+    /// If a value is not finite, or too large, all points are at the origin after the error, so
+    /// that no verdict on the set is intact.
     pub fn update(&mut self, positions: Positions<'_>) -> Result<()> {
         self.check(positions)?;
+        self.contents = next_contents();
         let (slots, limit) = (self.slots(), self.limit());
         let arrays = self.coordinates.arrays_mut(slots);
         let written = arrays.write_curves(&self.curves, self.basis, positions, limit);
         self.finish_update(written)
     }
 
-    /// [`CurveSet::update`] by a function that copies all positions. It reads each value of its
-    /// source once, and returns the largest magnitude, or the first value that is not within the
-    /// limit. The arrays are built from the copy when they are needed.
+    /// [`CurveSet::update`] by a function that copies all positions. It checks the copy, and returns
+    /// the largest magnitude, or the first value that is not within the limit. The arrays are built
+    /// from the copy when they are needed.
     pub(crate) fn update_by(
         &mut self,
         positions: Positions<'_>,
         copy: impl FnOnce(&mut Received, f64) -> Result<f64, Bad>,
     ) -> Result<()> {
         self.check(positions)?;
+        self.contents = next_contents();
         let limit = self.limit();
         let copied = copy(self.coordinates.received_mut(positions.len()), limit);
         self.finish_update(copied)
@@ -216,8 +221,9 @@ impl CurveSet {
     }
 
     fn finish_update(&mut self, largest: Result<f64, Bad>) -> Result<()> {
-        self.contents = next_contents();
         self.max_abs = largest.map_err(|(point, axis, value)| {
+            self.coordinates.clear(3 * self.points);
+            self.max_abs = 0.0;
             let (curve, point) = self.curve_of_point(point);
             self.bad_value(curve, point, axis, value)
         })?;

@@ -13,7 +13,7 @@ const SAMPLES: usize = 1024;
 /// 0.4974, so there is a margin for rounding.
 const FREE: f64 = 0.015;
 
-/// Number of consecutive points that are sampled together, because they share a cache line.
+/// Number of consecutive points that are sampled together, because they share cache lines.
 const TOGETHER: usize = 8;
 
 /// The map `q -> M q + t` from a reference frame to a later frame. Its determinant is positive, so

@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::ingest::RawFrame;
 use crate::random::Random;
 use crate::scenes::{Frames, Motion, Scene};
-use crate::verdict::{AbortOn, Report};
+use crate::verdict::{AbortOn, Report, Verdict};
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -143,6 +143,40 @@ fn a_quiet_frame_needs_no_arrays() {
             assert_eq!(quiet, k > 0, "frame {k}");
             // The reference frame is built from the first frame, after the second was received.
             assert_eq!(set.has_arrays(), k < 2, "frame {k}");
+        }
+    }
+}
+
+/// A program may ignore the error, and verify the set nevertheless.
+#[test]
+fn a_set_after_a_rejected_frame_is_never_intact() {
+    let (set, xyz) = double("chainmail:rows=1,columns=2");
+    let counts: Vec<i32> = set.counts().collect();
+    for bad in [f64::NAN, f64::INFINITY] {
+        for at in [0, xyz.len() / 2, xyz.len() - 1] {
+            let mut verifier = Verifier::new(VerifierOptions {
+                strategy: Strategy::Incremental,
+                events: Events::Between,
+                ..VerifierOptions::default()
+            })
+            .unwrap();
+            let mut memory = Some(set.clone());
+            for k in 0..6 {
+                let mut moved = xyz.clone();
+                if k > 3 {
+                    moved[at] = bad;
+                }
+                let frame = RawFrame {
+                    basis: set.basis(),
+                    counts: &counts,
+                    positions: Positions::F64(&moved),
+                };
+                let received = verifier.receive(frame, &mut memory);
+                assert_eq!(received.is_ok(), k < 4);
+                let report = verifier.step(k, 0.0, memory.as_ref().unwrap()).unwrap();
+                assert_eq!(report.verdict == Verdict::Intact, k < 4, "{report:?}");
+                verifier.settle();
+            }
         }
     }
 }

@@ -1,11 +1,12 @@
 //! Converts the bytes of a frame to curves. Both live frames and recordings enter here.
 //!
 //! Every value is read once: the pass that checks a value also stores it. The only assumption about
-//! the input is that the slices have their stated lengths.
+//! the input is that the slices have their stated lengths. Cost: one read and one write of the
+//! positions.
 //!
-//! Cost: one read and one write of the positions, and no allocation after the first frame. The
-//! verifier joins its comparison with the reference frame to this pass
-//! ([`Verifier::receive`](crate::Verifier::receive)).
+//! The verifier joins its comparison with the reference frame to this pass
+//! ([`Verifier::receive`](crate::Verifier::receive)). Before that, it reads a sample of the points
+//! for a guess of the motion; no result depends on the guess.
 
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::{Error, Result};
@@ -24,8 +25,8 @@ pub struct RawFrame<'a> {
 /// Copies `frame` into `set`: the first frame creates the set, and `update` copies every later one
 /// of equal layout.
 ///
-/// After an error an existing set holds a mixture of both frames, and must be updated again before
-/// use. It is kept, because later frames are compared with its layout.
+/// After an error an existing set must be updated again before use. It is kept, because later
+/// frames are compared with its layout.
 pub(crate) fn ingest(
     frame: RawFrame<'_>,
     set: &mut Option<CurveSet>,

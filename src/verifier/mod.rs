@@ -236,14 +236,16 @@ impl Verifier {
     }
 
     /// Copies a frame that will be verified into `set`: the first frame creates the set, and every
-    /// later one of the same curves updates it. Every value is read once and checked.
+    /// later one of the same curves updates it. The frame may be in memory that another process
+    /// writes: the copy is checked, and all results are those of the copy.
     ///
     /// If the frame is verified incrementally, the same pass compares it with the reference frame,
     /// so that [`Verifier::step_shared`] need not read a quiet frame again. Several frames may be
     /// received before they are verified.
     ///
     /// Errors: the frame breaks its contract, as told by [`Verifier::reject`]: a number that is not
-    /// finite ([`Error::NotFinite`]) or too large, or curves other than those of `set`
+    /// finite ([`Error::NotFinite`]) or too large, too few points of a curve
+    /// ([`Error::CurveTooShort`]) or of all ([`Error::Count`]), or curves other than those of `set`
     /// ([`Error::LayoutChanged`]). The next valid frame makes an existing set valid again.
     ///
     /// ```

@@ -292,8 +292,7 @@ impl Session {
         let mut set = self.free_curves();
         let ingested = read(&mut |frame| self.verifier.receive(frame, &mut set));
         let set = set.map(Arc::new);
-        // A rejected frame is a mixture of this frame and the previous one: only its layout is
-        // valid.
+        // Of a rejected frame, only the layout is valid.
         self.pool.extend(set.clone());
         let no_curves = || Error::Usage("the frame holds no curves".into());
         Ingested {

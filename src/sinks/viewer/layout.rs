@@ -98,7 +98,7 @@ pub(super) fn send(
     let work = Vertical::new([marked, recomputed]).with_name("work");
     let costs = Tabs::new([check, times, work.into(), skipped]);
     let bottom = Horizontal::new([log, links, costs.into()]);
-    let bottom = bottom.with_column_shares([2.6, 1.25, 1.25]);
+    let bottom = bottom.with_column_shares([2.3, 1.25, 1.55]);
     let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);
     let time = TimePanel::new()
         .with_state(PanelState::Collapsed)
