@@ -44,7 +44,9 @@ pub(super) fn send(
     let log = TextLogView::new("log").with_origin(entity::LOG);
     let links = TimeSeriesView::new("links and pull-throughs").with_contents(["/links/**"]);
     let check = TimeSeriesView::new("check, ms").with_contents(["/check/**"]);
-    let times = TimeSeriesView::new("times, ms").with_contents(["/times/**"]);
+    let times =
+        TimeSeriesView::new("ingest, verification, sending, ms").with_contents(["/times/**"]);
+    let wait = TimeSeriesView::new("wait for the frame, ms").with_contents(["/wait/**"]);
     let marked = TimeSeriesView::new("blocks marked, %").with_contents(["/marked/**"]);
     let recomputed = TimeSeriesView::new("pairs recomputed").with_contents(["/recomputed/**"]);
     let skipped = TimeSeriesView::new("skipped").with_contents(["/skipped/**"]);
@@ -83,7 +85,7 @@ pub(super) fn send(
         let path = format!("{}/TextLogColumns", view.blueprint_path());
         properties.push((path.into(), Box::new(columns)));
     }
-    let plots = [links, check, times, marked, recomputed, skipped].map(ContainerLike::from);
+    let plots = [links, check, wait, marked, recomputed, skipped].map(ContainerLike::from);
     for plot in &plots {
         if let ContainerLike::View(view) = plot {
             let legend = PlotLegend::new().with_visible(false);
@@ -91,12 +93,14 @@ pub(super) fn send(
             properties.push((path.into(), Box::new(legend)));
         }
     }
-    let [links, check, times, marked, recomputed, skipped] = plots;
+    let [links, check, wait, marked, recomputed, skipped] = plots;
     let words = Vertical::new([status.into(), key.into()]).with_row_shares([2.4, 1.0]);
     let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
     // Work counters, one above the other, because counts of frames and pairs share no axis.
     let work = Vertical::new([marked, recomputed]).with_name("work");
-    let costs = Tabs::new([check, times, work.into(), skipped]);
+    // The wait is often a hundred times longer than the rest.
+    let times = Vertical::new([times.into(), wait]).with_name("times");
+    let costs = Tabs::new([check, times.into(), work.into(), skipped]);
     let bottom = Horizontal::new([log, links, costs.into()]);
     let bottom = bottom.with_column_shares([2.3, 1.25, 1.55]);
     let root = Vertical::new([top.into(), bottom.into()]).with_row_shares([2.6, 1.0]);

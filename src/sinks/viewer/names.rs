@@ -33,7 +33,7 @@ pub(super) mod entity {
     pub const CHECK: &str = "check/time";
     /// In the order of [`crate::Route::ALL`].
     pub const ROUTES: [&str; 3] = ["check/full", "check/quiet", "check/partial"];
-    pub const WAIT: &str = "times/wait";
+    pub const WAIT: &str = "wait/time";
     pub const INGEST: &str = "times/ingest";
     pub const VERIFICATION: &str = "times/verification";
     pub const SEND: &str = "times/send";
