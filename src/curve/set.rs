@@ -64,9 +64,9 @@ const SPLINE_RANGE: f64 = pow2(300);
 ///
 /// Control points are stored in three arrays, one per axis, curve after curve. If a frame was
 /// received by a [`Verifier`](crate::Verifier), the arrays are built when they are needed. A closed
-/// curve stores copies of its first points after its last one (and of its last point before its first one
-/// if the basis needs it). So every segment is a window of adjacent slots, and eight segments are
-/// read at once.
+/// curve stores copies of its first points after its last one (and of its last point before its
+/// first one if the basis needs it). So every segment is a window of adjacent slots, and eight
+/// segments are read at once.
 ///
 /// Invariant: every coordinate is finite, and every curve has as many points as its basis needs.
 #[derive(Debug)]
@@ -186,9 +186,9 @@ impl CurveSet {
         self.finish_update(written)
     }
 
-    /// [`CurveSet::update`] by a function that copies all positions. It checks the copy, and returns
-    /// the largest magnitude, or the first value that is not within the limit. The arrays are built
-    /// from the copy when they are needed.
+    /// [`CurveSet::update`] by a function that copies all positions. It checks the copy, and
+    /// returns the largest magnitude, or the first value that is not within the limit. The arrays
+    /// are built from the copy when they are needed.
     pub(crate) fn update_by(
         &mut self,
         positions: Positions<'_>,
