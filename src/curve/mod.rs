@@ -44,6 +44,8 @@ pub(crate) use lazy::Received;
 pub(crate) use notation::{Notation, significant};
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]
+pub(crate) use set::Hulls;
+#[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};
 #[cfg(feature = "verify")]
 pub(crate) use tile::{Bad, largest_within};

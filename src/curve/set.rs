@@ -114,6 +114,32 @@ impl Clone for CurveSet {
     }
 }
 
+/// Reader of the Bezier control points of segments. It asks once if the arrays of the set are
+/// built, before many segments are read.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hulls<'a> {
+    set: &'a CurveSet,
+    coordinates: &'a Coordinates,
+}
+
+impl Hulls<'_> {
+    /// Same as [`CurveSet::hull`].
+    #[inline(always)]
+    pub fn at(&self, i: usize, s: usize) -> [[f64; 4]; 3] {
+        let (slot, basis) = (self.set.slot(i, s), self.set.basis);
+        let mut hull = [[0.0; 4]; 3];
+        for (x, hull) in hull.iter_mut().enumerate() {
+            *hull = basis.hull(if basis.is_polyline() {
+                let [p, q] = self.coordinates.window(x, slot);
+                [p, q, p, q]
+            } else {
+                self.coordinates.window(x, slot)
+            });
+        }
+        hull
+    }
+}
+
 /// Positions of all control points of a set in the order of the input.
 pub(crate) enum InOrder<'a> {
     /// As they were received.
@@ -436,20 +462,19 @@ impl CurveSet {
         }
     }
 
+    /// Returns a reader of the Bezier control points of segments.
+    #[inline(always)]
+    pub(crate) fn hulls(&self) -> Hulls<'_> {
+        Hulls {
+            set: self,
+            coordinates: self.coordinates(),
+        }
+    }
+
     /// Returns the Bezier control points of segment `s` of curve `i`: `[axis][k]`.
     #[inline(always)]
     pub(crate) fn hull(&self, i: usize, s: usize) -> [[f64; 4]; 3] {
-        let (slot, coordinates) = (self.slot(i, s), self.coordinates());
-        let mut hull = [[0.0; 4]; 3];
-        for (x, hull) in hull.iter_mut().enumerate() {
-            *hull = self.basis.hull(if self.basis.is_polyline() {
-                let [p, q] = coordinates.window(x, slot);
-                [p, q, p, q]
-            } else {
-                coordinates.window(x, slot)
-            });
-        }
-        hull
+        self.hulls().at(i, s)
     }
 
     /// Returns the Bezier form of segment `s` of curve `i`.

@@ -2,13 +2,14 @@
 
 use super::halving::Halving;
 use super::hulls::{Hull, separation_margin};
-use crate::curve::CurveSet;
+use crate::curve::{CurveSet, Hulls};
 use std::ops::Range;
 
 /// Separation test for the hulls of two segments.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Separation<'a> {
     set: &'a CurveSet,
+    hulls: Hulls<'a>,
     curves: [usize; 2],
     margin: f64,
 }
@@ -17,6 +18,7 @@ impl<'a> Separation<'a> {
     pub fn new(set: &'a CurveSet, curves: [usize; 2]) -> Self {
         Separation {
             set,
+            hulls: set.hulls(),
             curves,
             margin: separation_margin(set.max_abs(), set.pad()),
         }
@@ -27,7 +29,7 @@ impl<'a> Separation<'a> {
     pub fn add_close(&self, pairs: &[(u32, u32)], close: &mut Vec<(u32, u32)>) {
         for &(s, t) in pairs {
             let [a, b] = [(self.curves[0], s), (self.curves[1], t)].map(|(i, s)| Hull {
-                points: self.set.hull(i, s as usize),
+                points: self.hulls.at(i, s as usize),
             });
             if !a.separated(&b, self.margin) {
                 close.push((s, t));
@@ -52,7 +54,7 @@ impl<'a> Separation<'a> {
 /// straight lines at constant speed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MovingSeparation<'a> {
-    frames: [&'a CurveSet; 2],
+    frames: [Hulls<'a>; 2],
     curves: [usize; 2],
     margin: f64,
 }
@@ -61,7 +63,7 @@ impl<'a> MovingSeparation<'a> {
     pub fn new(frames: [&'a CurveSet; 2], curves: [usize; 2]) -> Self {
         let [m, n] = frames.map(|set| separation_margin(set.max_abs(), set.pad()));
         MovingSeparation {
-            frames,
+            frames: frames.map(CurveSet::hulls),
             curves,
             margin: m.max(n),
         }
@@ -101,8 +103,8 @@ impl<'a> MovingSeparation<'a> {
     /// Returns the hulls of a segment in both frames.
     #[inline(always)]
     fn hulls(&self, i: usize, s: u32) -> [Hull; 2] {
-        let [before, after] = self.frames;
-        let points = [before.hull(i, s as usize), after.hull(i, s as usize)];
-        points.map(|points| Hull { points })
+        self.frames.map(|frame| Hull {
+            points: frame.at(i, s as usize),
+        })
     }
 }
