@@ -1,7 +1,7 @@
 //! Motion of a recording.
 
 use super::motion::{FrameSource, MovedFrame};
-use crate::curve::{CurveSet, Positions, Precision};
+use crate::curve::{CurveSet, Received};
 use crate::error::{Error, Result};
 use crate::sinks::{RecordedFrame, RecordedItem, RecordingReader};
 use std::fmt;
@@ -18,9 +18,8 @@ pub struct RecordedMotion {
     cuts: u32,
     /// True until the first frame was returned, which is read by [`RecordedMotion::open`].
     is_first: bool,
-    bytes: Vec<u8>,
-    single: Vec<f32>,
-    double: Vec<f64>,
+    /// Positions of the last frame.
+    positions: Received,
 }
 
 impl fmt::Debug for RecordedMotion {
@@ -40,12 +39,10 @@ impl RecordedMotion {
             if let (Ok(()), Some(curves)) = (frame.ingest(&mut curves), curves) {
                 return Ok(RecordedMotion {
                     reader,
+                    positions: curves.positions().into_copy(),
                     curves,
                     cuts: frame.cuts,
                     is_first: true,
-                    bytes: Vec::new(),
-                    single: Vec::new(),
-                    double: Vec::new(),
                 });
             }
         }
@@ -58,26 +55,6 @@ impl RecordedMotion {
         &self.curves
     }
 
-    /// Returns the positions of the last frame.
-    fn positions(&mut self) -> Positions<'_> {
-        self.bytes.clear();
-        self.curves.write_positions(&mut self.bytes);
-        match self.curves.precision() {
-            Precision::F32 => {
-                let values = self.bytes.as_chunks().0.iter();
-                self.single.clear();
-                self.single.extend(values.map(|b| f32::from_le_bytes(*b)));
-                Positions::F32(&self.single)
-            }
-            Precision::F64 => {
-                let values = self.bytes.as_chunks().0.iter();
-                self.double.clear();
-                self.double.extend(values.map(|b| f64::from_le_bytes(*b)));
-                Positions::F64(&self.double)
-            }
-        }
-    }
-
     /// Reads the next valid frame. Returns true if it does not continue the last one, or `None` at
     /// the end.
     fn advance(&mut self) -> Result<Option<bool>> {
@@ -85,6 +62,7 @@ impl RecordedMotion {
         while let Some(frame) = next_frame(&mut self.reader)? {
             if let (Ok(()), Some(curves)) = (frame.ingest(&mut curves), &curves) {
                 self.curves.clone_from(curves);
+                self.positions = curves.positions().into_copy();
                 let before = std::mem::replace(&mut self.cuts, frame.cuts);
                 return Ok(Some(before != frame.cuts));
             }
@@ -113,7 +91,7 @@ impl FrameSource for RecordedMotion {
             },
         };
         Ok(Some(MovedFrame {
-            positions: self.positions(),
+            positions: self.positions.positions(),
             cut,
         }))
     }
