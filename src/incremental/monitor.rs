@@ -56,9 +56,18 @@ pub(crate) struct Monitor {
     /// The previous frame and the current frame.
     previous: Survey,
     current: Survey,
-    /// Surveys of frames that were received, but are not verified yet, oldest first: the number of
-    /// the contents, and the frame number of the reference.
-    received: VecDeque<(u64, u64, Survey)>,
+    /// Surveys of the frames that were received last, oldest first.
+    received: VecDeque<ReceivedSurvey>,
+}
+
+/// Survey of a frame that was received, but is not verified yet.
+#[derive(Debug)]
+struct ReceivedSurvey {
+    /// Number of the positions ([`CurveSet::contents`]).
+    contents: u64,
+    /// Frame number of the reference.
+    reference: u64,
+    survey: Survey,
 }
 
 /// A reference frame, and its comparison with the baseline.
@@ -114,6 +123,18 @@ impl Survey {
     }
 }
 
+/// Takes the survey of a frame, if it was received and compared with this reference frame. Discards
+/// those of earlier frames.
+fn take_survey(
+    received: &mut VecDeque<ReceivedSurvey>,
+    reference: &Reference,
+    set: &CurveSet,
+) -> Option<Survey> {
+    let is_it = |r: &ReceivedSurvey| (r.contents, r.reference) == (set.contents(), reference.frame);
+    let k = received.iter().position(is_it)?;
+    received.drain(..=k).next_back().map(|r| r.survey)
+}
+
 impl Monitor {
     /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip
     /// pairs.
@@ -143,23 +164,12 @@ impl Monitor {
         if self.received.len() == RECEIVED {
             self.received.pop_front();
         }
-        let reference = known.reference.frame;
-        let found = found.map(|survey| (set.contents(), reference, survey));
-        self.received.extend(found);
+        self.received.extend(found.map(|survey| ReceivedSurvey {
+            contents: set.contents(),
+            reference: known.reference.frame,
+            survey,
+        }));
         Ok(())
-    }
-
-    /// Returns the survey of a frame: that of [`Monitor::receive`], if the reference frame is still
-    /// the same.
-    fn survey(&mut self, reference: &Reference, set: &CurveSet) -> Survey {
-        let is_it = |(contents, frame, _): &(u64, u64, Survey)| {
-            (*contents, *frame) == (set.contents(), reference.frame)
-        };
-        let at = self.received.iter().position(is_it);
-        match at.and_then(|k| self.received.drain(..=k).next_back()) {
-            Some((_, _, survey)) => survey,
-            None => Survey::of(reference, set),
-        }
     }
 
     /// Compares the frame `set` with the reference frame. Returns true if it has the linking
@@ -177,12 +187,13 @@ impl Monitor {
         *work = Work::default();
         self.reference
             .take_if(|k| !k.reference.set.same_layout(set));
-        let known = self.reference.take();
-        self.current = match &known {
-            Some(known) => self.survey(&known.reference, set),
+        self.current = match &self.reference {
+            Some(known) => {
+                let received = take_survey(&mut self.received, &known.reference, set);
+                received.unwrap_or_else(|| Survey::of(&known.reference, set))
+            }
             None => Survey::default(),
         };
-        self.reference = known;
         if let Some(built) = self.take_built(set, baseline) {
             self.adopt_if_better(built, before, set);
         }

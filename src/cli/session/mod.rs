@@ -292,7 +292,7 @@ impl Session {
         let mut set = self.free_curves();
         let ingested = read(&mut |frame| self.verifier.receive(frame, &mut set));
         let set = set.map(Arc::new);
-        // Of a rejected frame, only the layout is valid.
+        // After a rejected frame, the set still has a valid layout, but no valid positions.
         self.pool.extend(set.clone());
         let no_curves = || Error::Usage("the frame holds no curves".into());
         Ingested {
