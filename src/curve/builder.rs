@@ -93,7 +93,8 @@ impl CurveSetBuilder {
                 available: u64::from(u32::MAX),
             });
         }
-        set.coordinates.arrays_mut(first).grow(slots);
+        let arrays = set.coordinates.arrays_mut(first);
+        arrays.coordinates.grow(slots);
         Arc::make_mut(&mut set.curves).push(Curve {
             first: first as u32,
             first_point: set.points as u32,

@@ -5,6 +5,7 @@
 use super::basis::Basis;
 use super::coordinates::Coordinates;
 use super::set::{Curve, slots_of_all};
+use super::tile::Bad;
 use super::{Positions, Precision};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
@@ -48,22 +49,61 @@ impl Received {
     }
 }
 
+/// Three arrays, and the largest magnitude of their coordinates.
+#[derive(Debug)]
+pub(super) struct Arrays {
+    pub coordinates: Coordinates,
+    pub max_abs: f64,
+}
+
 /// Coordinates of a set, in at least one of two forms.
 #[derive(Debug)]
 pub(super) struct LazyCoordinates {
-    arrays: OnceLock<Coordinates>,
+    arrays: OnceLock<Arrays>,
     /// Memory for the arrays.
-    spare: Mutex<Option<Coordinates>>,
+    spare: Mutex<Option<Arrays>>,
     received: Received,
     /// True if `received` holds the positions.
     is_received: bool,
+}
+
+impl Arrays {
+    /// Returns empty arrays with capacity for `slots` points.
+    fn with_capacity(precision: Precision, slots: usize) -> Self {
+        Arrays {
+            coordinates: Coordinates::with_capacity(precision, slots),
+            max_abs: 0.0,
+        }
+    }
+
+    /// Replaces all points of all curves; see [`Coordinates::write_curves`].
+    pub fn write_curves(
+        &mut self,
+        curves: &[Curve],
+        basis: Basis,
+        positions: Positions<'_>,
+        limit: f64,
+    ) -> Result<(), Bad> {
+        let written = self
+            .coordinates
+            .write_curves(curves, basis, positions, limit);
+        self.max_abs = written?;
+        Ok(())
+    }
+
+    /// Writes points from slot `at` on; see [`Coordinates::write`].
+    pub fn write(&mut self, at: usize, positions: Positions<'_>, limit: f64) -> Result<(), Bad> {
+        let largest = self.coordinates.write(at, positions, limit)?;
+        self.max_abs = self.max_abs.max(largest);
+        Ok(())
+    }
 }
 
 impl LazyCoordinates {
     /// Returns empty arrays with capacity for `slots` points.
     pub fn with_capacity(precision: Precision, slots: usize) -> Self {
         LazyCoordinates {
-            arrays: Coordinates::with_capacity(precision, slots).into(),
+            arrays: Arrays::with_capacity(precision, slots).into(),
             spare: Mutex::default(),
             received: Received::new(precision),
             is_received: false,
@@ -76,7 +116,7 @@ impl LazyCoordinates {
 
     /// Returns the arrays. Builds them if only the received positions are known.
     #[inline(always)]
-    pub fn get(&self, curves: &[Curve], basis: Basis) -> &Coordinates {
+    pub fn get(&self, curves: &[Curve], basis: Basis) -> &Arrays {
         match self.arrays.get() {
             Some(arrays) => arrays,
             None => self.build(curves, basis),
@@ -85,7 +125,7 @@ impl LazyCoordinates {
 
     #[cold]
     #[inline(never)]
-    fn build(&self, curves: &[Curve], basis: Basis) -> &Coordinates {
+    fn build(&self, curves: &[Curve], basis: Basis) -> &Arrays {
         self.arrays.get_or_init(|| {
             let mut spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner);
             let mut arrays = self.memory(spare.take(), slots_of_all(curves, basis));
@@ -98,18 +138,18 @@ impl LazyCoordinates {
     }
 
     /// Returns arrays of `slots` slots with any content, in `spare` if it fits.
-    fn memory(&self, spare: Option<Coordinates>, slots: usize) -> Coordinates {
+    fn memory(&self, spare: Option<Arrays>, slots: usize) -> Arrays {
         let precision = self.precision();
         let fits = |c: &Coordinates| c.precision() == precision && c.len() == slots;
-        spare.filter(fits).unwrap_or_else(|| {
-            let mut arrays = Coordinates::with_capacity(precision, slots);
-            arrays.grow(slots);
+        spare.filter(|a| fits(&a.coordinates)).unwrap_or_else(|| {
+            let mut arrays = Arrays::with_capacity(precision, slots);
+            arrays.coordinates.grow(slots);
             arrays
         })
     }
 
     /// Returns arrays of `slots` slots with any content, to write all coordinates.
-    pub fn arrays_mut(&mut self, slots: usize) -> &mut Coordinates {
+    pub fn arrays_mut(&mut self, slots: usize) -> &mut Arrays {
         self.is_received = false;
         let spare = self.spare.get_mut();
         let spare = spare.unwrap_or_else(PoisonError::into_inner).take();
@@ -160,7 +200,11 @@ impl Clone for LazyCoordinates {
             *self = LazyCoordinates::with_capacity(source.precision(), 0);
         }
         match source.arrays.get() {
-            Some(arrays) => self.arrays_mut(arrays.len()).clone_from(arrays),
+            Some(source) => {
+                let arrays = self.arrays_mut(source.coordinates.len());
+                arrays.coordinates.clone_from(&source.coordinates);
+                arrays.max_abs = source.max_abs;
+            }
             None => self.received_mut(0).copy_from(source.received.positions()),
         }
     }

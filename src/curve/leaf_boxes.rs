@@ -22,7 +22,7 @@ impl CurveSet {
         if self.basis.is_polyline() {
             0.0
         } else {
-            self.max_abs * pow2(-48) + 1e-300
+            self.max_abs() * pow2(-48) + 1e-300
         }
     }
 
@@ -41,7 +41,7 @@ impl CurveSet {
         const LARGEST: f64 = pow2(120);
         const SHARE: f64 = pow2(-21);
         const TINY: f64 = pow2(-140);
-        (self.max_abs <= LARGEST).then_some((self.max_abs * SHARE + TINY) as f32)
+        (self.max_abs() <= LARGEST).then_some((self.max_abs() * SHARE + TINY) as f32)
     }
 
     /// Returns the boxes of the segments `8 g .. 8 g + 8` of curve `i`. Lanes past the last segment

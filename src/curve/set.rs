@@ -2,7 +2,7 @@
 
 use super::basis::bspline_knot;
 use super::coordinates::{Axes, Coordinates, Knots};
-use super::lazy::{LazyCoordinates, Received};
+use super::lazy::{Arrays, LazyCoordinates, Received};
 use super::tile::Bad;
 use super::{Basis, Bezier, Point, Positions, Precision, point_at, pow2};
 use crate::error::{Error, Result};
@@ -80,8 +80,6 @@ pub struct CurveSet {
     /// Counted during construction, so that reading it costs no pass over the curves.
     pub(super) segments: usize,
     pub(super) open_curves: usize,
-    /// Largest magnitude of any coordinate.
-    pub(super) max_abs: f64,
     /// Number of the positions; see [`CurveSet::contents`].
     pub(super) contents: u64,
 }
@@ -104,12 +102,11 @@ impl Clone for CurveSet {
             points,
             segments,
             open_curves,
-            max_abs,
             contents,
         } = self;
         curves.clone_from(&source.curves);
         coordinates.clone_from(&source.coordinates);
-        (*basis, *max_abs, *contents) = (source.basis, source.max_abs, source.contents);
+        (*basis, *contents) = (source.basis, source.contents);
         (*points, *segments, *open_curves) = (source.points, source.segments, source.open_curves);
     }
 }
@@ -193,7 +190,6 @@ impl CurveSet {
             points: 0,
             segments: 0,
             open_curves: 0,
-            max_abs: 0.0,
             contents: next_contents(),
         }
     }
@@ -212,13 +208,13 @@ impl CurveSet {
         self.finish_update(written)
     }
 
-    /// [`CurveSet::update`] by a function that copies all positions. It checks the copy, and
-    /// returns the largest magnitude, or the first value that is not within the limit. The arrays
-    /// are built from the copy when they are needed.
+    /// [`CurveSet::update`] by a function that copies all positions. It checks the copy, and fails
+    /// with the first value that is not within the limit. The arrays are built from the copy when
+    /// they are needed.
     pub(crate) fn update_by(
         &mut self,
         positions: Positions<'_>,
-        copy: impl FnOnce(&mut Received, f64) -> Result<f64, Bad>,
+        copy: impl FnOnce(&mut Received, f64) -> Result<(), Bad>,
     ) -> Result<()> {
         self.check(positions)?;
         self.contents = next_contents();
@@ -246,14 +242,12 @@ impl CurveSet {
         Ok(())
     }
 
-    fn finish_update(&mut self, largest: Result<f64, Bad>) -> Result<()> {
-        self.max_abs = largest.map_err(|(point, axis, value)| {
+    fn finish_update(&mut self, updated: Result<(), Bad>) -> Result<()> {
+        updated.map_err(|(point, axis, value)| {
             self.coordinates.clear(3 * self.points);
-            self.max_abs = 0.0;
             let (curve, point) = self.curve_of_point(point);
             self.bad_value(curve, point, axis, value)
-        })?;
-        Ok(())
+        })
     }
 
     /// Returns the curve of a point, counted over all curves, and the point in that curve.
@@ -295,17 +289,14 @@ impl CurveSet {
         let (slots, limit) = (self.slots(), self.limit());
         let arrays = self.coordinates.arrays_mut(slots);
         let written = arrays.write(at, positions, limit);
-        let max_abs = written
-            .map_err(|(point, axis, value)| self.bad_value(i, start + point, axis, value))?;
-        self.max_abs = self.max_abs.max(max_abs);
-        Ok(())
+        written.map_err(|(point, axis, value)| self.bad_value(i, start + point, axis, value))
     }
 
     /// Updates the copies of points that a closed curve stores at its ends, and the padding.
     pub(super) fn wrap(&mut self, i: usize) {
         let slots = self.slots();
         let arrays = self.coordinates.arrays_mut(slots);
-        arrays.finish_curve(&self.curves[i], self.basis);
+        arrays.coordinates.finish_curve(&self.curves[i], self.basis);
     }
 
     /// Returns true if another set has the same curves in the same precision, so that only
@@ -372,7 +363,7 @@ impl CurveSet {
 
     /// Returns the largest magnitude of any coordinate.
     pub fn max_abs(&self) -> f64 {
-        self.max_abs
+        self.arrays().max_abs
     }
 
     /// Returns a number that sets with other positions do not have: copies of a set have the number
@@ -381,10 +372,15 @@ impl CurveSet {
         self.contents
     }
 
+    #[inline(always)]
+    fn arrays(&self) -> &Arrays {
+        self.coordinates.get(&self.curves, self.basis)
+    }
+
     /// Returns the coordinates in three arrays.
     #[inline(always)]
     pub(super) fn coordinates(&self) -> &Coordinates {
-        self.coordinates.get(&self.curves, self.basis)
+        &self.arrays().coordinates
     }
 
     /// Returns true if the arrays are built.
@@ -598,11 +594,10 @@ mod tests {
     }
 
     /// Copies all positions, for [`CurveSet::update_by`].
-    fn copy(positions: Positions<'_>) -> impl FnOnce(&mut Received, f64) -> Result<f64, Bad> {
+    fn copy(positions: Positions<'_>) -> impl FnOnce(&mut Received, f64) -> Result<(), Bad> {
         move |to, _| {
             to.copy_from(positions);
-            let largest = (0..positions.len() / 3).flat_map(|k| positions.point(k));
-            Ok(largest.fold(0.0, |m: f64, x| m.max(x.abs())))
+            Ok(())
         }
     }
 

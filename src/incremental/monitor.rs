@@ -92,17 +92,17 @@ impl Survey {
         let positions = set.positions();
         let survey = Survey::read(reference, positions.as_positions(), None, f64::INFINITY);
         // The coordinates of a set are finite.
-        survey.map_or_else(|_| Survey::default(), |(survey, _)| survey)
+        survey.unwrap_or_default()
     }
 
-    /// Compares positions with a reference frame, and copies them to `copy`. Returns their largest
-    /// magnitude too. Fails with the first value whose magnitude is not within `range`.
+    /// Compares positions with a reference frame, and copies them to `copy`. Fails with the first
+    /// value whose magnitude is not within `range`.
     fn read(
         reference: &Reference,
         positions: Positions<'_>,
         copy: Option<&mut Received>,
         range: f64,
-    ) -> Result<(Survey, f64), Bad> {
+    ) -> Result<Survey, Bad> {
         let mut survey = Survey {
             affine: Affine::fit(&reference.sample, positions),
             chunks: Vec::new(),
@@ -111,10 +111,10 @@ impl Survey {
         let affine = survey.affine.as_ref();
         let found = (limit, &mut survey.chunks);
         let compared = compare(reference, affine, positions, copy, range, found)?;
-        if survey.chunks.len() > limit || !compared.known {
+        if survey.chunks.len() > limit || !compared {
             survey.affine = None;
         }
-        Ok((survey, compared.largest))
+        Ok(survey)
     }
 
     /// Returns the number of chunks that moved, or the largest number if it is unknown.
@@ -156,10 +156,9 @@ impl Monitor {
         };
         let mut found = None;
         set.update_by(positions, |copy, range| {
-            let read = Survey::read(&known.reference, positions, Some(copy), range);
-            let (survey, largest) = read?;
+            let survey = Survey::read(&known.reference, positions, Some(copy), range)?;
             found = Some(survey);
-            Ok(largest)
+            Ok(())
         })?;
         if self.received.len() == RECEIVED {
             self.received.pop_front();

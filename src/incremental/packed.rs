@@ -11,7 +11,7 @@
 
 use super::affine::Affine;
 use super::blocks::{BLOCK, Real, VALUES};
-use crate::curve::{Point, Positions, larger};
+use crate::curve::{Point, Positions};
 use crate::simd::{LANES, Simd};
 
 /// Half a unit in the last place of 1, in single and in double precision.
@@ -49,6 +49,12 @@ impl Packed {
             .collect()
     }
 
+    /// Returns true if no point has an allowance, because its curve is not covered.
+    #[inline(always)]
+    pub fn is_free(&self) -> bool {
+        self.allowance == f32::INFINITY
+    }
+
     fn new(points: &[Point; BLOCK], max_abs: f64, allowances: &[f32; BLOCK]) -> Packed {
         let (mut lo, mut hi) = (points[0], points[0]);
         for p in points {
@@ -77,11 +83,12 @@ impl Packed {
             if a < f32::INFINITY {
                 let rounding = 8.0 * U_DOUBLE * max_abs + 1e-150;
                 radius = radius.max(far.sqrt());
-                allowance = allowance.min(f64::from(a) - off.sqrt() * (1.0 + 1e-9) - rounding);
+                let a = f64::from(a).min(f32::LARGEST);
+                allowance = allowance.min(a - off.sqrt() * (1.0 + 1e-9) - rounding);
             }
         }
         // If numbers are too large for a bound, no motion is allowed.
-        let known = scale.is_finite() && radius < 1e18 && !allowance.is_nan();
+        let known = scale.is_finite() && radius < f32::LARGEST && !allowance.is_nan();
         Packed {
             origin,
             scale,
@@ -104,8 +111,8 @@ impl Packed {
 /// condition is evaluated as `(p - o') - M s k`, where `o'` is `M o + t`, rounded to the precision
 /// of the coordinates. The result of `p - o'` is in single precision, whose `u` is `2^-24`.
 ///
-/// Only `o'` has an error of the size of the scene, `S = |M| B + |t| + A`, with `A` and `B` the
-/// largest coordinates of both frames: `u' S` per axis, with `u'` that of the coordinates, and less
+/// Only `o'` has an error of the size of the scene, `S = |M| B + |t|`, with `B` the largest
+/// coordinate of the reference frame: `u' S` per axis, with `u'` that of the coordinates, and less
 /// than `10 * 2^-53 S` from its computation. The vector of three axes has at most twice that
 /// length, so `3 u' S + 32 * 2^-53 S` is an upper bound.
 ///
@@ -122,6 +129,10 @@ impl Packed {
 /// If `M` is so near the identity that `|M - I| r` is small, that is subtracted as well, the
 /// product with `M` is skipped, and the distances along the axes are compared. If that proves
 /// nothing, the condition is evaluated as above.
+///
+/// Nothing is assumed of `p`. Distances are compared as bit patterns of magnitudes, those of
+/// infinities and NaN being larger than all others. So a block that satisfies the condition has
+/// finite points, whose coordinates are at most [`PackedCondition::LARGEST`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PackedCondition {
     affine: Affine,
@@ -135,10 +146,14 @@ pub(super) struct PackedCondition {
 }
 
 impl PackedCondition {
-    /// `reference` and `current` are upper bounds of the coordinates of both frames.
-    pub fn new<T: Real>(affine: &Affine, reference: f64, current: f64) -> PackedCondition {
+    /// Upper bound of the coordinates of points that satisfy a condition: `|o'|` is at most `S`,
+    /// `|M| r` a few times `S`, and `sigma a` ten times [`Real::LARGEST`], as `S` is.
+    pub const LARGEST: f64 = 100.0 * f32::LARGEST;
+
+    /// `reference` is the largest coordinate of the reference frame.
+    pub fn new<T: Real>(affine: &Affine, reference: f64) -> PackedCondition {
         let largest = affine.largest_row().max(1.0);
-        let size = largest * reference + affine.t.amax() + current;
+        let size = largest * reference + affine.t.amax();
         let error = (3.0 * T::U + 32.0 * U_DOUBLE) * size + f64::from(f32::TINY);
         let stray = (affine.m - nalgebra::Matrix3::identity()).norm();
         PackedCondition {
@@ -156,12 +171,12 @@ impl PackedCondition {
         }
     }
 
-    /// Returns true if all points of a block, `x y z x y z ..`, are proven to be within their
-    /// allowances.
+    /// Returns true if all points of a block, `x y z x y z ..`, are proven to be finite and within
+    /// their allowances.
     #[inline(always)]
     pub fn holds<T: Real, S: Simd>(&self, simd: S, block: &Packed, p: &[T; VALUES]) -> bool {
-        if block.allowance == f32::INFINITY {
-            return true;
+        if block.is_free() {
+            return false;
         }
         let radius = f64::from(block.radius);
         let bound = self.sigma * f64::from(block.allowance) - self.error - self.share * radius;
@@ -220,7 +235,7 @@ impl Packed {
                 *row = *row + T::from_f32(lane) * origin;
             }
         }
-        // Bit patterns, which have the order of the magnitudes: integers need no masked stores.
+        // Integers need no masked stores.
         let mut largest = [0; ROW];
         let offsets = self.offsets.as_chunks::<ROW>().0;
         for (p, q) in p.as_chunks::<ROW>().0.iter().zip(offsets) {
@@ -247,7 +262,7 @@ impl Packed {
             *m *= self.scale;
         }
         let (p, offsets) = (axes(p, |x| x), axes(&self.offsets, f32::from));
-        let mut largest = [0.0f32; LANES];
+        let mut largest = [0; LANES];
         for k in (0..BLOCK).step_by(LANES) {
             for l in 0..LANES {
                 let mut square = 0.0;
@@ -258,10 +273,10 @@ impl Packed {
                     }
                     square = add_product::<S>(square, d, d);
                 }
-                largest[l] = larger(square, largest[l]);
+                largest[l] = square.abs().to_bits().max(largest[l]);
             }
         }
-        largest.into_iter().fold(0.0, |m, x| larger(x, m))
+        f32::from_bits(largest.into_iter().fold(0, u32::max))
     }
 }
 

@@ -84,18 +84,10 @@ fn axes<T: Real>(values: &[T]) -> [[T; CHUNK]; 3] {
     axes
 }
 
-/// Result of [`compare`].
-pub(super) struct Compared {
-    /// Largest magnitude of a coordinate.
-    pub largest: f64,
-    /// False if the points were not compared: there is no affine frame, or coordinates are too
-    /// large.
-    pub known: bool,
-}
-
 /// Compares the points of a frame with a reference frame. Adds the chunks of points that contain a
 /// point that moved further than its allowance, in order. Stops comparing if it has found more than
-/// `limit` chunks.
+/// `limit` chunks. Returns false if the points were not compared: there is no affine frame, or
+/// coordinates are too large.
 ///
 /// Copies the positions to `copy`, if given. Fails with the first value whose magnitude is not
 /// within `range`.
@@ -106,7 +98,7 @@ pub(super) fn compare(
     copy: Option<&mut Received>,
     range: f64,
     (limit, found): (usize, &mut Vec<u32>),
-) -> Result<Compared, Bad> {
+) -> Result<bool, Bad> {
     match (positions, &reference.points, copy) {
         (Positions::F32(p), Received::F32(q), Some(Received::F32(copy))) => {
             compare_all(reference, affine, (p, q), Some(copy), range, (limit, found))
@@ -131,10 +123,11 @@ fn compare_all<T: Real + Scalar>(
     copy: Option<&mut Vec<T>>,
     range: f64,
     (limit, found): (usize, &mut Vec<u32>),
-) -> Result<Compared, Bad> {
+) -> Result<bool, Bad> {
     let comparison = affine.and_then(|affine| Comparison::new(reference, affine, q));
     let pass = Pass {
-        comparison: &comparison,
+        // Blocks that satisfy the quick condition are not checked otherwise.
+        comparison: comparison.filter(|_| range >= PackedCondition::LARGEST),
         range: T::bits_within(range),
         limit,
     };
@@ -165,21 +158,15 @@ fn compare_all<T: Real + Scalar>(
             done.into_iter().collect::<Result<(), Bad>>()?;
         }
     }
-    let largest = parts.iter().map(|part| part.largest).max().unwrap_or(0);
     found.extend(parts.iter().flat_map(|part| &part.found));
+    let largest = parts.iter().map(|part| part.largest).max().unwrap_or(0);
     let largest = T::from_magnitude(largest);
-    Ok(Compared {
-        largest,
-        known: comparison.is_some_and(|c| largest <= c.largest),
-    })
+    Ok(pass.comparison.is_some_and(|c| largest <= c.largest))
 }
 
 /// Number of coordinates that are copied at once, then compared from the second-level cache.
 /// Shorter copies are slower.
-const SLAB: usize = 16 * TILE;
-
-/// Number of coordinates that are checked at once, then compared from the first-level cache.
-const TILE: usize = 4 * VALUES;
+const SLAB: usize = 64 * VALUES;
 
 /// Number of blocks of the reference frame by which prefetching is ahead.
 const AHEAD: usize = 16;
@@ -198,7 +185,7 @@ struct Comparison<'a, T> {
 
 /// A pass over positions.
 struct Pass<'a, T> {
-    comparison: &'a Option<Comparison<'a, T>>,
+    comparison: Option<Comparison<'a, T>>,
     /// Bit pattern of the largest allowed magnitude.
     range: u64,
     /// Number of chunks up to which the comparison continues.
@@ -212,7 +199,7 @@ struct Part<'a, T> {
     source: &'a [T],
     copy: Option<&'a mut [T]>,
     found: Vec<u32>,
-    /// Bit pattern of the largest magnitude.
+    /// Bit pattern of the largest magnitude in blocks that are not quiet.
     largest: u64,
 }
 
@@ -229,19 +216,17 @@ impl<T: Real + Scalar> Pass<'_, T> {
                 }
                 None => &part.source[here],
             };
-            for (k, tile) in slab.chunks(TILE).enumerate() {
-                let at = at + k * TILE;
-                let largest = largest_within(tile, self.range, part.first + at / 3)?;
-                part.largest = part.largest.max(largest);
-                let Some(comparison) = self.comparison else {
-                    continue;
-                };
-                if part.found.len() > self.limit {
+            for (k, values) in slab.chunks(VALUES).enumerate() {
+                let first = part.first + at / 3 + k * BLOCK;
+                let within_limit = part.found.len() <= self.limit;
+                let comparison = self.comparison.as_ref().filter(|_| within_limit);
+                if comparison.is_some_and(|c| c.is_quiet(simd, first, values)) {
                     continue;
                 }
-                for (k, values) in tile.chunks(VALUES).enumerate() {
-                    let first = part.first + at / 3 + k * BLOCK;
-                    comparison.block(simd, first, values, &mut part.found);
+                let largest = largest_within(values, self.range, first)?;
+                part.largest = part.largest.max(largest);
+                if let Some(comparison) = comparison {
+                    comparison.chunks(first, values, &mut part.found);
                 }
             }
         }
@@ -256,7 +241,7 @@ impl<'a, T: Real> Comparison<'a, T> {
         let largest = LARGER * (affine.largest_row() * size + affine.t.amax());
         Some(Comparison {
             condition: Condition::new(affine, size, largest)?,
-            quick: PackedCondition::new::<T>(affine, size, largest),
+            quick: PackedCondition::new::<T>(affine, size),
             packed: &reference.packed,
             reference: points,
             allowances: &reference.allowances,
@@ -264,25 +249,25 @@ impl<'a, T: Real> Comparison<'a, T> {
         })
     }
 
-    /// Adds the moved chunks of a block, the last of which may be incomplete.
+    /// Returns true if the points of a block are proven to be finite and within their allowances.
     #[inline(always)]
-    fn block<S: Simd>(&self, simd: S, first: usize, values: &[T], found: &mut Vec<u32>) {
+    fn is_quiet<S: Simd>(&self, simd: S, first: usize, values: &[T]) -> bool {
         let block = first / BLOCK;
         // Data that was used a frame ago may have left the caches.
         if let Some(block) = self.packed.get(block + AHEAD) {
             prefetch(block);
         }
-        let quiet = match (self.packed.get(block), values.as_array()) {
+        match (self.packed.get(block), values.as_array()) {
             (Some(packed), Some(values)) => self.quick.holds(simd, packed, values),
             _ => false,
-        };
-        if !quiet {
-            self.chunks(first, values, found);
         }
     }
 
-    /// Adds the moved chunks of points, tested with uncompressed points and allowances.
+    /// Adds the moved chunks of a block, tested with uncompressed points and allowances.
     fn chunks(&self, first: usize, values: &[T], found: &mut Vec<u32>) {
+        if self.packed.get(first / BLOCK).is_some_and(Packed::is_free) {
+            return;
+        }
         let reference = self.reference[3 * first..].chunks(3 * CHUNK);
         let allowances = self.allowances[first..].chunks(CHUNK);
         let points = values.chunks(3 * CHUNK).zip(reference).zip(allowances);
@@ -385,19 +370,16 @@ mod tests {
             (all, &mut found),
         );
         let compared = compared.unwrap();
-        if compared.known {
-            assert_eq!(compared.largest, frame.max_abs());
-        } else {
+        if !compared {
             found = (0..frame.points().div_ceil(CHUNK) as u32).collect();
         }
         let (mut copied, mut again) = (frame.clone(), Vec::new());
         let found_again = (all, &mut again);
         let copy = |copy: &mut Received, range| {
-            let compared = compare(r, Some(affine), positions, Some(copy), range, found_again);
-            compared.map(|c| c.largest)
+            compare(r, Some(affine), positions, Some(copy), range, found_again).map(drop)
         };
         copied.update_by(positions, copy).unwrap();
-        if compared.known {
+        if compared {
             assert_eq!(again, found);
         }
         assert_eq!(copied.max_abs(), frame.max_abs());
@@ -480,17 +462,17 @@ mod tests {
             let rotation = Rotation3::new(Vector3::y() * turn).into_inner();
             let affine = Affine::new(rotation, Vector3::x()).unwrap();
             let frame = set(&moved(&r, &affine, |_| Vector3::x() * 1e-3), single);
-            let sizes = [r.set.max_abs(), frame.max_abs()];
+            let size = r.set.max_abs();
             let points = frame.positions();
             let points = points.as_positions();
             for (b, packed) in r.packed.iter().enumerate() {
                 let coordinate = |k: usize| points.point(b * BLOCK + k / 3)[k % 3];
                 let p: [f64; VALUES] = std::array::from_fn(coordinate);
                 let holds = if single {
-                    let quick = PackedCondition::new::<f32>(&affine, sizes[0], sizes[1]);
+                    let quick = PackedCondition::new::<f32>(&affine, size);
                     quick.holds(Portable, packed, &p.map(|x| x as f32))
                 } else {
-                    let quick = PackedCondition::new::<f64>(&affine, sizes[0], sizes[1]);
+                    let quick = PackedCondition::new::<f64>(&affine, size);
                     let p = &p;
                     dispatch!(simd => PackedCondition::holds(&quick, simd, packed, p))
                 };
