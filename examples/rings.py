@@ -21,13 +21,14 @@ import numpy as np
 import openmm as mm
 from openmm import unit
 
-VERSION = 4
+VERSION = 5
 FRAME_MAGIC = int.from_bytes(b"LWFRAME\0", "little")
 VERDICT_MAGIC = int.from_bytes(b"LWVERDI\0", "little")
 LOCKSTEP, END, ANNOUNCE, UNFINISHED = 1, 2, 4, 8
 KINDS = ("hello", "verdict", "goodbye")
 VERDICTS = ("intact", "changed", "contact", "undecided", "stale", "rejected")
 POLYLINE = 0
+NO_FRAME = 2**64 - 1
 
 
 def fields(text):
@@ -82,7 +83,8 @@ class Verdict(Wire):
         i64 expected found
         f64*3 point
         f64 distance lengths extent
-        u64 verified skipped rejected check_ns
+        u64 verified skipped rejected check_ns last_intact
+        f64 safe_fraction
         u8*192 reason
         """
     )
@@ -286,7 +288,7 @@ def main():
     states = []
     while client.seq < FRAMES:
         if client.seq % STATES == 0:
-            states.append(context.createCheckpoint())
+            states.append((client.seq, context.createCheckpoint()))
         context.getIntegrator().step(STEPS_A_FRAME)
         state = context.getState(getPositions=True)
         positions = state.getPositions(asNumpy=True).value_in_unit(unit.nanometer)
@@ -300,8 +302,10 @@ def main():
         print(last)
         if not args.roll_back:
             break
-        states = states[:-2] or states[:1]  # the last one may be a moment before the break
-        context.loadCheckpoint(states[-1])
+        # A state is that before the frame of its number.
+        intact = -1 if last.last_intact == NO_FRAME else last.last_intact
+        states = [s for s in states if s[0] <= intact + 1]
+        context.loadCheckpoint(states[-1][1])
         context.setParameter("strength", 100.0)
         context.setParameter("pull", 0.0)
         client.resume()

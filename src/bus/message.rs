@@ -2,10 +2,12 @@
 
 use super::wire::{
     FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE,
-    VERDICT_MAGIC, VerdictWire,
+    NO_FRAME, VERDICT_MAGIC, VerdictWire,
 };
 use crate::error::{Error, Result};
-use crate::verdict::{Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict};
+use crate::verdict::{
+    Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict, words_of_roll_back,
+};
 use std::fmt;
 use std::time::Duration;
 
@@ -97,6 +99,10 @@ pub struct VerdictMessage {
     pub counters: Counters,
     /// Duration of the check.
     pub check: Duration,
+    /// Last frame that is known to be intact ([`Report::last_intact`]).
+    pub last_intact: Option<u64>,
+    /// Safe share of the step from there ([`Report::safe_fraction`]).
+    pub safe_fraction: Option<f64>,
 }
 
 impl fmt::Display for VerdictMessage {
@@ -154,6 +160,9 @@ impl fmt::Display for VerdictMessage {
         }
         if self.abort {
             write!(f, ". Stop or roll back")?;
+            if let Some(words) = words_of_roll_back(self.last_intact, self.safe_fraction) {
+                write!(f, ": {words}")?;
+            }
         }
         Ok(())
     }
@@ -194,6 +203,8 @@ impl VerdictWire {
             skipped: counters.skipped,
             rejected: counters.rejected,
             check_ns: 0,
+            last_intact: NO_FRAME,
+            safe_fraction: f64::NAN,
             reason: [0; 192],
         }
     }
@@ -219,6 +230,8 @@ impl VerdictWire {
             unresolved: u32::try_from(report.unresolved.len()).unwrap_or(u32::MAX),
             check_ns: u64::try_from(check.as_nanos()).unwrap_or(u64::MAX),
             extent: report.stats.extent,
+            last_intact: report.last_intact.unwrap_or(NO_FRAME),
+            safe_fraction: report.safe_fraction.unwrap_or(f64::NAN),
             ..VerdictWire::new(MessageKind::Verdict, session, counters)
         };
         if let Some(change) = report.changes.first() {
@@ -337,6 +350,8 @@ impl VerdictWire {
                 rejected: self.rejected,
             },
             check: Duration::from_nanos(self.check_ns),
+            last_intact: (self.last_intact != NO_FRAME).then_some(self.last_intact),
+            safe_fraction: (!self.safe_fraction.is_nan()).then_some(self.safe_fraction),
         })
     }
 }
@@ -383,6 +398,21 @@ mod tests {
             "frame 12: changed, 1 link lost, 1 link changed: curves 3 and 4 came apart: linking \
              number was 1, is 0, near (1.00000, 2.00000, 3.00000), segments 7 and 8, 0.25 \
              apart. Stop or roll back"
+        );
+    }
+
+    #[test]
+    fn the_state_to_roll_back_to_is_transmitted() {
+        let mut r = report(Verdict::Changed);
+        let m = sent(&r);
+        assert_eq!((m.last_intact, m.safe_fraction), (None, None));
+        (r.abort, r.last_intact, r.safe_fraction) = (true, Some(11), Some(0.37196));
+        let m = sent(&r);
+        assert_eq!((m.last_intact, m.safe_fraction), (Some(11), Some(0.37196)));
+        assert_eq!(
+            m.to_string(),
+            "frame 12: changed. Stop or roll back: frame 11 is intact, and 0.371 of the step from \
+             there is safe"
         );
     }
 

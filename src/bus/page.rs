@@ -6,7 +6,7 @@ use super::wait_mode::WaitMode;
 use super::wire::{
     ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
     FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, NO_CURVE,
-    VERDICT_MAGIC, VerdictWire, payload_bytes,
+    NO_FRAME, VERDICT_MAGIC, VerdictWire, payload_bytes,
 };
 use crate::curve::{Basis, Precision};
 use crate::verdict::{DefectKind, Verdict};
@@ -123,6 +123,8 @@ fn the_wire_page_has_every_field_of_a_verdict() {
             skipped,
             rejected,
             check_ns,
+            last_intact,
+            safe_fraction,
             reason,
         }
     );
@@ -136,6 +138,8 @@ fn the_wire_page_has_every_field_of_a_verdict() {
     assert_eq!(found[1][4], LAYOUT_VERSION.to_string());
     let j = found.iter().find(|row| row[3] == "j").unwrap();
     assert!(j[4].contains(&NO_CURVE.to_string()), "{}", j[4]);
+    let last = found.iter().find(|row| row[3] == "last_intact").unwrap();
+    assert!(last[4].contains(&NO_FRAME.to_string()), "{}", last[4]);
     let alignment = align_of::<VerdictWire>();
     assert_eq!(align_of::<FrameHeader>(), alignment);
     let sizes = format!(

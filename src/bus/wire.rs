@@ -19,7 +19,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
 /// Version of the layout. Increment it with every change of either struct or of the payload.
-pub(super) const LAYOUT_VERSION: u32 = 4;
+pub(super) const LAYOUT_VERSION: u32 = 5;
 
 /// Alignment of the payload and of the positions in it: a cache line, and the widest vector load.
 pub(super) const ALIGNMENT: usize = 64;
@@ -80,6 +80,9 @@ pub(super) const FINDING_EVENT: u32 = 3;
 /// Stands for "no second curve" in [`VerdictWire::j`].
 pub(super) const NO_CURVE: u32 = u32::MAX;
 
+/// Stands for "no frame" in [`VerdictWire::last_intact`].
+pub(super) const NO_FRAME: u64 = u64::MAX;
+
 /// A message from the watcher.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
@@ -121,13 +124,17 @@ pub(super) struct VerdictWire {
     pub skipped: u64,
     pub rejected: u64,
     pub check_ns: u64,
+    /// [`NO_FRAME`] if there is none.
+    pub last_intact: u64,
+    /// NaN if it is unknown.
+    pub safe_fraction: f64,
     /// Why a frame was rejected: UTF-8, cut at a character.
     pub reason: [u8; 192],
 }
 
 // The sizes are the sums of the fields, so there is no implicit padding.
 const _: () = assert!(size_of::<FrameHeader>() == 64);
-const _: () = assert!(size_of::<VerdictWire>() == 392);
+const _: () = assert!(size_of::<VerdictWire>() == 408);
 
 /// Returns the number of bytes of the counts of `curves` curves, padding included.
 pub(super) fn table_bytes(curves: usize) -> Option<usize> {
@@ -332,7 +339,7 @@ mod tests {
         let e = with(|h| h.version = 9).check_layout().unwrap_err();
         assert_eq!(
             e.to_string(),
-            "the frame has version 9; this build reads version 4"
+            "the frame has version 9; this build reads version 5"
         );
         assert!(with(|h| h.magic = 0).check_layout().is_err());
     }

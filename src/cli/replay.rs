@@ -370,11 +370,16 @@ impl Replay {
     }
 }
 
-/// Returns true if a report equals a recorded one. Work counters are not compared. Motions are not
-/// compared if the recording has none, as in earlier versions.
+/// Returns true if a report equals a recorded one. Work counters are not compared. Motions and the
+/// state to roll back to are not compared if the recording has none, as in earlier versions. The
+/// last intact frame may be one that the recording lacks.
 fn alike(found: &Report, recorded: &Report) -> bool {
     let mut found = found.clone();
     found.stats = recorded.stats;
+    found.last_intact = recorded.last_intact;
+    if recorded.safe_fraction.is_none() {
+        found.safe_fraction = None;
+    }
     if recorded.events.iter().all(|e| e.lengths == 0.0) {
         found.events.iter_mut().for_each(|e| e.lengths = 0.0);
     }

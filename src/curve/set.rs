@@ -223,6 +223,27 @@ impl CurveSet {
         self.finish_update(copied)
     }
 
+    /// Returns the frame at a fraction of the step to another frame of the same curves,
+    /// `x0 + f (x1 - x0)` with every operation rounded to the precision of the coordinates. Fails
+    /// if a coordinate overflows.
+    pub(crate) fn toward(&self, other: &CurveSet, fraction: f64) -> Result<CurveSet> {
+        let ends = [self, other].map(CurveSet::positions);
+        let mut set = self.clone();
+        match ends.each_ref().map(InOrder::as_positions) {
+            [Positions::F32(a), Positions::F32(b)] => {
+                let fraction = fraction as f32;
+                let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
+                set.update(Positions::F32(&at.collect::<Vec<f32>>()))?;
+            }
+            [Positions::F64(a), Positions::F64(b)] => {
+                let at = a.iter().zip(b).map(|(a, b)| a + fraction * (b - a));
+                set.update(Positions::F64(&at.collect::<Vec<f64>>()))?;
+            }
+            [_, other] => set.check(other)?,
+        }
+        Ok(set)
+    }
+
     /// Fails if the positions are not those of a frame of the same curves.
     fn check(&self, positions: Positions<'_>) -> Result<()> {
         if positions.precision() != self.precision() {

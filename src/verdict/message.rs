@@ -103,7 +103,31 @@ impl fmt::Display for Defect {
     }
 }
 
+/// Returns the state to which a simulator can roll back, in words, if there is one: see
+/// [`Report::last_intact`] and [`Report::safe_fraction`].
+pub(crate) fn words_of_roll_back(
+    last_intact: Option<u64>,
+    safe_fraction: Option<f64>,
+) -> Option<String> {
+    let words = format!("frame {} is intact", last_intact?);
+    Some(match safe_fraction {
+        // Rounded down, as the share is.
+        Some(share) => {
+            let share = (share * 1e3).floor() / 1e3;
+            format!("{words}, and {share:.3} of the step from there is safe")
+        }
+        None => words,
+    })
+}
+
 impl Report {
+    /// Returns the state to which a simulator can roll back, in words. `None` if this frame is
+    /// known to be intact, or if no frame is.
+    pub fn roll_back(&self) -> Option<String> {
+        let last_intact = self.last_intact.filter(|&seq| seq != self.seq);
+        words_of_roll_back(last_intact, self.safe_fraction)
+    }
+
     /// Returns the number of changes of one kind.
     pub fn count(&self, kind: ChangeKind) -> usize {
         self.changes.iter().filter(|c| c.kind() == kind).count()

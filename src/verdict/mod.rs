@@ -6,6 +6,7 @@ mod policy;
 mod pull_through;
 
 pub use change::{Change, ChangeKind, Link};
+pub(crate) use message::words_of_roll_back;
 pub use policy::AbortOn;
 pub use pull_through::PullThrough;
 
@@ -234,6 +235,20 @@ pub struct Report {
     /// Nonzero linking numbers that the baseline lacked, sorted by pair. They are expected from
     /// this frame on ([`DefectKind::NoBaseline`]).
     pub adopted: Vec<Link>,
+    /// Last frame that is known to be intact: this one, or the one to which a simulator can roll
+    /// back. After a pull-through, or a step that is undecided, no later frame is known to be
+    /// intact until [a cut](crate::Verifier::cut). `None` if there was no such frame yet.
+    pub last_intact: Option<u64>,
+    /// Largest proven share of the step from the last intact frame to this one, from 0 to 1, during
+    /// which nothing was pulled through and no contact began: just before the first pull-through,
+    /// or 1 if there was none.
+    ///
+    /// A simulator can go on from `x0 + f (x1 - x0)`, where `f` is this share, `x0` are the
+    /// positions in the last intact frame, and `x1` those in this frame. The step to this state is
+    /// proven, with every operation rounded to the precision of the coordinates. `None` if
+    /// pull-throughs are not searched for, or if the last verified frame before this one was not
+    /// intact.
+    pub safe_fraction: Option<f64>,
     /// Reason why the frame was rejected.
     pub rejected: Option<String>,
     /// Work counters.
@@ -253,6 +268,8 @@ impl Report {
             unresolved: Vec::new(),
             defects: Vec::new(),
             adopted: Vec::new(),
+            last_intact: None,
+            safe_fraction: None,
             rejected: None,
             stats: Stats::default(),
         }

@@ -110,6 +110,15 @@ struct Compared {
     step: Option<Outcome>,
 }
 
+/// What happened since the previous frame.
+#[derive(Default)]
+struct Motion {
+    events: Vec<PullThrough>,
+    unresolved: Vec<PullThrough>,
+    /// See [`Report::safe_fraction`].
+    safe_fraction: Option<f64>,
+}
+
 impl Default for Verifier {
     /// Creates a verifier with the default options.
     fn default() -> Self {
@@ -303,7 +312,8 @@ impl Verifier {
     /// search for pull-throughs between the two. Call this after a rollback, a restart or a cut of
     /// the simulation.
     ///
-    /// Linking numbers are still compared with the baseline.
+    /// Linking numbers are still compared with the baseline. Frames from the next one on count as
+    /// known to be intact again ([`Report::last_intact`]).
     pub fn cut(&mut self) {
         self.steps.forget();
     }
@@ -341,7 +351,11 @@ impl Verifier {
         let comparison = &mut linking.comparison;
         self.add_places(set, comparison);
         let mut defects = comparison.defects.clone();
-        let (events, unresolved) = self.search_events(set, step, comparison, &mut defects);
+        let Motion {
+            events,
+            unresolved,
+            safe_fraction,
+        } = self.search_events(set, step, comparison, &mut defects);
         // A report must not depend on work that was skipped after a cancellation.
         self.full.progress.check()?;
         let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
@@ -361,9 +375,11 @@ impl Verifier {
             unresolved,
             defects,
             adopted: comparison.adopted.clone(),
+            safe_fraction,
             stats: Stats { extent, ..stats },
             ..Report::new(seq, time, verdict)
         };
+        self.steps.conclude(&mut report);
         // Curves that have touched since the baseline do not ask the simulator to stop.
         let baseline = self.baseline.as_ref();
         let expected = |d: &Defect| {
@@ -607,18 +623,18 @@ impl Verifier {
         outcome
     }
 
-    /// Returns the pull-throughs since the previous frame, if they are reported, and the unresolved
-    /// ones. Adds undecided pairs of the step to the defects. `step` is the outcome of the step, if
-    /// it was searched already.
+    /// Returns what happened since the previous frame, if pull-throughs are reported. Adds undecided
+    /// pairs of the step to the defects. `step` is the outcome of the step, if it was searched
+    /// already.
     fn search_events(
         &mut self,
         set: &CurveSet,
         step: Option<Outcome>,
         comparison: &Comparison,
         defects: &mut Vec<Defect>,
-    ) -> (Vec<PullThrough>, Vec<PullThrough>) {
+    ) -> Motion {
         if self.steps.events() == Events::Off {
-            return Default::default();
+            return Motion::default();
         }
         let outcome = step.unwrap_or_else(|| {
             let pairs = self.pairs_to_search(set);
@@ -630,13 +646,23 @@ impl Verifier {
             closest_approach(set, full.trees(), i as usize, j as usize)
         };
         self.steps.add_defects(&outcome, comparison, place, defects);
-        (outcome.events, outcome.unresolved)
+        let unaccounted = defects.iter().any(|d| d.kind == DefectKind::Unaccounted);
+        let safe = match unaccounted {
+            true => None,
+            false => self.steps.safe_fraction(set, &outcome),
+        };
+        Motion {
+            events: outcome.events,
+            unresolved: outcome.unresolved,
+            safe_fraction: safe,
+        }
     }
 
     /// Returns the report on a frame that broke its contract.
     pub fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
         let mut report = Report {
             rejected: Some(why.to_string()),
+            last_intact: self.steps.last_intact(),
             ..Report::new(seq, time, Verdict::Rejected)
         };
         report.abort = self.abort_on.aborts(&report, |_| false);

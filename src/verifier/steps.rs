@@ -7,7 +7,7 @@ use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome};
 use crate::pairs::{Pair, degenerate_curves};
-use crate::verdict::{Defect, DefectKind, Place};
+use crate::verdict::{Defect, DefectKind, Place, Report, Verdict};
 use std::sync::Arc;
 
 /// Last verified frame, and the ledger that finds pull-throughs since then.
@@ -24,6 +24,13 @@ pub(super) struct Steps {
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
     /// closed curves; `None` before that frame.
     touching_from_the_start: Option<Vec<Pair>>,
+    /// Last frame that is known to be intact.
+    last_intact: Option<u64>,
+    /// True if that frame is the last verified one.
+    intact: bool,
+    /// True if a curve was pulled through another one since that frame, or may have been. Then no
+    /// later frame is known to be intact, even if it has the expected linking numbers.
+    broken: bool,
 }
 
 #[derive(Debug)]
@@ -88,6 +95,34 @@ impl Steps {
     /// Discards the previous frame, so that the next one does not continue it.
     pub fn forget(&mut self) {
         self.last = None;
+        self.broken = false;
+    }
+
+    /// Adds to a complete report the last frame that is known to be intact.
+    pub fn conclude(&mut self, report: &mut Report) {
+        let of_step = report.defects.iter().any(|d| d.kind.is_of_step());
+        self.broken |= of_step || !report.events.is_empty() || !report.unresolved.is_empty();
+        self.intact = report.verdict == Verdict::Intact && !self.broken;
+        if self.intact {
+            self.last_intact = Some(report.seq);
+        }
+        report.last_intact = self.last_intact;
+    }
+
+    /// Returns the last frame that is known to be intact.
+    pub fn last_intact(&self) -> Option<u64> {
+        self.last_intact
+    }
+
+    /// Returns the largest proven share of the step from the last frame that is known to be intact,
+    /// during which nothing was pulled through. `outcome` is that of the step from the last
+    /// verified frame. Returns `None` if that is another one.
+    pub fn safe_fraction(&mut self, set: &CurveSet, outcome: &Outcome) -> Option<f64> {
+        let coverage = self.coverage();
+        let last = self.last.as_ref().filter(|_| self.intact)?;
+        let frames = [&*last.set, set];
+        let ledger = &mut self.ledger;
+        Some(ledger.safe_fraction(frames, &last.contacts, coverage, outcome))
     }
 
     /// Begins a frame. Fails if the curves differ from those of the previous frame, because there

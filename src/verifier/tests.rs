@@ -271,14 +271,62 @@ fn pull_throughs_that_cancel_after_a_long_motion_are_unresolved() {
         );
         assert!(report.headline().contains("2 unresolved pull-throughs"));
         assert!(report.findings().all(|f| f.contains("2.5 segment lengths")));
-        // The finding belongs to that step only.
+        // The finding belongs to that step only. But what happened in it is still unknown.
         assert_eq!(reports[2].verdict, Verdict::Intact);
+        assert_eq!(
+            (reports[2].last_intact, reports[2].safe_fraction),
+            (Some(0), None)
+        );
     }
     for limit in [2.6, f64::INFINITY] {
         let report = &reports(Some(limit))[1];
         assert_eq!((report.verdict, report.abort), (Verdict::Changed, true));
         assert_eq!((report.events.len(), report.unresolved.len()), (2, 0));
     }
+}
+
+#[test]
+fn a_report_names_the_frame_and_the_share_of_the_step_to_roll_back_to() {
+    for strategy in [Strategy::Full, Strategy::Incremental] {
+        let mut verifier = verifier(strategy, Events::Between);
+        let step = |verifier: &mut Verifier, seq, out| {
+            let report = verifier.step(seq, 0.0, &squares(out)).unwrap();
+            (report.verdict, report.last_intact, report.safe_fraction)
+        };
+        assert_eq!(
+            step(&mut verifier, 3, 0.0),
+            (Verdict::Intact, Some(3), None)
+        );
+        let quiet = (Verdict::Intact, Some(4), Some(1.0));
+        assert_eq!(step(&mut verifier, 4, 0.5), quiet);
+        // They touch at 1, after a quarter of the step.
+        let (verdict, last_intact, fraction) = step(&mut verifier, 5, 2.5);
+        assert_eq!((verdict, last_intact), (Verdict::Changed, Some(4)));
+        let fraction = fraction.unwrap();
+        assert!((0.25 - 1e-6..0.25).contains(&fraction), "{fraction}");
+        // Apart as before, so nothing else is known.
+        let apart = (Verdict::Changed, Some(4), None);
+        assert_eq!(step(&mut verifier, 6, 2.5), apart);
+        // Even if they are linked again.
+        let linked = step(&mut verifier, 7, 0.5);
+        assert_eq!((linked.1, linked.2), (Some(4), None));
+        verifier.cut();
+        let restored = (Verdict::Intact, Some(8), None);
+        assert_eq!(step(&mut verifier, 8, 0.5 + 2.0 * fraction), restored);
+    }
+}
+
+#[test]
+fn a_contact_in_the_last_frame_is_after_the_safe_fraction() {
+    let mut verifier = with_limit(None);
+    let _ = verifier.step(0, 0.0, &squares(0.5)).unwrap();
+    let report = verifier.step(1, 0.0, &squares(1.0)).unwrap();
+    assert_eq!(
+        (report.verdict, report.last_intact),
+        (Verdict::Contact, Some(0))
+    );
+    let fraction = report.safe_fraction.unwrap();
+    assert!((1.0 - 1e-6..1.0).contains(&fraction), "{fraction}");
 }
 
 #[test]

@@ -623,6 +623,11 @@ fn print_frame(report: &Report, check: Duration, news: &New) {
         let more = news.sentences.len() - SENTENCES;
         output::line(format_args!("  and {more} more"));
     }
+    if !news.sentences.is_empty()
+        && let Some(words) = report.roll_back()
+    {
+        output::line(format_args!("  to roll back: {words}"));
+    }
     if report.abort {
         output::line("  abort sent: the simulator is asked to stop");
     }

@@ -54,13 +54,13 @@
 mod cancellation;
 mod candidates;
 mod contact;
-
 mod outcome;
 mod pair;
 mod passages;
 mod pieces;
 #[cfg(test)]
 pub(super) mod planted;
+mod safe_fraction;
 mod swept;
 mod task;
 #[cfg(test)]

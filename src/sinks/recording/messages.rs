@@ -264,6 +264,8 @@ impl From<&Report> for schema::Report {
             unresolved: r.unresolved.iter().map(Into::into).collect(),
             defects: r.defects.iter().map(Into::into).collect(),
             adopted: r.adopted.iter().map(Into::into).collect(),
+            last_intact: r.last_intact,
+            safe_fraction: r.safe_fraction,
             rejected: r.rejected.clone(),
             stats: Some((&r.stats).into()),
         }
@@ -290,6 +292,8 @@ impl TryFrom<schema::Report> for Report {
             unresolved: r.unresolved.into_iter().map(Into::into).collect(),
             defects: collect(r.defects)?,
             adopted: r.adopted.into_iter().map(Into::into).collect(),
+            last_intact: r.last_intact,
+            safe_fraction: r.safe_fraction,
             rejected: r.rejected,
             stats: r.stats.unwrap_or_default().into(),
         })

@@ -63,6 +63,13 @@ pub struct Report {
     /// Pull-throughs that cannot be resolved, because the frames are too far apart.
     #[prost(message, repeated, tag = "11")]
     pub unresolved: ::prost::alloc::vec::Vec<PullThrough>,
+    /// Last frame that is known to be intact: this one, or the one to roll back to.
+    #[prost(uint64, optional, tag = "12")]
+    pub last_intact: ::core::option::Option<u64>,
+    /// Largest proven share of the step from that frame to this one during which nothing was pulled
+    /// through; absent if unknown.
+    #[prost(double, optional, tag = "13")]
+    pub safe_fraction: ::core::option::Option<f64>,
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Progress {

@@ -2,6 +2,7 @@
 //! passages.
 
 mod dense;
+mod safe_fraction;
 mod speed;
 
 use super::cancellation::{Found, cancel};
