@@ -72,6 +72,8 @@ fn report(seq: u64) -> Report {
             place: place(),
         })
         .collect();
+    report.last_intact = Some(6);
+    report.safe_fraction = Some(0.375);
     report.rejected = (verdict == Verdict::Rejected).then(|| "coordinate y is NaN".into());
     report.stats.curves = 1;
     report.stats.segments = 2;

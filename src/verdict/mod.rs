@@ -6,6 +6,7 @@ mod policy;
 mod pull_through;
 
 pub use change::{Change, ChangeKind, Link};
+#[cfg(feature = "client")]
 pub(crate) use message::words_of_roll_back;
 pub use policy::AbortOn;
 pub use pull_through::PullThrough;

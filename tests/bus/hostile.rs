@@ -58,7 +58,7 @@ impl HostilePublisher {
     pub fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
         let mut header = Header {
             magic: u64::from_le_bytes(*b"LWFRAME\0"),
-            version: 4,
+            version: 5,
             flags: 0,
             session: 77,
             seq: self.seq,
@@ -180,7 +180,7 @@ fn an_unreadable_message_has_no_number() {
     assert!(e.contains("magic number"), "{e}");
     publisher.send(|h, _| h.version += 1);
     let e = unreadable(&mut sidecar);
-    assert!(matches!(e, Error::Version { found: 5, .. }), "{e}");
+    assert!(matches!(e, Error::Version { found: 6, .. }), "{e}");
     let seq = publisher.honest();
     new_session(&mut sidecar);
     assert_eq!(next_frame(&mut sidecar).seq(), seq);

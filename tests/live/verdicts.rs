@@ -225,7 +225,8 @@ fn a_simulation_that_became_nan_is_asked_to_stop() {
         assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
         assert_eq!(step(&mut sim, 1, f32::NAN), Verdict::Rejected);
         let abort = sim.aborted().map(|m| m.to_string());
-        let words = "frame 1: rejected: curve 1, point 0: coordinate x is NaN. Stop or roll back";
+        let words = "frame 1: rejected: curve 1, point 0: coordinate x is NaN. Stop or roll back: \
+                     frame 0 is intact";
         assert_eq!(abort, stops.then(|| words.into()));
         // The simulator goes back to the previous frame.
         sim.resume();
