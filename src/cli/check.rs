@@ -6,7 +6,7 @@ use super::files::{Content, write_text};
 use super::kernel::KernelArgs;
 use super::order;
 use super::output::with_progress;
-use super::session::{Baseline, FrameCounts, Ingested, Judge, Run, Session, Sinks};
+use super::session::{Baseline, FrameCounts, Ingested, Judge, JunitArgs, Run, Session, Sinks};
 use linkwatch::kernels::Device;
 use linkwatch::{AbortOn, CurveSet, Error, Overflow, Result, Strategy, Verdict, model};
 use std::collections::{BTreeMap, BTreeSet};
@@ -44,6 +44,8 @@ pub struct Args {
     /// Write the curves that take part in a difference, a line each
     #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
     diff_curves: Option<PathBuf>,
+    #[command(flatten)]
+    junit: JunitArgs,
     #[command(flatten)]
     sinks: Sinks,
     #[command(flatten)]
@@ -91,6 +93,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut session = Session::new(Run {
         judge: &judge,
         sinks: &args.sinks,
+        junit: Some(&args.junit),
         files,
         strategy: match args.early_exit {
             true => Strategy::EarlyExit,

@@ -3,7 +3,9 @@
 use super::Outcome;
 use super::kernel::KernelArgs;
 use super::output::{self, count, plural};
-use super::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session, Sinks};
+use super::session::{
+    FrameCounts, Ingested, Judge, Judged, JunitArgs, MOTION_LIMIT, Run, Session, Sinks,
+};
 use linkwatch::{
     AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
     Report, Result, Verdict,
@@ -29,6 +31,8 @@ pub struct Args {
     recording: PathBuf,
     #[command(flatten)]
     judge: Judge,
+    #[command(flatten)]
+    junit: JunitArgs,
     #[command(flatten)]
     sinks: Sinks,
     #[command(flatten)]
@@ -96,6 +100,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         session: Session::new(Run {
             judge: &judge,
             sinks: &args.sinks,
+            junit: Some(&args.junit),
             files,
             strategy: judge.strategy(),
             models: false,

@@ -70,6 +70,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut session = Session::new(Run {
         judge: &judge,
         sinks: &args.sinks,
+        junit: None,
         files: judge.files(args.sinks.overwrite),
         strategy: judge.strategy(),
         models: false,

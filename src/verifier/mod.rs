@@ -623,9 +623,9 @@ impl Verifier {
         outcome
     }
 
-    /// Returns what happened since the previous frame, if pull-throughs are reported. Adds undecided
-    /// pairs of the step to the defects. `step` is the outcome of the step, if it was searched
-    /// already.
+    /// Returns what happened since the previous frame, if pull-throughs are reported. Adds
+    /// undecided pairs of the step to the defects. `step` is the outcome of the step, if it was
+    /// searched already.
     fn search_events(
         &mut self,
         set: &CurveSet,

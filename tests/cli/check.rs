@@ -35,6 +35,38 @@ fn check_accepts_the_output_of_certify() {
 }
 
 #[test]
+fn check_writes_verdicts_as_junit_xml() {
+    let folder = TempDir::new().unwrap();
+    let whole = chain(folder.path(), "whole.bcc", 0.5);
+    let broken = chain(folder.path(), "broken.bcc", -5.0);
+    let (file, missing) = (folder.path().join("v.xml"), folder.path().join("none.bcc"));
+    let check = ["check", "--keep-order", text(&whole), text(&broken)];
+    let report = ["--events", "--junit", text(&file)];
+    let run = linkwatch(&[&check[..], &report].concat());
+    assert_eq!(run.code, 1);
+    let xml = std::fs::read_to_string(&file).unwrap();
+    assert!(
+        xml.contains(r#"tests="3" failures="1" errors="0""#),
+        "{xml}"
+    );
+    let failure = r#"<failure type="changed" message="frame 1: changed (1 link lost"#;
+    assert!(xml.contains(failure), "{xml}");
+    assert!(
+        xml.contains("curves 0 and 1 passed through one another"),
+        "{xml}"
+    );
+
+    let run = linkwatch(&[&check[..], &[text(&missing), "--force"], &report].concat());
+    assert_ne!(run.code, 1);
+    let xml = std::fs::read_to_string(&file).unwrap();
+    assert!(
+        xml.contains(r#"tests="3" failures="1" errors="1""#),
+        "{xml}"
+    );
+    assert!(xml.contains(r#"<error type="incomplete""#), "{xml}");
+}
+
+#[test]
 fn check_names_the_pair_and_exits_with_1() {
     let folder = TempDir::new().unwrap();
     let whole = chain(folder.path(), "whole.bcc", 0.5);

@@ -1,13 +1,16 @@
 //! Verification of frames and output to sinks, shared by `watch`, `replay` and `check`.
 
+mod junit;
 mod news;
 mod sinks;
 mod summary;
 mod times;
 
+pub use junit::JunitArgs;
 pub use sinks::Sinks;
 pub use summary::FrameCounts;
 
+use self::junit::Junit;
 use self::news::{New, News};
 use self::summary::Unresolved;
 use self::times::{RunTimes, to_json};
@@ -139,6 +142,8 @@ pub struct Judged {
 pub struct Run<'a> {
     pub judge: &'a Judge,
     pub sinks: &'a Sinks,
+    /// `None` if the command has no such option.
+    pub junit: Option<&'a JunitArgs>,
     /// Inputs and outputs of the command so far.
     pub files: Files,
     pub strategy: Strategy,
@@ -190,6 +195,10 @@ pub struct Session {
     models: bool,
     /// Comparison with the recorded verdicts, in words and as JSON, if this is a replay.
     comparison: Option<(String, serde_json::Value)>,
+    junit: Option<Junit>,
+    overwrite: Overwrite,
+    /// True if frames are missing.
+    incomplete: bool,
 }
 
 impl Session {
@@ -203,6 +212,8 @@ impl Session {
             ..
         } = run;
         sinks.check_files(&mut files)?;
+        let junit = run.junit.map(|args| args.open(&mut files, run.title));
+        let junit = junit.transpose()?.flatten();
         let baseline = match &judge.baseline {
             Some(Baseline::File(path)) => {
                 Some((Certificate::read(path)?, path.display().to_string()))
@@ -259,6 +270,9 @@ impl Session {
             open_curves: None,
             models: run.models,
             comparison: None,
+            junit,
+            overwrite: sinks.overwrite,
+            incomplete: false,
         })
     }
 
@@ -464,6 +478,9 @@ impl Session {
             }
             output::json(&line);
         }
+        if let Some(junit) = &mut self.junit {
+            junit.add(report, model.as_deref(), times.check());
+        }
         self.unresolved.add(report);
         let news = self.news.of(report, model.as_deref());
         match model {
@@ -488,6 +505,7 @@ impl Session {
     /// Records that the run is incomplete.
     pub fn data_lost(&mut self) {
         self.outcome = self.outcome.max(Outcome::Undecided);
+        self.incomplete = true;
     }
 
     /// Adds the comparison with the recorded verdicts to the summary.
@@ -528,7 +546,13 @@ impl Session {
             summaries.push(summary);
         }
         if tally.verified == 0 {
-            self.outcome = self.outcome.max(Outcome::Undecided);
+            self.data_lost();
+        }
+        if let Some(junit) = self.junit.take()
+            && let Err(e) = junit.write(!self.incomplete, self.overwrite)
+        {
+            tracing::error!("{e}");
+            self.data_lost();
         }
         self.live.clear();
         // The verdict on a single model is its summary.
