@@ -182,10 +182,9 @@ fn the_wire_page_has_every_code() {
     ];
     assert_eq!(columns(2, rows("## A message", "finding")), codes(findings));
 
-    let defects = DefectKind::ALL.map(|d| (d as u32, serde_json::to_string(&d).unwrap()));
-    let defects = defects
-        .iter()
-        .map(|(code, name)| (*code, name.trim_matches('"')));
+    let json = |d| serde_json::to_value::<DefectKind>(d).unwrap();
+    assert!(DefectKind::ALL.into_iter().all(|d| json(d) == d.word()));
+    let defects = DefectKind::ALL.map(|d| (d as u32, d.word()));
     assert_eq!(columns(2, rows("## A message", "defect")), codes(defects));
 }
 

@@ -110,6 +110,18 @@ impl DefectKind {
         DefectKind::Unaccounted,
     ];
 
+    /// Returns the word for this kind.
+    pub fn word(self) -> &'static str {
+        match self {
+            DefectKind::Contact => "contact",
+            DefectKind::TooClose => "too-close",
+            DefectKind::Degenerate => "degenerate",
+            DefectKind::NoBaseline => "no-baseline",
+            DefectKind::UndecidedStep => "undecided-step",
+            DefectKind::Unaccounted => "unaccounted",
+        }
+    }
+
     /// Returns true if the defect concerns the step from the previous frame, not a linking number.
     pub fn is_of_step(self) -> bool {
         matches!(self, DefectKind::UndecidedStep | DefectKind::Unaccounted)

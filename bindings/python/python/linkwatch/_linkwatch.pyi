@@ -1,0 +1,76 @@
+from os import PathLike
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+
+class Place:
+    segments: tuple[int, int]
+    point: tuple[float, float, float]
+    distance: float
+
+class Change:
+    i: int
+    j: int
+    expected: int
+    found: int
+    place: Place | None
+
+class PullThrough:
+    i: int
+    j: int
+    segments: tuple[int, int]
+    fraction: float
+    sign: int
+    point: tuple[float, float, float]
+    lengths: float
+
+class Defect:
+    i: int
+    j: int | None
+    kind: str
+    place: Place
+
+class Report:
+    seq: int
+    time: float
+    verdict: str
+    intact: bool
+    abort: bool
+    changes: list[Change]
+    pull_throughs: list[PullThrough]
+    unresolved: list[PullThrough]
+    defects: list[Defect]
+    last_intact: int | None
+    safe_fraction: float | None
+    rejected: str | None
+    findings: list[str]
+
+class Certificate:
+    curves: int
+    links: list[tuple[int, int, int]]
+    undefined: list[Defect]
+    @staticmethod
+    def read(path: str | PathLike[str]) -> Certificate: ...
+    def write(self, path: str | PathLike[str]) -> None: ...
+    def matrix(self) -> npt.NDArray[np.int64]: ...
+    def compare(self, baseline: Certificate) -> list[Change]: ...
+
+class Verifier:
+    def __init__(
+        self,
+        *,
+        basis_name: str,
+        baseline: Certificate | None,
+        events: str,
+        abort_on: str,
+        incremental: bool,
+        motion_limit: float | None,
+    ) -> None: ...
+    def step(self, points: npt.NDArray[Any], counts: list[int], time: float) -> Report: ...
+    def certify(self, points: npt.NDArray[Any], counts: list[int]) -> Certificate: ...
+    def cut(self) -> None: ...
+    def baseline(self) -> Certificate | None: ...

@@ -1,0 +1,46 @@
+//! Frames as the Python package passes them: one array of points, and the number of points of each
+//! curve.
+
+use linkwatch::{Basis, Positions};
+use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+/// Points in an array of the shape `(n, 3)`, in single or double precision.
+#[derive(FromPyObject)]
+pub enum Points<'py> {
+    Single(PyReadonlyArray2<'py, f32>),
+    Double(PyReadonlyArray2<'py, f64>),
+}
+
+impl Points<'_> {
+    /// Returns the coordinates, without a copy.
+    pub fn positions(&self) -> PyResult<Positions<'_>> {
+        let shape = match self {
+            Points::Single(array) => array.shape(),
+            Points::Double(array) => array.shape(),
+        };
+        let [_, 3] = shape else {
+            let words = format!("points have the shape {shape:?}, expected (n, 3)");
+            return Err(PyValueError::new_err(words));
+        };
+        Ok(match self {
+            Points::Single(array) => Positions::F32(array.as_slice()?),
+            Points::Double(array) => Positions::F64(array.as_slice()?),
+        })
+    }
+}
+
+/// Returns the basis of this name.
+pub fn basis(name: &str) -> PyResult<Basis> {
+    match name {
+        "polyline" => Ok(Basis::Polyline),
+        "catmull-rom" => Ok(Basis::CatmullRom),
+        "b-spline" => Ok(Basis::BSpline),
+        "bezier" => Ok(Basis::Bezier),
+        other => {
+            let known = "expected polyline, catmull-rom, b-spline or bezier";
+            Err(PyValueError::new_err(format!("basis {other:?}: {known}")))
+        }
+    }
+}

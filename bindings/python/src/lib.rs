@@ -1,0 +1,34 @@
+//! The extension module of the Python package `linkwatch`. The package brings the curves of a frame
+//! into one array first; see `python/linkwatch/__init__.py`.
+
+mod findings;
+mod frame;
+mod report;
+mod verifier;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<findings::Place>()?;
+    module.add_class::<findings::Change>()?;
+    module.add_class::<findings::PullThrough>()?;
+    module.add_class::<findings::Defect>()?;
+    module.add_class::<report::Report>()?;
+    module.add_class::<report::Certificate>()?;
+    module.add_class::<verifier::Verifier>()?;
+    Ok(())
+}
+
+/// Returns the exception of an error: `OSError` if a file cannot be read or written, else
+/// `ValueError`.
+fn exception(error: linkwatch::Error) -> PyErr {
+    use linkwatch::Error;
+    use pyo3::exceptions::{PyOSError, PyValueError};
+    let words = error.to_string();
+    match error {
+        Error::File { .. } | Error::Io(_) => PyOSError::new_err(words),
+        _ => PyValueError::new_err(words),
+    }
+}

@@ -1,0 +1,132 @@
+//! The verifier, as a Python object.
+
+use crate::exception;
+use crate::frame::{Points, basis};
+use crate::report::{Certificate, Report};
+use linkwatch::{Basis, CurveSet, Error, RawFrame, Strategy, VerifierOptions};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Verifies successive frames against a baseline.
+#[pyclass(frozen, module = "linkwatch")]
+pub struct Verifier {
+    basis: Basis,
+    state: Mutex<State>,
+}
+
+struct State {
+    verifier: linkwatch::Verifier,
+    /// Number of the next frame.
+    seq: u64,
+    /// The last frames. The verifier holds one of them until it has verified the next one.
+    sets: Vec<Arc<CurveSet>>,
+}
+
+#[pymethods]
+impl Verifier {
+    #[new]
+    #[pyo3(signature = (*, basis_name, baseline, events, abort_on, incremental, motion_limit))]
+    fn new(
+        basis_name: &str,
+        baseline: Option<Certificate>,
+        events: &str,
+        abort_on: &str,
+        incremental: bool,
+        motion_limit: Option<f64>,
+    ) -> PyResult<Verifier> {
+        let options = VerifierOptions {
+            baseline: baseline.map(|b| b.0),
+            events: events.parse().map_err(option("events"))?,
+            abort_on: abort_on.parse().map_err(option("abort_on"))?,
+            motion_limit,
+            strategy: match incremental {
+                true => Strategy::Incremental,
+                false => Strategy::Full,
+            },
+            ..VerifierOptions::default()
+        };
+        Ok(Verifier {
+            basis: basis(basis_name)?,
+            state: Mutex::new(State {
+                verifier: linkwatch::Verifier::new(options).map_err(exception)?,
+                seq: 0,
+                sets: Vec::new(),
+            }),
+        })
+    }
+
+    /// Verifies a frame, without the interpreter lock.
+    fn step(
+        &self,
+        py: Python<'_>,
+        points: Points<'_>,
+        counts: Vec<i32>,
+        time: f64,
+    ) -> PyResult<Report> {
+        let frame = RawFrame {
+            basis: self.basis,
+            counts: &counts,
+            positions: points.positions()?,
+        };
+        let report = py.detach(|| self.with(|state| state.step(frame, time)));
+        report.map(Report).map_err(exception)
+    }
+
+    /// Computes all linking numbers of a frame, without the interpreter lock.
+    fn certify(
+        &self,
+        py: Python<'_>,
+        points: Points<'_>,
+        counts: Vec<i32>,
+    ) -> PyResult<Certificate> {
+        let positions = points.positions()?;
+        let certificate = py.detach(|| {
+            let set = CurveSet::from_counts(self.basis, &counts, positions)?;
+            self.with(|state| Ok(state.verifier.certify(&set).0.clone()))
+        });
+        certificate.map(Certificate).map_err(exception)
+    }
+
+    fn cut(&self, py: Python<'_>) {
+        py.detach(|| self.with(|state| state.verifier.cut()));
+    }
+
+    fn baseline(&self, py: Python<'_>) -> Option<Certificate> {
+        let baseline = py.detach(|| self.with(|state| state.verifier.baseline().cloned()));
+        baseline.map(Certificate)
+    }
+}
+
+impl Verifier {
+    fn with<R>(&self, run: impl FnOnce(&mut State) -> R) -> R {
+        run(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl State {
+    fn step(&mut self, frame: RawFrame<'_>, time: f64) -> Result<linkwatch::Report, Error> {
+        let seq = self.seq;
+        self.seq += 1;
+        let free = self.sets.iter().position(|set| Arc::strong_count(set) == 1);
+        let free = free
+            .map(|k| self.sets.swap_remove(k))
+            .and_then(Arc::into_inner);
+        // Later frames must have the layout of the first one.
+        let copy = || self.sets.first().map(|set| CurveSet::clone(set));
+        let mut set = free.or_else(copy);
+        let received = self.verifier.receive(frame, &mut set);
+        let set = set.map(Arc::new);
+        self.sets.extend(set.clone());
+        match (received, set) {
+            (Ok(()), Some(set)) => self.verifier.step_shared(seq, time, &set),
+            (Err(why), _) => Ok(self.verifier.reject(seq, time, &why)),
+            (Ok(()), None) => Err(Error::Usage("the frame holds no curves".into())),
+        }
+    }
+}
+
+/// Returns the exception of an invalid value of an option.
+fn option(name: &str) -> impl Fn(Error) -> PyErr {
+    move |e| PyValueError::new_err(format!("{name}: {e}"))
+}

@@ -1,0 +1,220 @@
+"""The Python package, against linking numbers and moments that follow from the construction."""
+
+import doctest
+import pathlib
+import subprocess
+import sys
+import threading
+import time
+
+import linkwatch
+import numpy as np
+import pytest
+
+RING = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+OTHER = np.array([[0, 0, -1], [2, 0, -1], [2, 0, 1], [0, 0, 1]], float)
+
+
+def linked(out=0.0, dtype=float):
+    """Two squares, linked up to a distance of 1."""
+    return [RING.astype(dtype), (OTHER + [out, 0, 0]).astype(dtype)]
+
+
+def circle(points, center, axes):
+    angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    u, v = np.asarray(axes, float)
+    return np.asarray(center) + np.outer(np.cos(angle), u) + np.outer(np.sin(angle), v)
+
+
+def chain(rings, points=12):
+    """Circles in alternating planes, each linked with the next one."""
+    planes = [([1, 0, 0], [0, 1, 0]), ([1, 0, 0], [0, 0, 1])]
+    return [circle(points, [1.5 * k, 0, 0], planes[k % 2]) for k in range(rings)]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_certify_takes_both_forms_of_a_frame(dtype):
+    curves = linked(dtype=dtype)
+    certificate = linkwatch.certify(curves)
+    assert certificate.curves == 2
+    ((i, j, number),) = certificate.links
+    assert (i, j, abs(number)) == (0, 1, 1)
+    assert linkwatch.certify(np.concatenate(curves), [-4, -4]) == certificate
+    assert linkwatch.certify([curves[0].tolist(), curves[1]]) == certificate
+    matrix = certificate.matrix()
+    assert matrix.tolist() == [[0, number], [number, 0]]
+    assert linkwatch.certify(curves, closed=[True, False]).links == []
+
+
+def test_slices_that_are_not_contiguous_are_verified_as_they_are():
+    wide = np.zeros((8, 6), np.float32)
+    wide[:, ::2] = np.concatenate(linked())
+    assert len(linkwatch.certify(wide[:, ::2], [-4, -4]).links) == 1
+    backwards = np.concatenate(linked())[::-1]
+    assert len(linkwatch.certify(backwards, [-4, -4]).links) == 1
+
+
+@pytest.mark.parametrize("basis", ["polyline", "catmull-rom", "b-spline"])
+def test_every_basis_finds_the_links_of_a_chain(basis):
+    links = linkwatch.certify(chain(12, points=24), basis=basis).links
+    assert [(i, j) for i, j, _ in links] == [(k, k + 1) for k in range(11)]
+
+
+def test_a_verifier_reports_what_was_pulled_through_what():
+    for incremental in (False, True):
+        verifier = linkwatch.Verifier(incremental=incremental)
+        first = verifier.step(linked(), time=0.0)
+        assert first.intact and first.verdict == "intact" and first.safe_fraction is None
+        assert verifier.baseline == linkwatch.certify(linked())
+        report = verifier.step(linked(4.0), time=0.5)
+        assert (report.verdict, report.abort, report.time) == ("changed", True, 0.5)
+        (change,) = report.changes
+        assert (change.i, change.j, abs(change.expected), change.found) == (0, 1, 1, 0)
+        (passage,) = report.pull_throughs
+        assert passage.fraction == pytest.approx(0.25, abs=1e-8)
+        assert passage.point == pytest.approx([1, 0, 0], abs=1e-6)
+        assert report.last_intact == 0
+        assert 0.25 - 1e-6 < report.safe_fraction < 0.25
+        assert "curves 0 and 1 came apart" in str(report)
+        verifier.cut()
+        assert verifier.step(linked()).last_intact == 2
+
+
+def test_a_frame_that_breaks_its_contract_is_rejected_and_later_frames_are_verified():
+    verifier = linkwatch.Verifier()
+    assert verifier.step(linked()).intact
+    broken = linked(0.1)
+    broken[1][2, 1] = np.nan
+    report = verifier.step(broken)
+    assert report.verdict == "rejected"
+    assert report.rejected == "curve 1, point 2: coordinate y is NaN"
+    assert verifier.step(chain(3)).verdict == "rejected"
+    assert verifier.step(linked(0.1)).intact
+
+
+def test_pull_throughs_and_the_safe_fraction_of_a_step():
+    x0, x1 = linked(), linked(4.0)
+    (passage,) = linkwatch.pull_throughs(x0, x1)
+    assert (passage.i, passage.j, abs(passage.sign)) == (0, 1, 1)
+    share = linkwatch.safe_fraction(x0, x1)
+    assert 0.25 - 1e-6 < share < 0.25
+    short = [a + share * (b - a) for a, b in zip(x0, x1)]
+    assert linkwatch.pull_throughs(x0, short) == []
+    long = [a + (share + 1e-6) * (b - a) for a, b in zip(x0, x1)]
+    assert len(linkwatch.pull_throughs(x0, long)) == 1
+    assert linkwatch.safe_fraction(x0, linked(0.5)) == 1.0
+    with pytest.raises(linkwatch.UndecidedError, match="touch"):
+        linkwatch.pull_throughs(x0, linked(1.0))
+    assert linkwatch.safe_fraction(linked(1.0), x1) == 0.0
+
+
+def test_a_safe_fraction_of_random_motion_leaves_no_pull_through():
+    random = np.random.default_rng(7)
+    counts = [-12] * 8
+    shortened = 0
+    for _ in range(200):
+        x0 = np.concatenate(chain(8)).astype(np.float32)
+        x1 = x0 + random.normal(0, 0.3, x0.shape).astype(np.float32)
+        share = np.float32(linkwatch.safe_fraction(x0, x1, counts))
+        assert linkwatch.pull_throughs(x0, x0 + share * (x1 - x0), counts) == []
+        shortened += 0 < share < 1
+    assert shortened > 100
+
+
+def test_assert_intact_names_frame_curves_and_place():
+    frames = [linked(0.3 * k) for k in range(6)]
+    linkwatch.assert_intact(frames[:3])
+    with pytest.raises(AssertionError, match=r"frame 4: changed(.|\n)*curves 0 and 1.*near \("):
+        linkwatch.assert_intact(frames)
+    with pytest.raises(AssertionError, match="no frame"):
+        linkwatch.assert_intact([])
+    apart = linkwatch.certify(linked(5.0))
+    with pytest.raises(AssertionError, match="frame 0: changed"):
+        linkwatch.assert_intact(frames[:1], baseline=apart)
+
+
+def test_certificates_are_written_and_compared(tmp_path):
+    certificate = linkwatch.certify(chain(5))
+    path = tmp_path / "c.txt"
+    certificate.write(path)
+    assert linkwatch.Certificate.read(path) == certificate
+    (change,) = linkwatch.certify(linked(5.0)).compare(linkwatch.certify(linked()))
+    assert (abs(change.expected), change.found) == (1, 0)
+    with pytest.raises(ValueError, match="5"):
+        certificate.compare(linkwatch.certify(linked()))
+    with pytest.raises(OSError):
+        linkwatch.Certificate.read(tmp_path / "none.txt")
+
+
+@pytest.mark.parametrize(
+    "call, words",
+    [
+        (lambda: linkwatch.certify([]), "no curves"),
+        (lambda: linkwatch.certify(np.zeros((8, 3))), "counts"),
+        (lambda: linkwatch.certify(np.zeros((8, 2)), [-8]), "expected (n, 3)"),
+        (lambda: linkwatch.certify([np.zeros((4, 2))]), "curve 0"),
+        (lambda: linkwatch.certify(np.zeros((8, 3)), [-4, -5]), "27 promised, 24 available"),
+        (lambda: linkwatch.certify(linked(), closed=[True]), "closed"),
+        (lambda: linkwatch.certify(linked(), basis="nurbs"), "nurbs"),
+        (lambda: linkwatch.certify([np.full((4, 3), np.inf), OTHER]), "curve 0, point 0"),
+        (lambda: linkwatch.Verifier(events="some"), "events"),
+        (lambda: linkwatch.Verifier(abort_on="some"), "abort_on"),
+        (lambda: linkwatch.Verifier(events="off", motion_limit=1.0), "motion"),
+    ],
+)
+def test_bad_input_is_an_exception_that_names_it(call, words):
+    with pytest.raises(ValueError) as error:
+        call()
+    assert words in str(error.value)
+
+
+def test_other_threads_run_while_a_frame_is_verified():
+    sheet = np.concatenate(chain(500, points=40))
+    points = np.concatenate([sheet + [0, 10 * k, 0] for k in range(40)])
+    counts = [-40] * (len(points) // 40)
+    ticks, done = [], threading.Event()
+
+    def tick():
+        while not done.is_set():
+            ticks.append(time.perf_counter())
+            time.sleep(0.0005)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    start = time.perf_counter()
+    assert len(linkwatch.certify(points, counts).links) == 40 * 499
+    end = time.perf_counter()
+    done.set()
+    thread.join()
+    assert sum(start < tick < end for tick in ticks) > 5
+
+
+def test_steps_of_a_small_scene_need_no_more_memory_with_time():
+    import resource
+
+    verifier = linkwatch.Verifier([-4, -4])
+    frames = [np.concatenate(linked(0.1 * k)) for k in range(4)]
+
+    def peak(steps):
+        for k in range(steps):
+            verifier.step(frames[k % 4])
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    before = peak(5_000)
+    assert peak(20_000) - before < 2_000
+
+
+def test_the_examples_of_the_documentation_say_what_happens(capsys):
+    assert doctest.testmod(linkwatch).failed == 0
+    readme = pathlib.Path(__file__).parents[1] / "README.md"
+    example = readme.read_text().split("```python\n")[1].split("```")[0]
+    exec(example, {})
+    printed = capsys.readouterr().out.splitlines()
+    results = [line.split("  # ")[1] for line in example.splitlines() if ")  # " in line]
+    assert [printed[0], printed[-1]] == [results[0], results[-1]]
+
+
+def test_the_import_is_quick():
+    code = "import time; s = time.perf_counter(); import linkwatch; print(time.perf_counter() - s)"
+    run = lambda: float(subprocess.check_output([sys.executable, "-c", code]))
+    assert min(run() for _ in range(5)) < 0.05
