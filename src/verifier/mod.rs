@@ -110,7 +110,7 @@ struct Compared {
     step: Option<Outcome>,
 }
 
-/// What happened since the previous frame.
+/// Pull-throughs since the previous frame.
 #[derive(Default)]
 struct Motion {
     events: Vec<PullThrough>,
@@ -623,9 +623,9 @@ impl Verifier {
         outcome
     }
 
-    /// Returns what happened since the previous frame, if pull-throughs are reported. Adds
-    /// undecided pairs of the step to the defects. `step` is the outcome of the step, if it was
-    /// searched already.
+    /// Returns the pull-throughs since the previous frame, if they are reported. Adds undecided
+    /// pairs of the step to the defects. `step` is the outcome of the step, if it was searched
+    /// already.
     fn search_events(
         &mut self,
         set: &CurveSet,

@@ -10,10 +10,10 @@
 //!
 //! # Search
 //!
-//! The pairs with findings are searched alone. The first passages of polylines are known well
-//! enough for a first guess. Those of splines are the passages of straight pieces, which are the
-//! finer the nearer the curves are in one of the frames; bisection finds the moment at which the
-//! finest ones meet.
+//! Only the pairs with findings are searched, until the proof. The first passage of polylines is
+//! known well enough for a guess. That of splines is a passage of their straight pieces. The pieces
+//! are shorter where the curves are near in one of the frames, so its moment depends on the last
+//! frame, and bisection finds it.
 
 use super::{Contacts, Coverage, Ledger, Outcome};
 use crate::curve::{CurveSet, Precision};

@@ -3,7 +3,7 @@
 use super::*;
 use crate::curve::Precision;
 
-/// What the safe fractions of many steps were worth.
+/// Counts of steps that were shortened to their safe fractions.
 #[derive(Debug, Default)]
 struct Tally {
     steps: u32,
