@@ -382,8 +382,8 @@ fn alike(found: &Report, recorded: &Report) -> bool {
     let mut found = found.clone();
     found.stats = recorded.stats;
     found.last_intact = recorded.last_intact;
-    if recorded.safe_fraction.is_none() {
-        found.safe_fraction = None;
+    if found.safe_fraction.is_none() || recorded.safe_fraction.is_none() {
+        found.safe_fraction = recorded.safe_fraction;
     }
     if recorded.events.iter().all(|e| e.lengths == 0.0) {
         found.events.iter_mut().for_each(|e| e.lengths = 0.0);

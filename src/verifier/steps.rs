@@ -101,7 +101,8 @@ impl Steps {
     /// Adds to a complete report the last frame that is known to be intact.
     pub fn conclude(&mut self, report: &mut Report) {
         let of_step = report.defects.iter().any(|d| d.kind.is_of_step());
-        self.broken |= of_step || !report.events.is_empty() || !report.unresolved.is_empty();
+        let changed = report.verdict == Verdict::Changed;
+        self.broken |= of_step || changed || !report.unresolved.is_empty();
         self.intact = report.verdict == Verdict::Intact && !self.broken;
         if self.intact {
             self.last_intact = Some(report.seq);
@@ -221,6 +222,8 @@ impl Steps {
         };
         let frames = [&*last.set, set];
         let outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
+        // Noted here, because a report omits such a defect if the pair has another one.
+        self.broken |= self.events != Events::Off && !outcome.undecided.is_empty();
         self.contacts.clone_from(&outcome.contacts);
         self.note_touching(&outcome);
         outcome

@@ -317,6 +317,24 @@ fn a_report_names_the_frame_and_the_share_of_the_step_to_roll_back_to() {
 }
 
 #[test]
+fn no_frame_is_known_to_be_intact_after_a_change_until_a_cut() {
+    for strategy in [Strategy::Full, Strategy::Incremental] {
+        let mut verifier = verifier(strategy, Events::Off);
+        let mut known = Vec::new();
+        for (seq, out) in [(0, 0.0), (1, 2.5), (2, 0.0), (3, 0.0)] {
+            if seq == 3 {
+                verifier.cut();
+            }
+            let report = verifier.step(seq, 0.0, &squares(out)).unwrap();
+            assert_eq!(report.verdict == Verdict::Intact, seq != 1);
+            assert_eq!(report.safe_fraction, None);
+            known.push(report.last_intact);
+        }
+        assert_eq!(known, [Some(0), Some(0), Some(0), Some(3)]);
+    }
+}
+
+#[test]
 fn a_contact_in_the_last_frame_is_after_the_safe_fraction() {
     let mut verifier = with_limit(None);
     let _ = verifier.step(0, 0.0, &squares(0.5)).unwrap();

@@ -4,9 +4,9 @@ use crate::exception;
 use crate::frame::{Points, basis};
 use crate::report::{Certificate, Report};
 use linkwatch::{Basis, CurveSet, Error, RawFrame, Strategy, VerifierOptions};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Verifies successive frames against a baseline.
 #[pyclass(frozen, module = "linkwatch")]
@@ -70,7 +70,7 @@ impl Verifier {
             positions: points.positions()?,
         };
         let report = py.detach(|| self.with(|state| state.step(frame, time)));
-        report.map(Report).map_err(exception)
+        report?.map(Report).map_err(exception)
     }
 
     /// Computes all linking numbers of a frame, without the interpreter lock.
@@ -83,24 +83,28 @@ impl Verifier {
         let positions = points.positions()?;
         let certificate = py.detach(|| {
             let set = CurveSet::from_counts(self.basis, &counts, positions)?;
-            self.with(|state| Ok(state.verifier.certify(&set).0.clone()))
+            Ok(self.with(|state| state.verifier.certify(&set).0.clone()))
         });
-        certificate.map(Certificate).map_err(exception)
+        certificate.map_err(exception)?.map(Certificate)
     }
 
-    fn cut(&self, py: Python<'_>) {
-        py.detach(|| self.with(|state| state.verifier.cut()));
+    fn cut(&self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| self.with(|state| state.verifier.cut()))
     }
 
-    fn baseline(&self, py: Python<'_>) -> Option<Certificate> {
+    fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {
         let baseline = py.detach(|| self.with(|state| state.verifier.baseline().cloned()));
-        baseline.map(Certificate)
+        Ok(baseline?.map(Certificate))
     }
 }
 
 impl Verifier {
-    fn with<R>(&self, run: impl FnOnce(&mut State) -> R) -> R {
-        run(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
+    /// Fails after a panic: the baseline may be lost then, and later verdicts would be wrong.
+    fn with<R>(&self, run: impl FnOnce(&mut State) -> R) -> PyResult<R> {
+        let failed = "an earlier call of this verifier failed; create a new one";
+        let state = self.state.lock();
+        let mut state = state.map_err(|_| PyRuntimeError::new_err(failed))?;
+        Ok(run(&mut state))
     }
 }
 

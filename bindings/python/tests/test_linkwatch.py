@@ -155,6 +155,8 @@ def test_certificates_are_written_and_compared(tmp_path):
         (lambda: linkwatch.certify([np.zeros((4, 2))]), "curve 0"),
         (lambda: linkwatch.certify(np.zeros((8, 3)), [-4, -5]), "27 promised, 24 available"),
         (lambda: linkwatch.certify(linked(), closed=[True]), "closed"),
+        (lambda: linkwatch.certify([RING.astype("f4"), OTHER]), "float32, float64"),
+        (lambda: linkwatch.certify(linked(dtype=np.float16)), "float16"),
         (lambda: linkwatch.certify(linked(), basis="nurbs"), "nurbs"),
         (lambda: linkwatch.certify([np.full((4, 3), np.inf), OTHER]), "curve 0, point 0"),
         (lambda: linkwatch.Verifier(events="some"), "events"),

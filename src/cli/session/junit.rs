@@ -27,6 +27,10 @@ impl JunitArgs {
             return Ok(None);
         };
         files.writes("--junit", path, Content::Text)?;
+        if path.is_file() {
+            // If this run fails early, no verdicts of an earlier run remain.
+            std::fs::remove_file(path)?;
+        }
         Ok(Some(Junit {
             path: path.clone(),
             suite: Suite::new(title),

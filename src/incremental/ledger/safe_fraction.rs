@@ -35,8 +35,8 @@ const PROOFS: u32 = 4;
 const TOO_CLOSE: u32 = 4;
 
 impl Outcome {
-    /// Returns the pairs that passed through each other or are undecided, or whose contact began in
-    /// the step.
+    /// Returns the pairs that passed through each other or are undecided, or that touch now, and
+    /// did not before.
     fn unsafe_pairs(&self, before: &Contacts) -> Vec<Pair> {
         let known = before.pairs();
         let passages = self.events.iter().chain(&self.unresolved);
@@ -64,9 +64,9 @@ impl Outcome {
 
 impl Ledger {
     /// Returns the largest proven share of a step, from 0 to 1, during which nothing passed through
-    /// anything and no contact began. The step to the frame at this share, `x0 + f (x1 - x0)` with
-    /// every operation rounded to the precision of the coordinates, is proven to be safe. The share
-    /// has that precision, too.
+    /// anything and no pair came into contact that had none before. The step to the frame at this
+    /// share, `x0 + f (x1 - x0)` with every operation rounded to the precision of the coordinates,
+    /// is proven to be safe. The share has that precision, too. 1 stands for the last frame itself.
     ///
     /// `outcome` is that of the whole step for all pairs, or for those that may meet.
     ///

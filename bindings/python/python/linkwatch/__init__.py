@@ -76,13 +76,17 @@ def _frame(
         if len(flags) != len(arrays):
             raise ValueError(f"closed has {len(flags)} values for {len(arrays)} curves")
         counts = [-len(a) if flag else len(a) for a, flag in zip(arrays, flags)]
+        types = {str(array.dtype) for array in arrays if array.dtype.kind == "f"}
+        if len(types) > 1:
+            raise ValueError(f"curves have different types: {', '.join(sorted(types))}")
         points = np.concatenate(arrays)
     else:
         points = np.asarray(curves)
         counts = _integers(counts)
-    if points.dtype != np.float32:
-        points = points.astype(np.float64, copy=False)
-    return np.ascontiguousarray(points), counts
+    if points.dtype.kind == "f" and points.dtype.itemsize not in (4, 8):
+        raise ValueError(f"points have the type {points.dtype}, expected float32 or float64")
+    single = points.dtype.type is np.float32
+    return np.ascontiguousarray(points, np.float32 if single else np.float64), counts
 
 
 def _integers(counts: Counts) -> list[int]:
@@ -225,9 +229,10 @@ def safe_fraction(
 ) -> float:
     """Returns the largest proven share of the step from ``x0`` to ``x1`` without a pull-through.
 
-    The share ``f`` is 1 if nothing is pulled through, and 0 if nothing is proven. It is rounded
-    down. The step from ``x0`` to ``x0 + f * (x1 - x0)``, computed in the precision of the points,
-    is proven to be safe.
+    The share ``f`` is 1 if the step to ``x1`` is safe, and 0 if nothing is proven. Otherwise the
+    step from ``x0`` to ``x0 + f * (x1 - x0)`` is proven, with every operation rounded to the
+    precision of the points, and usually ends within a millionth of the step of the first
+    pull-through. Two curves almost touch there.
 
     Raises:
         ValueError: a coordinate is not finite, or a curve has too few points.
