@@ -334,6 +334,36 @@ fn no_frame_is_known_to_be_intact_after_a_change_until_a_cut() {
     }
 }
 
+/// Regression: the report omits the undecided step, because the pair has another defect.
+#[test]
+fn an_undecided_step_of_a_pair_without_a_baseline_ends_what_is_known() {
+    // The curves touch in the first frame. A joint forms, moves, and opens with that contact.
+    let frame = |[a, b, touching]: [Point; 3]| {
+        let first = [a, [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]];
+        let second = [b, [1.0, -3.0, 2.0], touching, [3.0, 3.0, 2.0]];
+        let xyz = [first, second].concat().concat();
+        CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F64(&xyz)).unwrap()
+    };
+    let (origin, moved) = ([0.0; 3], [-0.1, 0.0, 0.0]);
+    let (away, on, off) = ([0.0, 0.0, 1.0], [2.0, 1.0, 0.0], [2.0, 1.0, 0.5]);
+    let frames = [
+        [origin, away, on],
+        [origin, origin, on],
+        [moved, moved, on],
+        [origin, away, off],
+        [origin, away, off],
+    ];
+    let mut verifier = verifier(Strategy::Full, Events::Between);
+    let reports: Vec<Report> = (0..)
+        .zip(frames)
+        .map(|(seq, points)| verifier.step(seq, 0.0, &frame(points)).unwrap())
+        .collect();
+    let kinds: Vec<_> = reports[3].defects.iter().map(|d| d.kind).collect();
+    assert_eq!(kinds, [DefectKind::NoBaseline]);
+    assert_eq!(reports[4].verdict, Verdict::Intact);
+    assert_eq!(reports[4].last_intact, None);
+}
+
 #[test]
 fn a_contact_in_the_last_frame_is_after_the_safe_fraction() {
     let mut verifier = with_limit(None);

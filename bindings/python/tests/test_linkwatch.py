@@ -40,7 +40,7 @@ def test_certify_takes_both_forms_of_a_frame(dtype):
     ((i, j, number),) = certificate.links
     assert (i, j, abs(number)) == (0, 1, 1)
     assert linkwatch.certify(np.concatenate(curves), [-4, -4]) == certificate
-    assert linkwatch.certify([curves[0].tolist(), curves[1]]) == certificate
+    assert linkwatch.certify([curve.tolist() for curve in curves]) == certificate
     matrix = certificate.matrix()
     assert matrix.tolist() == [[0, number], [number, 0]]
     assert linkwatch.certify(curves, closed=[True, False]).links == []
