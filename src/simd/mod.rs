@@ -83,6 +83,9 @@ macro_rules! dispatch_wide {
             _ => $crate::simd::dispatch!($simd => $($f)::+($($arg),+)),
         }
     };
+    ($($f:ident)::+ ($($arg:expr),+ $(,)?)) => {
+        $crate::simd::dispatch_wide!(_simd => $($f)::+($($arg),+))
+    };
 }
 
 /// Calls a function compiled for the instruction set of a token.
@@ -254,6 +257,10 @@ mod tests {
         match avx2() {
             Some(avx2) => check(avx2),
             None => eprintln!("skipped: this CPU has no AVX2"),
+        }
+        match avx512() {
+            Some(avx512) => check(avx512),
+            None => eprintln!("skipped: this CPU has no AVX-512"),
         }
     }
 }

@@ -68,6 +68,7 @@ calls! {
     Avx512: "avx2,fma,bmi1,bmi2,popcnt,avx512f,avx512dq,avx512bw,avx512vl",
     call3(a: A, b: B, c: C)
     call4(a: A, b: B, c: C, d: D)
+    call5(a: A, b: B, c: C, d: D, e: E)
 }
 
 /// Prefetches a value. The hardware prefetcher stops at page boundaries.
@@ -125,44 +126,51 @@ macro_rules! operations {
     )*};
 }
 
-impl Lanes for Avx2 {
-    type Floats = __m256;
-    type Mask = __m256;
-    type Words = __m256i;
+/// Implements [`Lanes`] for a token with AVX2.
+macro_rules! lanes {
+    ($($token:ident)+) => {$(
+        impl Lanes for $token {
+            type Floats = __m256;
+            type Mask = __m256;
+            type Words = __m256i;
 
-    operations! {
-        fn load(row: &Row<f32>) -> __m256 { _mm256_loadu_ps(row.as_ptr()) }
-        fn store_floats(x: __m256, to: &mut Row<f32>) { _mm256_storeu_ps(to.as_mut_ptr(), x) }
-        fn splat(x: f32) -> __m256 { _mm256_set1_ps(x) }
-        fn less(a: __m256, b: __m256) -> __m256 { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
-        fn or(a: __m256, b: __m256) -> __m256 { _mm256_or_ps(a, b) }
-        fn bits(m: __m256) -> u32 { _mm256_movemask_ps(m) as u32 }
-        fn least(rows: [__m256; LANES]) -> __m256 { fold_rows!(rows, _mm256_min_ps) }
-        fn greatest(rows: [__m256; LANES]) -> __m256 { fold_rows!(rows, _mm256_max_ps) }
+            operations! {
+                fn load(row: &Row<f32>) -> __m256 { _mm256_loadu_ps(row.as_ptr()) }
+                fn store_floats(x: __m256, to: &mut Row<f32>) { _mm256_storeu_ps(to.as_mut_ptr(), x) }
+                fn splat(x: f32) -> __m256 { _mm256_set1_ps(x) }
+                fn less(a: __m256, b: __m256) -> __m256 { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
+                fn or(a: __m256, b: __m256) -> __m256 { _mm256_or_ps(a, b) }
+                fn bits(m: __m256) -> u32 { _mm256_movemask_ps(m) as u32 }
+                fn least(rows: [__m256; LANES]) -> __m256 { fold_rows!(rows, _mm256_min_ps) }
+                fn greatest(rows: [__m256; LANES]) -> __m256 { fold_rows!(rows, _mm256_max_ps) }
 
-        fn splat_word(x: u32) -> __m256i { _mm256_set1_epi32(x as i32) }
-        fn outside(m: __m256, words: __m256i) -> __m256i {
-            _mm256_andnot_si256(_mm256_castps_si256(m), words)
+                fn splat_word(x: u32) -> __m256i { _mm256_set1_epi32(x as i32) }
+                fn outside(m: __m256, words: __m256i) -> __m256i {
+                    _mm256_andnot_si256(_mm256_castps_si256(m), words)
+                }
+                fn or_words(a: __m256i, b: __m256i) -> __m256i { _mm256_or_si256(a, b) }
+                fn and_words(a: __m256i, b: __m256i) -> __m256i { _mm256_and_si256(a, b) }
+                fn nonzero(words: __m256i) -> u32 {
+                    let zero = _mm256_cmpeq_epi32(words, _mm256_setzero_si256());
+                    !_mm256_movemask_ps(_mm256_castsi256_ps(zero)) as u32 & 0xff
+                }
+                fn store(words: __m256i, to: &mut Row<u32>) {
+                    _mm256_storeu_si256(to.as_mut_ptr().cast(), words)
+                }
+                fn packed(bits: u32) -> __m256i {
+                    let order = &PACKED[(bits & 0xff) as usize];
+                    _mm256_cvtepu8_epi32(_mm_loadl_epi64(order.as_ptr().cast()))
+                }
+                fn permute(words: __m256i, order: __m256i) -> __m256i {
+                    _mm256_permutevar8x32_epi32(words, order)
+                }
+                fn count_from(first: u32) -> __m256i {
+                    let steps = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+                    _mm256_add_epi32(_mm256_set1_epi32(first as i32), steps)
+                }
+            }
         }
-        fn or_words(a: __m256i, b: __m256i) -> __m256i { _mm256_or_si256(a, b) }
-        fn and_words(a: __m256i, b: __m256i) -> __m256i { _mm256_and_si256(a, b) }
-        fn nonzero(words: __m256i) -> u32 {
-            let zero = _mm256_cmpeq_epi32(words, _mm256_setzero_si256());
-            !_mm256_movemask_ps(_mm256_castsi256_ps(zero)) as u32 & 0xff
-        }
-        fn store(words: __m256i, to: &mut Row<u32>) {
-            _mm256_storeu_si256(to.as_mut_ptr().cast(), words)
-        }
-        fn packed(bits: u32) -> __m256i {
-            let order = &PACKED[(bits & 0xff) as usize];
-            _mm256_cvtepu8_epi32(_mm_loadl_epi64(order.as_ptr().cast()))
-        }
-        fn permute(words: __m256i, order: __m256i) -> __m256i {
-            _mm256_permutevar8x32_epi32(words, order)
-        }
-        fn count_from(first: u32) -> __m256i {
-            let steps = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-            _mm256_add_epi32(_mm256_set1_epi32(first as i32), steps)
-        }
-    }
+    )+};
 }
+
+lanes! { Avx2 Avx512 }

@@ -5,7 +5,7 @@ use super::gather::Task;
 use crate::curve::{Knots, Point, ReadKnots};
 use crate::discretize::{Sieve, Splits, pieces_between};
 use crate::exact::{Batch, Crossing, Predicates, crossing, segments_touch};
-use crate::simd::dispatch;
+use crate::simd::dispatch_wide;
 use crate::verdict::Stats;
 use std::ops::ControlFlow;
 
@@ -74,7 +74,7 @@ impl SignedCount {
         if task.input.cancelled() {
             return;
         }
-        dispatch!(Self::add(self, task, tests));
+        dispatch_wide!(Self::add(self, task, tests));
     }
 
     /// Adds candidates of whole segments.
@@ -140,10 +140,6 @@ impl SignedCount {
     /// projections meet. So floating point proves neither that they are not coplanar nor that one
     /// of them lies on one side of the other, and they always reach this function.
     fn add_segments<K: ReadKnots>(&mut self, task: &Task<'_>, [p, q]: [&K; 2], s: u32, t: u32) {
-        let edge = |knots: &K, s: u32| {
-            let [u, v, w] = [0, 1, 2].map(|x| knots.edge(s, x).map(Into::into));
-            ([u[0], v[0], w[0]], [u[1], v[1], w[1]])
-        };
         let (p, q) = (edge(p, s), edge(q, t));
         let exact = self.stats.exact;
         // The knots are in the frame of the projection, whose last axis is the axis of projection.
@@ -210,6 +206,16 @@ impl SignedCount {
         // A test counts once, however many of its determinants are close to zero.
         self.stats.exact += u64::from(predicates.exact > 0);
     }
+}
+
+/// Returns the ends of a segment, widened.
+#[inline]
+fn edge<K: ReadKnots>(knots: &K, s: u32) -> (Point, Point) {
+    let [u, v, w] = [knots.edge(s, 0), knots.edge(s, 1), knots.edge(s, 2)];
+    (
+        [u[0].into(), v[0].into(), w[0].into()],
+        [u[1].into(), v[1].into(), w[1].into()],
+    )
 }
 
 /// Sieve for runs of an upper and a lower polyline. They have no crossing if the boxes of their

@@ -7,7 +7,7 @@
 use super::{Input, Workspace};
 use crate::discretize::Separation;
 use crate::pairs::{Query, SegmentPairs, descend};
-use crate::simd::{Lanes, dispatch};
+use crate::simd::{Lanes, dispatch_wide};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of candidates after which they are evaluated.
@@ -172,5 +172,5 @@ fn split(task: &Task<'_>, workspace: &mut Workspace) {
 
 /// Runs [`gather`] with the best instruction set of the CPU.
 pub(super) fn resume(task: &Task<'_>, workspace: &mut Workspace) {
-    dispatch!(simd => gather(simd, task, workspace))
+    dispatch_wide!(simd => gather(simd, task, workspace))
 }

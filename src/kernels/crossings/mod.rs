@@ -48,7 +48,7 @@ use crate::cancel::Cancel;
 use crate::curve::CurveSet;
 use crate::discretize::Halving;
 use crate::pairs::{Agenda, Pair, Trees, closest_approach, closest_of_segments};
-use crate::simd::{Lanes, dispatch};
+use crate::simd::{Lanes, dispatch_wide};
 use crate::verdict::{DefectKind, Stats};
 use std::sync::{Mutex, PoisonError};
 
@@ -161,7 +161,7 @@ pub(crate) fn linking_number(
     fixed: Option<Direction>,
     workspace: &mut Workspace,
 ) -> Linking {
-    dispatch!(simd => compute(simd, input, pair, fixed, workspace))
+    dispatch_wide!(simd => compute(simd, input, pair, fixed, workspace))
 }
 
 #[inline(always)]
