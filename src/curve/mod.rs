@@ -12,6 +12,8 @@ mod builder;
 #[cfg(feature = "verify")]
 mod coordinates;
 #[cfg(feature = "verify")]
+mod diagonals;
+#[cfg(feature = "verify")]
 mod extent;
 #[cfg(feature = "verify")]
 mod lazy;
@@ -37,6 +39,8 @@ pub(crate) use boxes::{Box3, BoxGroup, larger, smaller};
 pub use builder::CurveSetBuilder;
 #[cfg(feature = "verify")]
 pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
+#[cfg(feature = "verify")]
+pub(crate) use diagonals::Diagonals;
 #[cfg(feature = "verify")]
 pub use extent::LongSegment;
 #[cfg(feature = "verify")]

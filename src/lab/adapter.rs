@@ -117,7 +117,7 @@ impl<'a> Prepared<'a> {
         let mut trees = Trees::default();
         trees.refit(&*set);
         let degenerate: Vec<_> = degenerate_curves(&set).collect();
-        let links = potential_links(&trees, &mut LinkSearch::default(), &degenerate).clone();
+        let links = potential_links(&set, &trees, &mut LinkSearch::default(), &degenerate).clone();
         Ok(Prepared {
             set,
             trees,

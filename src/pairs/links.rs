@@ -4,19 +4,16 @@ use super::{LinkSearch, Pair, Trees};
 use crate::curve::CurveSet;
 use crate::verdict::{Defect, DefectKind, Place};
 
-/// Returns the pairs that may be linked: those whose boxes overlap, without degenerate curves
-/// (sorted).
+/// Returns the pairs that may be linked: those whose bounding volumes overlap, without degenerate
+/// curves (sorted).
 pub(crate) fn potential_links<'a>(
+    set: &CurveSet,
     trees: &Trees,
     search: &'a mut LinkSearch,
     degenerate: &[Defect],
 ) -> &'a mut Vec<Pair> {
-    let pairs = search.find(trees.roots());
-    if !degenerate.is_empty() {
-        let whole = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
-        pairs.retain(|&(i, j)| whole(i) && whole(j));
-    }
-    pairs
+    let degenerate: Vec<u32> = degenerate.iter().map(|d| d.i).collect();
+    search.find_links(set, trees.roots(), &degenerate)
 }
 
 /// Returns the closed curves of fewer than three distinct points, in order.

@@ -5,6 +5,7 @@
 
 #[cfg(test)]
 mod brute;
+mod buckets;
 mod closest;
 mod descent;
 mod layout;

@@ -3,11 +3,15 @@
 //! Cost: `O(n log n)` for the sort. The sweep compares each box with a few neighbours on sheets and
 //! garments. It is quadratic if all boxes overlap along the axis.
 
-use super::Pair;
-use crate::curve::Box3;
+use super::buckets::BucketSort;
+use super::{Pair, SMALL};
+use crate::curve::{Box3, CurveSet, Diagonals};
 use crate::simd::{LANES, Lanes, dispatch};
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// Number of pairs per curve above which the extents along the diagonals pay.
+const MANY: usize = 2;
 
 /// Number of boxes that a task sweeps.
 const CHUNK: usize = 512;
@@ -19,6 +23,10 @@ pub(crate) struct LinkSearch {
     /// Pairs found by each task.
     parts: Vec<Vec<Pair>>,
     pairs: Vec<Pair>,
+    sort: BucketSort,
+    /// Extents of the curves, if a search needed them.
+    diagonals: Vec<Diagonals>,
+    discarded: usize,
 }
 
 impl LinkSearch {
@@ -34,12 +42,57 @@ impl LinkSearch {
 
     /// Finds all pairs of overlapping boxes, sorted. Empty boxes overlap nothing.
     pub fn find(&mut self, boxes: &[Box3]) -> &mut Vec<Pair> {
+        self.sweep(boxes);
+        self.collect(boxes.len())
+    }
+
+    /// Finds the potential links of curves, sorted, except those of the curves in `skipped`, which
+    /// is sorted. `boxes` are the bounding boxes of the curves.
+    ///
+    /// If there are many, discards those that a plane orthogonal to a diagonal separates
+    /// ([`Diagonals`]).
+    pub fn find_links(
+        &mut self,
+        set: &CurveSet,
+        boxes: &[Box3],
+        skipped: &[u32],
+    ) -> &mut Vec<Pair> {
+        self.sweep(boxes);
         let LinkSearch {
-            sweep,
-            parts,
-            pairs,
+            parts, diagonals, ..
         } = self;
-        sweep.fill(boxes);
+        if !skipped.is_empty() {
+            let kept = |i: u32| skipped.binary_search(&i).is_err();
+            parts
+                .par_iter_mut()
+                .for_each(|part| part.retain(|&(i, j)| kept(i) && kept(j)));
+        }
+        let count = |parts: &[Vec<Pair>]| parts.iter().map(Vec::len).sum::<usize>();
+        let links = count(parts);
+        if links > MANY * set.len() && set.basis().is_polyline() {
+            diagonals.resize(set.len(), Diagonals::UNBOUNDED);
+            let tasks = diagonals.par_chunks_mut(CHUNK).enumerate();
+            tasks.for_each(|(task, part)| dispatch!(simd => extents(simd, set, task, part)));
+            parts.par_iter_mut().for_each(|part| {
+                part.retain(|&(i, j)| !diagonals[i as usize].apart(&diagonals[j as usize]));
+            });
+        }
+        self.discarded = links - count(parts);
+        self.collect(boxes.len())
+    }
+
+    /// Returns the number of potential links that [`LinkSearch::find_links`] discarded, because
+    /// their curves are certainly not linked.
+    pub fn discarded(&self) -> usize {
+        self.discarded
+    }
+
+    /// Fills the parts with the pairs of overlapping boxes.
+    fn sweep(&mut self, boxes: &[Box3]) {
+        let LinkSearch {
+            sweep, parts, sort, ..
+        } = self;
+        sweep.fill(boxes, sort);
         let n = sweep.order.len();
         parts.resize_with(Self::tasks(n).max(parts.len()), Vec::new);
         parts.par_iter_mut().enumerate().for_each(|(c, part)| {
@@ -47,12 +100,14 @@ impl LinkSearch {
             let range = (c * CHUNK).min(n)..((c + 1) * CHUNK).min(n);
             dispatch!(simd => Sweep::run(&*sweep, simd, range, part));
         });
-        pairs.clear();
-        for part in parts.iter() {
-            pairs.extend_from_slice(part);
-        }
-        pairs.par_sort_unstable_by_key(|&(i, j)| u64::from(i) << 32 | u64::from(j));
-        pairs
+    }
+
+    /// Sorts the pairs of all parts.
+    fn collect(&mut self, curves: usize) -> &mut Vec<Pair> {
+        let found = self.parts.iter().flatten().copied();
+        let first = |&(i, _): &Pair| i as usize;
+        self.sort.sort(found, curves, first, &mut self.pairs);
+        &mut self.pairs
     }
 
     /// Returns the number of groups of eight boxes that the last search compared with a box.
@@ -87,6 +142,20 @@ impl LinkSearch {
             + columns
             + parts
             + size_of_val(&self.pairs[..])
+            + self.sort.bytes()
+            + size_of_val(&self.diagonals[..])
+    }
+}
+
+/// Computes the extents of the small curves of a chunk.
+#[inline(always)]
+fn extents<L: Lanes>(simd: L, set: &CurveSet, chunk: usize, extents: &mut [Diagonals]) {
+    for (k, extent) in extents.iter_mut().enumerate() {
+        let i = chunk * CHUNK + k;
+        *extent = match set.curve(i).segments <= SMALL {
+            true => set.diagonals(simd, i),
+            false => Diagonals::UNBOUNDED,
+        };
     }
 }
 
@@ -105,7 +174,7 @@ struct Sweep {
 }
 
 impl Sweep {
-    fn fill(&mut self, boxes: &[Box3]) {
+    fn fill(&mut self, boxes: &[Box3], sort: &mut BucketSort) {
         let axis = widest_axis(boxes);
         let Sweep {
             keys,
@@ -113,25 +182,32 @@ impl Sweep {
             lo,
             hi,
         } = self;
-        keys.clear();
         let some = boxes.iter().enumerate().filter(|&(_, b)| *b != Box3::EMPTY);
-        keys.extend(some.map(|(i, b)| u64::from(ordered_bits(b.lo[axis])) << 32 | i as u64));
-        keys.par_sort_unstable();
+        let starts = some.clone().map(|(_, b)| f64::from(b.lo[axis]));
+        let first = starts.clone().fold(f64::INFINITY, f64::min);
+        let last = starts.fold(f64::NEG_INFINITY, f64::max);
+        let buckets = boxes.len();
+        let scale = buckets as f64 / (last - first);
+        let bucket = |&key: &u64| {
+            let start = f64::from(boxes[key as u32 as usize].lo[axis]);
+            // Rounding keeps the order. NaN, if all boxes start at one place, becomes 0.
+            (((start - first) * scale) as usize).min(buckets - 1)
+        };
+        let key = |(i, b): (usize, &Box3)| u64::from(ordered_bits(b.lo[axis])) << 32 | i as u64;
+        sort.sort(some.map(key), buckets, bucket, keys);
         order.clear();
         order.extend(keys.iter().map(|&key| key as u32));
-        for (k, x) in [axis, (axis + 1) % 3, (axis + 2) % 3]
-            .into_iter()
-            .enumerate()
-        {
-            for (column, end) in [(&mut lo[k], f32::INFINITY), (&mut hi[k], f32::NEG_INFINITY)] {
-                let lower = end > 0.0;
-                column.clear();
-                column.extend(order.iter().map(|&i| {
-                    let b = &boxes[i as usize];
-                    if lower { b.lo[x] } else { b.hi[x] }
-                }));
-                column.extend([end; LANES]);
+        for (k, (lo, hi)) in lo.iter_mut().zip(hi).enumerate() {
+            let x = (axis + k) % 3;
+            lo.clear();
+            hi.clear();
+            for &i in order.iter() {
+                let b = &boxes[i as usize];
+                lo.push(b.lo[x]);
+                hi.push(b.hi[x]);
             }
+            lo.extend([f32::INFINITY; LANES]);
+            hi.extend([f32::NEG_INFINITY; LANES]);
         }
     }
 

@@ -161,6 +161,9 @@ pub struct PotentialLinks {
     pub pairs: u64,
     /// Number of these pairs whose boxes overlap. All others are unlinked.
     pub links: usize,
+    /// Number of these links that the extents of the curves along diagonals prove to be 0. They are
+    /// discarded.
+    pub discarded: usize,
     /// Chosen method.
     pub search: Search,
     /// Number of comparisons of a box with a group of eight boxes.
@@ -299,7 +302,7 @@ impl Plan {
         trees.refit(set);
         let mut search = LinkSearch::default();
         let degenerate: Vec<_> = degenerate_curves(set).collect();
-        potential_links(&trees, &mut search, &degenerate);
+        potential_links(set, &trees, &mut search, &degenerate);
         let links = search.pairs();
         let workspaces = Workspaces::default();
         let input = Input {
@@ -426,7 +429,8 @@ impl PotentialLinks {
         let closed = closed(set).count();
         let whole = closed - degenerate;
         let pairs = whole as u64 * (whole as u64).saturating_sub(1) / 2;
-        let links = search.pairs().len();
+        let discarded = search.discarded();
+        let links = search.pairs().len() + discarded;
         let busy = LinkSearch::tasks(whole).clamp(1, threads);
         let time = costs::potential_links(closed, search.steps(), links);
         PotentialLinks {
@@ -435,6 +439,7 @@ impl PotentialLinks {
             degenerate_curves: degenerate,
             pairs,
             links,
+            discarded,
             search: match pairs {
                 0..=1 => Search::Trivial,
                 _ => Search::Sweep,

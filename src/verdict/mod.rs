@@ -174,7 +174,8 @@ pub struct Stats {
     /// Number of pairs of curves with overlapping boxes (potential links). All other pairs are
     /// unlinked.
     pub potential_links: u64,
-    /// Number of potential links with linking number 0, proven by a direction in which their
+    /// Number of potential links with linking number 0, proven before any test: by a plane
+    /// orthogonal to a diagonal that separates the curves, or by a direction in which their
     /// projections do not overlap.
     pub separated: u64,
     /// Number of segment pairs tested for a crossing.

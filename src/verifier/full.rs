@@ -72,7 +72,7 @@ impl FullRun {
                     counting => {
                         self.compute_pairs(set, .., counting, &mut stats);
                         self.ladder = Ladder {
-                            counted: stats.potential_links,
+                            counted: self.search.pairs().len() as u64,
                             ..Ladder::default()
                         };
                     }
@@ -231,7 +231,7 @@ impl FullRun {
         links.clear();
         undefined.clear();
         undefined.extend(degenerate_curves(set));
-        let pairs = potential_links(&self.trees, &mut self.search, undefined);
+        let pairs = potential_links(set, &self.trees, &mut self.search, undefined);
         let total = pairs.len() as u64;
         self.progress.total.store(total, Ordering::Relaxed);
         self.timings = Timings {
@@ -246,7 +246,10 @@ impl FullRun {
             0
         };
         let repeated = (0..curves).into_par_iter();
+        let discarded = self.search.discarded() as u64;
         Stats {
+            potential_links: discarded,
+            separated: discarded,
             repeated_vertices: repeated.map(|i| set.repeated_vertices(i) as u64).sum(),
             ..sizes(set)
         }

@@ -72,8 +72,12 @@ fn potential_links(links: &PotentialLinks) -> String {
     let skipped: String = skipped
         .map(|(n, noun)| format!(", {} skipped", number(n, noun)))
         .collect();
+    let discarded = match links.discarded {
+        0 => String::new(),
+        n => format!(", discards {} by extents along diagonals", count(n as u64)),
+    };
     format!(
-        "potential links: {search}, finds {} of {} of {}{skipped}, {}: {}",
+        "potential links: {search}, finds {} of {} of {}{skipped}{discarded}, {}: {}",
         count(links.links as u64),
         plural(links.pairs, "pair"),
         number(links.curves, "curve"),

@@ -2,8 +2,10 @@
 //! without.
 
 use super::*;
+use crate::curve::{Basis, Positions};
 use crate::kernels::conformance::polygons::{Polygon, exact_set_of, floats, set_of, winding};
 use crate::kernels::oracle;
+use crate::pairs::LinkSearch;
 use crate::random::Random;
 use crate::simd::Portable;
 use rayon::prelude::*;
@@ -231,4 +233,63 @@ fn far_and_tiny_scales_do_not_change_the_result() {
             );
         }
     }
+}
+
+/// Pairs that the search discards, because a plane orthogonal to a diagonal separates them, have
+/// the linking number 0 and no contact: for tilted rings in a tangle, on a lattice and off it.
+#[test]
+fn discarded_pairs_of_small_rings_are_not_linked() {
+    let mut random = Random::new(11);
+    let (mut discarded, mut linked, mut touching) = (0, 0, 0);
+    for case in 0..60 {
+        let rings = 40;
+        let size = 2.0 + 2.0 * random.unit();
+        let mut xyz = Vec::new();
+        for _ in 0..rings {
+            let center = random.point(size);
+            let (u, v) = (random.point(1.0), random.point(1.0));
+            for k in 0..8 {
+                let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / 8.0).sin_cos();
+                for x in 0..3 {
+                    let p = center[x] + 0.8 * (cos * u[x] + sin * v[x]);
+                    xyz.push(if case % 3 == 0 {
+                        (2.0 * p).round() / 2.0
+                    } else {
+                        p
+                    });
+                }
+            }
+        }
+        let set = CurveSet::from_counts(Basis::Polyline, &vec![-8; rings], Positions::F64(&xyz));
+        let set = set.unwrap();
+        let mut trees = Trees::default();
+        trees.refit(&set);
+        let input = Input {
+            set: &set,
+            trees: &trees,
+            workspaces: &Workspaces::default(),
+        };
+        let whole = |i: u32| set.has_three_distinct_points(i as usize);
+        let mut search = LinkSearch::default();
+        let skipped: Vec<u32> = (0..rings as u32).filter(|&i| !whole(i)).collect();
+        let near = search.find_links(&set, trees.roots(), &skipped).clone();
+        let count = search.discarded();
+        let mut all = search.find(trees.roots()).clone();
+        all.retain(|&(i, j)| whole(i) && whole(j));
+        assert_eq!(near.len() + count, all.len());
+        for pair in all {
+            let linking = linking_number(input, pair, None, &mut Workspace::default());
+            if near.binary_search(&pair).is_err() {
+                assert_eq!(linking, Linking::Number(0), "case {case}, {pair:?}");
+                discarded += 1;
+            } else {
+                linked += usize::from(!matches!(linking, Linking::Number(0)));
+                touching += usize::from(matches!(linking, Linking::Undefined(..)));
+            }
+        }
+    }
+    assert!(
+        discarded > 300 && linked > 300 && touching > 50,
+        "{discarded} {linked} {touching}"
+    );
 }
