@@ -7,11 +7,11 @@
 
 use linkwatch::scenes::{Frames, Motion, Scene};
 use linkwatch::{
-    Basis, Client, ClientOptions, CurveSet, Event, Events, Outcome, Positions, Precision, Report,
-    Sidecar, SidecarOptions, Strategy, Verdict, Verifier, VerifierOptions, WaitMode,
+    Basis, Client, ClientOptions, CurveSet, Event, Events, FramePool, Outcome, Positions,
+    Precision, Report, Sidecar, SidecarOptions, Strategy, Verdict, Verifier, VerifierOptions,
+    WaitMode,
 };
 use std::hint::black_box;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 const DEADLINE: Duration = Duration::from_secs(20);
@@ -260,26 +260,20 @@ struct Watched {
 /// Answers every frame.
 fn watch(mut sidecar: Sidecar, mut verifier: Option<Verifier>) -> Watched {
     let mut watched = Watched::default();
-    let mut sets: Vec<Arc<CurveSet>> = Vec::new();
+    let mut pool = FramePool::default();
     loop {
         match sidecar.wait(DEADLINE).expect("wait") {
             Event::Frame(frame) => {
                 let start = Instant::now();
-                let free = |set: &Arc<CurveSet>| Arc::strong_count(set) == 1;
-                let free = sets.iter().position(free).map(|k| sets.swap_remove(k));
-                // Later frames must have the layout of the first one.
-                let copy = || sets.first().map(|set| CurveSet::clone(set));
-                let mut set = free.and_then(Arc::into_inner).or_else(copy);
-                match &mut verifier {
-                    Some(verifier) => frame.read(|raw| verifier.receive(raw, &mut set)),
-                    None => frame.ingest(&mut set),
-                }
-                .expect("a good frame");
+                let set = pool.receive(|set| match &mut verifier {
+                    Some(verifier) => frame.read(|raw| verifier.receive(raw, set)),
+                    None => frame.ingest(set),
+                });
+                let set = set.expect("a good frame");
                 let (seq, time) = (frame.seq(), frame.time());
                 drop(frame);
                 let received = Instant::now();
                 watched.ingest.push(received - start);
-                let set = Arc::new(set.expect("ingested"));
                 let report = match &mut verifier {
                     Some(verifier) => {
                         let report = verifier.step_shared(seq, time, &set).expect("a frame");
@@ -292,7 +286,6 @@ fn watch(mut sidecar: Sidecar, mut verifier: Option<Verifier>) -> Watched {
                 sidecar
                     .send_verdict(&report, start.elapsed())
                     .expect("send");
-                sets.push(set);
                 if let Some(verifier) = verifier.as_mut().filter(|_| seq < SETTLED) {
                     verifier.settle();
                 }

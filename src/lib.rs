@@ -140,8 +140,8 @@ pub mod wire_format {}
 
 #[cfg(feature = "client")]
 pub use bus::{
-    Attached, Client, ClientOptions, Counters, Departure, Finding, FrameLoan, MessageKind, Outcome,
-    ServiceInfo, VerdictMessage, WaitMode, services,
+    Attached, Client, ClientOptions, Counters, Departure, Finding, FrameLoan, FrameMemory,
+    MessageKind, Outcome, ServiceInfo, VerdictMessage, WaitMode, services,
 };
 #[cfg(feature = "bus")]
 pub use bus::{Event, Frame, Sidecar, SidecarOptions};
@@ -156,7 +156,7 @@ pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Events, Route, Work};
 #[cfg(feature = "verify")]
-pub use ingest::RawFrame;
+pub use ingest::{FramePool, RawFrame};
 #[cfg(feature = "verify")]
 pub use plan::Plan;
 #[cfg(feature = "verify")]

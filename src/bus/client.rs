@@ -1,6 +1,6 @@
 //! Client that a simulator links: sends frames, receives verdicts.
 
-use super::frames::{Connection, FrameLoan, Frames};
+use super::frames::{Connection, FrameMemory, Frames};
 use super::message::{MessageKind, VerdictMessage};
 use super::service::{Endpoint, Role, bus};
 use super::services::services;
@@ -50,6 +50,32 @@ pub enum Outcome {
     ///
     /// Returned at once, for this frame and each later one, until another watcher comes.
     NoWatcher(Departure),
+}
+
+/// Shared memory of a frame that is being written ([`Client::loan`]). Nothing is sent if it is
+/// dropped without [`publish`](FrameLoan::publish).
+#[derive(Debug)]
+pub struct FrameLoan<'a> {
+    memory: FrameMemory,
+    client: &'a mut Client,
+}
+
+impl FrameLoan<'_> {
+    /// Returns the memory of the positions; see [`FrameMemory::positions_f32`].
+    pub fn positions_f32(&mut self) -> Result<&mut [f32]> {
+        self.memory.positions_f32()
+    }
+
+    /// Returns the memory of the positions in double precision; see
+    /// [`FrameMemory::positions_f32`].
+    pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
+        self.memory.positions_f64()
+    }
+
+    /// Publishes the frame. Returns its sequence number.
+    pub fn publish(self) -> Result<u64> {
+        self.client.send(self.memory)
+    }
 }
 
 /// Simulator's end of the bus.
@@ -146,13 +172,29 @@ impl Client {
     /// it, then call [`publish`](FrameLoan::publish). The watcher reads the same memory; nothing is
     /// copied.
     pub fn loan(&mut self, time: f64) -> Result<FrameLoan<'_>> {
-        self.frames.loan(&self.connection, time)
+        let memory = self.begin(time)?;
+        let client = self;
+        Ok(FrameLoan { memory, client })
+    }
+
+    /// Returns memory for the next frame, as [`loan`](Client::loan) does, but without a borrow of
+    /// the client: for programs that keep both side by side, such as bindings for other languages.
+    /// Pass it to [`send`](Client::send).
+    pub fn begin(&self, time: f64) -> Result<FrameMemory> {
+        self.frames.begin(time)
+    }
+
+    /// Publishes the memory of a frame. Returns its sequence number.
+    ///
+    /// Errors: [`Error::Bus`] if the memory belongs to another client.
+    pub fn send(&mut self, frame: FrameMemory) -> Result<u64> {
+        self.frames.send(&self.connection, frame)
     }
 
     /// Publishes a frame from other memory, with one copy into shared memory. Returns its sequence
     /// number.
     pub fn publish(&mut self, time: f64, positions: Positions<'_>) -> Result<u64> {
-        let mut frame = self.loan(time)?;
+        let mut frame = self.begin(time)?;
         let expected = frame.coordinates();
         if positions.len() != expected {
             return Err(Error::Count {
@@ -165,7 +207,7 @@ impl Client {
             Positions::F32(from) => frame.positions_f32()?.copy_from_slice(from),
             Positions::F64(from) => frame.positions_f64()?.copy_from_slice(from),
         }
-        frame.publish()
+        self.send(frame)
     }
 
     /// Waits until a watcher has seen this session, at most for `timeout`. Returns true if one has.

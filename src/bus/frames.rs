@@ -187,7 +187,7 @@ impl Frames {
     }
 
     /// Returns memory for the next frame, at `time` seconds of simulation.
-    pub fn loan<'a>(&'a mut self, connection: &'a Connection, time: f64) -> Result<FrameLoan<'a>> {
+    pub fn begin(&self, time: f64) -> Result<FrameMemory> {
         let Some(layout) = &self.layout else {
             return Err(Error::Bus(
                 "no curves are declared: call Client::describe before the first frame".into(),
@@ -219,39 +219,50 @@ impl Frames {
             // All bits set is NaN in both precisions, so a missing coordinate is rejected.
             payload[table..].fill(0xff);
         }
-        Ok(FrameLoan {
+        Ok(FrameMemory {
             sample,
             table,
             precision,
-            next: &mut self.next,
-            connection,
         })
+    }
+
+    /// Sends a frame. Returns its sequence number.
+    pub fn send(&mut self, connection: &Connection, memory: FrameMemory) -> Result<u64> {
+        let FrameMemory { mut sample, .. } = memory;
+        let header = sample.user_header_mut();
+        if header.session != self.session {
+            return Err(Error::Bus("the frame belongs to another client".into()));
+        }
+        (header.seq, header.cuts) = (self.next, self.cuts);
+        connection.connect()?;
+        sample.send().map_err(bus("send"))?;
+        let seq = self.next;
+        self.next += 1;
+        connection.endpoint.notify();
+        Ok(seq)
     }
 }
 
-/// Shared memory of a frame that is being written. Nothing is sent if it is dropped without
-/// [`publish`](FrameLoan::publish).
-pub struct FrameLoan<'a> {
+/// Shared memory of a frame that is being written ([`Client::begin`](crate::Client::begin)).
+/// Nothing is sent if it is dropped.
+pub struct FrameMemory {
     sample: SampleMut<Ipc, [u8], FrameHeader>,
     /// Bytes of the counts before the positions.
     table: usize,
     precision: Precision,
-    /// Number of the frame, which is counted when it is published.
-    next: &'a mut u64,
-    connection: &'a Connection,
 }
 
-impl fmt::Debug for FrameLoan<'_> {
+impl fmt::Debug for FrameMemory {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("FrameLoan")
+        f.debug_struct("FrameMemory")
             .field("header", self.sample.user_header())
             .finish_non_exhaustive()
     }
 }
 
-impl FrameLoan<'_> {
+impl FrameMemory {
     /// Returns the number of coordinates: three per point.
-    pub(super) fn coordinates(&self) -> usize {
+    pub fn coordinates(&self) -> usize {
         (self.sample.payload().len() - self.table) / self.precision.bytes()
     }
 
@@ -276,19 +287,9 @@ impl FrameLoan<'_> {
     }
 
     /// Returns the memory of the positions in double precision; see
-    /// [`positions_f32`](FrameLoan::positions_f32).
+    /// [`positions_f32`](FrameMemory::positions_f32).
     pub fn positions_f64(&mut self) -> Result<&mut [f64]> {
         Ok(cast_mut(self.bytes_of(Precision::F64)?).expect("the service aligns to 64 bytes"))
-    }
-
-    /// Publishes the frame. Returns its sequence number.
-    pub fn publish(self) -> Result<u64> {
-        self.connection.connect()?;
-        self.sample.send().map_err(bus("send"))?;
-        let seq = *self.next;
-        *self.next += 1;
-        self.connection.endpoint.notify();
-        Ok(seq)
     }
 }
 

@@ -49,10 +49,10 @@ mod watcher;
 )]
 mod wire;
 
-pub use client::{Client, ClientOptions, Outcome};
+pub use client::{Client, ClientOptions, FrameLoan, Outcome};
 #[cfg(feature = "bus")]
 pub use event::{Event, Frame};
-pub use frames::FrameLoan;
+pub use frames::FrameMemory;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
 pub use services::{Attached, ServiceInfo, services};
 #[cfg(feature = "bus")]

@@ -57,7 +57,7 @@ pub(super) struct FrameHeader {
     pub time: f64,
     pub n_points: u64,
     pub n_curves: u32,
-    /// Index in [`Basis::ALL`].
+    /// Code of the basis.
     pub basis: u32,
     /// 4 or 8.
     pub coordinate_bytes: u32,
@@ -90,7 +90,7 @@ pub(super) const NO_FRAME: u64 = u64::MAX;
 pub(super) struct VerdictWire {
     pub magic: u64,
     pub version: u32,
-    /// Code of a [`super::MessageKind`].
+    /// Code of the kind of message.
     pub kind: u32,
     /// Session of the message; 0 if there is none.
     pub session: u64,
@@ -116,15 +116,15 @@ pub(super) struct VerdictWire {
     pub found: i64,
     pub point: [f64; 3],
     pub distance: f64,
-    /// Relative motion of a pull-through; see `PullThrough::lengths`.
+    /// Relative motion of a pull-through, in segment lengths.
     pub lengths: f64,
-    /// Extent of the scene; see `Stats::extent`.
+    /// Extent of the scene.
     pub extent: f64,
     pub verified: u64,
     pub skipped: u64,
     pub rejected: u64,
     pub check_ns: u64,
-    /// [`NO_FRAME`] if there is none.
+    /// All bits set if there is none.
     pub last_intact: u64,
     /// NaN if it is unknown.
     pub safe_fraction: f64,

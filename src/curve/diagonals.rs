@@ -7,8 +7,8 @@ use crate::simd::{LANES, Lanes};
 use std::ops::{Add, Sub};
 
 /// Extent of a curve along the six diagonals of the coordinate planes: `x + y`, `x - y`, `y + z`,
-/// `y - z`, `z + x` and `z - x`. A ring that is not parallel to an axis plane fills its bounding box
-/// badly; these bounds cut off the corners.
+/// `y - z`, `z + x` and `z - x`. A ring that is not parallel to an axis plane fills its bounding
+/// box badly; these bounds cut off the corners.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Diagonals {
@@ -183,7 +183,7 @@ mod tests {
                 0 => Positions::F32(&narrow),
                 _ => Positions::F64(&xyz),
             };
-            let set = CurveSet::from_counts(Basis::Polyline, &[-(n as i32)], positions).unwrap();
+            let set = CurveSet::from_counts(Basis::Polyline, &[-n], positions).unwrap();
             let bounds = set.diagonals(Portable, 0);
             contain(&set, &bounds, 0);
             if let Some(avx2) = avx2() {

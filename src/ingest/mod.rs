@@ -8,6 +8,10 @@
 //! ([`Verifier::receive`](crate::Verifier::receive)). Before that, it reads a sample of the points
 //! for a guess of the motion; no result depends on the guess.
 
+mod pool;
+
+pub use pool::FramePool;
+
 use crate::curve::{Basis, CurveSet, Positions};
 use crate::error::{Error, Result};
 

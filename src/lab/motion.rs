@@ -9,12 +9,11 @@ use super::clock::timed;
 use crate::curve::{CurveSet, Positions};
 use crate::error::Result;
 use crate::incremental::Events;
-use crate::ingest::RawFrame;
+use crate::ingest::{FramePool, RawFrame};
 use crate::scenes::{Frames, Motion};
 use crate::verdict::{Report, Verdict};
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::hint::black_box;
-use std::sync::Arc;
 
 /// Number of full runs of a row: enough for a median.
 const FULL_RUNS: u64 = 25;
@@ -126,11 +125,11 @@ impl MotionStudy {
             _ => 1,
         };
         let [mut incremental, mut full] = self.verifiers()?;
-        let mut pool = Pool::new(&self.curves);
+        let mut stream = Stream::new(&self.curves);
         if let Some(first) = source.next()? {
             for verifier in [&mut incremental, &mut full] {
                 // The baseline.
-                let _ = pool.verify(verifier, 0, first.positions)?;
+                let _ = stream.verify(verifier, 0, first.positions)?;
             }
         }
         for frame in 1.. {
@@ -142,7 +141,7 @@ impl MotionStudy {
                 incremental.cut();
                 full.cut();
             }
-            let (report, took) = pool.verify(&mut incremental, frame, positions)?;
+            let (report, took) = stream.verify(&mut incremental, frame, positions)?;
             row.receive.push(took[0]);
             row.frame.push(took[0] + took[1]);
             let work = incremental.work();
@@ -161,7 +160,7 @@ impl MotionStudy {
                 on_frame(frame, None);
                 continue;
             }
-            let (expected, [update, verification]) = pool.verify(&mut full, frame, positions)?;
+            let (expected, [update, verification]) = stream.verify(&mut full, frame, positions)?;
             row.update.push(update);
             row.full.push(update + verification);
             row.not_intact += u64::from(expected.verdict != Verdict::Intact);
@@ -173,28 +172,20 @@ impl MotionStudy {
     }
 }
 
-/// Curve sets of earlier frames. As in a live run, a set is used again when no verifier keeps it.
-struct Pool<'a> {
+/// Frames of a scene, received into memory that is reused as in a live run.
+struct Stream<'a> {
     curves: &'a CurveSet,
     counts: Vec<i32>,
-    sets: Vec<Arc<CurveSet>>,
+    pool: FramePool,
 }
 
-impl<'a> Pool<'a> {
-    fn new(curves: &'a CurveSet) -> Pool<'a> {
-        Pool {
+impl<'a> Stream<'a> {
+    fn new(curves: &'a CurveSet) -> Stream<'a> {
+        Stream {
             curves,
             counts: curves.counts().collect(),
-            sets: Vec::new(),
+            pool: FramePool::default(),
         }
-    }
-
-    /// Takes a set that only the pool holds, or makes one.
-    fn free(&mut self) -> CurveSet {
-        let free = |set: &Arc<CurveSet>| Arc::strong_count(set) == 1;
-        let set = self.sets.iter().position(free);
-        let set = set.and_then(|k| Arc::into_inner(self.sets.swap_remove(k)));
-        set.unwrap_or_else(|| self.curves.clone())
     }
 
     /// Verifies a frame. Returns the report, and the milliseconds that it took to receive the frame
@@ -205,18 +196,20 @@ impl<'a> Pool<'a> {
         frame: u64,
         positions: Positions<'_>,
     ) -> Result<(Report, [f64; 2])> {
-        let mut set = Some(self.free());
         let raw = RawFrame {
             basis: self.curves.basis(),
             counts: &self.counts,
             positions,
         };
-        let (received, receive) = timed(|| verifier.receive(black_box(raw), &mut set));
-        received?;
-        let set = Arc::new(set.expect("given"));
-        self.sets.push(Arc::clone(&set));
+        let mut receive_ms = 0.0;
+        let set = self.pool.receive(|set| {
+            set.get_or_insert_with(|| self.curves.clone());
+            let (received, time) = timed(|| verifier.receive(black_box(raw), set));
+            receive_ms = time.wall_ms;
+            received
+        })?;
         let (report, verification) = timed(|| verifier.step_shared(frame, 0.0, &set));
-        Ok((report?, [receive.wall_ms, verification.wall_ms]))
+        Ok((report?, [receive_ms, verification.wall_ms]))
     }
 }
 

@@ -136,7 +136,9 @@ macro_rules! lanes {
 
             operations! {
                 fn load(row: &Row<f32>) -> __m256 { _mm256_loadu_ps(row.as_ptr()) }
-                fn store_floats(x: __m256, to: &mut Row<f32>) { _mm256_storeu_ps(to.as_mut_ptr(), x) }
+                fn store_floats(x: __m256, to: &mut Row<f32>) {
+                    _mm256_storeu_ps(to.as_mut_ptr(), x)
+                }
                 fn splat(x: f32) -> __m256 { _mm256_set1_ps(x) }
                 fn less(a: __m256, b: __m256) -> __m256 { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
                 fn or(a: __m256, b: __m256) -> __m256 { _mm256_or_ps(a, b) }

@@ -3,10 +3,10 @@
 use crate::exception;
 use crate::frame::{Points, basis};
 use crate::report::{Certificate, Report};
-use linkwatch::{Basis, CurveSet, Error, RawFrame, Strategy, VerifierOptions};
+use linkwatch::{Basis, CurveSet, Error, FramePool, RawFrame, Strategy, VerifierOptions};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 /// Verifies successive frames against a baseline.
 #[pyclass(frozen, module = "linkwatch")]
@@ -19,8 +19,7 @@ struct State {
     verifier: linkwatch::Verifier,
     /// Number of the next frame.
     seq: u64,
-    /// The last frames. The verifier holds one of them until it has verified the next one.
-    sets: Vec<Arc<CurveSet>>,
+    pool: FramePool,
 }
 
 #[pymethods]
@@ -51,7 +50,7 @@ impl Verifier {
             state: Mutex::new(State {
                 verifier: linkwatch::Verifier::new(options).map_err(exception)?,
                 seq: 0,
-                sets: Vec::new(),
+                pool: FramePool::default(),
             }),
         })
     }
@@ -112,20 +111,10 @@ impl State {
     fn step(&mut self, frame: RawFrame<'_>, time: f64) -> Result<linkwatch::Report, Error> {
         let seq = self.seq;
         self.seq += 1;
-        let free = self.sets.iter().position(|set| Arc::strong_count(set) == 1);
-        let free = free
-            .map(|k| self.sets.swap_remove(k))
-            .and_then(Arc::into_inner);
-        // Later frames must have the layout of the first one.
-        let copy = || self.sets.first().map(|set| CurveSet::clone(set));
-        let mut set = free.or_else(copy);
-        let received = self.verifier.receive(frame, &mut set);
-        let set = set.map(Arc::new);
-        self.sets.extend(set.clone());
-        match (received, set) {
-            (Ok(()), Some(set)) => self.verifier.step_shared(seq, time, &set),
-            (Err(why), _) => Ok(self.verifier.reject(seq, time, &why)),
-            (Ok(()), None) => Err(Error::Usage("the frame holds no curves".into())),
+        let State { verifier, pool, .. } = self;
+        match pool.receive(|set| verifier.receive(frame, set)) {
+            Ok(set) => verifier.step_shared(seq, time, &set),
+            Err(why) => Ok(verifier.reject(seq, time, &why)),
         }
     }
 }

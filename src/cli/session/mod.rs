@@ -176,7 +176,7 @@ pub struct Session {
     begun: bool,
     /// Frames that sinks may still hold. The next frame reuses one that is free.
     #[cfg(any(feature = "bus", feature = "mcap"))]
-    pool: Vec<Arc<CurveSet>>,
+    pool: linkwatch::FramePool,
     json: bool,
     live: Live,
     outcome: Outcome,
@@ -253,7 +253,7 @@ impl Session {
             queues: sinks.open(run.title, &metadata, run.overflow)?,
             begun: false,
             #[cfg(any(feature = "bus", feature = "mcap"))]
-            pool: Vec::new(),
+            pool: linkwatch::FramePool::default(),
             json: run.json,
             live: Live::new(),
             outcome: Outcome::Fine,
@@ -303,14 +303,10 @@ impl Session {
         read: impl FnOnce(&mut dyn FnMut(linkwatch::RawFrame<'_>) -> Result<()>) -> Result<()>,
     ) -> Ingested {
         let start = Instant::now();
-        let mut set = self.free_curves();
-        let ingested = read(&mut |frame| self.verifier.receive(frame, &mut set));
-        let set = set.map(Arc::new);
-        // After a rejected frame, the set still has a valid layout, but no valid positions.
-        self.pool.extend(set.clone());
-        let no_curves = || Error::Usage("the frame holds no curves".into());
+        let Session { pool, verifier, .. } = self;
+        let curves = pool.receive(|set| read(&mut |frame| verifier.receive(frame, set)));
         Ingested {
-            curves: ingested.and_then(|()| set.ok_or_else(no_curves)),
+            curves,
             took: start.elapsed(),
         }
     }
@@ -388,20 +384,6 @@ impl Session {
             cuts,
             model: None,
         })
-    }
-
-    /// Returns curves that no sink holds, or a copy: later frames must have the layout of the
-    /// first.
-    #[cfg(any(feature = "bus", feature = "mcap"))]
-    fn free_curves(&mut self) -> Option<CurveSet> {
-        let free = self
-            .pool
-            .iter_mut()
-            .position(|set| Arc::get_mut(set).is_some());
-        match free {
-            Some(k) => Arc::try_unwrap(self.pool.swap_remove(k)).ok(),
-            None => self.pool.first().map(|set| CurveSet::clone(set)),
-        }
     }
 
     /// Passes a frame to the sinks, and prints its new findings.

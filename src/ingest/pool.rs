@@ -1,0 +1,58 @@
+//! Curves of the last frames, reused for later ones.
+
+use crate::curve::CurveSet;
+use std::sync::Arc;
+
+/// Curves of the last frames. A verifier holds one of them until it has verified the next one, and
+/// may share them with a thread that builds a reference frame. Curves that nobody else holds are
+/// reused, so that a stream of frames allocates nothing.
+///
+/// ```
+/// # use linkwatch::{Basis, FramePool, Positions, RawFrame, Verifier, VerifierOptions};
+/// # fn main() -> linkwatch::Result<()> {
+/// let mut verifier = Verifier::new(VerifierOptions::default())?;
+/// let mut pool = FramePool::default();
+/// for seq in 0..3 {
+///     let triangle = [0., 0., 0., 1., 0., 0., 0., 1., seq as f32];
+///     let frame = RawFrame {
+///         basis: Basis::Polyline,
+///         counts: &[-3],
+///         positions: Positions::F32(&triangle),
+///     };
+///     let received = pool.receive(|curves| verifier.receive(frame, curves));
+///     let report = match received {
+///         Ok(curves) => verifier.step_shared(seq, 0.0, &curves)?,
+///         Err(why) => verifier.reject(seq, 0.0, &why),
+///     };
+///     assert!(!report.abort);
+/// }
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug, Default)]
+pub struct FramePool {
+    frames: Vec<Arc<CurveSet>>,
+}
+
+impl FramePool {
+    /// Receives a frame into free curves. `receive` gets the curves of an earlier frame, with their
+    /// layout, or `None` if there is no earlier frame.
+    ///
+    /// Errors: those of `receive`, and [`Error::Usage`](crate::Error::Usage) if it made no curves.
+    pub fn receive(
+        &mut self,
+        receive: impl FnOnce(&mut Option<CurveSet>) -> crate::Result<()>,
+    ) -> crate::Result<Arc<CurveSet>> {
+        let free = |frame: &Arc<CurveSet>| Arc::strong_count(frame) == 1;
+        let free = self.frames.iter().position(free);
+        let free = free.and_then(|k| Arc::into_inner(self.frames.swap_remove(k)));
+        // Later frames must have the layout of the first one.
+        let copy = || self.frames.first().map(|frame| CurveSet::clone(frame));
+        let mut curves = free.or_else(copy);
+        let received = receive(&mut curves);
+        let curves = curves.map(Arc::new);
+        self.frames.extend(curves.clone());
+        received?;
+        curves.ok_or_else(|| crate::Error::Usage("the frame holds no curves".into()))
+    }
+}
