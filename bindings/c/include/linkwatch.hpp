@@ -1,0 +1,252 @@
+// C++ interface of linkwatch (C++17, header only) over the C interface in linkwatch.h.
+//
+// Objects own what they hold, and can be moved but not copied. Failures are exceptions of the type
+// linkwatch::Error. No object is thread-safe: use it in one thread at a time.
+
+#ifndef LINKWATCH_HPP
+#define LINKWATCH_HPP
+
+#include "linkwatch.h"
+
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace linkwatch {
+
+// A failure, described in words.
+struct Error : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+enum class Basis : std::uint32_t {
+  Polyline = LW_POLYLINE,
+  CatmullRom = LW_CATMULL_ROM,
+  BSpline = LW_B_SPLINE,
+  Bezier = LW_BEZIER,
+};
+
+// Verdict on a frame, or another message of the watcher: the members of lw_verdict.
+struct Verdict : lw_verdict {
+  Verdict(const lw_verdict &c = {}) : lw_verdict(c) {}
+  // True if every linking number was proven to be the expected one.
+  bool intact() const { return verdict == LW_INTACT; }
+  // The verdict and its first findings as a sentence.
+  std::string words() const { return text; }
+  // Last frame that is known to be intact.
+  std::optional<std::uint64_t> intact_frame() const {
+    return last_intact == LW_NO_FRAME ? std::nullopt : std::optional(last_intact);
+  }
+  // Largest proven share of the step from that frame without a pull-through, from 0 to 1.
+  std::optional<double> safe_share() const {
+    return std::isnan(safe_fraction) ? std::nullopt : std::optional(safe_fraction);
+  }
+};
+
+namespace detail {
+
+[[noreturn]] inline void fail() { throw Error(lw_last_error()); }
+
+inline lw_status check(lw_status status) {
+  if (status == LW_ERROR) fail();
+  return status;
+}
+
+template <class T> T *check(T *made) {
+  if (!made) fail();
+  return made;
+}
+
+template <class T> constexpr std::uint32_t precision() {
+  static_assert(std::is_same_v<T, float> || std::is_same_v<T, double>, "float or double");
+  return std::is_same_v<T, float> ? LW_FLOAT : LW_DOUBLE;
+}
+
+template <class T> lw_frame frame(Basis basis, const std::vector<std::int32_t> &counts,
+                                  const std::vector<T> &positions) {
+  std::size_t points = 0;
+  for (std::int64_t count : counts) points += static_cast<std::size_t>(count < 0 ? -count : count);
+  if (positions.size() != 3 * points)
+    throw Error(std::to_string(positions.size()) + " coordinates, expected 3 for each of " +
+                std::to_string(points) + " points");
+  return {static_cast<std::uint32_t>(basis), precision<T>(), counts.size(), counts.data(),
+          positions.data()};
+}
+
+template <class T, void (*FREE)(T *)> struct Free {
+  void operator()(T *object) const { FREE(object); }
+};
+template <class T, void (*FREE)(T *)> using Owned = std::unique_ptr<T, Free<T, FREE>>;
+
+} // namespace detail
+
+// Simulator's end of the bus: frames of coordinates of the type T, float or double.
+template <class T> class Client {
+public:
+  // Opens a service and declares the curves of every frame: the number of control points of each
+  // curve, negative if the curve is closed.
+  Client(const std::string &service, const std::vector<std::int32_t> &counts,
+         Basis basis = Basis::Polyline, lw_options options = {})
+      : client(detail::check(lw_open(service.c_str(), &options))) {
+    for (std::int64_t count : counts)
+      coordinates += 3 * static_cast<std::size_t>(count < 0 ? -count : count);
+    detail::check(lw_describe(client.get(), static_cast<std::uint32_t>(basis),
+                              detail::precision<T>(), counts.data(), counts.size()));
+  }
+
+  // Number of coordinates of a frame: three for each control point.
+  std::size_t size() const { return coordinates; }
+
+  // Returns shared memory for the next frame: size() numbers, `x y z x y z ..`. Write all of it,
+  // then call publish().
+  T *begin(double time) {
+    if constexpr (std::is_same_v<T, float>)
+      return detail::check(lw_begin_float(client.get(), time));
+    else
+      return detail::check(lw_begin_double(client.get(), time));
+  }
+
+  // Publishes the frame that was begun. Returns its number. Never waits.
+  std::uint64_t publish() {
+    std::uint64_t seq = 0;
+    detail::check(lw_publish(client.get(), &seq));
+    return seq;
+  }
+
+  // Returns the next verdict, if there is one. Never waits.
+  std::optional<Verdict> poll() {
+    Verdict verdict;
+    if (detail::check(lw_poll(client.get(), &verdict)) != LW_OK) return std::nullopt;
+    return verdict;
+  }
+
+  // Waits for the verdict on a frame. Returns nothing if there is none in time, if the frame was
+  // skipped, or if the watcher left: lw_last_error() says which. The frame is not known to be
+  // intact then.
+  std::optional<Verdict> wait(std::uint64_t seq, double seconds) {
+    Verdict verdict;
+    if (detail::check(lw_wait(client.get(), seq, seconds, &verdict)) != LW_OK) return std::nullopt;
+    return verdict;
+  }
+
+  // Waits until a watcher has seen this session. Returns false if none came in time.
+  bool wait_for_watcher(double seconds) {
+    return detail::check(lw_wait_for_watcher(client.get(), seconds)) == LW_OK;
+  }
+
+  // Returns the first verdict that asks the simulator to stop, if one was read.
+  std::optional<Verdict> aborted() {
+    Verdict verdict;
+    if (!lw_aborted(client.get(), &verdict)) return std::nullopt;
+    return verdict;
+  }
+
+  // Clears the abort after a roll back: the next frame does not continue the last one.
+  void resume() { detail::check(lw_resume(client.get())); }
+
+  // Marks the next frame as not continuing the previous one.
+  void cut() { detail::check(lw_cut(client.get())); }
+
+  // Returns the seconds since the last message of the watcher; nothing if there is no watcher.
+  std::optional<double> silent_for() {
+    const double seconds = lw_silent_for(client.get());
+    return seconds < 0 ? std::nullopt : std::optional(seconds);
+  }
+
+  // Ends the session and waits for the last message of the watcher. The client cannot be used
+  // afterwards. Without this call, the watcher is informed that the session ended early.
+  std::optional<Verdict> finish(double seconds) {
+    Verdict last;
+    if (detail::check(lw_finish(client.release(), seconds, &last)) != LW_OK) return std::nullopt;
+    return last;
+  }
+
+private:
+  detail::Owned<lw_client, lw_close> client;
+  std::size_t coordinates = 0;
+};
+
+// All linking numbers of a frame.
+class Certificate {
+public:
+  explicit Certificate(lw_certificate *made) : certificate(detail::check(made)) {}
+
+  // Reads a certificate from a file.
+  static Certificate read(const std::string &path) {
+    return Certificate(lw_certificate_read(path.c_str()));
+  }
+
+  // Writes the certificate to a file.
+  void write(const std::string &path) const {
+    detail::check(lw_certificate_write(certificate.get(), path.c_str()));
+  }
+
+  // Returns the linking numbers that are not 0, sorted by pair.
+  std::vector<lw_link> links() const {
+    std::size_t count = 0;
+    const lw_link *first = lw_certificate_links(certificate.get(), &count);
+    return std::vector<lw_link>(first, first + count);
+  }
+
+  // Returns the number of pairs and curves without a linking number.
+  std::size_t undefined() const { return lw_certificate_undefined(certificate.get()); }
+
+  lw_certificate *get() const { return certificate.get(); }
+
+private:
+  detail::Owned<lw_certificate, lw_certificate_free> certificate;
+};
+
+// Computes the linking numbers of all pairs of closed curves, exactly.
+template <class T>
+Certificate certify(const std::vector<std::int32_t> &counts, const std::vector<T> &positions,
+                    Basis basis = Basis::Polyline) {
+  const lw_frame frame = detail::frame(basis, counts, positions);
+  return Certificate(lw_certify(&frame));
+}
+
+// Returns the largest proven share of the step between two frames without a pull-through.
+template <class T>
+double safe_fraction(const std::vector<std::int32_t> &counts, const std::vector<T> &before,
+                     const std::vector<T> &after, Basis basis = Basis::Polyline) {
+  const lw_frame frames[] = {detail::frame(basis, counts, before),
+                             detail::frame(basis, counts, after)};
+  const double share = lw_safe_fraction(&frames[0], &frames[1]);
+  if (share < 0) detail::fail();
+  return share;
+}
+
+// Verifies successive frames in process, against the first one or against a baseline.
+class Verifier {
+public:
+  explicit Verifier(std::vector<std::int32_t> counts, Basis basis = Basis::Polyline,
+                    lw_verifier_options options = {})
+      : verifier(detail::check(lw_verifier_new(&options))), counts(std::move(counts)),
+        basis(basis) {}
+
+  // Verifies the next frame, at `time` seconds of simulation.
+  template <class T> Verdict step(const std::vector<T> &positions, double time = 0) {
+    const lw_frame frame = detail::frame(basis, counts, positions);
+    Verdict verdict;
+    detail::check(lw_verifier_step(verifier.get(), &frame, time, &verdict));
+    return verdict;
+  }
+
+  // Marks the next frame as not continuing the previous one.
+  void cut() { detail::check(lw_verifier_cut(verifier.get())); }
+
+private:
+  detail::Owned<lw_verifier, lw_verifier_free> verifier;
+  std::vector<std::int32_t> counts;
+  Basis basis;
+};
+
+} // namespace linkwatch
+
+#endif

@@ -1,0 +1,109 @@
+//! Curves of a frame, as the caller describes them.
+
+use linkwatch::{Basis, Positions, Precision, RawFrame};
+use std::ffi::c_void;
+use std::slice;
+
+/// Polyline through its points.
+pub const LW_POLYLINE: u32 = 0;
+/// Uniform Catmull-Rom spline.
+pub const LW_CATMULL_ROM: u32 = 1;
+/// Uniform cubic B-spline.
+pub const LW_B_SPLINE: u32 = 2;
+/// Cubic Bezier segments that share their ends.
+pub const LW_BEZIER: u32 = 3;
+
+/// Positions are `float`.
+pub const LW_FLOAT: u32 = 4;
+/// Positions are `double`.
+pub const LW_DOUBLE: u32 = 8;
+
+/// The curves of a frame, in memory of the caller.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct lw_frame {
+    /// LW_POLYLINE, LW_CATMULL_ROM, LW_B_SPLINE or LW_BEZIER.
+    pub basis: u32,
+    /// LW_FLOAT or LW_DOUBLE: the bytes of a coordinate.
+    pub precision: u32,
+    /// Number of curves.
+    pub curves: usize,
+    /// Number of control points of each curve, negative if the curve is closed.
+    pub counts: *const i32,
+    /// Coordinates of all control points, `x y z x y z ..` curve after curve, aligned for their
+    /// type.
+    pub positions: *const c_void,
+}
+
+/// Returns the basis of a code.
+pub(crate) fn basis(code: u32) -> Result<Basis, String> {
+    let found = Basis::ALL.get(code as usize).copied();
+    found.ok_or_else(|| format!("basis {code}: expected LW_POLYLINE to LW_BEZIER, 0 to 3"))
+}
+
+/// Returns the precision of a code.
+pub(crate) fn precision(code: u32) -> Result<Precision, String> {
+    match code {
+        LW_FLOAT => Ok(Precision::F32),
+        LW_DOUBLE => Ok(Precision::F64),
+        _ => Err(format!(
+            "precision {code}: expected LW_FLOAT, 4, or LW_DOUBLE, 8"
+        )),
+    }
+}
+
+/// Returns `count` values of the caller.
+///
+/// # Safety
+///
+/// The pointer is null, or points to this many values that do not change during the call.
+pub(crate) unsafe fn values<'a, T>(
+    pointer: *const T,
+    count: usize,
+    what: &str,
+) -> Result<&'a [T], String> {
+    if count == 0 {
+        return Ok(&[]);
+    }
+    if pointer.is_null() {
+        return Err(format!("{what} is null"));
+    }
+    if !pointer.is_aligned() {
+        return Err(format!(
+            "{what} is not aligned to {} bytes",
+            align_of::<T>()
+        ));
+    }
+    // SAFETY: as promised by the caller, not null, and aligned.
+    Ok(unsafe { slice::from_raw_parts(pointer, count) })
+}
+
+/// Returns the frame of the caller.
+///
+/// # Safety
+///
+/// The pointer is null, or the frame and its arrays are valid and do not change during the call.
+pub(crate) unsafe fn raw<'a>(frame: *const lw_frame, what: &str) -> Result<RawFrame<'a>, String> {
+    // SAFETY: as promised by the caller.
+    let frame = unsafe { frame.as_ref() }.ok_or_else(|| format!("{what} is null"))?;
+    // SAFETY: as promised by the caller.
+    let counts = unsafe { values(frame.counts, frame.curves, "counts") }?;
+    let points: usize = counts.iter().map(|c| c.unsigned_abs() as usize).sum();
+    let coordinates = 3 * points;
+    // SAFETY: as promised by the caller, there are three coordinates for each counted point.
+    let positions = unsafe {
+        match precision(frame.precision)? {
+            Precision::F32 => {
+                Positions::F32(values(frame.positions.cast(), coordinates, "positions")?)
+            }
+            Precision::F64 => {
+                Positions::F64(values(frame.positions.cast(), coordinates, "positions")?)
+            }
+        }
+    };
+    Ok(RawFrame {
+        basis: basis(frame.basis)?,
+        counts,
+        positions,
+    })
+}

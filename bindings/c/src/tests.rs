@@ -1,0 +1,281 @@
+//! The functions as a C program calls them: results, and bad input.
+
+use crate::*;
+use std::ffi::{CStr, CString, c_char, c_void};
+use std::ptr::{null, null_mut};
+
+/// Returns the description of the last error.
+fn last_error() -> String {
+    // SAFETY: the string is valid until the next call.
+    let words = unsafe { CStr::from_ptr(lw_last_error()) };
+    words.to_str().unwrap().to_owned()
+}
+
+/// Two rings of radius 1 in orthogonal planes, whose centres are `distance` apart.
+fn rings(distance: f64) -> Vec<f64> {
+    let mut out = Vec::new();
+    for ring in 0..2 {
+        for p in 0..16 {
+            let angle = std::f64::consts::TAU * (f64::from(p) + 0.5 * f64::from(ring)) / 16.0;
+            let (y, x) = angle.sin_cos();
+            let x = x + f64::from(ring) * distance;
+            out.extend(if ring == 0 { [x, y, 0.0] } else { [x, 0.0, y] });
+        }
+    }
+    out
+}
+
+const COUNTS: [i32; 2] = [-16, -16];
+
+fn frame(positions: &[f64]) -> lw_frame {
+    lw_frame {
+        basis: LW_POLYLINE,
+        precision: LW_DOUBLE,
+        curves: 2,
+        counts: COUNTS.as_ptr(),
+        positions: positions.as_ptr().cast::<c_void>(),
+    }
+}
+
+fn empty_verdict() -> lw_verdict {
+    // SAFETY: all members are numbers and booleans, for which zeros are valid.
+    unsafe { std::mem::zeroed() }
+}
+
+fn text(verdict: &lw_verdict) -> &str {
+    // SAFETY: the text ends with a zero byte.
+    unsafe { CStr::from_ptr(verdict.text.as_ptr()) }
+        .to_str()
+        .unwrap()
+}
+
+#[test]
+fn a_certificate_lists_the_links() {
+    let positions = rings(1.0);
+    // SAFETY: all pointers are valid.
+    unsafe {
+        let certificate = lw_certify(&frame(&positions));
+        let mut count = 0;
+        let links = lw_certificate_links(certificate, &mut count);
+        assert_eq!((count, lw_certificate_undefined(certificate)), (1, 0));
+        assert_eq!(((*links).i, (*links).j, (*links).lambda.abs()), (0, 1, 1));
+        lw_certificate_free(certificate);
+
+        let apart = rings(3.0);
+        let certificate = lw_certify(&frame(&apart));
+        assert!(lw_certificate_links(certificate, &mut count).is_null());
+        assert_eq!(count, 0);
+        lw_certificate_free(certificate);
+    }
+}
+
+#[test]
+fn a_pull_through_is_reported_with_the_state_to_roll_back_to() {
+    let mut verdict = empty_verdict();
+    // SAFETY: all pointers are valid.
+    unsafe {
+        let verifier = lw_verifier_new(null());
+        for (k, distance) in [1.0, 1.5, 2.5].into_iter().enumerate() {
+            let positions = rings(distance);
+            let status = lw_verifier_step(verifier, &frame(&positions), 0.5, &mut verdict);
+            assert_eq!((status, verdict.seq), (LW_OK, k as u64));
+        }
+        assert_eq!((verdict.verdict, verdict.abort), (LW_CHANGED, true));
+        assert_eq!((verdict.lost, verdict.pull_throughs), (1, 1));
+        assert_eq!(
+            (verdict.last_intact, verdict.finding),
+            (1, LW_FINDING_CHANGE)
+        );
+        assert_eq!((verdict.i, verdict.j), (0, 1));
+        let share = lw_safe_fraction(&frame(&rings(1.5)), &frame(&rings(2.5)));
+        assert_eq!(verdict.safe_fraction, share);
+        assert!(share > 0.4 && share < 0.5, "{share}");
+        assert!(text(&verdict).contains("came apart"), "{}", text(&verdict));
+        lw_verifier_free(verifier);
+    }
+}
+
+#[test]
+fn a_frame_with_nan_is_rejected_and_the_next_one_is_verified() {
+    let (good, mut bad) = (rings(1.0), rings(1.0));
+    bad[7] = f64::NAN;
+    let mut verdict = empty_verdict();
+    // SAFETY: all pointers are valid.
+    unsafe {
+        let verifier = lw_verifier_new(null());
+        for (positions, want) in [(&good, LW_INTACT), (&bad, LW_REJECTED), (&good, LW_INTACT)] {
+            let status = lw_verifier_step(verifier, &frame(positions), 0.0, &mut verdict);
+            assert_eq!(
+                (status, verdict.verdict),
+                (LW_OK, want),
+                "{}",
+                text(&verdict)
+            );
+        }
+        lw_verifier_free(verifier);
+        assert!(lw_certify(&frame(&bad)).is_null());
+        assert!(last_error().contains("NaN"), "{}", last_error());
+        assert_eq!(lw_safe_fraction(&frame(&good), &frame(&bad)), -1.0);
+    }
+}
+
+#[test]
+fn bad_arguments_are_errors_with_words() {
+    let positions = rings(1.0);
+    let good = frame(&positions);
+    let cases: [(lw_frame, &str); 5] = [
+        (lw_frame { basis: 4, ..good }, "basis 4"),
+        (
+            lw_frame {
+                precision: 3,
+                ..good
+            },
+            "precision 3",
+        ),
+        (
+            lw_frame {
+                counts: null(),
+                ..good
+            },
+            "counts is null",
+        ),
+        (
+            lw_frame {
+                positions: null(),
+                ..good
+            },
+            "positions is null",
+        ),
+        (
+            lw_frame {
+                positions: positions.as_ptr().cast::<u8>().wrapping_add(1).cast(),
+                ..good
+            },
+            "not aligned",
+        ),
+    ];
+    // SAFETY: all pointers are valid or null; the others are refused before they are read.
+    unsafe {
+        for (frame, words) in &cases {
+            assert!(lw_certify(frame).is_null());
+            assert!(last_error().contains(words), "{}", last_error());
+        }
+        assert!(lw_certify(null()).is_null());
+        assert_eq!(last_error(), "frame is null");
+        let status = lw_verifier_step(null_mut(), &good, 0.0, null_mut());
+        assert_eq!(
+            (status, last_error().as_str()),
+            (LW_ERROR, "verifier is null")
+        );
+        let word = CString::new("sometimes").unwrap();
+        let options = lw_verifier_options {
+            baseline: null_mut(),
+            events: LW_EVENTS_ALL,
+            abort_on: word.as_ptr(),
+            motion_limit: 0.0,
+        };
+        assert!(lw_verifier_new(&options).is_null());
+        assert!(
+            last_error().starts_with("abort_on \"sometimes\""),
+            "{}",
+            last_error()
+        );
+        lw_verifier_free(null_mut());
+        lw_certificate_free(null_mut());
+        lw_close(null_mut());
+    }
+}
+
+/// Opens a client on a service of this test.
+fn open(test: &str) -> (*mut lw_client, CString) {
+    let name = format!("linkwatch-c-{test}-{}", std::process::id());
+    let name = CString::new(name).unwrap();
+    // SAFETY: the string ends with a zero byte, and null options are the defaults.
+    let client = unsafe { lw_open(name.as_ptr().cast::<c_char>(), null()) };
+    assert!(!client.is_null(), "{}", last_error());
+    (client, name)
+}
+
+#[test]
+fn frames_are_published_without_a_watcher() {
+    let (client, _) = open("alone");
+    // SAFETY: the client is valid until lw_finish.
+    unsafe {
+        assert!(lw_begin_double(client, 0.0).is_null());
+        assert!(
+            last_error().contains("no curves are declared"),
+            "{}",
+            last_error()
+        );
+        let described = lw_describe(client, LW_POLYLINE, LW_DOUBLE, COUNTS.as_ptr(), 2);
+        assert_eq!(described, LW_OK, "{}", last_error());
+        assert_eq!(lw_publish(client, null_mut()), LW_ERROR);
+        assert!(
+            last_error().contains("no frame was begun"),
+            "{}",
+            last_error()
+        );
+        assert!(lw_begin_float(client, 0.0).is_null());
+        assert!(
+            last_error().contains("bytes of a coordinate"),
+            "{}",
+            last_error()
+        );
+        for k in 0..100 {
+            // Begun twice: the first memory is discarded.
+            assert!(!lw_begin_double(client, f64::from(k)).is_null());
+            let points = lw_begin_double(client, f64::from(k));
+            assert!(
+                !points.is_null() && points.addr().is_multiple_of(64),
+                "{}",
+                last_error()
+            );
+            let positions = rings(1.0);
+            points.copy_from_nonoverlapping(positions.as_ptr(), positions.len());
+            let mut seq = 77;
+            assert_eq!((lw_publish(client, &mut seq), seq), (LW_OK, k as u64));
+            assert_eq!(lw_poll(client, null_mut()), LW_NOTHING);
+        }
+        assert!(!lw_aborted(client, null_mut()));
+        assert_eq!(lw_silent_for(client), -1.0);
+        assert_eq!(lw_wait(client, 99, 0.01, null_mut()), LW_STALE);
+        assert_eq!(lw_wait(client, 99, -1.0, null_mut()), LW_ERROR);
+        assert!(
+            last_error().starts_with("a wait of -1 seconds"),
+            "{}",
+            last_error()
+        );
+        assert_eq!(lw_wait_for_watcher(client, 0.01), LW_NOTHING);
+        assert_eq!((lw_cut(client), lw_resume(client)), (LW_OK, LW_OK));
+        let described = lw_describe(client, LW_POLYLINE, LW_DOUBLE, COUNTS.as_ptr(), 2);
+        assert_eq!(described, LW_ERROR);
+        assert!(
+            last_error().contains("after its first frame"),
+            "{}",
+            last_error()
+        );
+        assert_eq!(lw_finish(client, 0.01, null_mut()), LW_NOTHING);
+    }
+}
+
+#[test]
+fn a_second_simulator_on_one_name_is_refused() {
+    let (client, name) = open("second");
+    // SAFETY: the string ends with a zero byte, and the client is closed once.
+    unsafe {
+        assert!(lw_open(name.as_ptr(), null()).is_null());
+        assert!(last_error().contains("another"), "{}", last_error());
+        assert!(lw_open(null(), null()).is_null());
+        assert_eq!(last_error(), "the name of the service is null");
+        let spin = lw_options {
+            lockstep: false,
+            wait_mode: 2,
+        };
+        assert!(lw_open(name.as_ptr(), &spin).is_null());
+        assert!(last_error().starts_with("wait mode 2"), "{}", last_error());
+        lw_close(client);
+        let again = lw_open(name.as_ptr(), null());
+        assert!(!again.is_null(), "{}", last_error());
+        lw_close(again);
+    }
+}

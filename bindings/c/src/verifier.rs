@@ -1,0 +1,326 @@
+//! Verification in process.
+
+use crate::curves::{lw_frame, raw};
+use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, lw_status, string, words};
+use crate::verdict::lw_verdict;
+use linkwatch::{
+    AbortOn, Certificate, CurveSet, Events, FramePool, RawFrame, Strategy, Verdict, Verifier,
+    VerifierOptions,
+};
+use std::ffi::c_char;
+use std::path::Path;
+use std::ptr;
+
+/// All linking numbers of a frame.
+pub struct lw_certificate {
+    certificate: Certificate,
+    links: Vec<lw_link>,
+}
+
+/// A pair of curves that are linked.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct lw_link {
+    /// First curve, from 0.
+    pub i: u32,
+    /// Second curve, greater than `i`.
+    pub j: u32,
+    /// Linking number, not 0.
+    pub lambda: i64,
+}
+
+impl From<Certificate> for lw_certificate {
+    fn from(certificate: Certificate) -> lw_certificate {
+        let links = certificate.links.iter();
+        let links = links.map(|l| lw_link {
+            i: l.i,
+            j: l.j,
+            lambda: l.lambda,
+        });
+        lw_certificate {
+            links: links.collect(),
+            certificate,
+        }
+    }
+}
+
+/// Computes the linking numbers of all pairs of closed curves, exactly. Free the result with
+/// lw_certificate_free. Returns null after an error.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_certify(frame: *const lw_frame) -> *mut lw_certificate {
+    give(|| {
+        // SAFETY: as promised by the caller.
+        let RawFrame {
+            basis,
+            counts,
+            positions,
+        } = unsafe { raw(frame, "frame") }?;
+        let set = CurveSet::from_counts(basis, counts, positions).map_err(words)?;
+        let mut verifier = Verifier::default();
+        Ok(verifier.certify(&set).0.clone().into())
+    })
+}
+
+/// Reads a certificate from a file. Returns null after an error.
+///
+/// # Safety
+///
+/// `path` is a string that ends with a zero byte.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_certificate_read(path: *const c_char) -> *mut lw_certificate {
+    give(|| {
+        // SAFETY: as promised by the caller.
+        let path = unsafe { string(path, "the path") }?;
+        let read = Certificate::read(Path::new(path));
+        read.map(Into::into).map_err(words)
+    })
+}
+
+/// Writes a certificate to a file.
+///
+/// # Safety
+///
+/// `certificate` comes from this library. `path` is a string that ends with a zero byte.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_certificate_write(
+    certificate: *mut lw_certificate,
+    path: *const c_char,
+) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let (this, path) = unsafe {
+            (
+                given(certificate, "certificate")?,
+                string(path, "the path")?,
+            )
+        };
+        let written = this.certificate.write(Path::new(path));
+        written.map(|()| LW_OK).map_err(words)
+    })
+}
+
+/// Returns the linking numbers that are not 0, sorted by pair, and writes their number to `count`.
+/// They are valid until the certificate is freed. Returns null if there are none.
+///
+/// # Safety
+///
+/// `certificate` comes from this library. `count` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_certificate_links(
+    certificate: *mut lw_certificate,
+    count: *mut usize,
+) -> *const lw_link {
+    guard(ptr::null(), || {
+        // SAFETY: as promised by the caller.
+        let (this, count) = unsafe { (given(certificate, "certificate")?, given(count, "count")?) };
+        *count = this.links.len();
+        Ok(match this.links.is_empty() {
+            true => ptr::null(),
+            false => this.links.as_ptr(),
+        })
+    })
+}
+
+/// Returns the number of pairs and curves without a linking number, because curves touch, are too
+/// close, or are degenerate.
+///
+/// # Safety
+///
+/// `certificate` comes from this library.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_certificate_undefined(certificate: *mut lw_certificate) -> usize {
+    guard(usize::MAX, || {
+        // SAFETY: as promised by the caller.
+        let this = unsafe { given(certificate, "certificate") }?;
+        Ok(this.certificate.undefined.len())
+    })
+}
+
+/// Frees a certificate. Does nothing if the pointer is null.
+///
+/// # Safety
+///
+/// `certificate` is null, or comes from this library and is not used afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_certificate_free(certificate: *mut lw_certificate) {
+    // SAFETY: as promised by the caller.
+    unsafe { free(certificate) }
+}
+
+/// Report all pull-throughs, including those of a curve through itself. The default.
+pub const LW_EVENTS_ALL: u32 = 0;
+/// Report pull-throughs between two different curves.
+pub const LW_EVENTS_BETWEEN: u32 = 1;
+/// Report no pull-throughs: compare linking numbers only.
+pub const LW_EVENTS_OFF: u32 = 2;
+
+/// Options of lw_verifier_new. All zero are the defaults.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct lw_verifier_options {
+    /// Expected linking numbers, which are copied. Null: those of the first frame.
+    pub baseline: *mut lw_certificate,
+    /// LW_EVENTS_ALL, LW_EVENTS_BETWEEN or LW_EVENTS_OFF.
+    pub events: u32,
+    /// Findings that set `lw_verdict.abort`: any, lost, gained, contact, event, rejected or never.
+    /// Null: any.
+    pub abort_on: *const c_char,
+    /// Motion between two frames, in segment lengths, up to which pull-throughs that cancel count
+    /// as real. 0: the default, 1.5.
+    pub motion_limit: f64,
+}
+
+/// Verifies successive frames against a baseline. Not thread-safe: use it in one thread at a time.
+pub struct lw_verifier {
+    verifier: Verifier,
+    /// Number of the next frame.
+    seq: u64,
+    pool: FramePool,
+    /// True during a call. If it is true before a call, an earlier call panicked: the baseline may
+    /// be lost then, and later verdicts would be wrong.
+    busy: bool,
+}
+
+impl lw_verifier {
+    fn new(options: VerifierOptions) -> Result<lw_verifier, String> {
+        Ok(lw_verifier {
+            verifier: Verifier::new(options).map_err(words)?,
+            seq: 0,
+            pool: FramePool::default(),
+            busy: false,
+        })
+    }
+
+    fn step(&mut self, frame: RawFrame<'_>, time: f64) -> Result<linkwatch::Report, String> {
+        if std::mem::replace(&mut self.busy, true) {
+            return Err("an earlier call of this verifier failed; create a new one".into());
+        }
+        let lw_verifier { verifier, pool, .. } = self;
+        let report = match pool.receive(|set| verifier.receive(frame, set)) {
+            Ok(set) => verifier.step_shared(self.seq, time, &set).map_err(words),
+            Err(why) => Ok(verifier.reject(self.seq, time, &why)),
+        };
+        self.seq += 1;
+        self.busy = false;
+        report
+    }
+}
+
+/// Creates a verifier. `options` may be null. Returns null after an error.
+///
+/// # Safety
+///
+/// `options` is null, or it and its pointers are valid or null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) -> *mut lw_verifier {
+    give(|| {
+        let mut chosen = VerifierOptions {
+            events: Events::All,
+            strategy: Strategy::Incremental,
+            ..VerifierOptions::default()
+        };
+        // SAFETY: as promised by the caller.
+        if let Some(options) = unsafe { options.as_ref() } {
+            // SAFETY: as promised by the caller.
+            let baseline = unsafe { options.baseline.as_ref() };
+            chosen.baseline = baseline.map(|b| b.certificate.clone());
+            chosen.events = match options.events {
+                LW_EVENTS_ALL => Events::All,
+                LW_EVENTS_BETWEEN => Events::Between,
+                LW_EVENTS_OFF => Events::Off,
+                other => return Err(format!("events {other}: expected LW_EVENTS_ALL to _OFF")),
+            };
+            if !options.abort_on.is_null() {
+                // SAFETY: as promised by the caller.
+                let word = unsafe { string(options.abort_on, "abort_on") }?;
+                chosen.abort_on = word
+                    .parse::<AbortOn>()
+                    .map_err(|e| format!("abort_on {word:?}: {e}"))?;
+            }
+            if options.motion_limit != 0.0 {
+                chosen.motion_limit = Some(options.motion_limit);
+            }
+        }
+        lw_verifier::new(chosen)
+    })
+}
+
+/// Verifies the next frame, at `time` seconds of simulation. All frames have the same curves. A
+/// frame that is invalid, for example with NaN, is LW_REJECTED.
+///
+/// # Safety
+///
+/// `verifier` comes from lw_verifier_new. `frame` and its arrays are valid. `verdict` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_verifier_step(
+    verifier: *mut lw_verifier,
+    frame: *const lw_frame,
+    time: f64,
+    verdict: *mut lw_verdict,
+) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let (this, to) = unsafe { (given(verifier, "verifier")?, given(verdict, "verdict")?) };
+        // SAFETY: as promised by the caller.
+        let frame = unsafe { raw(frame, "frame") }?;
+        *to = (&this.step(frame, time)?).into();
+        Ok(LW_OK)
+    })
+}
+
+/// Marks the next frame as not continuing the previous one: after a roll back or a jump.
+///
+/// # Safety
+///
+/// `verifier` comes from lw_verifier_new.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_verifier_cut(verifier: *mut lw_verifier) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        unsafe { given(verifier, "verifier") }?.verifier.cut();
+        Ok(LW_OK)
+    })
+}
+
+/// Frees a verifier. Does nothing if the pointer is null.
+///
+/// # Safety
+///
+/// `verifier` is null, or comes from lw_verifier_new and is not used afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_verifier_free(verifier: *mut lw_verifier) {
+    // SAFETY: as promised by the caller.
+    unsafe { free(verifier) }
+}
+
+/// Returns the largest proven share of the step between two frames during which nothing is pulled
+/// through: 1 if the whole step is safe, 0 if nothing is proven, and a negative number after an
+/// error. Points move on straight lines at constant speed.
+///
+/// # Safety
+///
+/// Both frames and their arrays are valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_safe_fraction(before: *const lw_frame, after: *const lw_frame) -> f64 {
+    guard(-1.0, || {
+        // SAFETY: as promised by the caller.
+        let frames = unsafe { [raw(before, "before")?, raw(after, "after")?] };
+        let mut verifier = lw_verifier::new(VerifierOptions {
+            events: Events::All,
+            ..VerifierOptions::default()
+        })?;
+        let mut share = None;
+        for frame in frames {
+            let report = verifier.step(frame, 0.0)?;
+            if report.verdict == Verdict::Rejected {
+                return Err(report.rejected.unwrap_or_default());
+            }
+            share = report.safe_fraction;
+        }
+        Ok(share.unwrap_or(0.0))
+    })
+}
