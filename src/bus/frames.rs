@@ -16,10 +16,9 @@ use iceoryx2::sample_mut::SampleMut;
 use std::fmt;
 use std::hash::{BuildHasher, Hasher, RandomState};
 
-/// Number of frames that are allocated from the start. This suffices for two subscribers that hold
-/// as many frames as they may, out of at most four. More subscribers grow the buffer, which is
-/// slow. Only memory that was written to is resident.
-const FRAMES_SET_ASIDE: usize = 16;
+/// Maximum number of frames that are written at once: that of a caller, one that keeps the memory
+/// mapped, and a signal.
+const LOANS: usize = 3;
 
 /// Connection of the client with the watcher.
 pub(super) struct Connection {
@@ -136,8 +135,9 @@ impl Frames {
         Ok(())
     }
 
-    /// Returns the publisher, creating it if necessary. Its memory initially fits frames of `bytes`
-    /// bytes, and grows.
+    /// Returns the publisher, creating it if necessary. Its memory initially fits as many frames of
+    /// `bytes` bytes as all subscribers can hold, so it only grows for larger frames. Only memory
+    /// that was written to is resident.
     fn publisher(
         &mut self,
         connection: &Connection,
@@ -148,8 +148,7 @@ impl Frames {
             let publisher = builder
                 .initial_max_slice_len(bytes.max(1))
                 .allocation_strategy(AllocationStrategy::PowerOfTwo)
-                .max_loaned_samples(2)
-                .override_sample_preallocation(|worst| worst.min(FRAMES_SET_ASIDE))
+                .max_loaned_samples(LOANS)
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create();
             self.publisher = Some(publisher.map_err(bus("publisher of frames"))?);

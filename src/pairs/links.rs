@@ -12,8 +12,7 @@ pub(crate) fn potential_links<'a>(
     search: &'a mut LinkSearch,
     degenerate: &[Defect],
 ) -> &'a mut Vec<Pair> {
-    let degenerate: Vec<u32> = degenerate.iter().map(|d| d.i).collect();
-    search.find_links(set, trees.roots(), &degenerate)
+    search.find_links(set, trees.roots(), degenerate)
 }
 
 /// Returns the closed curves of fewer than three distinct points, in order.

@@ -7,6 +7,7 @@ use super::buckets::BucketSort;
 use super::{Pair, SMALL};
 use crate::curve::{Box3, CurveSet, Diagonals};
 use crate::simd::{LANES, Lanes, dispatch};
+use crate::verdict::Defect;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -46,8 +47,8 @@ impl LinkSearch {
         self.collect(boxes.len())
     }
 
-    /// Finds the potential links of curves, sorted, except those of the curves in `skipped`, which
-    /// is sorted. `boxes` are the bounding boxes of the curves.
+    /// Finds the potential links of curves, sorted, except those of the curves with these defects,
+    /// which are sorted. `boxes` are the bounding boxes of the curves.
     ///
     /// If there are many, discards those that a plane orthogonal to a diagonal separates
     /// ([`Diagonals`]).
@@ -55,14 +56,14 @@ impl LinkSearch {
         &mut self,
         set: &CurveSet,
         boxes: &[Box3],
-        skipped: &[u32],
+        degenerate: &[Defect],
     ) -> &mut Vec<Pair> {
         self.sweep(boxes);
         let LinkSearch {
             parts, diagonals, ..
         } = self;
-        if !skipped.is_empty() {
-            let kept = |i: u32| skipped.binary_search(&i).is_err();
+        if !degenerate.is_empty() {
+            let kept = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
             parts
                 .par_iter_mut()
                 .for_each(|part| part.retain(|&(i, j)| kept(i) && kept(j)));
