@@ -1,8 +1,11 @@
-"""A chain of rings of beads that is pulled at both ends, verified in the process of the simulation.
+"""A chain of rings of beads that is pulled at both ends, verified in its process or by a watcher.
 
     python examples/python/chain.py              # a small time step: the chain holds
     python examples/python/chain.py --step 0.06  # too large: rings are pulled through others
     python examples/python/chain.py --step 0.06 --roll-back
+
+    linkwatch watch --service chain --events     # in another terminal: watched live
+    python examples/python/chain.py --step 0.06 --roll-back --live chain
 
 With --roll-back the simulation returns to a moment before the first pull-through and goes on with
 half the time step. Needs the Python package linkwatch and numpy.
@@ -55,13 +58,38 @@ def forces(x, v):
     return force
 
 
+class Watched:
+    """The calls of a verifier, answered by a watcher."""
+
+    def __init__(self, service):
+        counts = [-BEADS] * RINGS
+        self.sim = linkwatch.Client(service, counts=counts, dtype="float64", lockstep=True)
+        if not self.sim.wait_for_watcher():
+            print("no watcher came in time")
+
+    def step(self, points, time):
+        self.sim.begin(time)[:] = points
+        self.sim.publish()
+        verdict = self.sim.wait()
+        if verdict is None:
+            raise SystemExit("no verdict on this frame: the watcher left, or is too slow")
+        return verdict
+
+    def cut(self):
+        self.sim.resume()
+
+    def finish(self):
+        print(self.sim.finish())
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--step", type=float, default=0.01, help="time step")
     parser.add_argument("--roll-back", action="store_true", help="roll back and go on")
+    parser.add_argument("--live", metavar="SERVICE", help="publish to linkwatch watch")
     args = parser.parse_args()
 
-    verifier = linkwatch.Verifier([-BEADS] * RINGS)
+    verifier = Watched(args.live) if args.live else linkwatch.Verifier([-BEADS] * RINGS)
     x, step, time = chain(), args.step, 0.0
     v = np.zeros_like(x)
     verifier.step(x.reshape(-1, 3), time)
@@ -88,6 +116,8 @@ def main():
             raise SystemExit("the state before is not intact")
     stretch = np.ptp(x[:, :, 0])
     print(f"{RINGS} rings, {stretch:.1f} long: every link is intact")
+    if args.live:
+        verifier.finish()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 //! The extension module of the Python package `linkwatch`. The package brings the curves of a frame
 //! into one array first; see `python/linkwatch/__init__.py`.
 
+mod client;
 mod findings;
 mod frame;
 mod report;
@@ -18,17 +19,20 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<report::Report>()?;
     module.add_class::<report::Certificate>()?;
     module.add_class::<verifier::Verifier>()?;
+    module.add_class::<client::Client>()?;
+    module.add_class::<client::Message>()?;
     Ok(())
 }
 
-/// Returns the exception of an error: `OSError` if a file cannot be read or written, else
-/// `ValueError`.
+/// Returns the exception of an error: `OSError` if a file cannot be read or written,
+/// `ConnectionError` for the bus, else `ValueError`.
 fn exception(error: linkwatch::Error) -> PyErr {
     use linkwatch::Error;
-    use pyo3::exceptions::{PyOSError, PyValueError};
+    use pyo3::exceptions::{PyConnectionError, PyOSError, PyValueError};
     let words = error.to_string();
     match error {
         Error::File { .. } | Error::Io(_) => PyOSError::new_err(words),
+        Error::Bus(_) => PyConnectionError::new_err(words),
         _ => PyValueError::new_err(words),
     }
 }

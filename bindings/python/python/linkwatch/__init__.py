@@ -23,11 +23,14 @@ from __future__ import annotations
 import operator
 from typing import TYPE_CHECKING
 
-from ._linkwatch import Certificate, Change, Defect, Place, PullThrough, Report, __version__
+from ._linkwatch import Certificate, Change, Defect, Message, Place, PullThrough, Report
+from ._linkwatch import Client as _Client
 from ._linkwatch import Verifier as _Verifier
+from ._linkwatch import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+    from types import TracebackType
     from typing import Any
 
     import numpy.typing as npt
@@ -39,7 +42,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Certificate",
     "Change",
+    "Client",
     "Defect",
+    "Message",
     "Place",
     "PullThrough",
     "Report",
@@ -157,6 +162,135 @@ class Verifier:
     def baseline(self) -> Certificate | None:
         """Expected linking numbers (:class:`Certificate`), or ``None`` before the first frame."""
         return self._verifier.baseline()
+
+
+class Client:
+    """Simulator's end of the bus: publishes frames to ``linkwatch watch``, and reads its verdicts.
+
+    >>> with linkwatch.Client("linkwatch", counts=[-100, -100]) as sim:  # doctest: +SKIP
+    ...     for step in range(1000):
+    ...         sim.begin(time=step * 1e-3)[:] = x  # (200, 3), written where the watcher reads it
+    ...         sim.publish()
+    ...         if sim.aborted:
+    ...             print(sim.aborted)  # which curves, where, what to roll back to
+    ...             break
+
+    Only :meth:`wait`, :meth:`wait_for_watcher` and :meth:`finish` wait for the watcher. A watcher
+    that is slow, stopped, killed or absent costs the simulator nothing. At the end of the ``with``
+    block the session ends: regularly, with :meth:`finish`, or early if the block raised an
+    exception. A client is used in the thread that opened it.
+
+    Args:
+        service: the name given to ``linkwatch watch --service``.
+        counts: number of points of each curve, negative if the curve is closed.
+        dtype: ``float32`` or ``float64``.
+        basis: rule that turns points into curves.
+        lockstep: the simulator waits for the verdict on every frame; the watcher is informed.
+        wait_mode: ``"sleep"``, or ``"spin"``: 10 to 50 microseconds faster, and keeps a core busy.
+
+    Raises:
+        ValueError: an argument is invalid.
+        ConnectionError: another living simulator publishes on the same name.
+    """
+
+    def __init__(
+        self,
+        service: str = "linkwatch",
+        *,
+        counts: Counts,
+        dtype: npt.DTypeLike = "float32",
+        basis: str = "polyline",
+        lockstep: bool = False,
+        wait_mode: str = "sleep",
+    ) -> None:
+        import numpy as np
+
+        kind = np.dtype(dtype)
+        if kind not in (np.float32, np.float64):
+            raise ValueError(f"dtype is {kind}, expected float32 or float64")
+        single = kind == np.float32
+        self._client = _Client(service, _integers(counts), basis, single, lockstep, wait_mode)
+
+    def begin(self, time: float = 0.0) -> npt.NDArray[Any]:
+        """Returns the points of the next frame, at ``time`` seconds: an array ``(N, 3)``.
+
+        It is a view of shared memory. Write all of it, then call :meth:`publish`; nothing is
+        copied. Afterwards it is read-only, and later frames overwrite it.
+        """
+        return self._client.begin(time)
+
+    def publish(self) -> int:
+        """Publishes the frame that was begun, and returns its number. Never waits.
+
+        Raises:
+            RuntimeError: no frame was begun, or the session has ended.
+        """
+        return self._client.publish()
+
+    def poll(self) -> Message | None:
+        """Returns the next verdict, in the order of the frames, or ``None``. Never waits."""
+        return self._client.poll()
+
+    def wait(self, seconds: float = 10.0) -> Message | None:
+        """Waits for the verdict on the last published frame.
+
+        Returns:
+            Message | None: ``None`` if there is no verdict in time, if the frame was skipped, or if
+            the watcher left. The frame is not known to be intact then.
+        """
+        return self._client.wait(seconds)
+
+    def wait_for_watcher(self, seconds: float = 10.0) -> bool:
+        """Waits until a watcher has seen this session. Returns False if none came in time.
+
+        Needed only if the watcher must not miss the first frames.
+        """
+        return self._client.wait_for_watcher(seconds)
+
+    @property
+    def aborted(self) -> Message | None:
+        """The first verdict that asks the simulator to stop, or ``None``. Reads all verdicts."""
+        return self._client.aborted()
+
+    def resume(self) -> None:
+        """Clears the abort after a roll back: the next frame does not continue the last one."""
+        self._client.resume()
+
+    def cut(self) -> None:
+        """Marks the next frame as not continuing the previous one, for example after a jump."""
+        self._client.cut()
+
+    @property
+    def silent_for(self) -> float | None:
+        """Seconds since the last message of the watcher; ``None`` if there is no watcher.
+
+        A message comes about once a second. The simulator decides what a longer silence means.
+        """
+        return self._client.silent_for()
+
+    def finish(self, seconds: float = 10.0) -> Message | None:
+        """Ends the session, and waits until the watcher has verified its remaining frames.
+
+        Returns:
+            Message | None: the last message, which repeats the last abort; ``None`` if there is no
+            watcher, or if it sent nothing in time.
+        """
+        return self._client.finish(seconds)
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None and self._client.is_open:
+            self._client.aborted()  # reads all messages
+            # A watcher that connects only now needs a few milliseconds.
+            self.finish(10.0 if self.silent_for is not None else 0.5)
+        self._client.close()
 
 
 def certify(

@@ -1,0 +1,337 @@
+//! The live client, as a Python object.
+
+use crate::exception;
+use crate::findings::{Change, Defect, PullThrough};
+use crate::frame::basis;
+use linkwatch::{
+    ClientOptions, Finding, FrameMemory, MessageKind, Outcome, Precision, VerdictMessage,
+};
+use numpy::ndarray::ArrayView2;
+use numpy::{Element, PyArray2};
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// Time that a call waits before it looks for signals of the user, such as Ctrl-C.
+const SLICE: Duration = Duration::from_millis(50);
+
+/// Simulator's end of the bus.
+#[pyclass(unsendable, module = "linkwatch")]
+pub struct Client {
+    /// None once the session has ended.
+    client: Option<linkwatch::Client>,
+    precision: Precision,
+    points: usize,
+    frame: Option<Begun>,
+    /// Keeps the shared memory of all frames mapped, also after the session.
+    mapping: Rc<FrameMemory>,
+    /// Number of the last published frame.
+    last: Option<u64>,
+}
+
+/// A frame that is being written.
+struct Begun {
+    memory: FrameMemory,
+    view: Py<PyAny>,
+}
+
+/// Base object of the views of frames.
+#[pyclass(unsendable, frozen, module = "linkwatch")]
+struct Mapping {
+    _memory: Rc<FrameMemory>,
+}
+
+/// Message of the watcher.
+#[pyclass(frozen, module = "linkwatch")]
+pub struct Message(VerdictMessage);
+
+#[pymethods]
+impl Message {
+    /// verdict, hello or goodbye.
+    #[getter]
+    fn kind(&self) -> &'static str {
+        match self.0.kind {
+            MessageKind::Verdict => "verdict",
+            MessageKind::Goodbye => "goodbye",
+            _ => "hello",
+        }
+    }
+
+    /// Number of the frame, from 0.
+    #[getter]
+    fn seq(&self) -> u64 {
+        self.0.seq
+    }
+
+    /// Simulation time of the frame, in seconds.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.0.time
+    }
+
+    /// intact, changed, contact, undecided or rejected.
+    #[getter]
+    fn verdict(&self) -> &'static str {
+        self.0.verdict.word()
+    }
+
+    /// True if every linking number was proven to be the expected one.
+    #[getter]
+    fn intact(&self) -> bool {
+        self.0.kind == MessageKind::Verdict && self.0.verdict == linkwatch::Verdict::Intact
+    }
+
+    /// True if the simulator is asked to stop or to roll back.
+    #[getter]
+    fn abort(&self) -> bool {
+        self.0.abort
+    }
+
+    /// The first finding: a Change, a PullThrough or a Defect; None if there is none.
+    #[getter]
+    fn first(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
+        let extent = self.0.extent;
+        Ok(match &self.0.first {
+            Some(Finding::Change(c)) => Some(Py::new(py, Change::new(c, extent))?.into_any()),
+            Some(Finding::Event(p)) => Some(Py::new(py, PullThrough::new(p, extent))?.into_any()),
+            Some(Finding::Defect(d)) => Some(Py::new(py, Defect::new(d, extent))?.into_any()),
+            _ => None,
+        })
+    }
+
+    /// Last frame that is known to be intact; None if there is none.
+    #[getter]
+    fn last_intact(&self) -> Option<u64> {
+        self.0.last_intact
+    }
+
+    /// Largest proven share of the step from the last intact frame without a pull-through; None if
+    /// it is unknown.
+    #[getter]
+    fn safe_fraction(&self) -> Option<f64> {
+        self.0.safe_fraction
+    }
+
+    /// Reason why the frame was rejected.
+    #[getter]
+    fn rejected(&self) -> Option<&str> {
+        self.0.reason.as_deref()
+    }
+
+    fn __str__(&self) -> String {
+        self.0.to_string()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Message: {}>", self.0)
+    }
+}
+
+#[pymethods]
+impl Client {
+    #[new]
+    fn new(
+        service: &str,
+        counts: Vec<i32>,
+        basis_name: &str,
+        single: bool,
+        lockstep: bool,
+        wait_mode: &str,
+    ) -> PyResult<Client> {
+        let mut options = ClientOptions::default();
+        options.lockstep = lockstep;
+        let mode = wait_mode.parse();
+        options.wait_mode = mode.map_err(|e| PyValueError::new_err(format!("wait_mode: {e}")))?;
+        let basis = basis(basis_name)?;
+        let precision = if single {
+            Precision::F32
+        } else {
+            Precision::F64
+        };
+        let mut client = linkwatch::Client::open(service, &options).map_err(exception)?;
+        client
+            .describe(basis, precision, &counts)
+            .map_err(exception)?;
+        let mapping = Rc::new(client.begin(0.0).map_err(exception)?);
+        Ok(Client {
+            client: Some(client),
+            precision,
+            points: counts.iter().map(|n| n.unsigned_abs() as usize).sum(),
+            frame: None,
+            mapping,
+            last: None,
+        })
+    }
+
+    /// Returns a view of the shared memory of the next frame.
+    fn begin(&mut self, py: Python<'_>, time: f64) -> PyResult<Py<PyAny>> {
+        self.frame = None;
+        let mut memory = self.open()?.begin(time).map_err(exception)?;
+        let view = match self.precision {
+            Precision::F32 => self.view(py, memory.positions_f32().map_err(exception)?),
+            Precision::F64 => self.view(py, memory.positions_f64().map_err(exception)?),
+        }?;
+        self.frame = Some(Begun {
+            memory,
+            view: view.clone_ref(py),
+        });
+        Ok(view)
+    }
+
+    /// Publishes the frame that was begun. Its view can be read afterwards, but not written.
+    fn publish(&mut self, py: Python<'_>) -> PyResult<u64> {
+        let begun = self.frame.take();
+        let Begun { memory, view } = begun.ok_or_else(|| {
+            PyRuntimeError::new_err("no frame was begun: call begin(time) and write the points")
+        })?;
+        // Readers hold the memory from now on.
+        view.call_method1(py, "setflags", (false,))?;
+        let seq = self.open()?.send(memory).map_err(exception)?;
+        self.last = Some(seq);
+        Ok(seq)
+    }
+
+    /// Returns the next verdict; None if there is none.
+    fn poll(&mut self) -> PyResult<Option<Message>> {
+        let message = self.open()?.poll().map_err(exception)?;
+        Ok(message.map(Message))
+    }
+
+    /// Waits for the verdict on the last published frame, at most for so many seconds.
+    fn wait(&mut self, py: Python<'_>, seconds: f64) -> PyResult<Option<Message>> {
+        let seq = self
+            .last
+            .ok_or_else(|| PyRuntimeError::new_err("no frame was published"))?;
+        let client = self.open()?;
+        let found = waiting(py, seconds, |slice| match client.wait(seq, slice)? {
+            Outcome::Verdict(message) => Ok(Some(Some(*message))),
+            Outcome::NoWatcher(_) => Ok(Some(None)),
+            Outcome::Stale => Ok(None),
+        });
+        Ok(found?.flatten().map(Message))
+    }
+
+    /// Waits until a watcher has seen this session. Returns False if none came in time.
+    fn wait_for_watcher(&mut self, py: Python<'_>, seconds: f64) -> PyResult<bool> {
+        let client = self.open()?;
+        let came = waiting(py, seconds, |slice| {
+            Ok(client.wait_for_watcher(slice)?.then_some(()))
+        });
+        Ok(came?.is_some())
+    }
+
+    /// Returns the first message that asks the simulator to stop.
+    fn aborted(&mut self) -> PyResult<Option<Message>> {
+        let client = self.open()?;
+        while client.poll().map_err(exception)?.is_some() {}
+        Ok(client.aborted().cloned().map(Message))
+    }
+
+    fn resume(&mut self) -> PyResult<()> {
+        self.open()?.resume();
+        Ok(())
+    }
+
+    fn cut(&mut self) -> PyResult<()> {
+        self.open()?.cut();
+        Ok(())
+    }
+
+    /// Returns the seconds since the last message of the watcher; None if there is no watcher.
+    fn silent_for(&mut self) -> PyResult<Option<f64>> {
+        Ok(self.open()?.silent_for().map(|t| t.as_secs_f64()))
+    }
+
+    /// Ends the session, and waits for the last message of the watcher.
+    fn finish(&mut self, py: Python<'_>, seconds: f64) -> PyResult<Option<Message>> {
+        let limit = duration(seconds)?;
+        self.open()?;
+        self.frame = None;
+        let client = self.client.take();
+        let last = same_thread(py, || client.map(|client| client.finish_within(limit)));
+        Ok(last.transpose().map_err(exception)?.flatten().map(Message))
+    }
+
+    #[getter]
+    fn is_open(&self) -> bool {
+        self.client.is_some()
+    }
+
+    /// Ends the session early. Does nothing if it has ended.
+    fn close(&mut self) {
+        self.frame = None;
+        self.client = None;
+    }
+}
+
+impl Client {
+    fn open(&mut self) -> PyResult<&mut linkwatch::Client> {
+        let ended = || PyRuntimeError::new_err("the session has ended; open another client");
+        self.client.as_mut().ok_or_else(ended)
+    }
+
+    /// Returns an array of the shape `(points, 3)` over the memory of a frame.
+    fn view<T: Element>(&self, py: Python<'_>, positions: &mut [T]) -> PyResult<Py<PyAny>> {
+        let base = Mapping {
+            _memory: Rc::clone(&self.mapping),
+        };
+        let base = Bound::new(py, base)?.into_any();
+        #[expect(unsafe_code, reason = "an array over memory that Python does not own")]
+        // SAFETY: the memory has three coordinates for each point. It stays mapped as long as the
+        // base object lives, because that holds a sample of the same publisher, whose frames all
+        // have the same size and so lie in its first segment. After publishing the array is
+        // read-only, and the watcher copies what it reads, so that a second view of the memory is
+        // harmless: the numbers are plain data.
+        let view = unsafe {
+            let points = ArrayView2::from_shape_ptr((self.points, 3), positions.as_mut_ptr());
+            PyArray2::borrow_from_array(&points, base)
+        };
+        Ok(view.into_any().unbind())
+    }
+}
+
+/// Returns a duration of seconds; without a limit if it is infinite.
+fn duration(seconds: f64) -> PyResult<Duration> {
+    if seconds == f64::INFINITY {
+        return Ok(Duration::MAX);
+    }
+    Duration::try_from_secs_f64(seconds)
+        .map_err(|why| PyValueError::new_err(format!("a wait of {seconds} seconds: {why}")))
+}
+
+/// Calls `wait` for slices of time until it returns something or the time is over. Other threads of
+/// Python run meanwhile, and Ctrl-C ends the wait.
+fn waiting<T>(
+    py: Python<'_>,
+    seconds: f64,
+    mut wait: impl FnMut(Duration) -> linkwatch::Result<Option<T>>,
+) -> PyResult<Option<T>> {
+    let (start, limit) = (Instant::now(), duration(seconds)?);
+    loop {
+        let left = limit.saturating_sub(start.elapsed());
+        let found = same_thread(py, || wait(left.min(SLICE))).map_err(exception)?;
+        if found.is_some() || left <= SLICE {
+            return Ok(found);
+        }
+        py.check_signals()?;
+    }
+}
+
+/// Runs a function of this thread without the interpreter lock.
+fn same_thread<R>(py: Python<'_>, run: impl FnOnce() -> R) -> R {
+    struct Here<T>(T);
+    #[expect(
+        unsafe_code,
+        reason = "`detach` asks for values that may change threads"
+    )]
+    // SAFETY: `detach` runs the function in the calling thread, and `Here` is private to it.
+    unsafe impl<T> Send for Here<T> {}
+    impl<F: FnOnce() -> R, R> Here<F> {
+        fn run(self) -> Here<R> {
+            Here((self.0)())
+        }
+    }
+    let here = Here(run);
+    py.detach(move || here.run()).0
+}

@@ -1,0 +1,118 @@
+"""The live client without a watcher. `.ci/run` runs simulations that are watched."""
+
+import gc
+import os
+import threading
+import time
+
+import linkwatch
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def service(request):
+    return f"linkwatch-python-{os.getpid()}-{request.node.name[:40]}"
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_frames_are_numbered_and_written_in_place(service, dtype):
+    with linkwatch.Client(service, counts=[-5, 4], dtype=dtype) as sim:
+        for k in range(100):
+            points = sim.begin(0.1 * k)
+            assert points.shape == (9, 3)
+            assert points.dtype == np.dtype(dtype)
+            assert points.ctypes.data % 64 == 0
+            points[:] = k
+            assert sim.publish() == k
+            assert sim.poll() is None
+            assert sim.aborted is None
+            assert sim.silent_for is None
+
+
+def test_a_published_view_is_read_only_and_outlives_the_client(service):
+    sim = linkwatch.Client(service, counts=[-4])
+    points = sim.begin()
+    points[:] = 3
+    part = points[1:]
+    sim.publish()
+    with pytest.raises(ValueError, match="read-only"):
+        points[0] = 1
+    assert sim.finish(0.0) is None
+    del sim
+    gc.collect()
+    assert (points == 3).all()
+    assert (part == 3).all()
+    # The name is free, although the memory is still mapped.
+    with linkwatch.Client(service, counts=[-4]) as again:
+        again.begin()[:] = 1
+        again.publish()
+
+
+def test_memory_does_not_grow(service):
+    with linkwatch.Client(service, counts=[-100] * 10) as sim:
+        addresses = set()
+        for k in range(1000):
+            points = sim.begin(k)
+            addresses.add(points.ctypes.data)
+            points[:] = 0
+            sim.publish()
+        assert len(addresses) < 30
+
+
+def test_a_second_simulator_on_one_name_is_refused(service):
+    with linkwatch.Client(service, counts=[-4]):
+        with pytest.raises(ConnectionError, match="another"):
+            linkwatch.Client(service, counts=[-4])
+
+
+def test_bad_arguments_are_refused(service):
+    with pytest.raises(ValueError, match="expected float32 or float64"):
+        linkwatch.Client(service, counts=[-4], dtype="int32")
+    with pytest.raises(ValueError, match='basis "spline"'):
+        linkwatch.Client(service, counts=[-4], basis="spline")
+    with pytest.raises(ValueError, match="wait_mode: expected sleep or spin"):
+        linkwatch.Client(service, counts=[-4], wait_mode="nap")
+    with pytest.raises(ValueError, match="curve 1"):
+        linkwatch.Client(service, counts=[-4, 1])
+    with linkwatch.Client(service, counts=[-4]) as sim:
+        with pytest.raises(RuntimeError, match="no frame was begun"):
+            sim.publish()
+        with pytest.raises(RuntimeError, match="no frame was published"):
+            sim.wait(0.1)
+        with pytest.raises(ValueError, match="a wait of -1 seconds"):
+            sim.wait_for_watcher(-1)
+        with pytest.raises(ValueError, match="broadcast"):
+            sim.begin()[:] = np.zeros((5, 3))
+
+
+def test_an_ended_session_says_so(service):
+    with linkwatch.Client(service, counts=[-4]) as sim:
+        sim.finish(0.0)
+        for call in (sim.begin, sim.publish, sim.poll, sim.finish, sim.resume):
+            with pytest.raises(RuntimeError, match="ended|no frame was begun"):
+                call()
+
+
+def test_waiting_ends_in_time_and_lets_other_threads_run(service):
+    with linkwatch.Client(service, counts=[-4], lockstep=True) as sim:
+        sim.begin()[:] = 0
+        sim.publish()
+        counted = []
+        done = threading.Event()
+
+        def count():
+            while not done.is_set():
+                counted.append(1)
+                time.sleep(0.001)
+
+        thread = threading.Thread(target=count)
+        thread.start()
+        start = time.monotonic()
+        assert sim.wait(0.3) is None
+        assert not sim.wait_for_watcher(0.2)
+        took = time.monotonic() - start
+        done.set()
+        thread.join()
+        assert 0.4 < took < 2
+        assert len(counted) > 20
