@@ -70,15 +70,19 @@ int main(int argc, char **argv) {
   lw_client *client = lw_open(argv[1], &options);
   if (!client) return fail();
   if (lw_describe(client, LW_POLYLINE, LW_FLOAT, counts, RINGS) != LW_OK) return fail();
-  if (lw_wait_for_watcher(client, 10) != LW_OK) fprintf(stderr, "no watcher came in time\n");
+  const lw_status came = lw_wait_for_watcher(client, 10);
+  if (came == LW_ERROR) return fail();
+  if (came == LW_NOTHING) fprintf(stderr, "no watcher came in time\n");
 
   double time = 0;
+  int move = 0; // the first frame, and the one after a roll back, are published without a step
   for (int frame = 0; frame < FRAMES; frame++) {
     last = chain;
-    if (frame > 0) {
+    if (move) {
       step(&chain, dt);
       time += dt;
     }
+    move = 1;
     float *points = lw_begin_float(client, time);
     if (!points) return fail();
     write_points(&chain, points);
@@ -90,7 +94,7 @@ int main(int argc, char **argv) {
       lw_close(client);
       return failed;
     }
-    if (!verdict.abort) continue;
+    if (verdict.verdict == LW_INTACT) continue;
     printf("%s\n", verdict.text);
     if (!roll_back || dt < 1e-4) {
       lw_finish(client, 10, NULL);
@@ -106,6 +110,7 @@ int main(int argc, char **argv) {
     dt /= 4;
     printf("rolled back; the step is now %g seconds\n", dt);
     lw_resume(client);
+    move = 0;
   }
   lw_verdict end;
   const lw_status status = lw_finish(client, 10, &end);

@@ -49,13 +49,15 @@ int in_process() {
 int live(const std::string &service) {
   linkwatch::Client<double> client(service, counts);
   if (!client.wait_for_watcher(10)) std::cerr << "no watcher came in time\n";
+  bool broken = false;
   for (int frame = 0; frame <= 4; frame++) {
     const std::vector<double> from = rings(1 + 0.3 * frame);
     std::copy(from.begin(), from.end(), client.begin(0.1 * frame));
     const auto verdict = client.wait(client.publish(), 10);
-    std::cout << (verdict ? verdict->words() : "no verdict") << '\n';
+    if (!verdict) throw linkwatch::Error(lw_last_error());
+    std::cout << verdict->words() << '\n';
+    broken = broken || !verdict->intact();
   }
-  const bool broken = client.aborted().has_value();
   if (const auto last = client.finish(10)) std::cout << last->words() << '\n';
   return broken ? 1 : 0;
 }

@@ -180,13 +180,16 @@ impl Client {
     /// Returns memory for the next frame, as [`loan`](Client::loan) does, but without a borrow of
     /// the client: for programs that keep both side by side, such as bindings for other languages.
     /// Pass it to [`send`](Client::send).
+    ///
+    /// Hold at most two at once: with a third one, the client cannot inform the watcher of the end.
     pub fn begin(&self, time: f64) -> Result<FrameMemory> {
         self.frames.begin(time)
     }
 
     /// Publishes the memory of a frame. Returns its sequence number.
     ///
-    /// Errors: [`Error::Bus`] if the memory belongs to another client.
+    /// Errors: [`Error::Bus`] if the memory belongs to another client, or if the curves were
+    /// described again since.
     pub fn send(&mut self, frame: FrameMemory) -> Result<u64> {
         self.frames.send(&self.connection, frame)
     }

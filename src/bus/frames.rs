@@ -16,8 +16,8 @@ use iceoryx2::sample_mut::SampleMut;
 use std::fmt;
 use std::hash::{BuildHasher, Hasher, RandomState};
 
-/// Maximum number of frames that are written at once: that of a caller, one that keeps the memory
-/// mapped, and a signal.
+/// Maximum number of frames that are lent at once: two to the caller (one that is written, and one
+/// that keeps the memory mapped), and one to a signal.
 const LOANS: usize = 3;
 
 /// Connection of the client with the watcher.
@@ -41,6 +41,8 @@ pub(super) struct Frames {
     pub session: u64,
     lockstep: bool,
     layout: Option<Layout>,
+    /// Number of layouts that were declared.
+    layouts: u32,
     /// Number of the next frame.
     pub next: u64,
     /// Number of cuts so far. Frames with different numbers do not belong to one motion.
@@ -64,6 +66,7 @@ impl Frames {
             session: random(),
             lockstep,
             layout: None,
+            layouts: 0,
             next: 0,
             cuts: 0,
         }
@@ -131,6 +134,7 @@ impl Frames {
             curves: counts.len(),
             table,
         });
+        self.layouts += 1;
         self.publisher(connection, bytes)?;
         Ok(())
     }
@@ -222,15 +226,21 @@ impl Frames {
             sample,
             table,
             precision,
+            layout: self.layouts,
         })
     }
 
     /// Sends a frame. Returns its sequence number.
     pub fn send(&mut self, connection: &Connection, memory: FrameMemory) -> Result<u64> {
-        let FrameMemory { mut sample, .. } = memory;
+        let FrameMemory {
+            mut sample, layout, ..
+        } = memory;
         let header = sample.user_header_mut();
-        if header.session != self.session {
-            return Err(Error::Bus("the frame belongs to another client".into()));
+        if header.session != self.session || layout != self.layouts {
+            return Err(Error::Bus(
+                "the frame belongs to another client, or to an earlier description of the curves"
+                    .into(),
+            ));
         }
         (header.seq, header.cuts) = (self.next, self.cuts);
         connection.connect()?;
@@ -249,6 +259,8 @@ pub struct FrameMemory {
     /// Bytes of the counts before the positions.
     table: usize,
     precision: Precision,
+    /// Number of the layout: see [`Frames::layouts`].
+    layout: u32,
 }
 
 impl fmt::Debug for FrameMemory {

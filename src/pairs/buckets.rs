@@ -9,7 +9,7 @@ use rayon::prelude::*;
 #[derive(Debug, Default)]
 pub(super) struct BucketSort {
     /// End of each bucket in the sorted items.
-    ends: Vec<u32>,
+    ends: Vec<usize>,
 }
 
 impl BucketSort {
@@ -39,12 +39,11 @@ impl BucketSort {
         sorted.resize(count, T::default());
         for item in items {
             let end = &mut ends[bucket(&item)];
-            sorted[*end as usize] = item;
+            sorted[*end] = item;
             *end += 1;
         }
         let mut start = 0;
         for &end in ends.iter() {
-            let end = end as usize;
             if end - start > 1 {
                 sorted[start..end].par_sort_unstable();
             }

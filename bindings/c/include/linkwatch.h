@@ -39,6 +39,9 @@
 // Some pair could not be decided or compared.
 #define LW_UNDECIDED 3
 
+// The message is not a verdict on a frame, or there is no message.
+#define LW_NOT_VERIFIED 4
+
 // The frame is invalid: NaN, counts that do not match, or other curves than in the last frame.
 #define LW_REJECTED 5
 
@@ -115,7 +118,8 @@ typedef struct lw_verdict {
   double time;
   // LW_VERDICT, LW_HELLO or LW_GOODBYE.
   uint32_t kind;
-  // LW_INTACT, LW_CHANGED, LW_CONTACT, LW_UNDECIDED or LW_REJECTED.
+  // LW_INTACT, LW_CHANGED, LW_CONTACT, LW_UNDECIDED or LW_REJECTED. LW_NOT_VERIFIED if `kind` is
+  // not LW_VERDICT, or if the function that writes the verdict does not return LW_OK.
   uint32_t verdict;
   // True if the simulator is asked to stop or to roll back.
   bool abort;
@@ -222,8 +226,8 @@ extern "C" {
 #endif // __cplusplus
 
 // Returns a description of the last error of this thread, of LW_STALE or of LW_NO_WATCHER, or an
-// empty string. It is valid until
-// the next call of a function of this library in this thread.
+// empty string. The description is valid until the next call of a function of this library in this
+// thread.
 const char *lw_last_error(void);
 
 // Opens a service, or creates it if the watcher has not done so yet. `options` may be null.
@@ -306,7 +310,8 @@ lw_status lw_wait(struct lw_client *client,
 lw_status lw_wait_for_watcher(struct lw_client *client, double seconds);
 
 // Returns true if the watcher asked the simulator to stop, and writes the first verdict that did
-// so to `verdict`, which may be null. Only verdicts that lw_poll or lw_wait has read count.
+// so to `verdict`, which may be null. Also returns true if `client` is null, because then nothing
+// is known to be intact. Only verdicts that lw_poll or lw_wait has read count.
 //
 // # Safety
 //

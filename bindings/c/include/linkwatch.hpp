@@ -34,9 +34,9 @@ enum class Basis : std::uint32_t {
 
 // Verdict on a frame, or another message of the watcher: the members of lw_verdict.
 struct Verdict : lw_verdict {
-  Verdict(const lw_verdict &c = {}) : lw_verdict(c) {}
-  // True if every linking number was proven to be the expected one.
-  bool intact() const { return verdict == LW_INTACT; }
+  Verdict() : lw_verdict() { verdict = LW_NOT_VERIFIED; }
+  // True if this is a verdict, and every linking number was proven to be the expected one.
+  bool intact() const { return kind == LW_VERDICT && verdict == LW_INTACT; }
   // The verdict and its first findings as a sentence.
   std::string words() const { return text; }
   // Last frame that is known to be intact.
@@ -107,22 +107,22 @@ public:
   // then call publish().
   T *begin(double time) {
     if constexpr (std::is_same_v<T, float>)
-      return detail::check(lw_begin_float(client.get(), time));
+      return detail::check(lw_begin_float(open(), time));
     else
-      return detail::check(lw_begin_double(client.get(), time));
+      return detail::check(lw_begin_double(open(), time));
   }
 
   // Publishes the frame that was begun. Returns its number. Never waits.
   std::uint64_t publish() {
     std::uint64_t seq = 0;
-    detail::check(lw_publish(client.get(), &seq));
+    detail::check(lw_publish(open(), &seq));
     return seq;
   }
 
   // Returns the next verdict, if there is one. Never waits.
   std::optional<Verdict> poll() {
     Verdict verdict;
-    if (detail::check(lw_poll(client.get(), &verdict)) != LW_OK) return std::nullopt;
+    if (detail::check(lw_poll(open(), &verdict)) != LW_OK) return std::nullopt;
     return verdict;
   }
 
@@ -131,43 +131,49 @@ public:
   // intact then.
   std::optional<Verdict> wait(std::uint64_t seq, double seconds) {
     Verdict verdict;
-    if (detail::check(lw_wait(client.get(), seq, seconds, &verdict)) != LW_OK) return std::nullopt;
+    if (detail::check(lw_wait(open(), seq, seconds, &verdict)) != LW_OK) return std::nullopt;
     return verdict;
   }
 
   // Waits until a watcher has seen this session. Returns false if none came in time.
   bool wait_for_watcher(double seconds) {
-    return detail::check(lw_wait_for_watcher(client.get(), seconds)) == LW_OK;
+    return detail::check(lw_wait_for_watcher(open(), seconds)) == LW_OK;
   }
 
-  // Returns the first verdict that asks the simulator to stop, if one was read.
+  // Returns the first verdict that asks the simulator to stop, if one was read. Verdicts on the last
+  // frames may arrive only with finish(), whose result repeats the last abort.
   std::optional<Verdict> aborted() {
     Verdict verdict;
-    if (!lw_aborted(client.get(), &verdict)) return std::nullopt;
+    if (!lw_aborted(open(), &verdict)) return std::nullopt;
     return verdict;
   }
 
   // Clears the abort after a roll back: the next frame does not continue the last one.
-  void resume() { detail::check(lw_resume(client.get())); }
+  void resume() { detail::check(lw_resume(open())); }
 
   // Marks the next frame as not continuing the previous one.
-  void cut() { detail::check(lw_cut(client.get())); }
+  void cut() { detail::check(lw_cut(open())); }
 
   // Returns the seconds since the last message of the watcher; nothing if there is no watcher.
   std::optional<double> silent_for() {
-    const double seconds = lw_silent_for(client.get());
+    const double seconds = lw_silent_for(open());
     return seconds < 0 ? std::nullopt : std::optional(seconds);
   }
 
-  // Ends the session and waits for the last message of the watcher. The client cannot be used
-  // afterwards. Without this call, the watcher is informed that the session ended early.
+  // Ends the session and waits for the last message of the watcher: check its `abort`. The client
+  // cannot be used afterwards. Without this call, the watcher is informed that the session ended early.
   std::optional<Verdict> finish(double seconds) {
     Verdict last;
-    if (detail::check(lw_finish(client.release(), seconds, &last)) != LW_OK) return std::nullopt;
+    if (detail::check(lw_finish((open(), client.release()), seconds, &last)) != LW_OK) return std::nullopt;
     return last;
   }
 
 private:
+  lw_client *open() const {
+    if (!client) throw Error("the session has ended; open another client");
+    return client.get();
+  }
+
   detail::Owned<lw_client, lw_close> client;
   std::size_t coordinates = 0;
 };
@@ -190,14 +196,17 @@ public:
   // Returns the linking numbers that are not 0, sorted by pair.
   std::vector<lw_link> links() const {
     std::size_t count = 0;
-    const lw_link *first = lw_certificate_links(certificate.get(), &count);
+    const lw_link *first = lw_certificate_links(get(), &count);
     return std::vector<lw_link>(first, first + count);
   }
 
   // Returns the number of pairs and curves without a linking number.
-  std::size_t undefined() const { return lw_certificate_undefined(certificate.get()); }
+  std::size_t undefined() const { return lw_certificate_undefined(get()); }
 
-  lw_certificate *get() const { return certificate.get(); }
+  lw_certificate *get() const {
+    if (!certificate) throw Error("the certificate was moved");
+    return certificate.get();
+  }
 
 private:
   detail::Owned<lw_certificate, lw_certificate_free> certificate;

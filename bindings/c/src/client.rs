@@ -42,7 +42,19 @@ fn duration(seconds: f64) -> Result<Duration, String> {
     duration.map_err(|why| format!("a wait of {seconds} seconds: {why}"))
 }
 
-/// Writes a verdict to memory of the caller, if it wants one.
+/// Writes the absence of a verdict to memory of the caller, unless the pointer is null.
+///
+/// # Safety
+///
+/// `to` is null or valid.
+unsafe fn clear(to: *mut lw_verdict) {
+    // SAFETY: as promised by the caller.
+    if let Some(to) = unsafe { to.as_mut() } {
+        *to = lw_verdict::NONE;
+    }
+}
+
+/// Writes a verdict to memory of the caller, unless the pointer is null.
 ///
 /// # Safety
 ///
@@ -185,6 +197,8 @@ pub unsafe extern "C" fn lw_publish(client: *mut lw_client, seq: *mut u64) -> lw
 /// `client` comes from lw_open. `verdict` is null or valid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lw_poll(client: *mut lw_client, verdict: *mut lw_verdict) -> lw_status {
+    // SAFETY: as promised by the caller.
+    unsafe { clear(verdict) };
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(client, "client") }?;
@@ -215,6 +229,8 @@ pub unsafe extern "C" fn lw_wait(
     seconds: f64,
     verdict: *mut lw_verdict,
 ) -> lw_status {
+    // SAFETY: as promised by the caller.
+    unsafe { clear(verdict) };
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(client, "client") }?;
@@ -260,14 +276,17 @@ pub unsafe extern "C" fn lw_wait_for_watcher(client: *mut lw_client, seconds: f6
 }
 
 /// Returns true if the watcher asked the simulator to stop, and writes the first verdict that did
-/// so to `verdict`, which may be null. Only verdicts that lw_poll or lw_wait has read count.
+/// so to `verdict`, which may be null. Also returns true if `client` is null, because then nothing
+/// is known to be intact. Only verdicts that lw_poll or lw_wait has read count.
 ///
 /// # Safety
 ///
 /// `client` comes from lw_open. `verdict` is null or valid.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lw_aborted(client: *mut lw_client, verdict: *mut lw_verdict) -> bool {
-    guard(false, || {
+    // SAFETY: as promised by the caller.
+    unsafe { clear(verdict) };
+    guard(true, || {
         // SAFETY: as promised by the caller.
         let this = unsafe { given(client, "client") }?;
         let abort = this.client.aborted();
@@ -339,6 +358,8 @@ pub unsafe extern "C" fn lw_finish(
     seconds: f64,
     last: *mut lw_verdict,
 ) -> lw_status {
+    // SAFETY: as promised by the caller.
+    unsafe { clear(last) };
     guard(LW_ERROR, || {
         if client.is_null() {
             return Err("client is null".into());

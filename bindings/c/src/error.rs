@@ -25,11 +25,12 @@ thread_local! {
 }
 
 /// Returns a description of the last error of this thread, of LW_STALE or of LW_NO_WATCHER, or an
-/// empty string. It is valid until
-/// the next call of a function of this library in this thread.
+/// empty string. The description is valid until the next call of a function of this library in this
+/// thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn lw_last_error() -> *const c_char {
-    LAST.with_borrow(|last| last.as_ptr())
+    LAST.try_with(|last| last.borrow().as_ptr())
+        .unwrap_or(c"".as_ptr())
 }
 
 /// Runs a function. After an error or a panic, keeps its description and returns `failed`.
@@ -46,7 +47,8 @@ pub(crate) fn guard<T>(failed: T, run: impl FnOnce() -> Result<T, String>) -> T 
 /// Keeps a description for [`lw_last_error`].
 pub(crate) fn describe(words: &str) {
     let words = CString::new(words.replace('\0', " ")).unwrap_or_default();
-    LAST.with_borrow_mut(|last| *last = words);
+    // Fails while the thread ends, where nobody can read it any more.
+    let _ = LAST.try_with(|last| *last.borrow_mut() = words);
 }
 
 /// Returns the words of an error.

@@ -11,6 +11,8 @@ pub const LW_CHANGED: u32 = 1;
 pub const LW_CONTACT: u32 = 2;
 /// Some pair could not be decided or compared.
 pub const LW_UNDECIDED: u32 = 3;
+/// The message is not a verdict on a frame, or there is no message.
+pub const LW_NOT_VERIFIED: u32 = 4;
 /// The frame is invalid: NaN, counts that do not match, or other curves than in the last frame.
 pub const LW_REJECTED: u32 = 5;
 
@@ -48,7 +50,8 @@ pub struct lw_verdict {
     pub time: f64,
     /// LW_VERDICT, LW_HELLO or LW_GOODBYE.
     pub kind: u32,
-    /// LW_INTACT, LW_CHANGED, LW_CONTACT, LW_UNDECIDED or LW_REJECTED.
+    /// LW_INTACT, LW_CHANGED, LW_CONTACT, LW_UNDECIDED or LW_REJECTED. LW_NOT_VERIFIED if `kind` is
+    /// not LW_VERDICT, or if the function that writes the verdict does not return LW_OK.
     pub verdict: u32,
     /// True if the simulator is asked to stop or to roll back.
     pub abort: bool,
@@ -106,6 +109,34 @@ fn text(words: &str) -> [c_char; LW_TEXT] {
 }
 
 impl lw_verdict {
+    /// The absence of a verdict.
+    pub(crate) const NONE: lw_verdict = lw_verdict {
+        seq: 0,
+        time: 0.0,
+        kind: LW_HELLO,
+        verdict: LW_NOT_VERIFIED,
+        abort: false,
+        lost: 0,
+        gained: 0,
+        changed: 0,
+        pull_throughs: 0,
+        unresolved: 0,
+        defects: 0,
+        last_intact: LW_NO_FRAME,
+        safe_fraction: f64::NAN,
+        finding: LW_FINDING_NONE,
+        i: LW_NO_CURVE,
+        j: LW_NO_CURVE,
+        has_place: false,
+        segments: [0; 2],
+        point: [0.0; 3],
+        fraction: f64::NAN,
+        frames_verified: 0,
+        frames_skipped: 0,
+        frames_rejected: 0,
+        text: [0; LW_TEXT],
+    };
+
     fn add_finding(&mut self, finding: &Finding) {
         match finding {
             Finding::Change(c) => {
@@ -141,15 +172,19 @@ impl From<&VerdictMessage> for lw_verdict {
             skipped,
             rejected,
         } = m.counters;
+        let kind = match m.kind {
+            MessageKind::Verdict => LW_VERDICT,
+            MessageKind::Goodbye => LW_GOODBYE,
+            _ => LW_HELLO,
+        };
         let mut out = lw_verdict {
             seq: m.seq,
             time: m.time,
-            kind: match m.kind {
-                MessageKind::Verdict => LW_VERDICT,
-                MessageKind::Goodbye => LW_GOODBYE,
-                _ => LW_HELLO,
+            kind,
+            verdict: match kind {
+                LW_VERDICT => m.verdict as u32,
+                _ => LW_NOT_VERIFIED,
             },
-            verdict: m.verdict as u32,
             abort: m.abort,
             lost: m.lost,
             gained: m.gained,
@@ -159,17 +194,11 @@ impl From<&VerdictMessage> for lw_verdict {
             defects: m.defects,
             last_intact: m.last_intact.unwrap_or(LW_NO_FRAME),
             safe_fraction: m.safe_fraction.unwrap_or(f64::NAN),
-            finding: LW_FINDING_NONE,
-            i: LW_NO_CURVE,
-            j: LW_NO_CURVE,
-            has_place: false,
-            segments: [0; 2],
-            point: [0.0; 3],
-            fraction: f64::NAN,
             frames_verified: verified,
             frames_skipped: skipped,
             frames_rejected: rejected,
             text: text(&m.to_string()),
+            ..lw_verdict::NONE
         };
         if let Some(finding) = &m.first {
             out.add_finding(finding);
@@ -200,17 +229,8 @@ impl From<&Report> for lw_verdict {
             defects: count(r.defects.len()),
             last_intact: r.last_intact.unwrap_or(LW_NO_FRAME),
             safe_fraction: r.safe_fraction.unwrap_or(f64::NAN),
-            finding: LW_FINDING_NONE,
-            i: LW_NO_CURVE,
-            j: LW_NO_CURVE,
-            has_place: false,
-            segments: [0; 2],
-            point: [0.0; 3],
-            fraction: f64::NAN,
-            frames_verified: 0,
-            frames_skipped: 0,
-            frames_rejected: 0,
             text: text(&sentences.take(8).collect::<Vec<_>>().join("; ")),
+            ..lw_verdict::NONE
         };
         if let Some(finding) = &first {
             out.add_finding(finding);

@@ -265,6 +265,7 @@ pub unsafe extern "C" fn lw_verifier_step(
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
         let (this, to) = unsafe { (given(verifier, "verifier")?, given(verdict, "verdict")?) };
+        *to = lw_verdict::NONE;
         // SAFETY: as promised by the caller.
         let frame = unsafe { raw(frame, "frame") }?;
         *to = (&this.step(frame, time)?).into();

@@ -10,10 +10,10 @@ use numpy::ndarray::ArrayView2;
 use numpy::{Element, PyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Time that a call waits before it looks for signals of the user, such as Ctrl-C.
+/// Time that a call waits before it handles Ctrl-C.
 const SLICE: Duration = Duration::from_millis(50);
 
 /// Simulator's end of the bus.
@@ -25,9 +25,11 @@ pub struct Client {
     points: usize,
     frame: Option<Begun>,
     /// Keeps the shared memory of all frames mapped, also after the session.
-    mapping: Rc<FrameMemory>,
+    mapping: Arc<Mutex<FrameMemory>>,
     /// Number of the last published frame.
     last: Option<u64>,
+    /// The last message of the watcher, or the last abort if there was none.
+    goodbye: Option<VerdictMessage>,
 }
 
 /// A frame that is being written.
@@ -36,10 +38,10 @@ struct Begun {
     view: Py<PyAny>,
 }
 
-/// Base object of the views of frames.
-#[pyclass(unsendable, frozen, module = "linkwatch")]
+/// Base object of the views of frames. The last reference to a view may be dropped by any thread.
+#[pyclass(frozen, module = "linkwatch")]
 struct Mapping {
-    _memory: Rc<FrameMemory>,
+    _memory: Arc<Mutex<FrameMemory>>,
 }
 
 /// Message of the watcher.
@@ -153,20 +155,21 @@ impl Client {
         client
             .describe(basis, precision, &counts)
             .map_err(exception)?;
-        let mapping = Rc::new(client.begin(0.0).map_err(exception)?);
+        let mapping = client.begin(0.0).map_err(exception)?;
         Ok(Client {
             client: Some(client),
             precision,
             points: counts.iter().map(|n| n.unsigned_abs() as usize).sum(),
             frame: None,
-            mapping,
+            mapping: Arc::new(Mutex::new(mapping)),
             last: None,
+            goodbye: None,
         })
     }
 
     /// Returns a view of the shared memory of the next frame.
     fn begin(&mut self, py: Python<'_>, time: f64) -> PyResult<Py<PyAny>> {
-        self.frame = None;
+        self.discard(py)?;
         let mut memory = self.open()?.begin(time).map_err(exception)?;
         let view = match self.precision {
             Precision::F32 => self.view(py, memory.positions_f32().map_err(exception)?),
@@ -181,6 +184,7 @@ impl Client {
 
     /// Publishes the frame that was begun. Its view can be read afterwards, but not written.
     fn publish(&mut self, py: Python<'_>) -> PyResult<u64> {
+        self.open()?;
         let begun = self.frame.take();
         let Begun { memory, view } = begun.ok_or_else(|| {
             PyRuntimeError::new_err("no frame was begun: call begin(time) and write the points")
@@ -221,9 +225,12 @@ impl Client {
         Ok(came?.is_some())
     }
 
-    /// Returns the first message that asks the simulator to stop.
+    /// Returns the first message that asks the simulator to stop; after the session the last one.
     fn aborted(&mut self) -> PyResult<Option<Message>> {
-        let client = self.open()?;
+        let Some(client) = &mut self.client else {
+            let last = self.goodbye.clone();
+            return Ok(last.filter(|message| message.abort).map(Message));
+        };
         while client.poll().map_err(exception)?.is_some() {}
         Ok(client.aborted().cloned().map(Message))
     }
@@ -247,10 +254,15 @@ impl Client {
     fn finish(&mut self, py: Python<'_>, seconds: f64) -> PyResult<Option<Message>> {
         let limit = duration(seconds)?;
         self.open()?;
-        self.frame = None;
+        self.discard(py)?;
         let client = self.client.take();
+        self.goodbye = client.as_ref().and_then(|client| client.aborted().cloned());
         let last = same_thread(py, || client.map(|client| client.finish_within(limit)));
-        Ok(last.transpose().map_err(exception)?.flatten().map(Message))
+        let last = last.transpose().map_err(exception)?.flatten();
+        if last.is_some() {
+            self.goodbye.clone_from(&last);
+        }
+        Ok(last.map(Message))
     }
 
     #[getter]
@@ -259,13 +271,25 @@ impl Client {
     }
 
     /// Ends the session early. Does nothing if it has ended.
-    fn close(&mut self) {
-        self.frame = None;
-        self.client = None;
+    fn close(&mut self, py: Python<'_>) -> PyResult<()> {
+        self.discard(py)?;
+        if let Some(client) = self.client.take() {
+            self.goodbye = client.aborted().cloned();
+        }
+        Ok(())
     }
 }
 
 impl Client {
+    /// Discards the frame that was begun. Its view is read-only from now on, because the memory may
+    /// become that of a later frame.
+    fn discard(&mut self, py: Python<'_>) -> PyResult<()> {
+        if let Some(Begun { view, .. }) = self.frame.take() {
+            view.call_method1(py, "setflags", (false,))?;
+        }
+        Ok(())
+    }
+
     fn open(&mut self) -> PyResult<&mut linkwatch::Client> {
         let ended = || PyRuntimeError::new_err("the session has ended; open another client");
         self.client.as_mut().ok_or_else(ended)
@@ -274,15 +298,15 @@ impl Client {
     /// Returns an array of the shape `(points, 3)` over the memory of a frame.
     fn view<T: Element>(&self, py: Python<'_>, positions: &mut [T]) -> PyResult<Py<PyAny>> {
         let base = Mapping {
-            _memory: Rc::clone(&self.mapping),
+            _memory: Arc::clone(&self.mapping),
         };
         let base = Bound::new(py, base)?.into_any();
         #[expect(unsafe_code, reason = "an array over memory that Python does not own")]
         // SAFETY: the memory has three coordinates for each point. It stays mapped as long as the
         // base object lives, because that holds a sample of the same publisher, whose frames all
-        // have the same size and so lie in its first segment. After publishing the array is
-        // read-only, and the watcher copies what it reads, so that a second view of the memory is
-        // harmless: the numbers are plain data.
+        // have the same size and so lie in its first segment. Python may write to it at any time,
+        // through slices even after publishing. No Rust code of this process reads it, the watcher
+        // reads every number once and checks it, and all bit patterns are numbers.
         let view = unsafe {
             let points = ArrayView2::from_shape_ptr((self.points, 3), positions.as_mut_ptr());
             PyArray2::borrow_from_array(&points, base)

@@ -49,6 +49,32 @@ def test_a_published_view_is_read_only_and_outlives_the_client(service):
         again.publish()
 
 
+def test_a_discarded_view_is_read_only(service):
+    with linkwatch.Client(service, counts=[-4]) as sim:
+        first = sim.begin()
+        second = sim.begin()
+        with pytest.raises(ValueError, match="read-only"):
+            first[0] = 1
+        sim.finish(0.0)
+        with pytest.raises(ValueError, match="read-only"):
+            second[0] = 1
+
+
+def test_another_thread_may_drop_the_last_view(service, recwarn):
+    views = []
+    with linkwatch.Client(service, counts=[-4]) as sim:
+        views.append(sim.begin())
+        views[0][:] = 1
+        sim.publish()
+    del sim
+    thread = threading.Thread(target=views.clear)
+    thread.start()
+    thread.join()
+    gc.collect()
+    assert not views
+    assert not recwarn.list
+
+
 def test_memory_does_not_grow(service):
     with linkwatch.Client(service, counts=[-100] * 10) as sim:
         addresses = set()
@@ -90,8 +116,9 @@ def test_an_ended_session_says_so(service):
     with linkwatch.Client(service, counts=[-4]) as sim:
         sim.finish(0.0)
         for call in (sim.begin, sim.publish, sim.poll, sim.finish, sim.resume):
-            with pytest.raises(RuntimeError, match="ended|no frame was begun"):
+            with pytest.raises(RuntimeError, match="the session has ended"):
                 call()
+        assert sim.aborted is None
 
 
 def test_waiting_ends_in_time_and_lets_other_threads_run(service):

@@ -172,8 +172,11 @@ class Client:
     ...         sim.begin(time=step * 1e-3)[:] = x  # (200, 3), written where the watcher reads it
     ...         sim.publish()
     ...         if sim.aborted:
-    ...             print(sim.aborted)  # which curves, where, what to roll back to
     ...             break
+    >>> print(sim.aborted)  # doctest: +SKIP
+    None
+
+    ``aborted`` names the curves, the place and the state to roll back to, also for the last frames.
 
     Only :meth:`wait`, :meth:`wait_for_watcher` and :meth:`finish` wait for the watcher. A watcher
     that is slow, stopped, killed or absent costs the simulator nothing. At the end of the ``with``
@@ -215,7 +218,8 @@ class Client:
         """Returns the points of the next frame, at ``time`` seconds: an array ``(N, 3)``.
 
         It is a view of shared memory. Write all of it, then call :meth:`publish`; nothing is
-        copied. Afterwards it is read-only, and later frames overwrite it.
+        copied. Afterwards it is read-only, and later frames overwrite it. Do not write through
+        slices or reshapes of it either, which would change a frame while it is verified.
         """
         return self._client.begin(time)
 
@@ -249,7 +253,11 @@ class Client:
 
     @property
     def aborted(self) -> Message | None:
-        """The first verdict that asks the simulator to stop, or ``None``. Reads all verdicts."""
+        """The first verdict that asks the simulator to stop, or ``None``. Reads all verdicts.
+
+        After the session: the last message if it asks the simulator to stop. Verdicts on the last
+        frames may arrive only at the end.
+        """
         return self._client.aborted()
 
     def resume(self) -> None:
@@ -270,6 +278,8 @@ class Client:
 
     def finish(self, seconds: float = 10.0) -> Message | None:
         """Ends the session, and waits until the watcher has verified its remaining frames.
+
+        Ctrl-C takes effect after the wait.
 
         Returns:
             Message | None: the last message, which repeats the last abort; ``None`` if there is no
