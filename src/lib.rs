@@ -124,6 +124,8 @@ mod pairs;
 #[cfg(feature = "verify")]
 pub mod plan;
 #[cfg(feature = "verify")]
+mod pool;
+#[cfg(feature = "verify")]
 mod random;
 #[cfg(feature = "verify")]
 pub mod scenes;

@@ -10,6 +10,7 @@ use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Bad, CurveSet, Positions, Received};
 use crate::error::Result;
 use crate::pairs::Pair;
+use crate::pool;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -234,8 +235,7 @@ impl Monitor {
         let ends = [(affines[0], before), (affines[1], after)];
         let step = MovedBlocks::new(&known.reference, ends, &chunks, bend);
         work.marked = step.marked() as u64;
-        // In the pool, so that its parallel parts do not each pass to another thread and back.
-        let affected = rayon::scope(|_| step.affected())?;
+        let affected = pool::run(before.segments(), || step.affected())?;
         work.recertified = affected.apart as u64;
         Some(affected.pairs)
     }

@@ -313,7 +313,7 @@ impl Plan {
         let predictions = Predictions::new(input, links, Method::Auto);
         let choice = predictions.choose(offer);
         let sample = *predictions.sample();
-        let (parallelism, busy_threads) = parallelism(links.len(), threads, sample.shared);
+        let (parallelism, busy_threads) = parallelism(links.len(), set.segments(), sample.shared);
         let busy = busy_threads.max(1);
         let boxes = Boxes::of(set, &trees, threads);
         let potential_links = PotentialLinks::of(set, &search, degenerate.len(), threads);

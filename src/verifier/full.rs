@@ -22,6 +22,9 @@ use std::time::Instant;
 /// Number of pairs computed before the first check for a change. It doubles with each check.
 const FIRST_BLOCK: usize = 64;
 
+/// Number of curves whose repeated vertices a task counts at least.
+const FEW_CURVES: usize = 256;
+
 /// Computes linking numbers. Its buffers are reused for every frame.
 #[derive(Debug, Default)]
 pub(super) struct FullRun {
@@ -250,7 +253,7 @@ impl FullRun {
         } else {
             0
         };
-        let repeated = (0..curves).into_par_iter();
+        let repeated = (0..curves).into_par_iter().with_min_len(FEW_CURVES);
         let discarded = self.search.discarded() as u64;
         Stats {
             potential_links: discarded,

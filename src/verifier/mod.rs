@@ -25,6 +25,7 @@ use crate::incremental::{Events, Monitor, Outcome, Route, Work};
 use crate::ingest::{RawFrame, ingest};
 use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, closest_approach};
+use crate::pool;
 use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -206,7 +207,7 @@ impl Verifier {
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
         let start = Instant::now();
         self.full.heed_cancel(false);
-        let stats = rayon::scope(|_| self.full.certify(set));
+        let stats = pool::run(set.segments(), || self.full.certify(set));
         self.full.timings.total = start.elapsed();
         (&self.full.certificate, stats)
     }
@@ -461,8 +462,7 @@ impl Verifier {
     /// Computes a frame in full, and records the number of pairs decided by sums.
     fn certify_fully(&mut self, set: &CurveSet) -> Result<Stats> {
         let start = Instant::now();
-        // In the pool, so that its parallel parts do not each pass to another thread and back.
-        let stats = rayon::scope(|_| self.full.certify(set));
+        let stats = pool::run(set.segments(), || self.full.certify(set));
         self.full.progress.check()?;
         self.routing.took_full_run(start.elapsed());
         self.work.recomputed = stats.potential_links;

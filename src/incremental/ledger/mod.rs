@@ -79,6 +79,7 @@ use super::covered::Covered;
 use crate::cancel::Cancel;
 use crate::curve::CurveSet;
 use crate::pairs::{LinkSearch, Pair, curves_of};
+use crate::pool;
 use crate::verdict::PullThrough;
 use rayon::prelude::*;
 
@@ -160,9 +161,9 @@ impl Ledger {
         if pairs.as_ref().is_some_and(Vec::is_empty) {
             return Outcome::default();
         }
-        // In the pool, so that its parallel parts do not each pass to another thread and back.
+        let segments = frames[0].segments();
         let (mut outcome, found) =
-            rayon::scope(|_| self.search(frames, coverage, pairs.as_deref()));
+            pool::run(segments, || self.search(frames, coverage, pairs.as_deref()));
         let followed = contacts.follow(&found, frames);
         outcome.events.extend(followed.events);
         sort(&mut outcome.events);
@@ -229,9 +230,7 @@ impl Ledger {
             cancel: &self.cancel,
         };
         let pairs = &self.pairs[..];
-        // Small enough to balance the load, large enough to amortize a task. A large pair is split
-        // further.
-        let size = (pairs.len() / (32 * rayon::current_num_threads())).clamp(1, 256);
+        let size = pool::pairs_per_task(pairs.len(), before.segments());
         let count = pairs.len().div_ceil(size);
         self.parts.resize_with(count, Part::default);
         self.parts

@@ -91,8 +91,7 @@ impl<'a> Predictions<'a> {
     pub fn on_cpu_ms(&self) -> f64 {
         let Predictions { input, links, .. } = self;
         let sample = self.sample();
-        let threads = rayon::current_num_threads();
-        let (_, busy) = parallelism(links.len(), threads, sample.shared);
+        let (_, busy) = parallelism(links.len(), input.set.segments(), sample.shared);
         let read = 3 * input.set.points() * input.set.precision().bytes() + input.trees.bytes();
         let counting = costs::crossings(0, sample.work, read).with_sums(self.long());
         let time = costs::direction(links.len(), sample.work) + counting;

@@ -3,6 +3,7 @@
 use super::{Input, linking_number};
 use crate::kernels::Counted;
 use crate::pairs::Pair;
+use crate::pool::pairs_per_task;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -18,7 +19,7 @@ pub(crate) fn linking_numbers(
     parts: &mut Vec<Counted>,
     done: &AtomicU64,
 ) {
-    let size = links_per_task(pairs.len(), rayon::current_num_threads());
+    let size = pairs_per_task(pairs.len(), input.set.segments());
     let count = pairs.len().div_ceil(size);
     parts.resize_with(count.max(parts.len()), Counted::default);
     parts.par_iter_mut().enumerate().for_each(|(k, part)| {
@@ -46,12 +47,6 @@ pub(crate) fn linking_numbers(
     });
 }
 
-/// Returns the number of potential links of one task: few enough to balance the load, and enough to
-/// pay for the task. A single link may be a whole model; its kernel then uses several threads.
-fn links_per_task(links: usize, threads: usize) -> usize {
-    (links / (32 * threads)).clamp(1, 256)
-}
-
 /// Work that the threads of the kernel share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -65,9 +60,11 @@ pub enum Parallelism {
 }
 
 /// Returns the work that the threads of the kernel share, and the number of busy threads. `shared`
-/// is true if a link has enough work for several threads ([`super::shares_out`]).
-pub(crate) fn parallelism(links: usize, threads: usize, shared: bool) -> (Parallelism, usize) {
-    let tasks = links.div_ceil(links_per_task(links, threads));
+/// is true if a link has enough work for several threads ([`super::shares_out`]). `segments` is the
+/// number of segments of the frame.
+pub(crate) fn parallelism(links: usize, segments: usize, shared: bool) -> (Parallelism, usize) {
+    let threads = rayon::current_num_threads();
+    let tasks = links.div_ceil(pairs_per_task(links, segments));
     match (threads, tasks) {
         (1, _) | (_, 0) => (Parallelism::None, threads.min(tasks)),
         _ if tasks < threads && shared => (Parallelism::InsideLinks, threads),
