@@ -6,7 +6,7 @@
 
 use linkwatch::scenes::Scene;
 use linkwatch::{
-    Basis, Client, ClientOptions, CurveSet, FrameRecord, Outcome, Positions, Precision,
+    Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Positions, Precision,
     RecordedItem, RecordingReader, RecordingSink, Sink, Verdict, Verifier, ViewerSink,
     ViewerTarget, Work,
 };
@@ -44,7 +44,7 @@ fn frames(count: u64) -> Vec<FrameRecord> {
         assert_eq!(report.verdict, Verdict::Intact);
         FrameRecord {
             curves: Some(curves.clone()),
-            cuts: 0,
+            info: FrameInfo::default(),
             report: Arc::new(report),
             verified: seq + 1,
             skipped: 0,

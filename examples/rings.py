@@ -21,7 +21,7 @@ import numpy as np
 import openmm as mm
 from openmm import unit
 
-VERSION = 5
+VERSION = 6
 FRAME_MAGIC = int.from_bytes(b"LWFRAME\0", "little")
 VERDICT_MAGIC = int.from_bytes(b"LWVERDI\0", "little")
 LOCKSTEP, END, ANNOUNCE, UNFINISHED = 1, 2, 4, 8
@@ -65,7 +65,11 @@ class FrameHeader(Wire):
         u64 session seq
         f64 time
         u64 n_points
-        u32 n_curves basis coordinate_bytes cuts
+        u32 n_curves basis coordinate_bytes cuts layout names_bytes
+        f64 time_step
+        u32 cell_vectors reserved
+        f64*3 cell_origin
+        f64*9 cell
         """
     )
 
@@ -79,7 +83,7 @@ class Verdict(Wire):
         f64 time
         u32 verdict abort lost gained changed defects events finding i j defect_kind
         u32*2 segments
-        u32 has_place reason_len unresolved
+        u32 has_place reason_len unresolved appeared gone
         i64 expected found
         f64*3 point
         f64 distance lengths extent

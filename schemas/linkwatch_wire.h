@@ -32,6 +32,22 @@ typedef struct linkwatch_frame_header {
   // last verified frame, this frame does not continue that one. It is a count, not a flag,
   // because the frame after a cut may be skipped.
   uint32_t cuts;
+  // Number of times that the simulator described its curves before this one. The curves, their
+  // order, names and radii are the same in all frames with the same number.
+  uint32_t layout;
+  // Number of bytes of the names; 0 if the curves have none.
+  uint32_t names_bytes;
+  // Time step of the simulator in seconds; 0 if it is unknown.
+  double time_step;
+  // Number of vectors of the periodic cell. Must be 0, because periodic cells are not supported
+  // yet.
+  uint32_t cell_vectors;
+  // Must be 0.
+  uint32_t reserved;
+  // Origin of the periodic cell.
+  double cell_origin[3];
+  // Vectors of the periodic cell.
+  double cell[9];
 } linkwatch_frame_header;
 
 // A message from the watcher.
@@ -60,6 +76,9 @@ typedef struct linkwatch_verdict {
   // Bytes used of `reason`.
   uint32_t reason_len;
   uint32_t unresolved;
+  // Number of curves that appeared, and of those that are gone, since the last verified frame.
+  uint32_t appeared;
+  uint32_t gone;
   int64_t expected;
   int64_t found;
   double point[3];
@@ -76,7 +95,7 @@ typedef struct linkwatch_verdict {
   uint64_t last_intact;
   // NaN if it is unknown.
   double safe_fraction;
-  // Why a frame was rejected: UTF-8, cut at a character.
+  // Why a frame was rejected, or which curves appeared and are gone: UTF-8, cut at a character.
   uint8_t reason[192];
 } linkwatch_verdict;
 

@@ -146,10 +146,10 @@ pub use bus::{
     MessageKind, Outcome, ServiceInfo, VerdictMessage, WaitMode, services,
 };
 #[cfg(feature = "bus")]
-pub use bus::{Event, Frame, Sidecar, SidecarOptions};
+pub use bus::{Event, Frame, LastLabels, Sidecar, SidecarOptions};
 #[cfg(feature = "verify")]
 pub use certificate::{Certificate, Comparison};
-pub use curve::{Basis, Point, Positions, Precision};
+pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]
@@ -158,7 +158,7 @@ pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Events, Route, Work};
 #[cfg(feature = "verify")]
-pub use ingest::{FramePool, RawFrame};
+pub use ingest::{FrameInfo, FramePool, RawFrame};
 #[cfg(feature = "verify")]
 pub use plan::Plan;
 #[cfg(feature = "verify")]

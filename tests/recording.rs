@@ -3,7 +3,7 @@
 
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Ending, Error,
-    FrameRecord, FrameTimes, Link, LiveTimes, Place, Positions, Precision, PullThrough,
+    FrameInfo, FrameRecord, FrameTimes, Link, LiveTimes, Place, Positions, Precision, PullThrough,
     RecordedItem, RecordingReader, RecordingSink, Report, Route, Sink, Verdict, Work,
 };
 use std::collections::BTreeMap;
@@ -151,7 +151,10 @@ fn work(seq: u64) -> Work {
 fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
     FrameRecord {
         curves: curves.map(Arc::new),
-        cuts: seq as u32 / 2,
+        info: FrameInfo {
+            cuts: seq as u32 / 2,
+            ..FrameInfo::default()
+        },
         report: Arc::new(report(seq)),
         verified: seq,
         skipped: 2 * seq,
@@ -281,7 +284,7 @@ fn every_basis_and_precision_is_read_bit_for_bit() {
                 assert!(set.counts().eq(was_set.counts()));
                 assert_eq!((set.basis(), set.precision()), (basis, precision));
                 assert_eq!((frame.seq, frame.time), (was.report.seq, was.report.time));
-                assert_eq!(frame.cuts, was.cuts);
+                assert_eq!(frame.info, was.info);
                 assert_eq!(verdict.report, *was.report);
                 let p = verdict.progress;
                 assert_eq!(

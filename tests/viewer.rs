@@ -8,7 +8,7 @@
 //! twenty`.
 
 use linkwatch::{
-    BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameRecord,
+    BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameInfo, FrameRecord,
     FrameTimes, Link, LiveTimes, Overflow, Place, Positions, PullThrough, Report, Route, Sink,
     SinkQueue, Verdict, Verifier, VerifierOptions, ViewerSink, ViewerTarget, Work,
 };
@@ -133,7 +133,7 @@ fn verified(set: Arc<CurveSet>, report: Report, work: Work) -> FrameRecord {
     let seq = report.seq;
     FrameRecord {
         curves: Some(set),
-        cuts: 0,
+        info: FrameInfo::default(),
         report: Arc::new(report),
         verified: seq,
         skipped: seq / 10,

@@ -7,7 +7,7 @@ use super::services::services;
 use super::wait_mode::WaitMode;
 use super::watcher::{Departure, Watcher};
 use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED};
-use crate::curve::{Basis, Positions, Precision};
+use crate::curve::{Basis, CurveLabels, Positions, Precision};
 use crate::error::{Error, Result};
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -84,7 +84,7 @@ impl FrameLoan<'_> {
 /// [`wait_for_watcher`](Client::wait_for_watcher) and [`finish_within`](Client::finish_within). A
 /// watcher that is slow, stopped, killed or absent costs the simulator nothing.
 ///
-/// A client is one session: one layout of curves, and frames numbered from 0. If it is dropped
+/// A client is one session: its frames are numbered from 0. If it is dropped
 /// without [`finish`](Client::finish), by an error or a panic, the watcher is informed that the
 /// session ended early.
 ///
@@ -164,8 +164,42 @@ impl Client {
     /// Declares the curves of every frame: the number of control points of each curve, negative if
     /// the curve is closed, as in a BCC file. Call this before the first frame.
     pub fn describe(&mut self, basis: Basis, precision: Precision, counts: &[i32]) -> Result<()> {
+        self.describe_labelled(basis, precision, counts, CurveLabels::default())
+    }
+
+    /// Same as [`describe`](Client::describe), for curves with names or radii.
+    ///
+    /// If the curves have names, this can be called again between two frames: curves may be added,
+    /// removed, reordered, or get another number of points. The watcher compares the linking
+    /// numbers of curves by their names, and expects those of new curves to stay as they are in
+    /// their first frame. It searches for pull-throughs among the curves that keep their name and
+    /// number of points.
+    ///
+    /// Errors: those of [`CurveLabels::check`]; [`Error::CurveTooShort`]; [`Error::Bus`] if curves
+    /// without names change after the first frame.
+    pub fn describe_labelled(
+        &mut self,
+        basis: Basis,
+        precision: Precision,
+        counts: &[i32],
+        labels: CurveLabels,
+    ) -> Result<()> {
+        let kind = (basis, precision);
         self.frames
-            .describe(&self.connection, basis, precision, counts)
+            .describe(&self.connection, kind, counts, labels)
+    }
+
+    /// Sets the time step of the simulator in seconds, which later frames carry to the recording;
+    /// 0 (as at first) if it is unknown.
+    ///
+    /// Errors: [`Error::Usage`] if it is negative or not finite.
+    pub fn set_time_step(&mut self, seconds: f64) -> Result<()> {
+        if !(seconds >= 0.0 && seconds.is_finite()) {
+            let what = format!("a time step of {seconds} s, expected at least 0");
+            return Err(Error::Usage(what));
+        }
+        self.frames.time_step = seconds;
+        Ok(())
     }
 
     /// Returns memory for the next frame, at `time` seconds of simulation. Write the positions into
@@ -288,6 +322,7 @@ impl Client {
             let (port, node) = (sample.header().publisher_id(), sample.header().node_id());
             drop(sample);
             let mut message = wire.read()?;
+            message.names = self.frames.names();
             let (endpoint, session) = (&self.connection.endpoint, self.frames.session);
             if !(self.watcher).record_sender(endpoint, session, &message, port, node) {
                 continue;

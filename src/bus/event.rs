@@ -2,12 +2,13 @@
 
 use super::ipc::Ipc;
 use super::message::Counters;
-use super::wire::{FLAG_LOCKSTEP, FrameHeader};
-use crate::curve::CurveSet;
+use super::wire::{FLAG_LOCKSTEP, FrameHeader, View};
+use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
-use crate::ingest::{RawFrame, ingest};
+use crate::ingest::{FrameInfo, RawFrame, ingest};
 use iceoryx2::sample::Sample;
 use std::fmt;
+use std::sync::Arc;
 
 /// Event on the bus.
 #[derive(Debug)]
@@ -95,6 +96,26 @@ impl Frame {
         self.header.flags & FLAG_LOCKSTEP != 0
     }
 
+    /// Checks what the simulator tells about the frame, and returns it. `last` has the names and
+    /// radii of the last frame, which are returned again if they are the same.
+    ///
+    /// Errors: the frame breaks its contract, as in [`Frame::ingest`].
+    pub fn info(&self, last: &mut LastLabels) -> Result<FrameInfo> {
+        let table = self.view()?.table;
+        if table != last.table {
+            // Decoded from a copy, because the bytes in shared memory could change meanwhile.
+            let table = table.to_vec();
+            last.labels = Arc::new(self.header.labels(&table)?);
+            last.table = table;
+        }
+        Ok(FrameInfo {
+            cuts: self.header.cuts,
+            layout: self.header.layout,
+            time_step: self.header.time_step,
+            labels: Arc::clone(&last.labels),
+        })
+    }
+
     /// Checks the frame and copies its positions from shared memory into `set`, which the first
     /// frame creates and every later one updates. Every value is read once.
     ///
@@ -111,9 +132,21 @@ impl Frame {
     /// Calls `receive` with the frame in shared memory, unless its header breaks the contract.
     /// Errors: those of [`Frame::ingest`].
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
-        if let Some(fault) = &self.fault {
-            return Err(Error::format("frame", "sequence number", fault));
-        }
-        receive(self.header.view(self.sample.payload(), self.max_bytes)?)
+        receive(self.view()?.frame)
     }
+
+    fn view(&self) -> Result<View<'_>> {
+        match &self.fault {
+            Some(fault) => Err(Error::format("frame", "sequence number", fault)),
+            None => self.header.view(self.sample.payload(), self.max_bytes),
+        }
+    }
+}
+
+/// Names and radii of the curves of the last frame; see [`Frame::info`].
+#[derive(Clone, Debug, Default)]
+pub struct LastLabels {
+    /// The parts of the payload before the positions.
+    table: Vec<u8>,
+    labels: Arc<CurveLabels>,
 }

@@ -3,10 +3,10 @@
 use super::ipc::Ipc;
 use super::service::{Endpoint, bus};
 use super::wire::{
-    FLAG_LOCKSTEP, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, VerdictWire, cast_mut, payload_bytes,
-    table_bytes,
+    FLAG_LOCKSTEP, FLAG_RADII, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, VerdictWire, cast_mut,
+    table_of,
 };
-use crate::curve::{Basis, Precision};
+use crate::curve::{Basis, CurveLabels, Precision};
 use crate::error::{Error, Result};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -15,6 +15,7 @@ use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy};
 use iceoryx2::sample_mut::SampleMut;
 use std::fmt;
 use std::hash::{BuildHasher, Hasher, RandomState};
+use std::sync::Arc;
 
 /// Maximum number of frames that are lent at once: two to the caller (one that is written, and one
 /// that keeps the memory mapped), and one to a signal.
@@ -43,6 +44,8 @@ pub(super) struct Frames {
     layout: Option<Layout>,
     /// Number of layouts that were declared.
     layouts: u32,
+    /// Time step of the simulator in seconds; 0 if it is unknown.
+    pub time_step: f64,
     /// Number of the next frame.
     pub next: u64,
     /// Number of cuts so far. Frames with different numbers do not belong to one motion.
@@ -54,8 +57,12 @@ struct Layout {
     precision: Precision,
     points: usize,
     curves: usize,
-    /// The counts in their form in the payload, padding included.
+    /// The counts, names and radii in their form in the payload, padding included.
     table: Vec<u8>,
+    names_bytes: u32,
+    labels: CurveLabels,
+    /// The names, for the messages of the watcher.
+    names: Arc<[String]>,
 }
 
 impl Frames {
@@ -67,6 +74,7 @@ impl Frames {
             lockstep,
             layout: None,
             layouts: 0,
+            time_step: 0.0,
             next: 0,
             cuts: 0,
         }
@@ -90,18 +98,28 @@ impl Frames {
         self.cuts = self.cuts.wrapping_add(1);
     }
 
-    /// Declares the curves of every frame; see [`Client::describe`](crate::Client::describe).
+    /// Returns the names of the curves that were declared last; empty if they have none.
+    pub fn names(&self) -> Arc<[String]> {
+        let layout = self.layout.as_ref();
+        layout.map_or_else(Arc::default, |layout| Arc::clone(&layout.names))
+    }
+
+    /// Declares the curves of the next frames; see
+    /// [`Client::describe_labelled`](crate::Client::describe_labelled).
     pub fn describe(
         &mut self,
         connection: &Connection,
-        basis: Basis,
-        precision: Precision,
+        (basis, precision): (Basis, Precision),
         counts: &[i32],
+        labels: CurveLabels,
     ) -> Result<()> {
-        if self.next > 0 {
+        labels.check(counts.len())?;
+        let unnamed = |labels: &CurveLabels| labels.names.is_empty();
+        let before = self.layout.as_ref().map(|layout| &layout.labels);
+        if self.next > 0 && (unnamed(&labels) || before.is_none_or(unnamed)) {
             return Err(Error::Bus(
-                "the curves of a session cannot change after its first frame: finish this client \
-                 and open another one"
+                "curves without names cannot change after the first frame: name them from the \
+                 first frame on, or finish this client and open another one"
                     .into(),
             ));
         }
@@ -119,20 +137,25 @@ impl Frames {
             }
             points += n;
         }
-        let bytes = payload_bytes(counts.len(), points, precision);
-        let (Some(bytes), Some(table_len)) = (bytes, table_bytes(counts.len())) else {
+        let table = table_of(counts, &labels);
+        let bytes = table.as_ref().and_then(|(table, _)| {
+            let positions = points.checked_mul(3 * precision.bytes())?;
+            table.len().checked_add(positions)
+        });
+        let (Some(bytes), Some((table, names_bytes))) = (bytes, table) else {
             return Err(Error::Bus(format!(
                 "{points} points do not fit into memory"
             )));
         };
-        let mut table: Vec<u8> = counts.iter().flat_map(|c| c.to_ne_bytes()).collect();
-        table.resize(table_len, 0);
         self.layout = Some(Layout {
             basis,
             precision,
             points,
             curves: counts.len(),
             table,
+            names_bytes,
+            names: labels.names.as_slice().into(),
+            labels,
         });
         self.layouts += 1;
         self.publisher(connection, bytes)?;
@@ -168,12 +191,11 @@ impl Frames {
             flags: flags | lockstep,
             session: self.session,
             seq: self.next,
-            time: 0.0,
-            n_points: 0,
-            n_curves: 0,
-            basis: 0,
             coordinate_bytes: 4,
             cuts: self.cuts,
+            layout: self.layouts,
+            time_step: self.time_step,
+            ..FrameHeader::default()
         }
     }
 
@@ -197,13 +219,18 @@ impl Frames {
             ));
         };
         let (basis, precision) = (layout.basis, layout.precision);
+        let radii = match layout.labels.radii.is_empty() {
+            true => 0,
+            false => FLAG_RADII,
+        };
         let header = FrameHeader {
             time,
+            names_bytes: layout.names_bytes,
             n_points: layout.points as u64,
             n_curves: layout.curves as u32,
             basis: basis.code(),
             coordinate_bytes: precision.bytes() as u32,
-            ..self.header(0)
+            ..self.header(radii)
         };
         let table = layout.table.len();
         let bytes = table + 3 * layout.points * precision.bytes();
@@ -243,6 +270,7 @@ impl Frames {
             ));
         }
         (header.seq, header.cuts) = (self.next, self.cuts);
+        header.time_step = self.time_step;
         connection.connect()?;
         sample.send().map_err(bus("send"))?;
         let seq = self.next;
@@ -256,7 +284,7 @@ impl Frames {
 /// Nothing is sent if it is dropped.
 pub struct FrameMemory {
     sample: SampleMut<Ipc, [u8], FrameHeader>,
-    /// Bytes of the counts before the positions.
+    /// Bytes before the positions.
     table: usize,
     precision: Precision,
     /// Number of the layout: see [`Frames::layouts`].

@@ -4,11 +4,13 @@ use super::wire::{
     FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, LAYOUT_VERSION, NO_CURVE,
     NO_FRAME, VERDICT_MAGIC, VerdictWire,
 };
+use crate::curve::words_of_change;
 use crate::error::{Error, Result};
 use crate::verdict::{
     Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict, words_of_roll_back,
 };
 use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Reason for a message.
@@ -50,11 +52,11 @@ pub enum Finding {
 }
 
 impl Finding {
-    fn sentence(&self, extent: f64) -> String {
+    fn sentence(&self, extent: f64, names: &[String]) -> String {
         match self {
-            Finding::Change(change) => change.sentence(extent),
-            Finding::Event(event) => event.sentence(extent),
-            Finding::Defect(defect) => defect.sentence(extent),
+            Finding::Change(change) => change.sentence_named(extent, names),
+            Finding::Event(event) => event.sentence_named(extent, names),
+            Finding::Defect(defect) => defect.sentence_named(extent, names),
         }
     }
 }
@@ -84,6 +86,10 @@ pub struct VerdictMessage {
     pub changed: u32,
     /// Number of pull-throughs since the last verified frame.
     pub events: u32,
+    /// Number of curves that appeared since the last verified frame.
+    pub appeared: u32,
+    /// Number of curves that are gone since the last verified frame.
+    pub gone: u32,
     /// Number of pairs or curves without a linking number, or with an undecided step.
     pub defects: u32,
     /// Number of pull-throughs that cannot be resolved, because the frames are too far apart
@@ -93,7 +99,7 @@ pub struct VerdictMessage {
     pub first: Option<Finding>,
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,
-    /// Reason if the frame was rejected.
+    /// Reason if the frame was rejected, or which curves appeared and are gone.
     pub reason: Option<String>,
     /// Counters of the session up to this message.
     pub counters: Counters,
@@ -103,6 +109,8 @@ pub struct VerdictMessage {
     pub last_intact: Option<u64>,
     /// Safe share of the step from there ([`Report::safe_fraction`]).
     pub safe_fraction: Option<f64>,
+    /// Names of the curves, if the simulator gave them; otherwise empty.
+    pub names: Arc<[String]>,
 }
 
 impl fmt::Display for VerdictMessage {
@@ -153,7 +161,7 @@ impl fmt::Display for VerdictMessage {
             n => write!(f, ", {n} unresolved pull-throughs")?,
         }
         if let Some(finding) = &self.first {
-            write!(f, ": {}", finding.sentence(self.extent))?;
+            write!(f, ": {}", finding.sentence(self.extent, &self.names))?;
         }
         if let Some(reason) = &self.reason {
             write!(f, ": {reason}")?;
@@ -193,6 +201,8 @@ impl VerdictWire {
             has_place: 0,
             reason_len: 0,
             unresolved: 0,
+            appeared: 0,
+            gone: 0,
             expected: 0,
             found: 0,
             point: [0.0; 3],
@@ -228,6 +238,8 @@ impl VerdictWire {
             events: u32::try_from(report.events.len()).unwrap_or(u32::MAX),
             defects: u32::try_from(report.defects.len()).unwrap_or(u32::MAX),
             unresolved: u32::try_from(report.unresolved.len()).unwrap_or(u32::MAX),
+            appeared: u32::try_from(report.appeared.len()).unwrap_or(u32::MAX),
+            gone: u32::try_from(report.gone.len()).unwrap_or(u32::MAX),
             check_ns: u64::try_from(check.as_nanos()).unwrap_or(u64::MAX),
             extent: report.stats.extent,
             last_intact: report.last_intact.unwrap_or(NO_FRAME),
@@ -255,7 +267,8 @@ impl VerdictWire {
             wire.defect_kind = defect.kind as u32;
             wire.set_place(Some(defect.place));
         }
-        if let Some(reason) = &report.rejected {
+        let curves = || words_of_change(&report.appeared, &report.gone);
+        if let Some(reason) = report.rejected.clone().or_else(curves) {
             let n = reason.floor_char_boundary(wire.reason.len());
             wire.reason[..n].copy_from_slice(&reason.as_bytes()[..n]);
             wire.reason_len = n as u32;
@@ -341,6 +354,8 @@ impl VerdictWire {
             events: self.events,
             defects: self.defects,
             unresolved: self.unresolved,
+            appeared: self.appeared,
+            gone: self.gone,
             first,
             extent: self.extent,
             reason: (!reason.is_empty()).then(|| String::from_utf8_lossy(reason).into_owned()),
@@ -352,6 +367,7 @@ impl VerdictWire {
             check: Duration::from_nanos(self.check_ns),
             last_intact: (self.last_intact != NO_FRAME).then_some(self.last_intact),
             safe_fraction: (!self.safe_fraction.is_nan()).then_some(self.safe_fraction),
+            names: Arc::default(),
         })
     }
 }

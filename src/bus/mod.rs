@@ -51,7 +51,7 @@ mod wire;
 
 pub use client::{Client, ClientOptions, FrameLoan, Outcome};
 #[cfg(feature = "bus")]
-pub use event::{Event, Frame};
+pub use event::{Event, Frame, LastLabels};
 pub use frames::FrameMemory;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
 pub use services::{Attached, ServiceInfo, services};

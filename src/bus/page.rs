@@ -5,8 +5,8 @@ use super::service::{Endpoint, Role};
 use super::wait_mode::WaitMode;
 use super::wire::{
     ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
-    FLAG_END, FLAG_LOCKSTEP, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, NO_CURVE,
-    NO_FRAME, VERDICT_MAGIC, VerdictWire, payload_bytes,
+    FLAG_END, FLAG_LOCKSTEP, FLAG_RADII, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, NO_CURVE,
+    NO_FRAME, Table, VERDICT_MAGIC, VerdictWire,
 };
 use crate::curve::{Basis, Precision};
 use crate::verdict::{DefectKind, Verdict};
@@ -74,6 +74,13 @@ fn the_wire_page_has_every_field_of_a_frame_header() {
             basis,
             coordinate_bytes,
             cuts,
+            layout,
+            names_bytes,
+            time_step,
+            cell_vectors,
+            reserved,
+            cell_origin,
+            cell,
         }
     );
     let found = rows("## A frame", "offset");
@@ -113,6 +120,8 @@ fn the_wire_page_has_every_field_of_a_verdict() {
             has_place,
             reason_len,
             unresolved,
+            appeared,
+            gone,
             expected,
             found,
             point,
@@ -159,6 +168,7 @@ fn the_wire_page_has_every_code() {
         (FLAG_END, "end"),
         (FLAG_ANNOUNCE, "announce"),
         (FLAG_UNFINISHED, "unfinished"),
+        (FLAG_RADII, "radii"),
     ];
     assert_eq!(columns(2, rows("## A frame", "flag")), codes(flags));
 
@@ -204,7 +214,8 @@ fn the_wire_page_lists_the_numbers_of_points_of_each_basis() {
             assert_eq!(*cell, expected, "{basis:?}");
         }
     }
-    let example = payload_bytes(2, 200, Precision::F32).unwrap();
+    let table = Table::new(2, 0, false).unwrap();
+    let example = table.payload_bytes(200, Precision::F32).unwrap();
     assert!(PAGE.contains(&format!("2400 bytes of positions: {example} bytes.")));
 }
 

@@ -4,12 +4,13 @@
 //! structs start with a magic number and a layout version, and have no implicit padding.
 //!
 //! Payload of a frame: `n_curves` counts (`i32`, negative if the curve is closed, as in BCC files),
-//! zeros up to a multiple of 64 bytes, then `3 * n_points` coordinates. All numbers have the byte
-//! order of the machine.
+//! the names of the curves (each followed by a zero byte), their radii (`f32`), and `3 * n_points`
+//! coordinates. Each part but the last one is filled with zeros up to a multiple of 64 bytes. Names
+//! and radii are optional. All numbers have the byte order of the machine.
 //!
 //! `docs/wire.md` describes this layout for other languages; change both together.
 
-use crate::curve::Precision;
+use crate::curve::{CurveLabels, Precision};
 #[cfg(feature = "bus")]
 use crate::curve::{Basis, Positions};
 use crate::error::{Error, Result};
@@ -19,7 +20,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use std::mem::size_of;
 
 /// Version of the layout. Increment it with every change of either struct or of the payload.
-pub(super) const LAYOUT_VERSION: u32 = 5;
+pub(super) const LAYOUT_VERSION: u32 = 6;
 
 /// Alignment of the payload and of the positions in it: a cache line, and the widest vector load.
 pub(super) const ALIGNMENT: usize = 64;
@@ -39,6 +40,9 @@ pub(super) const FLAG_END: u32 = 2;
 pub(super) const FLAG_ANNOUNCE: u32 = 4;
 /// With `FLAG_END`: the simulator ended without finishing (an error or a panic).
 pub(super) const FLAG_UNFINISHED: u32 = 8;
+
+/// The payload has the radii of the curves.
+pub(super) const FLAG_RADII: u32 = 16;
 
 /// Header of every frame. Each frame describes itself, so a watcher that joins late needs no
 /// earlier one.
@@ -65,6 +69,22 @@ pub(super) struct FrameHeader {
     /// last verified frame, this frame does not continue that one. It is a count, not a flag,
     /// because the frame after a cut may be skipped.
     pub cuts: u32,
+    /// Number of times that the simulator described its curves before this one. The curves, their
+    /// order, names and radii are the same in all frames with the same number.
+    pub layout: u32,
+    /// Number of bytes of the names; 0 if the curves have none.
+    pub names_bytes: u32,
+    /// Time step of the simulator in seconds; 0 if it is unknown.
+    pub time_step: f64,
+    /// Number of vectors of the periodic cell. Must be 0, because periodic cells are not supported
+    /// yet.
+    pub cell_vectors: u32,
+    /// Must be 0.
+    pub reserved: u32,
+    /// Origin of the periodic cell.
+    pub cell_origin: [f64; 3],
+    /// Vectors of the periodic cell.
+    pub cell: [f64; 9],
 }
 
 /// [`VerdictWire::finding`]: the message has no finding.
@@ -112,6 +132,9 @@ pub(super) struct VerdictWire {
     /// Bytes used of `reason`.
     pub reason_len: u32,
     pub unresolved: u32,
+    /// Number of curves that appeared, and of those that are gone, since the last verified frame.
+    pub appeared: u32,
+    pub gone: u32,
     pub expected: i64,
     pub found: i64,
     pub point: [f64; 3],
@@ -128,25 +151,53 @@ pub(super) struct VerdictWire {
     pub last_intact: u64,
     /// NaN if it is unknown.
     pub safe_fraction: f64,
-    /// Why a frame was rejected: UTF-8, cut at a character.
+    /// Why a frame was rejected, or which curves appeared and are gone: UTF-8, cut at a character.
     pub reason: [u8; 192],
 }
 
 // The sizes are the sums of the fields, so there is no implicit padding.
-const _: () = assert!(size_of::<FrameHeader>() == 64);
-const _: () = assert!(size_of::<VerdictWire>() == 408);
+const _: () = assert!(size_of::<FrameHeader>() == 184);
+const _: () = assert!(size_of::<VerdictWire>() == 416);
 
-/// Returns the number of bytes of the counts of `curves` curves, padding included.
-pub(super) fn table_bytes(curves: usize) -> Option<usize> {
-    curves
-        .checked_mul(size_of::<i32>())?
-        .checked_next_multiple_of(ALIGNMENT)
+/// Sizes of the parts of a payload before the positions, in bytes, padding included.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Table {
+    pub counts: usize,
+    pub names: usize,
+    pub radii: usize,
 }
 
-/// Returns the number of bytes of a whole payload.
-pub(super) fn payload_bytes(curves: usize, points: usize, precision: Precision) -> Option<usize> {
-    let positions = points.checked_mul(3 * precision.bytes())?;
-    table_bytes(curves)?.checked_add(positions)
+impl Table {
+    /// Returns `None` if they do not fit into memory.
+    pub fn new(curves: usize, names: usize, radii: bool) -> Option<Table> {
+        let padded = |bytes: usize| bytes.checked_next_multiple_of(ALIGNMENT);
+        let counts = padded(curves.checked_mul(size_of::<i32>())?)?;
+        Some(Table {
+            counts,
+            names: padded(names)?,
+            // A radius has as many bytes as a count.
+            radii: if radii { counts } else { 0 },
+        })
+    }
+
+    /// Returns the number of bytes before the positions.
+    pub fn bytes(self) -> Option<usize> {
+        self.counts.checked_add(self.names)?.checked_add(self.radii)
+    }
+
+    /// Returns the number of bytes of a whole payload.
+    pub fn payload_bytes(self, points: usize, precision: Precision) -> Option<usize> {
+        let positions = points.checked_mul(3 * precision.bytes())?;
+        self.bytes()?.checked_add(positions)
+    }
+}
+
+/// Parts of a payload.
+#[cfg(feature = "bus")]
+pub(super) struct View<'a> {
+    /// The parts before the positions: the same bytes in all frames of a layout.
+    pub table: &'a [u8],
+    pub frame: RawFrame<'a>,
 }
 
 impl FrameHeader {
@@ -173,7 +224,7 @@ impl FrameHeader {
     /// Returns the parts of the payload that this header describes, or an error if they do not fit.
     /// `self` must be a copy, because the header in shared memory may change at any time.
     #[cfg(feature = "bus")]
-    pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<RawFrame<'a>> {
+    pub fn view<'a>(&self, payload: &'a [u8], max_bytes: usize) -> Result<View<'a>> {
         let field = |place, what: std::fmt::Arguments<'_>| Err(Error::format("frame", place, what));
         if payload.len() > max_bytes {
             return Err(Error::Count {
@@ -184,6 +235,19 @@ impl FrameHeader {
         }
         if !self.time.is_finite() {
             return field("time", format_args!("{} seconds", self.time));
+        }
+        if !(self.time_step >= 0.0 && self.time_step.is_finite()) {
+            return field("time step", format_args!("{} seconds", self.time_step));
+        }
+        if self.cell_vectors != 0 {
+            return Err(Error::unsupported(
+                "frame",
+                format_args!(
+                    "a periodic cell of {} vectors: this build verifies curves in open space only; \
+                     publish unwrapped positions without a cell",
+                    self.cell_vectors
+                ),
+            ));
         }
         let Some(&basis) = Basis::ALL.get(self.basis as usize) else {
             let last = Basis::ALL.len() - 1;
@@ -203,10 +267,10 @@ impl FrameHeader {
             }
         };
         let curves = self.n_curves as usize;
-        let promised = usize::try_from(self.n_points)
-            .ok()
-            .and_then(|points| payload_bytes(curves, points, precision));
-        let (Some(bytes), Some(table)) = (promised, table_bytes(curves)) else {
+        let table = self.table();
+        let points = usize::try_from(self.n_points).ok();
+        let promised = table.and_then(|table| table.payload_bytes(points?, precision));
+        let (Some(bytes), Some(table)) = (promised, table.and_then(Table::bytes)) else {
             return field(
                 "points",
                 format_args!("{} do not fit into memory", self.n_points),
@@ -230,12 +294,69 @@ impl FrameHeader {
         let Some(positions) = positions else {
             return field("positions", format_args!("not aligned"));
         };
-        Ok(RawFrame {
-            basis,
-            counts,
-            positions,
+        Ok(View {
+            table,
+            frame: RawFrame {
+                basis,
+                counts,
+                positions,
+            },
         })
     }
+
+    #[cfg(feature = "bus")]
+    fn table(&self) -> Option<Table> {
+        let radii = self.flags & FLAG_RADII != 0;
+        Table::new(self.n_curves as usize, self.names_bytes as usize, radii)
+    }
+
+    /// Decodes the names and radii in a copy of the parts before the positions
+    /// ([`View::table`]).
+    #[cfg(feature = "bus")]
+    pub fn labels(&self, table: &[u8]) -> Result<CurveLabels> {
+        let sizes = self.table().expect("the view has compared the sizes");
+        let (curves, bytes) = (self.n_curves as usize, self.names_bytes as usize);
+        let names = &table[sizes.counts..][..bytes];
+        let field = |what: &str| Err(Error::format("frame", "names of the curves", what));
+        let names = match names.strip_suffix(&[0]) {
+            None if names.is_empty() => Vec::new(),
+            None => return field("the last name does not end with a zero byte"),
+            Some(names) => match std::str::from_utf8(names) {
+                Ok(names) => names.split('\0').map(str::to_owned).collect(),
+                Err(_) => return field("not UTF-8"),
+            },
+        };
+        let radii = &table[sizes.counts + sizes.names..];
+        let radii = match sizes.radii {
+            0 => &[],
+            _ => &radii[..curves * size_of::<f32>()],
+        };
+        let radii = radii.as_chunks().0.iter();
+        let labels = CurveLabels {
+            names,
+            radii: radii.map(|bytes| f32::from_ne_bytes(*bytes)).collect(),
+            ..CurveLabels::default()
+        };
+        labels.check(curves)?;
+        Ok(labels)
+    }
+}
+
+/// Returns the parts before the positions of a payload, and the number of bytes of the names.
+/// `None` if they do not fit into memory.
+pub(super) fn table_of(counts: &[i32], labels: &CurveLabels) -> Option<(Vec<u8>, u32)> {
+    let names = labels.names.iter().map(|name| name.len() + 1).sum();
+    let sizes = Table::new(counts.len(), names, !labels.radii.is_empty())?;
+    let mut table: Vec<u8> = counts.iter().flat_map(|c| c.to_ne_bytes()).collect();
+    table.resize(sizes.counts, 0);
+    for name in &labels.names {
+        table.extend(name.as_bytes());
+        table.push(0);
+    }
+    table.resize(sizes.counts + sizes.names, 0);
+    table.extend(labels.radii.iter().flat_map(|r| r.to_ne_bytes()));
+    table.resize(sizes.bytes()?, 0);
+    Some((table, u32::try_from(names).ok()?))
 }
 
 /// Number types for which every bit pattern is valid.
@@ -279,21 +400,67 @@ mod tests {
             n_curves: curves,
             basis: 0,
             coordinate_bytes: 4,
-            cuts: 0,
+            ..FrameHeader::default()
         }
+    }
+
+    fn error(header: FrameHeader, payload: &[u8], max_bytes: usize) -> String {
+        let view = header.view(payload, max_bytes).map(|view| view.frame);
+        view.unwrap_err().to_string()
+    }
+
+    #[test]
+    fn names_and_radii_are_transmitted() {
+        let labels = CurveLabels::named(["a", "\u{e9}\u{e9}"]).with_radii([0.5, 0.0]);
+        let (table, names_bytes) = table_of(&[-4, 4], &labels).unwrap();
+        assert_eq!((table.len(), names_bytes), (3 * 64, 7));
+        let h = FrameHeader {
+            flags: FLAG_RADII,
+            names_bytes,
+            ..header(2, 8)
+        };
+        assert_eq!(h.labels(&table).unwrap(), labels);
+        let (table, names_bytes) = table_of(&[-4, 4], &CurveLabels::default()).unwrap();
+        assert_eq!((table.len(), names_bytes), (64, 0));
+        assert!(header(2, 8).labels(&table).unwrap().is_empty());
+    }
+
+    #[test]
+    fn rejects_names_that_are_no_list_of_words() {
+        let mut table = [0; 128];
+        let mut fails = |names: &[u8]| {
+            table[64..64 + names.len()].copy_from_slice(names);
+            let h = FrameHeader {
+                names_bytes: names.len() as u32,
+                ..header(2, 8)
+            };
+            h.labels(&table).unwrap_err().to_string()
+        };
+        let place = "not a valid frame (names of the curves): ";
+        assert_eq!(
+            fails(b"a\0b"),
+            format!("{place}the last name does not end with a zero byte")
+        );
+        assert_eq!(fails(b"a\0\xff\0"), format!("{place}not UTF-8"));
+        assert_eq!(
+            fails(b"a\0"),
+            "names of curves: 2 promised, 1 available"
+        );
+        assert!(fails(b"a\0\0").contains("name \"\""));
+        assert!(fails(b"a\0a\0").contains("which is that of curve 0"));
     }
 
     #[test]
     fn splits_a_frame_that_fits() {
         let bytes = Aligned([0; 256]);
-        let frame = header(1, 4).view(&bytes.0[..112], 256).unwrap();
+        let frame = header(1, 4).view(&bytes.0[..112], 256).unwrap().frame;
         assert_eq!((frame.counts.len(), frame.positions.len()), (1, 12));
     }
 
     #[test]
     fn rejects_wrong_lengths_before_reading_the_payload() {
         let bytes = Aligned([0; 256]);
-        let fails = |h: FrameHeader| h.view(&bytes.0[..112], 256).unwrap_err().to_string();
+        let fails = |h: FrameHeader| error(h, &bytes.0[..112], 256);
         assert_eq!(
             fails(header(1, 5)),
             "bytes of a frame: 124 promised, 112 available"
@@ -306,19 +473,19 @@ mod tests {
             fails(header(1, points));
         }
         fails(header(u32::MAX, 4));
-        let e = header(1, 4).view(&bytes.0[..112], 100).unwrap_err();
+        let e = error(header(1, 4), &bytes.0[..112], 100);
         assert_eq!(
-            e.to_string(),
+            e,
             "bytes of a frame (more than the limit): 112 promised, 100 available"
         );
-        let shifted = header(1, 4).view(&bytes.0[1..113], 256);
-        assert!(shifted.unwrap_err().to_string().contains("not aligned"));
+        let shifted = error(header(1, 4), &bytes.0[1..113], 256);
+        assert!(shifted.contains("not aligned"));
     }
 
     #[test]
     fn rejects_codes_out_of_range_by_name() {
         let bytes = Aligned([0; 256]);
-        let fails = |h: FrameHeader| h.view(&bytes.0[..112], 256).unwrap_err().to_string();
+        let fails = |h: FrameHeader| error(h, &bytes.0[..112], 256);
         let with = |change: fn(&mut FrameHeader)| {
             let mut h = header(1, 4);
             change(&mut h);
@@ -336,10 +503,22 @@ mod tests {
             fails(with(|h| h.time = f64::NAN)),
             "not a valid frame (time): NaN seconds"
         );
+        for time_step in [-1.0, f64::NAN, f64::INFINITY] {
+            let h = FrameHeader {
+                time_step,
+                ..header(1, 4)
+            };
+            assert!(fails(h).contains("(time step)"));
+        }
+        assert_eq!(
+            fails(with(|h| h.cell_vectors = 3)),
+            "unsupported frame: a periodic cell of 3 vectors: this build verifies curves in open \
+             space only; publish unwrapped positions without a cell"
+        );
         let e = with(|h| h.version = 9).check_layout().unwrap_err();
         assert_eq!(
             e.to_string(),
-            "the frame has version 9; this build reads version 5"
+            "the frame has version 9; this build reads version 6"
         );
         assert!(with(|h| h.magic = 0).check_layout().is_err());
     }

@@ -54,6 +54,65 @@ impl Certificate {
         self.undefined.iter().any(|d| d.j.is_none())
     }
 
+    /// Returns this certificate for other curves, of which `origins` has the indices in this one.
+    /// Curves without an origin have linking number 0 with all others.
+    pub(crate) fn with_curves(&self, origins: &[Option<u32>]) -> Certificate {
+        let mut index = vec![None; self.curves];
+        for (i, origin) in (0_u32..).zip(origins) {
+            if let Some(origin) = origin {
+                index[*origin as usize] = Some(i);
+            }
+        }
+        let index = |i: u32| index[i as usize];
+        let links = self.links.iter().filter_map(|l| {
+            let (i, j) = (index(l.i)?, index(l.j)?);
+            Some(Link {
+                i: i.min(j),
+                j: i.max(j),
+                ..*l
+            })
+        });
+        let undefined = self.undefined.iter().filter_map(|d| {
+            let i = index(d.i)?;
+            let Some(j) = d.j else {
+                return Some(Defect { i, ..*d });
+            };
+            let j = index(j)?;
+            let mut defect = Defect {
+                i: i.min(j),
+                j: Some(i.max(j)),
+                ..*d
+            };
+            if i > j {
+                defect.place.segments.reverse();
+            }
+            Some(defect)
+        });
+        let mut out = Certificate {
+            curves: origins.len(),
+            links: links.collect(),
+            undefined: undefined.collect(),
+        };
+        out.sort();
+        out
+    }
+
+    /// Adds the entries of the pairs with one of these curves, sorted, from another certificate.
+    pub(crate) fn adopt_curves(&mut self, curves: &[u32], from: &Certificate) {
+        let has = |i: u32| curves.binary_search(&i).is_ok();
+        let links = from.links.iter().filter(|l| has(l.i) || has(l.j));
+        self.links.extend(links);
+        let undefined = from.undefined.iter();
+        let undefined = undefined.filter(|d| has(d.i) || d.j.is_some_and(has));
+        self.undefined.extend(undefined);
+        self.sort();
+    }
+
+    fn sort(&mut self) {
+        self.links.sort_unstable_by_key(|l| (l.i, l.j));
+        self.undefined.sort_by_key(|d| (d.i, d.j));
+    }
+
     fn filtered(&self, keep: impl Fn(u32, Option<u32>) -> bool) -> Certificate {
         let links = self.links.iter().filter(|l| keep(l.i, Some(l.j)));
         let undefined = self.undefined.iter().filter(|d| keep(d.i, d.j));

@@ -115,7 +115,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let name = path.display().to_string();
         let judged = read(path).and_then(|frame| {
             let progress = session.progress();
-            with_progress(&name, progress, || session.judge(seq as u64, 0.0, 0, frame))
+            with_progress(&name, progress, || session.judge(seq as u64, 0.0, frame))
         });
         let mut judged = match judged {
             Ok(judged) => judged,

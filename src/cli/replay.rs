@@ -7,7 +7,7 @@ use super::session::{
     FrameCounts, Ingested, Judge, Judged, JunitArgs, MOTION_LIMIT, Run, Session, Sinks,
 };
 use linkwatch::{
-    AbortOn, Ending, Error, Events, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
+    AbortOn, Ending, Error, Events, FrameInfo, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
     Report, Result, Verdict,
 };
 use serde::Serialize;
@@ -238,7 +238,6 @@ enum Waiting {
     Frame {
         seq: u64,
         time: f64,
-        cuts: u32,
         frame: Ingested,
     },
     Verdict(Box<RecordedVerdict>),
@@ -273,13 +272,13 @@ impl Replay {
         match item {
             RecordedItem::Baseline(_) => {}
             RecordedItem::Frame(recorded) => {
-                let frame = self.session.ingest(|receive| recorded.read(receive));
+                let info = Ok(recorded.info.clone());
+                let frame = self.session.ingest(info, |receive| recorded.read(receive));
                 self.session.announce(&frame);
                 self.finish_waiting()?;
                 self.waiting.push_back(Waiting::Frame {
                     seq: recorded.seq,
                     time: recorded.time,
-                    cuts: recorded.cuts,
                     frame,
                 });
             }
@@ -300,10 +299,9 @@ impl Replay {
                 Waiting::Frame {
                     seq,
                     time,
-                    cuts,
                     frame,
                 } => {
-                    let judged = self.session.judge(seq, time, cuts, frame)?;
+                    let judged = self.session.judge(seq, time, frame)?;
                     self.count(judged.report.verdict);
                     self.last = Some(Arc::clone(&judged.report));
                     self.session.publish(judged, self.tally);
@@ -358,7 +356,7 @@ impl Replay {
                     work: progress.work,
                     offload: Default::default(),
                     curves: None,
-                    cuts: 0,
+                    info: FrameInfo::default(),
                     model: None,
                 };
                 self.session.publish(judged, self.tally);

@@ -7,7 +7,7 @@ use super::session::{FrameCounts, Ingested, Judge, Judged, Run, Session, Sinks};
 use super::signals::{TICK, stop_on_signals};
 use super::{Outcome, services};
 use linkwatch::{
-    Counters, Error, Event, LiveTimes, Overflow, Result, Sidecar, SidecarOptions, WaitMode,
+    Counters, Error, Event, LastLabels, LiveTimes, Overflow, Result, Sidecar, SidecarOptions, WaitMode,
 };
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -92,8 +92,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let (to, frames) = mpsc::channel::<Work<'_>>();
         let (verdicts, from) = mpsc::channel();
         let judge = move || {
-            for (session, seq, time, cuts, frame) in frames {
-                let judged = session.judge(seq, time, cuts, frame);
+            for (session, seq, time, frame) in frames {
+                let judged = session.judge(seq, time, frame);
                 // The receiver has ended if the watch has failed.
                 let _ = verdicts.send((session, judged));
             }
@@ -131,7 +131,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 }
 
 /// A frame to judge, and the session that judges it.
-type Work<'s> = (&'s mut Session, u64, f64, u32, Ingested);
+type Work<'s> = (&'s mut Session, u64, f64, Ingested);
 
 /// Judges frames in a thread, while this thread checks the signals and sends heartbeats.
 struct Checker<'s> {
@@ -194,6 +194,7 @@ fn watch<'s>(
     let start = Instant::now();
     // Receipt of the last frame, and the time at which this thread had finished it.
     let mut last: Option<[Instant; 2]> = None;
+    let mut labels = LastLabels::default();
     let mut met = false;
     let mut hinted = false;
     // Last warning about an unreadable message.
@@ -218,14 +219,15 @@ fn watch<'s>(
             }
             Event::Frame(frame) => {
                 let received = Instant::now();
-                let (seq, time, cuts) = (frame.seq(), frame.time(), frame.cuts());
-                let ingested = session.ingest(|receive| frame.read(receive));
+                let (seq, time) = (frame.seq(), frame.time());
+                let info = frame.info(&mut labels);
+                let ingested = session.ingest(info, |receive| frame.read(receive));
                 // Returns the memory to the simulator.
                 drop(frame);
                 let judged = if session.is_quick(&ingested) {
-                    session.judge(seq, time, cuts, ingested)
+                    session.judge(seq, time, ingested)
                 } else {
-                    let work = (session, seq, time, cuts, ingested);
+                    let work = (session, seq, time, ingested);
                     let judged;
                     (session, judged) = checker.judge(work, sidecar, stop);
                     judged

@@ -19,6 +19,7 @@ mod extent;
 mod lazy;
 #[cfg(feature = "verify")]
 mod leaf_boxes;
+mod labels;
 mod notation;
 mod positions;
 #[cfg(feature = "verify")]
@@ -45,6 +46,8 @@ pub(crate) use diagonals::Diagonals;
 pub use extent::LongSegment;
 #[cfg(feature = "verify")]
 pub(crate) use lazy::Received;
+pub use labels::{CurveChange, CurveLabels};
+pub(crate) use labels::{words_of_change, words_of_curve};
 pub(crate) use notation::{Notation, significant};
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]

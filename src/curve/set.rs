@@ -550,6 +550,29 @@ impl CurveSet {
         )
     }
 
+    /// Returns a set of some of the curves, in this order.
+    pub(crate) fn subset(&self, curves: &[u32]) -> CurveSet {
+        let indices = curves.iter().map(|&i| i as usize);
+        let counts: Vec<i32> = self.counts().collect();
+        let counts: Vec<i32> = indices.clone().map(|i| counts[i]).collect();
+        let points = indices.flat_map(|i| {
+            let points = self.curve(i).points as usize;
+            (0..points).flat_map(move |k| self.point(i, k))
+        });
+        let set = match self.precision() {
+            Precision::F32 => {
+                let points: Vec<f32> = points.map(|x| x as f32).collect();
+                CurveSet::from_counts(self.basis, &counts, Positions::F32(&points))
+            }
+            Precision::F64 => {
+                let points: Vec<f64> = points.collect();
+                CurveSet::from_counts(self.basis, &counts, Positions::F64(&points))
+            }
+        };
+        set.expect("curves of a valid set are valid")
+    }
+
+
     /// Returns the number of vertices of polyline `i` that equal their successor (after the last
     /// vertex of a closed polyline comes its first one).
     pub fn repeated_vertices(&self, i: usize) -> usize {

@@ -8,8 +8,10 @@
 //! ([`Verifier::receive`](crate::Verifier::receive)). Before that, it reads a sample of the points
 //! for a guess of the motion; no result depends on the guess.
 
+mod info;
 mod pool;
 
+pub use info::FrameInfo;
 pub use pool::FramePool;
 
 use crate::curve::{Basis, CurveSet, Positions};

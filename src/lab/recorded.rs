@@ -41,7 +41,7 @@ impl RecordedMotion {
                     reader,
                     positions: curves.positions().into_copy(),
                     curves,
-                    cuts: frame.cuts,
+                    cuts: frame.info.cuts,
                     is_first: true,
                 });
             }
@@ -63,8 +63,9 @@ impl RecordedMotion {
             if let (Ok(()), Some(curves)) = (frame.ingest(&mut curves), &curves) {
                 self.curves.clone_from(curves);
                 self.positions = curves.positions().into_copy();
-                let before = std::mem::replace(&mut self.cuts, frame.cuts);
-                return Ok(Some(before != frame.cuts));
+                let cuts = frame.info.cuts;
+                let before = std::mem::replace(&mut self.cuts, cuts);
+                return Ok(Some(before != cuts));
             }
         }
         Ok(None)

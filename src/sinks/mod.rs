@@ -27,6 +27,7 @@ use crate::curve::CurveSet;
 use crate::error::Error;
 use crate::error::Result;
 use crate::incremental::Work;
+use crate::ingest::FrameInfo;
 use crate::verdict::Report;
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -45,9 +46,8 @@ pub struct BaselineRecord {
 pub struct FrameRecord {
     /// The curves; `None` if the frame was rejected before it became curves.
     pub curves: Option<Arc<CurveSet>>,
-    /// Number of cuts that the simulator made before this frame. If it differs from that of the
-    /// previous frame, this frame does not continue that one.
-    pub cuts: u32,
+    /// What the simulator told about the frame.
+    pub info: FrameInfo,
     /// Report on the frame. The same for every run over the same frames.
     pub report: Arc<Report>,
     /// Number of frames verified so far, this one included.

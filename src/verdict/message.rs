@@ -1,7 +1,7 @@
 //! Messages about verdicts, which the command, the log and the viewer print.
 
 use super::{Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict};
-use crate::curve::{Notation, significant};
+use crate::curve::{Notation, significant, words_of_change, words_of_curve};
 use std::fmt;
 
 impl fmt::Display for Verdict {
@@ -30,6 +30,11 @@ impl Change {
     /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
     /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
     pub fn sentence(&self, extent: f64) -> String {
+        self.sentence_named(extent, &[])
+    }
+
+    /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
+    pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let what = match self.kind() {
             ChangeKind::Lost => "came apart",
             ChangeKind::Gained => "became linked",
@@ -37,7 +42,10 @@ impl Change {
         };
         let mut text = format!(
             "curves {} and {} {what}: linking number was {}, is {}",
-            self.i, self.j, self.expected, self.found
+            words_of_curve(self.i, names),
+            words_of_curve(self.j, names),
+            self.expected,
+            self.found
         );
         if let Some(place) = &self.place {
             text += ", ";
@@ -57,15 +65,19 @@ impl PullThrough {
     /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
     /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
     pub fn sentence(&self, extent: f64) -> String {
+        self.sentence_named(extent, &[])
+    }
+
+    /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
+    pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let PullThrough {
-            i,
-            j,
             fraction,
             sign,
             segments: [s, t],
             ..
         } = self;
-        let what = match i == j {
+        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
+        let what = match self.i == self.j {
             true => format!("curve {i} passed through itself"),
             false => format!("curves {i} and {j} passed through one another"),
         };
@@ -84,11 +96,19 @@ impl Defect {
     /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
     /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
     pub fn sentence(&self, extent: f64) -> String {
-        let (i, what) = (self.i, self.kind.words());
+        self.sentence_named(extent, &[])
+    }
+
+    /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
+    pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
+        let (i, what) = (words_of_curve(self.i, names), self.kind.words());
         let place = self.place.words(extent);
         match self.j {
-            Some(j) if j == i => format!("parts of curve {j} {what}, {place}"),
-            Some(j) => format!("curves {i} and {j} {what}, {place}"),
+            Some(j) if j == self.i => format!("parts of curve {i} {what}, {place}"),
+            Some(j) => {
+                let j = words_of_curve(j, names);
+                format!("curves {i} and {j} {what}, {place}")
+            }
             None => {
                 let point = Notation::of_scene(extent, self.place.point).point(self.place.point);
                 format!("curve {i} {what}, at {point}")
@@ -179,6 +199,7 @@ impl Report {
             n => parts.push(format!("{n} unresolved pull-throughs")),
         }
         parts.extend(self.rejected.clone());
+        parts.extend(words_of_change(&self.appeared, &self.gone));
         let detail = if parts.is_empty() {
             String::new()
         } else {
@@ -191,20 +212,26 @@ impl Report {
     /// pull-throughs. Coordinates have six significant digits of the extent of the scene
     /// ([`Stats::extent`](crate::Stats::extent)).
     pub fn findings(&self) -> impl Iterator<Item = String> + '_ {
+        self.findings_named(&[])
+    }
+
+    /// Same as [`findings`](Report::findings), with the names of all curves, or without if empty.
+    pub fn findings_named<'a>(&'a self, names: &'a [String]) -> impl Iterator<Item = String> + 'a {
         let extent = self.stats.extent;
-        let changes = self.changes.iter().map(move |c| c.sentence(extent));
-        let events = self.events.iter().map(move |p| p.sentence(extent));
-        let defects = self.defects.iter().map(|d| self.defect(d));
+        let changes = self.changes.iter();
+        let changes = changes.map(move |c| c.sentence_named(extent, names));
+        let events = self.events.iter().map(move |p| p.sentence_named(extent, names));
+        let defects = self.defects.iter().map(|d| self.defect(d, names));
         let unresolved = self.unresolved.iter().map(move |p| {
-            let (sentence, lengths) = (p.sentence(extent), p.lengths);
+            let (sentence, lengths) = (p.sentence_named(extent, names), p.lengths);
             format!("unresolved: {sentence}, which moved {lengths:.1} segment lengths in the step")
         });
         changes.chain(events).chain(defects).chain(unresolved)
     }
 
     /// Returns the sentence for a defect.
-    fn defect(&self, defect: &Defect) -> String {
-        let sentence = defect.sentence(self.stats.extent);
+    fn defect(&self, defect: &Defect, names: &[String]) -> String {
+        let sentence = defect.sentence_named(self.stats.extent, names);
         if defect.kind != DefectKind::NoBaseline {
             return sentence;
         }

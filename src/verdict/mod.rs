@@ -264,6 +264,11 @@ pub struct Report {
     /// touch there, so a simulator with soft contacts goes back further. `None` if pull-throughs
     /// are not searched for, or if the last verified frame before this one was not intact.
     pub safe_fraction: Option<f64>,
+    /// Names of the curves that appeared since the last verified frame. Their linking numbers are
+    /// expected from this frame on.
+    pub appeared: Vec<String>,
+    /// Names of the curves that are gone since the last verified frame.
+    pub gone: Vec<String>,
     /// Reason why the frame was rejected.
     pub rejected: Option<String>,
     /// Work counters.
@@ -285,6 +290,8 @@ impl Report {
             adopted: Vec::new(),
             last_intact: None,
             safe_fraction: None,
+            appeared: Vec::new(),
+            gone: Vec::new(),
             rejected: None,
             stats: Stats::default(),
         }

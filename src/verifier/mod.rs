@@ -19,7 +19,7 @@ use self::routing::Routing;
 use self::steps::{LinkingNumbers, Steps};
 use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
-use crate::curve::CurveSet;
+use crate::curve::{CurveChange, CurveSet};
 use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Outcome, Route, Work};
 use crate::ingest::{RawFrame, ingest};
@@ -101,6 +101,11 @@ pub struct Verifier {
     work: Work,
     /// Extent of the first frame.
     extent: Option<f64>,
+    /// Change of the curves before the next frame.
+    change: Option<CurveChange>,
+    /// Curves that appeared in the current frame, sorted. Their linking numbers are not in the
+    /// baseline yet.
+    appeared: Vec<u32>,
 }
 
 /// Result of comparing a frame with the baseline.
@@ -157,6 +162,8 @@ impl Verifier {
             routing: Routing::default(),
             work: Work::default(),
             extent: None,
+            change: None,
+            appeared: Vec::new(),
         }
     }
 
@@ -319,6 +326,66 @@ impl Verifier {
         self.steps.forget();
     }
 
+    /// Announces that the next frame has other curves than the previous ones.
+    ///
+    /// Linking numbers of curves that continue are compared with the baseline, and pull-throughs
+    /// among those that continue with the same number of points are searched for, if the verifier
+    /// searches for any. The linking numbers of curves that appear become part of the baseline in
+    /// the next frame; [`Report::appeared`] and [`Report::gone`] list the curves by name.
+    ///
+    /// ```
+    /// use linkwatch::{Basis, CurveChange, CurveLabels, CurveSet, Positions, Verdict, Verifier};
+    ///
+    /// let square = |x: f64| [x, 0., 0., x + 1., 0., 0., x + 1., 1., 0., x, 1., 0.];
+    /// let mut verifier = Verifier::default();
+    /// let one = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F64(&square(0.)))?;
+    /// assert_eq!(verifier.step(0, 0.0, &one)?.verdict, Verdict::Intact);
+    ///
+    /// let both = [square(5.0), square(0.0)].concat();
+    /// let two = CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F64(&both))?;
+    /// let names = [CurveLabels::named(["a"]), CurveLabels::named(["b", "a"])];
+    /// verifier.change_curves(CurveChange::by_name(&names[0], &names[1])?);
+    /// let report = verifier.step(1, 0.1, &two)?;
+    /// assert_eq!((report.verdict, report.appeared), (Verdict::Intact, vec!["b".to_owned()]));
+    /// # Ok::<(), linkwatch::Error>(())
+    /// ```
+    pub fn change_curves(&mut self, change: CurveChange) {
+        self.change = Some(change);
+    }
+
+    /// Applies the change of the curves before this frame. Returns the names of the curves that
+    /// appeared, and of those that are gone.
+    ///
+    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves than the
+    /// change; [`Error::Count`] if this frame has.
+    fn apply_change(&mut self, set: &CurveSet) -> Result<[Vec<String>; 2]> {
+        let Some(change) = self.change.take() else {
+            return Ok(Default::default());
+        };
+        let origins = change.origins();
+        if origins.len() != set.len() {
+            return Err(Error::Count {
+                what: "curves of a frame after a change",
+                promised: origins.len() as u64,
+                available: set.len() as u64,
+            });
+        }
+        if let Some(baseline) = &mut self.baseline {
+            if baseline.curves != change.before() {
+                return Err(Error::CertificateMismatch {
+                    certificate: baseline.curves,
+                    model: change.before(),
+                });
+            }
+            *baseline = baseline.with_curves(origins);
+            let appeared = (0_u32..).zip(origins).filter(|(_, o)| o.is_none());
+            self.appeared = appeared.map(|(i, _)| i).collect();
+        }
+        self.monitor = Monitor::new(self.steps.coverage());
+        self.steps.change_curves(origins, set);
+        Ok([change.appeared().to_vec(), change.gone().to_vec()])
+    }
+
     /// Announces the frame that comes after the next one. If crossings are counted on a GPU, its
     /// vertices are uploaded while the next frame is verified. This is only a hint: the results are
     /// the same without it, or if another frame follows.
@@ -328,6 +395,7 @@ impl Verifier {
 
     /// Returns the report on a frame, and its linking numbers.
     fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, LinkingNumbers)> {
+        let [appeared, gone] = self.apply_change(set)?;
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
             return Err(Error::CertificateMismatch {
                 certificate: b.curves,
@@ -377,6 +445,8 @@ impl Verifier {
             defects,
             adopted: comparison.adopted.clone(),
             safe_fraction,
+            appeared,
+            gone,
             stats: Stats { extent, ..stats },
             ..Report::new(seq, time, verdict)
         };
@@ -403,6 +473,15 @@ impl Verifier {
     }
 
     fn compare_with_baseline(&mut self, set: &CurveSet) -> Result<Compared> {
+        if !self.appeared.is_empty() {
+            let stats = self.certify_fully(set)?;
+            let certificate = &self.full.certificate;
+            let baseline = self.baseline.as_mut().expect("curves appear beside a baseline");
+            baseline.adopt_curves(&std::mem::take(&mut self.appeared), certificate);
+            let comparison = certificate.compare(baseline)?;
+            baseline.adopt(&comparison);
+            return Ok(self.of_full_run(comparison, stats));
+        }
         let Some(baseline) = self.baseline.take() else {
             let stats = self.certify_fully(set)?;
             let baseline = self.full.certificate.clone();

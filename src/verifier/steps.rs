@@ -5,7 +5,7 @@ use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
-use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome};
+use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, Touching};
 use crate::pairs::{Pair, degenerate_curves};
 use crate::verdict::{Defect, DefectKind, Place, Report, Verdict};
 use std::sync::Arc;
@@ -19,6 +19,8 @@ pub(super) struct Steps {
     incremental: bool,
     ledger: Ledger,
     last: Option<Last>,
+    /// Previous frame, if it had other curves; `last` is `None` then.
+    across: Option<Across>,
     /// Contacts of the current frame.
     contacts: Contacts,
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
@@ -38,6 +40,14 @@ struct Last {
     set: Arc<CurveSet>,
     linking: LinkingNumbers,
     contacts: Contacts,
+}
+
+/// Previous frame of other curves: those that continue, in the order of the current frame.
+#[derive(Debug)]
+struct Across {
+    before: CurveSet,
+    /// Their indices in the current frame, ascending.
+    curves: Vec<u32>,
 }
 
 /// Linking numbers of a frame.
@@ -95,7 +105,66 @@ impl Steps {
     /// Discards the previous frame, so that the next one does not continue it.
     pub fn forget(&mut self) {
         self.last = None;
+        self.across = None;
         self.broken = false;
+    }
+
+    /// Prepares a step to a frame of other curves, of which `origins` has the indices in the
+    /// previous frame. Pull-throughs are searched for among the curves that continue with the same
+    /// number of points.
+    pub fn change_curves(&mut self, origins: &[Option<u32>], set: &CurveSet) {
+        let last = self.last.take().filter(|_| self.events != Events::Off);
+        self.across = last.and_then(|last| {
+            let before = &*last.set;
+            let same_kind = |a: &CurveSet, b: &CurveSet| {
+                (a.basis(), a.precision()) == (b.basis(), b.precision())
+            };
+            if !same_kind(before, set) {
+                return None;
+            }
+            let same_size = |&(i, origin): &(u32, u32)| {
+                let (a, b) = (before.curve(origin as usize), set.curve(i as usize));
+                (a.points, a.closed) == (b.points, b.closed)
+            };
+            let kept = (0_u32..).zip(origins).filter_map(|(i, o)| Some((i, (*o)?)));
+            let (curves, origins): (Vec<u32>, Vec<u32>) = kept.filter(same_size).unzip();
+            Some(Across {
+                before: before.subset(&origins),
+                curves,
+            })
+        });
+        let index = |before: u32| {
+            let i = origins.iter().position(|o| *o == Some(before))?;
+            Some(i as u32)
+        };
+        if let Some(pairs) = &mut self.touching_from_the_start {
+            let kept = pairs.iter().filter_map(|&(i, j)| {
+                let (i, j) = (index(i)?, index(j)?);
+                Some((i.min(j), i.max(j)))
+            });
+            *pairs = kept.collect();
+            pairs.sort_unstable();
+        }
+    }
+
+    /// Returns the outcome of a step to a frame of other curves. The curves that appeared start
+    /// with their contacts in this frame.
+    fn outcome_across(&mut self, across: &Across, set: &CurveSet) -> Outcome {
+        let coverage = self.coverage();
+        let Across { before, curves } = across;
+        let after = set.subset(curves);
+        let (contacts, _) = self.ledger.first_frame(before, coverage);
+        let step = self.ledger.step([before, &after], &contacts, coverage, None);
+        let mut outcome = step.with_curves(curves);
+        let (contacts, mut touching) = self.ledger.first_frame(set, coverage);
+        let pair = |t: &Touching| (t.defect.i, t.defect.j);
+        let from_the_start = outcome.touching.iter().filter(|t| t.from_the_start);
+        let from_the_start: Vec<_> = from_the_start.map(pair).collect();
+        for t in &mut touching {
+            t.from_the_start = from_the_start.contains(&pair(t));
+        }
+        (outcome.touching, outcome.contacts) = (touching, contacts);
+        outcome
     }
 
     /// Adds to a complete report the last frame that is known to be intact.
@@ -210,6 +279,13 @@ impl Steps {
     /// If the previous frame has other curves.
     pub fn outcome(&mut self, set: &CurveSet, pairs: Option<&[Pair]>) -> Outcome {
         let coverage = self.coverage();
+        if let Some(across) = self.across.take() {
+            let outcome = self.outcome_across(&across, set);
+            self.broken |= !outcome.undecided.is_empty();
+            self.contacts.clone_from(&outcome.contacts);
+            self.note_touching(&outcome);
+            return outcome;
+        }
         let Some(last) = &self.last else {
             let (contacts, touching) = self.ledger.first_frame(set, coverage);
             self.contacts = contacts;

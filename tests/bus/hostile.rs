@@ -21,6 +21,13 @@ pub struct Header {
     basis: u32,
     coordinate_bytes: u32,
     cuts: u32,
+    layout: u32,
+    names_bytes: u32,
+    time_step: f64,
+    cell_vectors: u32,
+    reserved: u32,
+    cell_origin: [f64; 3],
+    cell: [f64; 9],
 }
 
 pub struct HostilePublisher {
@@ -58,7 +65,7 @@ impl HostilePublisher {
     pub fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
         let mut header = Header {
             magic: u64::from_le_bytes(*b"LWFRAME\0"),
-            version: 5,
+            version: 6,
             flags: 0,
             session: 77,
             seq: self.seq,
@@ -67,7 +74,7 @@ impl HostilePublisher {
             n_curves: 2,
             basis: 0,
             coordinate_bytes: 4,
-            cuts: 0,
+            ..Header::default()
         };
         let mut payload: Vec<u8> = COUNTS.iter().flat_map(|c| c.to_le_bytes()).collect();
         payload.resize(64, 0);

@@ -2,7 +2,7 @@
 
 use super::support::command::Run;
 use super::*;
-use linkwatch::{FrameRecord, RecordedItem, RecordingReader, RecordingSink, Report, Sink};
+use linkwatch::{FrameInfo, FrameRecord, RecordedItem, RecordingReader, RecordingSink, Report, Sink};
 use std::sync::Arc;
 use std::time::SystemTime;
 
@@ -68,7 +68,7 @@ fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
                 let progress = verdict.progress;
                 let record = FrameRecord {
                     curves: curves.take(),
-                    cuts: 0,
+                    info: FrameInfo::default(),
                     report: Arc::new(verdict.report),
                     verified: progress.verified,
                     skipped: progress.skipped,

@@ -45,9 +45,9 @@ pub struct Junit {
 }
 
 impl Junit {
-    /// Adds a frame. `model` is its file, if it has one.
-    pub fn add(&mut self, report: &Report, model: Option<&str>, check: Duration) {
-        self.suite.add(report, model, check);
+    /// Adds a frame. `names` are those of its curves, or empty; `model` is its file, if it has one.
+    pub fn add(&mut self, report: &Report, names: &[String], model: Option<&str>, check: Duration) {
+        self.suite.add(report, names, model, check);
     }
 
     /// Writes the file. `complete` is false if frames are missing, or differ from those recorded.
@@ -78,7 +78,7 @@ impl Suite {
         }
     }
 
-    fn add(&mut self, report: &Report, model: Option<&str>, check: Duration) {
+    fn add(&mut self, report: &Report, names: &[String], model: Option<&str>, check: Duration) {
         let name = model.map_or_else(|| report.frame(), str::to_owned);
         let kind = match report.verdict {
             Verdict::Intact => None,
@@ -86,7 +86,7 @@ impl Suite {
             _ => Some("error"),
         };
         let problem = kind.map(|kind| {
-            let findings = report.findings().chain(report.rejected.clone());
+            let findings = report.findings_named(names).chain(report.rejected.clone());
             // Models have names instead of the numbers in these words.
             let roll_back = report.roll_back().filter(|_| model.is_none());
             let lines: Vec<String> = findings.chain(roll_back).collect();
@@ -176,6 +176,7 @@ mod tests {
             let report = Report::new(seq as u64, 0.0, verdict);
             suite.add(
                 &report,
+                &[],
                 (seq == 1).then_some("\"x\"\u{1}.obj"),
                 Duration::from_millis(1),
             );

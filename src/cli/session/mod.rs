@@ -22,7 +22,8 @@ use super::live::Live;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameRecord, FrameTimes,
+    AbortOn, BaselineRecord, Certificate, CurveChange, CurveSet, Error, Events, FrameInfo,
+    FrameRecord, FrameTimes,
     Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict, Verifier,
     VerifierOptions, Work,
 };
@@ -111,6 +112,7 @@ impl FromStr for Baseline {
 /// Curves of a frame, or the reason why it is rejected.
 pub struct Ingested {
     curves: Result<Arc<CurveSet>>,
+    info: FrameInfo,
     took: Duration,
 }
 
@@ -119,6 +121,7 @@ impl From<Result<CurveSet>> for Ingested {
     fn from(curves: Result<CurveSet>) -> Ingested {
         Ingested {
             curves: curves.map(Arc::new),
+            info: FrameInfo::default(),
             took: Duration::ZERO,
         }
     }
@@ -132,8 +135,8 @@ pub struct Judged {
     /// Work done on the GPU.
     pub offload: Offload,
     pub curves: Option<Arc<CurveSet>>,
-    /// Number of cuts that the simulator made before this frame.
-    pub cuts: u32,
+    /// What the simulator told about the frame.
+    pub info: FrameInfo,
     /// Model file of the frame, if it comes from one.
     pub model: Option<String>,
 }
@@ -165,9 +168,8 @@ pub struct Run<'a> {
 /// One run over frames.
 pub struct Session {
     verifier: Verifier,
-    /// Number of cuts before the last verified frame. A frame with another number does not continue
-    /// it.
-    cuts: u32,
+    /// What the simulator told about the last verified frame, if there is one.
+    last: Option<FrameInfo>,
     /// Origin of the baseline; `None` if it is the first frame.
     origin: Option<String>,
     /// Events to report.
@@ -177,6 +179,9 @@ pub struct Session {
     /// Frames that sinks may still hold. The next frame reuses one that is free.
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pool: linkwatch::FramePool,
+    /// Layout of these frames.
+    #[cfg(any(feature = "bus", feature = "mcap"))]
+    layout: u32,
     json: bool,
     live: Live,
     outcome: Outcome,
@@ -247,13 +252,15 @@ impl Session {
         })?;
         Ok(Session {
             verifier,
-            cuts: 0,
+            last: None,
             origin,
             events,
             queues: sinks.open(run.title, &metadata, run.overflow)?,
             begun: false,
             #[cfg(any(feature = "bus", feature = "mcap"))]
             pool: linkwatch::FramePool::default(),
+            #[cfg(any(feature = "bus", feature = "mcap"))]
+            layout: 0,
             json: run.json,
             live: Live::new(),
             outcome: Outcome::Fine,
@@ -296,17 +303,28 @@ impl Session {
     }
 
     /// Copies a frame, which `read` passes to its argument. A frame that breaks its contract is
-    /// rejected by [`Session::judge`].
+    /// rejected by [`Session::judge`]. `info` is what the simulator told about it.
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pub fn ingest(
         &mut self,
+        info: Result<FrameInfo>,
         read: impl FnOnce(&mut dyn FnMut(linkwatch::RawFrame<'_>) -> Result<()>) -> Result<()>,
     ) -> Ingested {
         let start = Instant::now();
         let Session { pool, verifier, .. } = self;
-        let curves = pool.receive(|set| read(&mut |frame| verifier.receive(frame, set)));
+        let (curves, info) = match info {
+            Err(why) => (Err(why), FrameInfo::default()),
+            Ok(info) => {
+                if std::mem::replace(&mut self.layout, info.layout) != info.layout {
+                    *pool = linkwatch::FramePool::default();
+                }
+                let curves = pool.receive(|set| read(&mut |frame| verifier.receive(frame, set)));
+                (curves, info)
+            }
+        };
         Ingested {
             curves,
+            info,
             took: start.elapsed(),
         }
     }
@@ -319,22 +337,15 @@ impl Session {
         }
     }
 
-    /// Verifies one frame. If `cuts` differs from that of the last frame, the frame does not
-    /// continue it.
+    /// Verifies one frame.
     ///
     /// Errors: [`Error::CertificateMismatch`] and [`Error::NothingClosed`], because later frames of
     /// the same curves fail in the same way; [`Error::Cancelled`] if the frame was not verified.
-    pub fn judge(&mut self, seq: u64, time: f64, cuts: u32, frame: Ingested) -> Result<Judged> {
+    pub fn judge(&mut self, seq: u64, time: f64, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
-        let Ingested { curves, took } = frame;
+        let Ingested { curves, info, took } = frame;
         let outcome = curves.and_then(|set| {
-            if std::mem::replace(&mut self.cuts, cuts) != cuts {
-                self.live.note(format_args!(
-                    "frame {seq} does not continue the previous one: the simulator rolled back or \
-                     jumped"
-                ));
-                self.verifier.cut();
-            }
+            self.continue_with(seq, &info)?;
             let report = self.verifier.step_shared(seq, time, &set)?;
             Ok((report, Some(set)))
         });
@@ -381,9 +392,37 @@ impl Session {
             work,
             offload,
             curves,
-            cuts,
+            info,
             model: None,
         })
+    }
+
+    /// Compares what the simulator told about a valid frame with the last one.
+    ///
+    /// Errors: [`Error::Usage`] if the curves changed, but have no names.
+    fn continue_with(&mut self, seq: u64, info: &FrameInfo) -> Result<()> {
+        let last = self.last.take().unwrap_or_else(|| info.clone());
+        if last.layout != info.layout {
+            let change = CurveChange::by_name(&last.labels, &info.labels);
+            match change {
+                Ok(change) => self.verifier.change_curves(change),
+                Err(e) => {
+                    self.last = Some(last);
+                    return Err(e);
+                }
+            }
+            // The findings have other indices.
+            self.news.forget();
+        }
+        if last.cuts != info.cuts {
+            self.live.note(format_args!(
+                "frame {seq} does not continue the previous one: the simulator rolled back or \
+                 jumped"
+            ));
+            self.verifier.cut();
+        }
+        self.last = Some(info.clone());
+        Ok(())
     }
 
     /// Passes a frame to the sinks, and prints its new findings.
@@ -411,7 +450,7 @@ impl Session {
         self.print(&judged);
         let record = Arc::new(FrameRecord {
             curves: judged.curves,
-            cuts: judged.cuts,
+            info: judged.info,
             report: judged.report,
             verified: tally.verified,
             skipped: tally.skipped,
@@ -442,8 +481,10 @@ impl Session {
             work,
             offload,
             model,
+            info,
             ..
         } = judged;
+        let names = &info.labels.names;
         if self.json {
             let mut line = serde_json::json!({
                 "report": **report,
@@ -461,10 +502,10 @@ impl Session {
             output::json(&line);
         }
         if let Some(junit) = &mut self.junit {
-            junit.add(report, model.as_deref(), times.check());
+            junit.add(report, names, model.as_deref(), times.check());
         }
         self.unresolved.add(report);
-        let news = self.news.of(report, model.as_deref());
+        let news = self.news.of(report, names, model.as_deref());
         match model {
             _ if self.json => {}
             Some(model) => print_model(model, report, &news),

@@ -101,17 +101,23 @@ pub struct News {
 }
 
 impl News {
-    /// Returns the news of a report, and records it. `model` is the file of the frame, if it has
-    /// one.
-    pub fn of(&mut self, report: &Report, model: Option<&str>) -> New {
+    /// Forgets the findings of the last frame, because the next one has other curves.
+    pub fn forget(&mut self) {
+        self.known.clear();
+    }
+
+    /// Returns the news of a report, and records it. `names` are those of the curves, or empty.
+    /// `model` is the file of the frame, if it has one.
+    pub fn of(&mut self, report: &Report, names: &[String], model: Option<&str>) -> New {
         let mut new = New {
             sentences: Vec::new(),
             known: 0,
-            notable: self.last_verdict.unwrap_or(Verdict::Intact) != report.verdict,
+            notable: !(report.appeared.is_empty() && report.gone.is_empty())
+                || self.last_verdict.unwrap_or(Verdict::Intact) != report.verdict,
         };
         let mut first: Option<Located> = None;
         let mut lasting = BTreeSet::new();
-        for (finding, sentence) in located(report).zip(report.findings()) {
+        for (finding, sentence) in located(report).zip(report.findings_named(names)) {
             lasting.extend(finding.lasting);
             if finding.lasting.is_some_and(|l| self.known.contains(&l)) {
                 new.known += 1;

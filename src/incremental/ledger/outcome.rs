@@ -31,6 +31,29 @@ pub(crate) struct Outcome {
     pub counts: Counts,
 }
 
+impl Outcome {
+    /// Returns the outcome with other indices: curve `i` becomes `curves[i]`. They are ascending.
+    /// The contacts in the last frame are discarded.
+    pub fn with_curves(mut self, curves: &[u32]) -> Outcome {
+        let index = |i: &mut u32| *i = curves[*i as usize];
+        for e in self.events.iter_mut().chain(&mut self.unresolved) {
+            index(&mut e.i);
+            index(&mut e.j);
+        }
+        let touching = self.touching.iter_mut().map(|t| &mut t.defect);
+        for d in self.undecided.iter_mut().chain(touching) {
+            index(&mut d.i);
+            d.j.iter_mut().for_each(index);
+        }
+        for l in &mut self.sums {
+            index(&mut l.i);
+            index(&mut l.j);
+        }
+        self.contacts = Contacts::default();
+        self
+    }
+}
+
 /// Work counters of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::error::Error;
+use crate::ingest::FrameInfo;
 use crate::verdict::Report;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::SystemTime;
@@ -71,7 +72,7 @@ impl Sink for Probe {
 fn frame(seq: u64, verdict: Verdict) -> Arc<FrameRecord> {
     Arc::new(FrameRecord {
         curves: None,
-        cuts: 0,
+        info: FrameInfo::default(),
         report: Arc::new(Report::new(seq, 0.0, verdict)),
         verified: seq,
         skipped: 0,

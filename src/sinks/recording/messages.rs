@@ -266,6 +266,8 @@ impl From<&Report> for schema::Report {
             adopted: r.adopted.iter().map(Into::into).collect(),
             last_intact: r.last_intact,
             safe_fraction: r.safe_fraction,
+            appeared: r.appeared.clone(),
+            gone: r.gone.clone(),
             rejected: r.rejected.clone(),
             stats: Some((&r.stats).into()),
         }
@@ -294,6 +296,8 @@ impl TryFrom<schema::Report> for Report {
             adopted: r.adopted.into_iter().map(Into::into).collect(),
             last_intact: r.last_intact,
             safe_fraction: r.safe_fraction,
+            appeared: r.appeared,
+            gone: r.gone,
             rejected: r.rejected,
             stats: r.stats.unwrap_or_default().into(),
         })

@@ -19,6 +19,7 @@ pub use reader::{RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict,
 pub use writer::RecordingSink;
 
 /// Topic and message of each channel.
+const LABELS: (&str, &str) = ("/linkwatch/labels", "Labels");
 const FRAMES: (&str, &str) = ("/linkwatch/frames", "CurveFrame");
 const VERDICTS: (&str, &str) = ("/linkwatch/verdicts", "Verdict");
 const BASELINE: (&str, &str) = ("/linkwatch/baseline", "Baseline");

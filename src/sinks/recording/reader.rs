@@ -3,11 +3,11 @@
 use super::container::{Container, Ending, string};
 use super::messages::{self, PACKAGE, invalid};
 use super::schema;
-use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
-use crate::curve::{Basis, CurveSet, Positions, Precision};
+use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
+use crate::curve::{Basis, CurveLabels, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::Work;
-use crate::ingest::{RawFrame, ingest};
+use crate::ingest::{FrameInfo, RawFrame, ingest};
 use crate::sinks::{BaselineRecord, FrameTimes};
 use crate::verdict::Report;
 use mcap::records::op;
@@ -17,6 +17,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// An item of a recording.
@@ -70,10 +71,8 @@ pub struct RecordedFrame {
     pub precision: Precision,
     /// Number of control points of each curve, negative if the curve is closed.
     pub counts: Vec<i32>,
-    /// Number of cuts that the simulator made before this frame; 0 in recordings of earlier
-    /// versions. If it differs from that of the previous frame, this frame does not continue that
-    /// one ([`crate::Verifier::cut`]).
-    pub cuts: u32,
+    /// What the simulator told about the frame; the default in recordings of earlier versions.
+    pub info: FrameInfo,
     /// Coordinates, little-endian. Their number may contradict `counts`.
     positions: Bytes,
 }
@@ -90,6 +89,7 @@ impl RecordedFrame {
     /// Errors: [`Error::Count`] if the number of coordinates contradicts the counts; those of
     /// `receive`.
     pub fn read(&self, receive: impl FnOnce(RawFrame<'_>) -> Result<()>) -> Result<()> {
+        self.info.labels.check(self.counts.len())?;
         let bytes = self.precision.bytes();
         let promised: u64 = self
             .counts
@@ -129,6 +129,7 @@ impl RecordedFrame {
 #[derive(Clone, Copy)]
 enum Channel {
     Baseline,
+    Labels,
     Frames,
     Verdicts,
     /// Other content: skipped and counted.
@@ -169,6 +170,8 @@ pub struct RecordingReader<R> {
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, Channel>,
     metadata: BTreeMap<String, String>,
+    /// Names and radii of the curves of the next frame.
+    labels: Arc<CurveLabels>,
     skipped: u64,
 }
 
@@ -194,6 +197,7 @@ impl<R: Read + Seek> RecordingReader<R> {
             schemas: HashMap::new(),
             channels: HashMap::new(),
             metadata: BTreeMap::new(),
+            labels: Arc::default(),
             skipped: 0,
         })
     }
@@ -255,7 +259,13 @@ impl<R: Read + Seek> RecordingReader<R> {
                     body.advance(20);
                     let channel = self.channels.get(&id).copied();
                     let channel = channel.ok_or_else(|| bad("a message of an unknown channel"))?;
-                    if let Some(item) = item(channel, body).map_err(|e| invalid(&place, e))? {
+                    if let Channel::Labels = channel {
+                        let labels = labels(body).map_err(|e| invalid(&place, e))?;
+                        self.labels = Arc::new(labels);
+                        continue;
+                    }
+                    let item = item(channel, body, &self.labels);
+                    if let Some(item) = item.map_err(|e| invalid(&place, e))? {
                         return Ok(Some(item));
                     }
                     self.skipped += 1;
@@ -277,6 +287,7 @@ impl<R: Read + Seek> RecordingReader<R> {
         let schema = self.schemas.get(&schema).map_or("", String::as_str);
         let ours = [
             (BASELINE, Channel::Baseline),
+            (LABELS, Channel::Labels),
             (FRAMES, Channel::Frames),
             (VERDICTS, Channel::Verdicts),
         ];
@@ -305,11 +316,19 @@ fn version(package: &str) -> Option<u64> {
     package.strip_prefix("linkwatch.v")?.parse().ok()
 }
 
-/// Decodes a message. `None` if it is not a linkwatch message.
-fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
-    let broken = |e: prost::DecodeError| invalid("message", e);
+fn broken(e: prost::DecodeError) -> Error {
+    invalid("message", e)
+}
+
+fn labels(body: Bytes) -> Result<CurveLabels> {
+    let m = schema::Labels::decode(body).map_err(broken)?;
+    Ok(CurveLabels::named(m.names).with_radii(m.radii))
+}
+
+/// Decodes a message. `None` if it is not an item.
+fn item(channel: Channel, body: Bytes, labels: &Arc<CurveLabels>) -> Result<Option<RecordedItem>> {
     Ok(Some(match channel {
-        Channel::Foreign => return Ok(None),
+        Channel::Foreign | Channel::Labels => return Ok(None),
         Channel::Baseline => {
             let message = schema::Baseline::decode(body).map_err(broken)?;
             RecordedItem::Baseline(message.try_into()?)
@@ -322,7 +341,12 @@ fn item(channel: Channel, body: Bytes) -> Result<Option<RecordedItem>> {
                 basis: messages::basis(m.basis)?,
                 precision: messages::precision(m.precision)?,
                 counts: m.counts,
-                cuts: m.cuts,
+                info: FrameInfo {
+                    cuts: m.cuts,
+                    layout: m.layout,
+                    time_step: m.time_step,
+                    labels: Arc::clone(labels),
+                },
                 positions: m.positions,
             })
         }

@@ -23,6 +23,22 @@ pub struct CurveFrame {
     /// differs from that of the previous frame, this frame does not continue that one.
     #[prost(uint32, tag = "7")]
     pub cuts: u32,
+    /// Number of times that the simulator described its curves before this frame. If it differs from
+    /// that of the previous frame, this frame has other curves.
+    #[prost(uint32, tag = "8")]
+    pub layout: u32,
+    /// Time step of the simulator in seconds; 0 if it is unknown.
+    #[prost(double, tag = "9")]
+    pub time_step: f64,
+}
+/// Names and radii of the curves, from the next frame on.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Labels {
+    /// Of each curve, or empty.
+    #[prost(string, repeated, tag = "1")]
+    pub names: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    #[prost(float, repeated, tag = "2")]
+    pub radii: ::prost::alloc::vec::Vec<f32>,
 }
 /// Verdict on a frame.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -70,6 +86,11 @@ pub struct Report {
     /// through; absent if unknown.
     #[prost(double, optional, tag = "13")]
     pub safe_fraction: ::core::option::Option<f64>,
+    /// Names of the curves that appeared, and of those that are gone, since the last verified frame.
+    #[prost(string, repeated, tag = "14")]
+    pub appeared: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    #[prost(string, repeated, tag = "15")]
+    pub gone: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Progress {

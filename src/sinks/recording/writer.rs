@@ -13,8 +13,8 @@
 
 use super::messages::{self, DESCRIPTORS, PACKAGE, nanoseconds};
 use super::schema;
-use super::{BASELINE, FRAMES, METADATA, PROTOBUF, VERDICTS};
-use crate::curve::CurveSet;
+use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
+use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use mcap::records::{MessageHeader, Metadata};
@@ -26,6 +26,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 const CHUNK_BYTES: u64 = 768 << 10;
@@ -37,7 +38,7 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 ///
 /// ```
 /// use linkwatch::{
-///     BaselineRecord, Basis, CurveSet, FrameRecord, FrameTimes, Overflow, Positions,
+///     BaselineRecord, Basis, CurveSet, FrameInfo, FrameRecord, FrameTimes, Overflow, Positions,
 ///     RecordingSink, SinkQueue, Verifier,
 /// };
 /// use std::sync::Arc;
@@ -61,7 +62,7 @@ const MESSAGE_BYTES: usize = i32::MAX as usize;
 /// }));
 /// queue.frame(Arc::new(FrameRecord {
 ///     curves: Some(Arc::new(curves)),
-///     cuts: 0,
+///     info: FrameInfo::default(),
 ///     report: Arc::new(report),
 ///     verified: 1,
 ///     skipped: 0,
@@ -84,6 +85,9 @@ pub struct RecordingSink {
     frames: u16,
     verdicts: u16,
     baseline: u16,
+    labels: u16,
+    /// Names and radii that were written last.
+    last_labels: Arc<CurveLabels>,
     /// Reused for every frame, so that a frame allocates nothing.
     positions: Vec<u8>,
     encoded: Vec<u8>,
@@ -129,6 +133,8 @@ impl RecordingSink {
         };
         Ok(RecordingSink {
             baseline: channel(BASELINE).map_err(failed)?,
+            labels: channel(LABELS).map_err(failed)?,
+            last_labels: Arc::default(),
             frames: channel(FRAMES).map_err(failed)?,
             verdicts: channel(VERDICTS).map_err(failed)?,
             path: path.into(),
@@ -149,7 +155,9 @@ impl RecordingSink {
             precision: messages::precision_code(set.precision()),
             counts: set.counts().collect(),
             positions: Bytes::from(std::mem::take(&mut self.positions)),
-            cuts: record.cuts,
+            cuts: record.info.cuts,
+            layout: record.info.layout,
+            time_step: record.info.time_step,
         };
         let outcome = self.write(self.frames, &message, report.seq, time_ns);
         // The message was the only owner of the bytes, so this returns the buffer without a copy.
@@ -195,6 +203,15 @@ impl Sink for RecordingSink {
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
         let time = since_epoch(record.received);
         if let Some(curves) = &record.curves {
+            let labels = &record.info.labels;
+            if !Arc::ptr_eq(labels, &self.last_labels) && **labels != *self.last_labels {
+                let message = schema::Labels {
+                    names: labels.names.clone(),
+                    radii: labels.radii.clone(),
+                };
+                self.write(self.labels, &message, record.report.seq, time)?;
+                self.last_labels = Arc::clone(labels);
+            }
             self.write_curves(curves, record, time)?;
         }
         let message = schema::Verdict {
@@ -280,10 +297,11 @@ fn sink_error(path: &Path, error: McapError) -> Error {
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
+    use crate::ingest::FrameInfo;
     use crate::sinks::FrameTimes;
     use crate::sinks::{Ending, RecordedItem, RecordingReader};
     use crate::verdict::{Report, Verdict};
-    use std::sync::{Arc, Mutex};
+    use std::sync::Mutex;
 
     /// A disk with limited space. It truncates the write that exceeds it.
     #[derive(Clone)]
@@ -318,7 +336,7 @@ mod tests {
         let counts = vec![-3; curves];
         let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F32(&xyz)).unwrap();
         FrameRecord {
-            cuts: 0,
+            info: FrameInfo::default(),
             curves: Some(Arc::new(set)),
             report: Arc::new(Report::new(seq, 0.0, Verdict::Intact)),
             verified: seq,

@@ -37,8 +37,8 @@ struct Logged {
 
 impl Log {
     /// Returns a line for a frame with news, a sentence for each new finding, and occasionally a
-    /// line for a frame without news.
-    pub fn news(&mut self, report: &Report, passed: &Passed) -> News {
+    /// line for a frame without news. `names` are those of the curves, or empty.
+    pub fn news(&mut self, report: &Report, names: &[String], passed: &Passed) -> News {
         let before = self.last.take();
         let turned = before.as_ref().is_none_or(|t| t.verdict != report.verdict);
         let since = match &before {
@@ -55,13 +55,14 @@ impl Log {
         // The findings contain the first frame of each, so a finding that returns is new.
         let has_events = !report.events.is_empty();
         let news = turned || has_events || findings != known;
+        let news = news || !(report.appeared.is_empty() && report.gone.is_empty());
         let due = news || report.seq.abs_diff(last) >= QUIET_FRAMES;
         let mut lines = Vec::new();
         if due {
             lines.push(line(report.verdict, report.headline()));
         }
         if news {
-            let sentences = keys(report).zip(report.findings());
+            let sentences = keys(report).zip(report.findings_named(names));
             let is_new = |key: &Option<Key>| key.is_none_or(|k| !known.contains_key(&k));
             let mut new = sentences.filter(|(key, _)| is_new(key));
             for (key, text) in new.by_ref().take(SHOWN) {

@@ -61,6 +61,8 @@ pub struct ViewerSink {
     is_file: bool,
     /// Pull-throughs of the frames so far.
     passed: Passed,
+    /// Layout of the newest curves.
+    layout: u32,
     /// The newest curves.
     last: Option<Arc<CurveSet>>,
     /// Factor by which curves are enlarged. Known with the first curves.
@@ -99,6 +101,7 @@ impl ViewerSink {
             is_file,
             passed: Passed::default(),
             live: false,
+            layout: 0,
             last: None,
             scale: None,
             status: String::new(),
@@ -223,13 +226,17 @@ impl Sink for ViewerSink {
             self.log_line(&line(Verdict::Intact, text))?;
         }
         if let Some(set) = &record.curves {
+            if std::mem::replace(&mut self.layout, record.info.layout) != record.info.layout {
+                // The marks are on curves with other indices.
+                self.passed.forget_marks();
+            }
             if self.scale.is_none() {
                 let scale = view::scale(set);
                 let larger = Transform3D::from_scale(scale as f32);
                 log_static(&self.rec, entity::CURVES, &larger)?;
                 self.scale = Some(scale);
             }
-            picture::draw_curves(&self.rec, set, report)?;
+            picture::draw_curves(&self.rec, set, record)?;
             picture::draw_places(&self.rec, set, report)?;
             picture::draw_passed(&self.rec, &self.passed, set)?;
             self.last = Some(Arc::clone(set));
@@ -242,7 +249,7 @@ impl Sink for ViewerSink {
             plots::describe_live(&self.rec)?;
         }
         plots::add(&self.rec, record)?;
-        let news = self.log.news(report, &self.passed);
+        let news = self.log.news(report, &record.info.labels.names, &self.passed);
         for line in &news.lines {
             self.log_line(line)?;
         }

@@ -35,6 +35,11 @@ impl Passed {
         self.marks.drain(..self.marks.len().saturating_sub(KEPT));
     }
 
+    /// Removes the marks, because later frames have other curves.
+    pub fn forget_marks(&mut self) {
+        self.marks.clear();
+    }
+
     /// Returns the points of the curves where strands passed, at their positions in this frame.
     pub fn points<'a>(&'a self, set: &'a CurveSet) -> impl Iterator<Item = Point> + 'a {
         let place = |&(i, s, t): &(u32, u32, f64)| {

@@ -4,6 +4,7 @@ use super::names::APPLICATION;
 use super::*;
 use crate::curve::{Basis, Positions};
 use crate::incremental::Work;
+use crate::ingest::FrameInfo;
 use crate::sinks::FrameTimes;
 use crate::verdict::{PullThrough, Report};
 use re_sdk::RecordingStreamBuilder;
@@ -31,7 +32,7 @@ fn record(seq: u64, z: Option<f32>, events: Vec<PullThrough>) -> FrameRecord {
     };
     FrameRecord {
         curves: z.map(set).map(Arc::new),
-        cuts: 0,
+        info: FrameInfo::default(),
         report: Arc::new(report),
         verified: seq,
         skipped: 0,

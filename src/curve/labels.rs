@@ -1,0 +1,214 @@
+//! Names and radii of curves, and changes of the curves between two frames.
+
+use crate::error::{Error, Result};
+use std::collections::{HashMap, HashSet};
+
+/// Maximum number of bytes of a name.
+const NAME_BYTES: usize = 255;
+
+/// Names and radii of the curves of a frame. Both are optional.
+///
+/// A simulator that adds or removes curves names them: curves of different frames are the same one
+/// if they have the same name. A name belongs to one curve for the whole session; do not use it for
+/// another curve later.
+///
+/// ```
+/// use linkwatch::CurveLabels;
+///
+/// let labels = CurveLabels::named(["sleeve/0", "sleeve/1"]).with_radii([0.8e-3, 0.8e-3]);
+/// assert!(labels.check(2).is_ok());
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct CurveLabels {
+    /// Name of each curve; empty if the curves have no names. Names differ from one another, and
+    /// have 1 to 255 bytes of UTF-8 without control characters.
+    pub names: Vec<String>,
+    /// Radius of each curve, half the diameter of a yarn or wire, in the units of the simulation;
+    /// empty if it is unknown. At least 0.
+    pub radii: Vec<f32>,
+}
+
+impl CurveLabels {
+    /// Creates labels with a name for each curve.
+    pub fn named<S: Into<String>>(names: impl IntoIterator<Item = S>) -> CurveLabels {
+        CurveLabels {
+            names: names.into_iter().map(Into::into).collect(),
+            radii: Vec::new(),
+        }
+    }
+
+    /// Returns these labels with a radius for each curve.
+    pub fn with_radii(self, radii: impl IntoIterator<Item = f32>) -> CurveLabels {
+        CurveLabels {
+            radii: radii.into_iter().collect(),
+            ..self
+        }
+    }
+
+    /// Returns true if the curves have neither names nor radii.
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty() && self.radii.is_empty()
+    }
+
+    /// Checks labels of this number of curves.
+    ///
+    /// Errors: [`Error::Count`] if there is another number of names or radii; [`Error::Format`] if
+    /// a name or a radius is invalid, or two curves have the same name.
+    pub fn check(&self, curves: usize) -> Result<()> {
+        let count = |what, n: usize| match n {
+            0 => Ok(()),
+            n if n == curves => Ok(()),
+            n => Err(Error::Count {
+                what,
+                promised: curves as u64,
+                available: n as u64,
+            }),
+        };
+        count("names of curves", self.names.len())?;
+        count("radii of curves", self.radii.len())?;
+        let bad = |i: usize, what: String| Err(Error::format("curve", format_args!("{i}"), what));
+        let mut seen = HashMap::with_capacity(self.names.len());
+        for (i, name) in self.names.iter().enumerate() {
+            if name.is_empty() || name.len() > NAME_BYTES || name.contains(char::is_control) {
+                let what = "expected 1 to 255 bytes without control characters";
+                return bad(i, format!("name {name:?}, {what}"));
+            }
+            if let Some(first) = seen.insert(name, i) {
+                return bad(i, format!("name {name:?}, which is that of curve {first}"));
+            }
+        }
+        let invalid = |r: &f32| !(*r >= 0.0 && r.is_finite());
+        match self.radii.iter().position(invalid) {
+            Some(i) => bad(i, format!("radius {}, expected at least 0", self.radii[i])),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Returns the words for a curve: its index, and its name if it has one.
+pub(crate) fn words_of_curve(i: u32, names: &[String]) -> String {
+    match names.get(i as usize) {
+        Some(name) => format!("{i} ({name})"),
+        None => i.to_string(),
+    }
+}
+
+/// Change of the curves between two frames: some appeared, some are gone, others may have another
+/// index. See [`Verifier::change_curves`](crate::Verifier::change_curves).
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurveChange {
+    /// Number of curves before.
+    before: usize,
+    /// Index of each curve before; `None` if it appeared.
+    origins: Vec<Option<u32>>,
+    appeared: Vec<String>,
+    gone: Vec<String>,
+}
+
+impl CurveChange {
+    /// Compares curves by their names.
+    ///
+    /// Errors: [`Error::Usage`] if either curves have no names.
+    pub fn by_name(before: &CurveLabels, after: &CurveLabels) -> Result<CurveChange> {
+        if before.names.is_empty() || after.names.is_empty() {
+            return Err(Error::Usage(
+                "the curves were described again, but have no names to compare them by: give each \
+                 curve a name from the first frame on"
+                    .into(),
+            ));
+        }
+        let indices = before.names.iter().zip(0_u32..);
+        let indices: HashMap<&String, u32> = indices.collect();
+        let kept: HashSet<&String> = after.names.iter().collect();
+        let is_new = |name: &&String| !indices.contains_key(*name);
+        let is_gone = |name: &&String| !kept.contains(*name);
+        Ok(CurveChange {
+            before: before.names.len(),
+            origins: after.names.iter().map(|n| indices.get(n).copied()).collect(),
+            appeared: after.names.iter().filter(is_new).cloned().collect(),
+            gone: before.names.iter().filter(is_gone).cloned().collect(),
+        })
+    }
+
+    /// Returns the names of the curves that appeared, in the order of the frame.
+    pub fn appeared(&self) -> &[String] {
+        &self.appeared
+    }
+
+    /// Returns the names of the curves that are gone, in the order of the frame before.
+    pub fn gone(&self) -> &[String] {
+        &self.gone
+    }
+
+    /// Returns the number of curves before.
+    #[cfg(feature = "verify")]
+    pub(crate) fn before(&self) -> usize {
+        self.before
+    }
+
+    /// Returns the index of each curve before; `None` if it appeared.
+    #[cfg(feature = "verify")]
+    pub(crate) fn origins(&self) -> &[Option<u32>] {
+        &self.origins
+    }
+}
+
+/// Returns which curves appeared and which are gone, in words: "curves appeared: a, b; gone: c".
+/// `None` if there are none.
+pub(crate) fn words_of_change(appeared: &[String], gone: &[String]) -> Option<String> {
+    /// Maximum number of names of each kind; the rest is counted.
+    const NAMED: usize = 8;
+    let list = |names: &[String]| match names.len().saturating_sub(NAMED) {
+        0 => names.join(", "),
+        more => format!("{} and {more} more", names[..NAMED].join(", ")),
+    };
+    match (appeared.is_empty(), gone.is_empty()) {
+        (true, true) => None,
+        (false, true) => Some(format!("curves appeared: {}", list(appeared))),
+        (true, false) => Some(format!("curves gone: {}", list(gone))),
+        (false, false) => Some(format!(
+            "curves appeared: {}; gone: {}",
+            list(appeared),
+            list(gone)
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_lists_curves_by_name() {
+        let before = CurveLabels::named(["a", "b", "c"]);
+        let after = CurveLabels::named(["c", "d", "a"]);
+        let change = CurveChange::by_name(&before, &after).unwrap();
+        assert_eq!(change.origins, [Some(2), None, Some(0)]);
+        let words = words_of_change(change.appeared(), change.gone()).unwrap();
+        assert_eq!(words, "curves appeared: d; gone: b");
+        let same = CurveChange::by_name(&before, &before).unwrap();
+        assert_eq!(words_of_change(same.appeared(), same.gone()), None);
+        assert!(CurveChange::by_name(&before, &CurveLabels::default()).is_err());
+    }
+
+    #[test]
+    fn rejects_labels_that_do_not_name_every_curve_once() {
+        let fails = |labels: CurveLabels| labels.check(2).unwrap_err().to_string();
+        assert_eq!(
+            fails(CurveLabels::named(["a"])),
+            "names of curves: 2 promised, 1 available"
+        );
+        assert_eq!(
+            fails(CurveLabels::named(["a", "a"])),
+            "not a valid curve (1): name \"a\", which is that of curve 0"
+        );
+        fails(CurveLabels::named(["a", ""]));
+        fails(CurveLabels::named(["a", "b\n"]));
+        fails(CurveLabels::named(["a".to_owned(), "b".repeat(256)]));
+        for radius in [-1.0, f32::NAN, f32::INFINITY] {
+            fails(CurveLabels::default().with_radii([0.0, radius]));
+        }
+        assert!(CurveLabels::default().check(2).is_ok());
+    }
+}
