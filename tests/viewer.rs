@@ -8,9 +8,9 @@
 //! twenty`.
 
 use linkwatch::{
-    BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameInfo, FrameRecord,
-    FrameTimes, Link, LiveTimes, Overflow, Place, Positions, PullThrough, Report, Route, Sink,
-    SinkQueue, Verdict, Verifier, VerifierOptions, ViewerSink, ViewerTarget, Work,
+    BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameInfo,
+    FrameRecord, FrameTimes, Link, LiveTimes, Overflow, Place, Positions, PullThrough, Report,
+    Route, Sink, SinkQueue, Verdict, Verifier, VerifierOptions, ViewerSink, ViewerTarget, Work,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -185,8 +185,7 @@ impl Client {
         labels: CurveLabels,
     ) -> Result<()> {
         let kind = (basis, precision);
-        self.frames
-            .describe(&self.connection, kind, counts, labels)
+        self.frames.describe(&self.connection, kind, counts, labels)
     }
 
     /// Sets the time step of the simulator in seconds, which later frames carry to the recording;

@@ -5,8 +5,8 @@ use super::service::{Endpoint, Role};
 use super::wait_mode::WaitMode;
 use super::wire::{
     ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
-    FLAG_END, FLAG_LOCKSTEP, FLAG_RADII, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, NO_CURVE,
-    NO_FRAME, Table, VERDICT_MAGIC, VerdictWire,
+    FLAG_END, FLAG_LOCKSTEP, FLAG_RADII, FLAG_UNFINISHED, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION,
+    NO_CURVE, NO_FRAME, Table, VERDICT_MAGIC, VerdictWire,
 };
 use crate::curve::{Basis, Precision};
 use crate::verdict::{DefectKind, Verdict};

@@ -10,9 +10,9 @@
 //!
 //! `docs/wire.md` describes this layout for other languages; change both together.
 
-use crate::curve::{CurveLabels, Precision};
 #[cfg(feature = "bus")]
 use crate::curve::{Basis, Positions};
+use crate::curve::{CurveLabels, Precision};
 use crate::error::{Error, Result};
 #[cfg(feature = "bus")]
 use crate::ingest::RawFrame;
@@ -442,10 +442,7 @@ mod tests {
             format!("{place}the last name does not end with a zero byte")
         );
         assert_eq!(fails(b"a\0\xff\0"), format!("{place}not UTF-8"));
-        assert_eq!(
-            fails(b"a\0"),
-            "names of curves: 2 promised, 1 available"
-        );
+        assert_eq!(fails(b"a\0"), "names of curves: 2 promised, 1 available");
         assert!(fails(b"a\0\0").contains("name \"\""));
         assert!(fails(b"a\0a\0").contains("which is that of curve 0"));
     }

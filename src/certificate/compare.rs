@@ -31,11 +31,17 @@ impl Certificate {
         }
         let has = |i: u32, j: Option<u32>| fresh.iter().any(|d| (d.i, d.j) == (i, j));
         self.undefined.retain(|d| !has(d.i, d.j));
-        // A curve that has linking numbers again may still touch another curve.
-        let still = missing
-            .into_iter()
-            .filter(|d| d.j.is_some_and(|j| has(d.i, None) || has(j, None)));
-        self.undefined.extend(still);
+        // A curve that has linking numbers again may still touch another curve, or meet one that has
+        // none.
+        let curves = fresh.iter().filter(|d| d.j.is_none()).map(|d| d.i);
+        let curves: Vec<u32> = curves.collect();
+        for d in missing {
+            match d.j {
+                Some(j) if has(d.i, None) || has(j, None) => self.undefined.push(*d),
+                Some(_) => {}
+                None => self.undefined.extend(d.with_each_of(&curves)),
+            }
+        }
         self.undefined.sort_by_key(|d| (d.i, d.j));
         self.undefined.dedup_by_key(|d| (d.i, d.j));
         self.links.extend_from_slice(&comparison.adopted);
@@ -44,7 +50,7 @@ impl Certificate {
         true
     }
 
-    /// Returns true if the pair, or one of its curves, has no linking number in the baseline.
+    /// Returns true if the pair, or one of its curves, has no linking number here.
     pub(crate) fn lacks(&self, i: u32, j: Option<u32>) -> bool {
         let missing = |i, j| {
             let key = (i, j);
@@ -81,13 +87,7 @@ impl Certificate {
             defects: self.undefined.clone(),
             adopted: Vec::new(),
         };
-        // Both lists are sorted by pair.
-        let is_undefined = |d: &Defect| {
-            let key = (d.i, d.j);
-            self.undefined
-                .binary_search_by_key(&key, |e| (e.i, e.j))
-                .is_ok()
-        };
+        let is_undefined = |d: &Defect| self.lacks(d.i, d.j);
         let checked = |d: &Defect| {
             d.j.is_none_or(|j| unchecked.binary_search(&(d.i, j)).is_err())
         };
@@ -226,6 +226,40 @@ mod tests {
         let c = after.compare(&before).unwrap();
         assert_eq!(c.changes.len(), 1);
         assert_eq!((c.changes[0].i, c.changes[0].j), (3, 4));
+    }
+
+    #[test]
+    fn no_linking_number_of_a_degenerate_curve_is_adopted() {
+        // Curves 1 and 2 touch in the baseline; then curve 1 is degenerate, then it is not.
+        let mut baseline = certificate(&[], &[(1, Some(2))]);
+        let degenerate = certificate(&[], &[(1, None)]);
+        let comparison = degenerate.compare(&baseline).unwrap();
+        assert_eq!(comparison.defects, degenerate.undefined);
+        assert!(!baseline.adopt(&comparison));
+        let linked = certificate(&[(1, 2, 1)], &[]);
+        let comparison = linked.compare(&baseline).unwrap();
+        assert!(comparison.changes.is_empty(), "{comparison:?}");
+        assert_eq!(comparison.adopted.len(), 1);
+
+        // Curve 1 is degenerate in the baseline; it has linking numbers again while curve 2 has
+        // none.
+        let mut baseline = certificate(&[], &[(1, None)]);
+        let comparison = certificate(&[], &[(2, None)]).compare(&baseline).unwrap();
+        assert!(baseline.adopt(&comparison));
+        let comparison = linked.compare(&baseline).unwrap();
+        assert!(comparison.changes.is_empty(), "{comparison:?}");
+        assert_eq!(comparison.adopted.len(), 1);
+    }
+
+    #[test]
+    fn a_curve_that_appears_beside_a_degenerate_one_gets_its_linking_number_later() {
+        let mut baseline = certificate(&[], &[]);
+        baseline.adopt_curves(&[2], &certificate(&[(2, 5, 1)], &[(1, None)]));
+        assert_eq!(baseline.links.len(), 1);
+        let comparison = certificate(&[(1, 2, 1), (2, 5, 1)], &[]);
+        let comparison = comparison.compare(&baseline).unwrap();
+        assert!(comparison.changes.is_empty(), "{comparison:?}");
+        assert_eq!(comparison.adopted.len(), 1);
     }
 
     #[test]

@@ -102,9 +102,15 @@ impl Certificate {
         let has = |i: u32| curves.binary_search(&i).is_ok();
         let links = from.links.iter().filter(|l| has(l.i) || has(l.j));
         self.links.extend(links);
-        let undefined = from.undefined.iter();
-        let undefined = undefined.filter(|d| has(d.i) || d.j.is_some_and(has));
-        self.undefined.extend(undefined);
+        for d in &from.undefined {
+            match d.j {
+                _ if has(d.i) => self.undefined.push(*d),
+                Some(j) if has(j) => self.undefined.push(*d),
+                Some(_) => {}
+                // The other linking numbers of this curve are known from earlier frames.
+                None => self.undefined.extend(d.with_each_of(curves)),
+            }
+        }
         self.sort();
     }
 

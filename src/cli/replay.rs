@@ -7,8 +7,8 @@ use super::session::{
     FrameCounts, Ingested, Judge, Judged, JunitArgs, MOTION_LIMIT, Run, Session, Sinks,
 };
 use linkwatch::{
-    AbortOn, Ending, Error, Events, FrameInfo, Overflow, RecordedItem, RecordedVerdict, RecordingReader,
-    Report, Result, Verdict,
+    AbortOn, Ending, Error, Events, FrameInfo, Overflow, RecordedItem, RecordedVerdict,
+    RecordingReader, Report, Result, Verdict,
 };
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
@@ -296,11 +296,7 @@ impl Replay {
     fn finish_waiting(&mut self) -> Result<()> {
         while let Some(next) = self.waiting.pop_front() {
             match next {
-                Waiting::Frame {
-                    seq,
-                    time,
-                    frame,
-                } => {
+                Waiting::Frame { seq, time, frame } => {
                     let judged = self.session.judge(seq, time, frame)?;
                     self.count(judged.report.verdict);
                     self.last = Some(Arc::clone(&judged.report));

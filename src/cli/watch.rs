@@ -7,7 +7,8 @@ use super::session::{FrameCounts, Ingested, Judge, Judged, Run, Session, Sinks};
 use super::signals::{TICK, stop_on_signals};
 use super::{Outcome, services};
 use linkwatch::{
-    Counters, Error, Event, LastLabels, LiveTimes, Overflow, Result, Sidecar, SidecarOptions, WaitMode,
+    Counters, Error, Event, LastLabels, LiveTimes, Overflow, Result, Sidecar, SidecarOptions,
+    WaitMode,
 };
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};

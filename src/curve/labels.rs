@@ -125,7 +125,11 @@ impl CurveChange {
         let is_gone = |name: &&String| !kept.contains(*name);
         Ok(CurveChange {
             before: before.names.len(),
-            origins: after.names.iter().map(|n| indices.get(n).copied()).collect(),
+            origins: after
+                .names
+                .iter()
+                .map(|n| indices.get(n).copied())
+                .collect(),
             appeared: after.names.iter().filter(is_new).cloned().collect(),
             gone: before.names.iter().filter(is_gone).cloned().collect(),
         })

@@ -15,11 +15,11 @@ mod coordinates;
 mod diagonals;
 #[cfg(feature = "verify")]
 mod extent;
+mod labels;
 #[cfg(feature = "verify")]
 mod lazy;
 #[cfg(feature = "verify")]
 mod leaf_boxes;
-mod labels;
 mod notation;
 mod positions;
 #[cfg(feature = "verify")]
@@ -44,10 +44,10 @@ pub(crate) use coordinates::{Axes, Knots, ReadKnots, Scalar};
 pub(crate) use diagonals::Diagonals;
 #[cfg(feature = "verify")]
 pub use extent::LongSegment;
-#[cfg(feature = "verify")]
-pub(crate) use lazy::Received;
 pub use labels::{CurveChange, CurveLabels};
 pub(crate) use labels::{words_of_change, words_of_curve};
+#[cfg(feature = "verify")]
+pub(crate) use lazy::Received;
 pub(crate) use notation::{Notation, significant};
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]

@@ -572,7 +572,6 @@ impl CurveSet {
         set.expect("curves of a valid set are valid")
     }
 
-
     /// Returns the number of vertices of polyline `i` that equal their successor (after the last
     /// vertex of a closed polyline comes its first one).
     pub fn repeated_vertices(&self, i: usize) -> usize {

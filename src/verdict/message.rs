@@ -220,7 +220,10 @@ impl Report {
         let extent = self.stats.extent;
         let changes = self.changes.iter();
         let changes = changes.map(move |c| c.sentence_named(extent, names));
-        let events = self.events.iter().map(move |p| p.sentence_named(extent, names));
+        let events = self
+            .events
+            .iter()
+            .map(move |p| p.sentence_named(extent, names));
         let defects = self.defects.iter().map(|d| self.defect(d, names));
         let unresolved = self.unresolved.iter().map(move |p| {
             let (sentence, lengths) = (p.sentence_named(extent, names), p.lengths);

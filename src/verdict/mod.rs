@@ -157,6 +157,19 @@ pub struct Defect {
     pub place: Place,
 }
 
+impl Defect {
+    /// Returns this defect of a single curve for its pairs with other curves.
+    #[cfg(feature = "verify")]
+    pub(crate) fn with_each_of(self, others: &[u32]) -> impl Iterator<Item = Defect> + '_ {
+        let others = others.iter().filter(move |&&j| j != self.i);
+        others.map(move |&j| Defect {
+            i: self.i.min(j),
+            j: Some(self.i.max(j)),
+            ..self
+        })
+    }
+}
+
 /// Work counters of a verdict. They do not depend on the number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 #[non_exhaustive]

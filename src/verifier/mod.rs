@@ -476,7 +476,10 @@ impl Verifier {
         if !self.appeared.is_empty() {
             let stats = self.certify_fully(set)?;
             let certificate = &self.full.certificate;
-            let baseline = self.baseline.as_mut().expect("curves appear beside a baseline");
+            let baseline = self
+                .baseline
+                .as_mut()
+                .expect("curves appear beside a baseline");
             baseline.adopt_curves(&std::mem::take(&mut self.appeared), certificate);
             let comparison = certificate.compare(baseline)?;
             baseline.adopt(&comparison);

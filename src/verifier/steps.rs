@@ -154,7 +154,9 @@ impl Steps {
         let Across { before, curves } = across;
         let after = set.subset(curves);
         let (contacts, _) = self.ledger.first_frame(before, coverage);
-        let step = self.ledger.step([before, &after], &contacts, coverage, None);
+        let step = self
+            .ledger
+            .step([before, &after], &contacts, coverage, None);
         let mut outcome = step.with_curves(curves);
         let (contacts, mut touching) = self.ledger.first_frame(set, coverage);
         let pair = |t: &Touching| (t.defect.i, t.defect.j);

@@ -11,6 +11,7 @@
 //! Each sequence depends only on its seed, which a failure prints.
 
 mod both;
+mod curves;
 mod movie;
 mod sets;
 #[path = "../support/mod.rs"]

@@ -2,7 +2,9 @@
 
 use super::support::command::Run;
 use super::*;
-use linkwatch::{FrameInfo, FrameRecord, RecordedItem, RecordingReader, RecordingSink, Report, Sink};
+use linkwatch::{
+    FrameInfo, FrameRecord, RecordedItem, RecordingReader, RecordingSink, Report, Sink,
+};
 use std::sync::Arc;
 use std::time::SystemTime;
 

@@ -23,9 +23,8 @@ use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
     AbortOn, BaselineRecord, Certificate, CurveChange, CurveSet, Error, Events, FrameInfo,
-    FrameRecord, FrameTimes,
-    Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary, Strategy, Verdict, Verifier,
-    VerifierOptions, Work,
+    FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary,
+    Strategy, Verdict, Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;

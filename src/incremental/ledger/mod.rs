@@ -67,8 +67,8 @@ mod task;
 mod tests;
 mod unresolved;
 
-pub(crate) use self::contact::{Contacts, Touching};
 use self::contact::Contact;
+pub(crate) use self::contact::{Contacts, Touching};
 pub(crate) use self::outcome::Outcome;
 use self::pair::{Part, Workspace};
 pub(super) use self::swept::Observer;

@@ -249,7 +249,9 @@ impl Sink for ViewerSink {
             plots::describe_live(&self.rec)?;
         }
         plots::add(&self.rec, record)?;
-        let news = self.log.news(report, &record.info.labels.names, &self.passed);
+        let news = self
+            .log
+            .news(report, &record.info.labels.names, &self.passed);
         for line in &news.lines {
             self.log_line(line)?;
         }

@@ -1,0 +1,233 @@
+//! Curves that are added, removed and reordered between frames.
+
+use crate::movie::Movie;
+use crate::sets::{random_set, values};
+use crate::support::random::Random;
+use linkwatch::{
+    Basis, Certificate, CurveChange, CurveLabels, CurveSet, Events, Positions, Precision, Report,
+    Stats, Strategy, Verifier, VerifierOptions,
+};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Two curves by their names: their numbers among all curves, the smaller one first.
+type Names = [usize; 2];
+
+/// Returns some curves of a set, in this order.
+fn some_curves(set: &CurveSet, curves: &[usize]) -> CurveSet {
+    let mut bytes = Vec::new();
+    set.write_positions(&mut bytes);
+    let single: Vec<f32>;
+    let double: Vec<f64>;
+    let all = match set.precision() {
+        Precision::F32 => {
+            let numbers = bytes.as_chunks().0.iter();
+            single = numbers.map(|b| f32::from_le_bytes(*b)).collect();
+            Positions::F32(&single)
+        }
+        Precision::F64 => {
+            let numbers = bytes.as_chunks().0.iter();
+            double = numbers.map(|b| f64::from_le_bytes(*b)).collect();
+            Positions::F64(&double)
+        }
+    };
+    let all = values(all);
+    let counts: Vec<i32> = set.counts().collect();
+    let first = |i: usize| {
+        let points = counts[..i].iter().map(|n| n.unsigned_abs() as usize);
+        3 * points.sum::<usize>()
+    };
+    let of = |&i: &usize| &all[first(i)..first(i) + 3 * counts[i].unsigned_abs() as usize];
+    let xyz: Vec<f64> = curves.iter().flat_map(of).copied().collect();
+    let counts: Vec<i32> = curves.iter().map(|&i| counts[i]).collect();
+    let single: Vec<f32> = xyz.iter().map(|&x| x as f32).collect();
+    let positions = match set.precision() {
+        Precision::F32 => Positions::F32(&single),
+        Precision::F64 => Positions::F64(&xyz),
+    };
+    CurveSet::from_counts(set.basis(), &counts, positions).unwrap()
+}
+
+fn labels(curves: &[usize]) -> CurveLabels {
+    CurveLabels::named(curves.iter().map(|i| format!("curve {i}")))
+}
+
+fn names(curves: &[usize], i: u32, j: u32) -> Names {
+    let mut names = [i, j].map(|i| curves[i as usize]);
+    names.sort_unstable();
+    names
+}
+
+/// Returns the linking number of each pair of closed curves that has one.
+fn linking_numbers(set: &CurveSet, certificate: &Certificate) -> Vec<(u32, u32, i64)> {
+    let missing = |i: u32, j: Option<u32>| {
+        let mut undefined = certificate.undefined.iter();
+        undefined.any(|d| (d.i, d.j) == (i, j))
+    };
+    let closed = (0..set.len() as u32).filter(|&i| set.curve(i as usize).closed);
+    let closed: Vec<u32> = closed.filter(|&i| !missing(i, None)).collect();
+    let pairs = closed.iter().enumerate();
+    let pairs = pairs.flat_map(|(k, &i)| closed[k + 1..].iter().map(move |&j| (i, j)));
+    let defined = pairs.filter(|&(i, j)| !missing(i, Some(j)));
+    let lambda = |(i, j)| {
+        let link = certificate.links.iter().find(|l| (l.i, l.j) == (i, j));
+        (i, j, link.map_or(0, |l| l.lambda))
+    };
+    defined.map(lambda).collect()
+}
+
+/// Events as names, share of the step and sign.
+fn events(report: &Report, curves: &[usize]) -> Vec<(Names, u64, i32)> {
+    let events = report.events.iter();
+    let mut events: Vec<_> = events
+        .map(|e| (names(curves, e.i, e.j), e.fraction.to_bits(), e.sign))
+        .collect();
+    events.sort_unstable();
+    events
+}
+
+#[derive(Debug, Default)]
+struct Tally {
+    changes_of_curves: u32,
+    changed_links: u32,
+    pull_throughs_across: u32,
+    intact: u32,
+}
+
+/// Runs sequences in which a curve that is gone never returns. The linking numbers are compared
+/// with those of full runs by name, and the pull-throughs across a change with those of a verifier
+/// that knows only the curves that continue.
+fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) -> Tally {
+    let mut tally = Tally::default();
+    for seed in seeds {
+        let mut random = Random::new(seed);
+        let all = 7;
+        let set = random_set(&mut random, basis, precision, all);
+        let what = format!("seed {seed}, {basis:?}, {precision:?}");
+        let new = |strategy| {
+            Verifier::new(VerifierOptions {
+                strategy,
+                events: Events::All,
+                ..VerifierOptions::default()
+            })
+            .unwrap()
+        };
+        let mut verifiers = [Strategy::Full, Strategy::Incremental, Strategy::Paranoid].map(new);
+        let mut active: Vec<usize> = (0..4).collect();
+        let mut waiting: Vec<usize> = (4..all).collect();
+        let mut movie = Movie::new(Random::new(random.next()), set);
+        let mut expected: BTreeMap<Names, i64> = BTreeMap::new();
+        let mut last: Option<CurveSet> = None;
+        for frame in 0..25 {
+            movie.advance(frame);
+            let before = active.clone();
+            if frame > 0 && random.one_in(4) {
+                match random.below(3) {
+                    0 if !waiting.is_empty() => {
+                        let at = random.below(active.len() + 1);
+                        active.insert(at, waiting.remove(0));
+                    }
+                    1 if active.len() > 2 => {
+                        active.remove(random.below(active.len()));
+                    }
+                    _ => {
+                        let [i, j] = [0; 2].map(|_: usize| random.below(active.len()));
+                        active.swap(i, j);
+                    }
+                }
+            }
+            let set = some_curves(&movie.set, &active);
+            let change = CurveChange::by_name(&labels(&before), &labels(&active)).unwrap();
+            let reports = verifiers.each_mut().map(|verifier| {
+                if active != before {
+                    verifier.change_curves(change.clone());
+                }
+                let mut report = verifier.step(frame, 0.0, &set).unwrap();
+                assert!(!verifier.work().disagreed, "{what}, frame {frame}");
+                report.stats = Stats::default();
+                report
+            });
+            let [report, others @ ..] = reports;
+            for other in others {
+                assert_eq!(report, other, "{what}, frame {frame}");
+            }
+
+            let mut changes = BTreeMap::new();
+            let mut certifier = Verifier::default();
+            let (certificate, _) = certifier.certify(&set);
+            for (i, j, found) in linking_numbers(&set, certificate) {
+                let pair = names(&active, i, j);
+                let expected = *expected.entry(pair).or_insert(found);
+                if expected != found {
+                    changes.insert(pair, (expected, found));
+                }
+            }
+            let reported = report.changes.iter();
+            let reported = reported.map(|c| (names(&active, c.i, c.j), (c.expected, c.found)));
+            assert_eq!(
+                reported.collect::<BTreeMap<_, _>>(),
+                changes,
+                "{what}, frame {frame}"
+            );
+            let listed = |names: &[String]| names.len();
+            let appeared = active.iter().filter(|i| !before.contains(i)).count();
+            let gone = before.iter().filter(|i| !active.contains(i)).count();
+            assert_eq!(
+                (listed(&report.appeared), listed(&report.gone)),
+                (appeared, gone)
+            );
+
+            if let Some(last) = last.filter(|_| active != before) {
+                tally.changes_of_curves += 1;
+                let kept: Vec<usize> = active
+                    .iter()
+                    .copied()
+                    .filter(|i| before.contains(i))
+                    .collect();
+                let old = |i: &usize| before.iter().position(|b| b == i).unwrap();
+                let old: Vec<usize> = kept.iter().map(old).collect();
+                let mut alone = new(Strategy::Full);
+                let _ = alone.step(0, 0.0, &some_curves(&last, &old)).unwrap();
+                let known = alone.step(1, 0.0, &some_curves(&movie.set, &kept)).unwrap();
+                assert_eq!(
+                    events(&report, &active),
+                    events(&known, &kept),
+                    "{what}, frame {frame}"
+                );
+                tally.pull_throughs_across += report.events.len() as u32;
+            }
+            tally.changed_links += report.changes.len() as u32;
+            tally.intact += u32::from(report.verdict == linkwatch::Verdict::Intact);
+            last = Some(set);
+        }
+    }
+    println!("{basis:?}, {precision:?}: {tally:?}");
+    tally
+}
+
+fn sequences_of_each_basis(count: u64) {
+    for (basis, first) in Basis::ALL
+        .into_iter()
+        .zip([300_000, 310_000, 320_000, 330_000])
+    {
+        for precision in [Precision::F32, Precision::F64] {
+            let tally = sequences(basis, precision, first..first + count);
+            assert!(u64::from(tally.changes_of_curves) > 2 * count, "{tally:?}");
+            assert!(tally.changed_links > 10, "{tally:?}");
+            assert!(tally.pull_throughs_across > 5, "{tally:?}");
+            assert!(u64::from(tally.intact) > count, "{tally:?}");
+        }
+    }
+}
+
+#[test]
+fn curves_that_come_and_go_are_compared_by_name() {
+    sequences_of_each_basis(8);
+}
+
+/// The same test with 20 times as many sequences.
+#[test]
+#[ignore = "takes minutes"]
+fn very_many_curves_that_come_and_go() {
+    sequences_of_each_basis(160);
+}
