@@ -214,7 +214,7 @@ impl Client {
     /// the client: for programs that keep both side by side, such as bindings for other languages.
     /// Pass it to [`send`](Client::send).
     ///
-    /// Hold at most two at once: with a third one, the client cannot inform the watcher of the end.
+    /// Hold at most seven at once: with more, the client cannot inform the watcher of the end.
     pub fn begin(&self, time: f64) -> Result<FrameMemory> {
         self.frames.begin(time)
     }

@@ -17,9 +17,9 @@ use std::fmt;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::Arc;
 
-/// Maximum number of frames that are lent at once: two to the caller (one that is written, and one
-/// that keeps the memory mapped), and one to a signal.
-const LOANS: usize = 3;
+/// Maximum number of frames that are lent at once: one that is written, one for a signal, and some
+/// that keep the memory mapped for readers of earlier frames, one for each layout of curves.
+const LOANS: usize = 8;
 
 /// Connection of the client with the watcher.
 pub(super) struct Connection {

@@ -135,6 +135,10 @@ typedef struct lw_verdict {
   uint32_t unresolved;
   // Number of pairs and curves that could not be decided or compared.
   uint32_t defects;
+  // Number of curves that appeared since the last verified frame.
+  uint32_t appeared;
+  // Number of curves that are gone since the last verified frame.
+  uint32_t gone;
   // Last frame that is known to be intact, or LW_NO_FRAME.
   uint64_t last_intact;
   // Largest proven share of the step from the last intact frame without a pull-through, from 0
@@ -250,6 +254,33 @@ lw_status lw_describe(struct lw_client *client,
                       uint32_t precision_code,
                       const int32_t *counts,
                       size_t curves);
+
+// Same as lw_describe, for curves with names or radii; either may be null.
+//
+// If the curves have names, this can be called again between two frames: curves may be added,
+// removed, reordered, or get another number of points. The watcher compares the linking numbers of
+// curves by their names, and expects those of new curves to stay as they are in their first frame.
+// A name belongs to one curve for the whole session. A frame that was begun is discarded.
+//
+// # Safety
+//
+// `client` comes from lw_open. `counts` points to `curves` numbers, and so does `radii`, which may
+// be null. `names` is null, or points to `curves` strings that end with a zero byte.
+lw_status lw_describe_labelled(struct lw_client *client,
+                               uint32_t basis_code,
+                               uint32_t precision_code,
+                               const int32_t *counts,
+                               size_t curves,
+                               const char *const *names,
+                               const float *radii);
+
+// Sets the time step of the simulator in seconds, which later frames carry to the recording; 0 (as
+// at first) if it is unknown.
+//
+// # Safety
+//
+// `client` comes from lw_open.
+lw_status lw_set_time_step(struct lw_client *client, double seconds);
 
 // Returns shared memory for the positions of the next frame, at `time` seconds of simulation:
 // `x y z x y z ..` curve after curve, 64-byte aligned. Write all of it, then call lw_publish. The

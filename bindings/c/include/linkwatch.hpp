@@ -94,11 +94,29 @@ public:
   Client(const std::string &service, const std::vector<std::int32_t> &counts,
          Basis basis = Basis::Polyline, lw_options options = {})
       : client(detail::check(lw_open(service.c_str(), &options))) {
+    describe(counts, {}, {}, basis);
+  }
+
+  // Declares other curves from the next frame on. They need names, as those before: the watcher
+  // compares curves by name. `radii` may be empty. Without an earlier frame, names may be empty too.
+  void describe(const std::vector<std::int32_t> &counts, const std::vector<std::string> &names,
+                const std::vector<float> &radii = {}, Basis basis = Basis::Polyline) {
+    if ((!names.empty() && names.size() != counts.size()) ||
+        (!radii.empty() && radii.size() != counts.size()))
+      throw Error("expected a name and a radius for each curve, or none");
+    std::vector<const char *> pointers;
+    for (const std::string &name : names) pointers.push_back(name.c_str());
+    detail::check(lw_describe_labelled(open(), static_cast<std::uint32_t>(basis),
+                                       detail::precision<T>(), counts.data(), counts.size(),
+                                       names.empty() ? nullptr : pointers.data(),
+                                       radii.empty() ? nullptr : radii.data()));
+    coordinates = 0;
     for (std::int64_t count : counts)
       coordinates += 3 * static_cast<std::size_t>(count < 0 ? -count : count);
-    detail::check(lw_describe(client.get(), static_cast<std::uint32_t>(basis),
-                              detail::precision<T>(), counts.data(), counts.size()));
   }
+
+  // Sets the time step of the simulator in seconds, for the recording; 0 if it is unknown.
+  void set_time_step(double seconds) { detail::check(lw_set_time_step(open(), seconds)); }
 
   // Number of coordinates of a frame: three for each control point.
   std::size_t size() const { return coordinates; }

@@ -6,7 +6,7 @@ use crate::error::{
     lw_status, string, words,
 };
 use crate::verdict::lw_verdict;
-use linkwatch::{Client, ClientOptions, FrameMemory, Outcome, WaitMode};
+use linkwatch::{Client, ClientOptions, CurveLabels, FrameMemory, Outcome, WaitMode};
 use std::ffi::c_char;
 use std::ptr;
 use std::time::Duration;
@@ -111,14 +111,86 @@ pub unsafe extern "C" fn lw_describe(
     counts: *const i32,
     curves: usize,
 ) -> lw_status {
+    let (codes, none) = ((basis_code, precision_code), (ptr::null(), ptr::null()));
+    // SAFETY: as promised by the caller.
+    unsafe { describe_labelled(client, codes, counts, curves, none) }
+}
+
+/// Same as lw_describe, for curves with names or radii; either may be null.
+///
+/// If the curves have names, this can be called again between two frames: curves may be added,
+/// removed, reordered, or get another number of points. The watcher compares the linking numbers of
+/// curves by their names, and expects those of new curves to stay as they are in their first frame.
+/// A name belongs to one curve for the whole session. A frame that was begun is discarded.
+///
+/// # Safety
+///
+/// `client` comes from lw_open. `counts` points to `curves` numbers, and so does `radii`, which may
+/// be null. `names` is null, or points to `curves` strings that end with a zero byte.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_describe_labelled(
+    client: *mut lw_client,
+    basis_code: u32,
+    precision_code: u32,
+    counts: *const i32,
+    curves: usize,
+    names: *const *const c_char,
+    radii: *const f32,
+) -> lw_status {
+    // SAFETY: as promised by the caller.
+    unsafe {
+        let codes = (basis_code, precision_code);
+        describe_labelled(client, codes, counts, curves, (names, radii))
+    }
+}
+
+/// # Safety
+///
+/// As for [`lw_describe_labelled`].
+unsafe fn describe_labelled(
+    client: *mut lw_client,
+    (basis_code, precision_code): (u32, u32),
+    counts: *const i32,
+    curves: usize,
+    (names, radii): (*const *const c_char, *const f32),
+) -> lw_status {
     guard(LW_ERROR, || {
         // SAFETY: as promised by the caller.
         let (this, counts) =
             unsafe { (given(client, "client")?, values(counts, curves, "counts")?) };
         let (basis, precision) = (basis(basis_code)?, precision(precision_code)?);
+        let mut labels = CurveLabels::default();
+        if !names.is_null() {
+            // SAFETY: as promised by the caller.
+            for &name in unsafe { values(names, curves, "names") }? {
+                // SAFETY: as promised by the caller.
+                let name = unsafe { string(name, "the name of a curve") }?;
+                labels.names.push(name.to_owned());
+            }
+        }
+        if !radii.is_null() {
+            // SAFETY: as promised by the caller.
+            labels.radii = unsafe { values(radii, curves, "radii") }?.to_vec();
+        }
         this.frame = None;
-        let described = this.client.describe(basis, precision, counts);
+        let described = this.client.describe_labelled(basis, precision, counts, labels);
         described.map(|()| LW_OK).map_err(words)
+    })
+}
+
+/// Sets the time step of the simulator in seconds, which later frames carry to the recording; 0 (as
+/// at first) if it is unknown.
+///
+/// # Safety
+///
+/// `client` comes from lw_open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_set_time_step(client: *mut lw_client, seconds: f64) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let this = unsafe { given(client, "client") }?;
+        let set = this.client.set_time_step(seconds);
+        set.map(|()| LW_OK).map_err(words)
     })
 }
 

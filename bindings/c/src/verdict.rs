@@ -67,6 +67,10 @@ pub struct lw_verdict {
     pub unresolved: u32,
     /// Number of pairs and curves that could not be decided or compared.
     pub defects: u32,
+    /// Number of curves that appeared since the last verified frame.
+    pub appeared: u32,
+    /// Number of curves that are gone since the last verified frame.
+    pub gone: u32,
     /// Last frame that is known to be intact, or LW_NO_FRAME.
     pub last_intact: u64,
     /// Largest proven share of the step from the last intact frame without a pull-through, from 0
@@ -122,6 +126,8 @@ impl lw_verdict {
         pull_throughs: 0,
         unresolved: 0,
         defects: 0,
+        appeared: 0,
+        gone: 0,
         last_intact: LW_NO_FRAME,
         safe_fraction: f64::NAN,
         finding: LW_FINDING_NONE,
@@ -192,6 +198,8 @@ impl From<&VerdictMessage> for lw_verdict {
             pull_throughs: m.events,
             unresolved: m.unresolved,
             defects: m.defects,
+            appeared: m.appeared,
+            gone: m.gone,
             last_intact: m.last_intact.unwrap_or(LW_NO_FRAME),
             safe_fraction: m.safe_fraction.unwrap_or(f64::NAN),
             frames_verified: verified,
@@ -227,6 +235,8 @@ impl From<&Report> for lw_verdict {
             pull_throughs: count(r.events.len()),
             unresolved: count(r.unresolved.len()),
             defects: count(r.defects.len()),
+            appeared: count(r.appeared.len()),
+            gone: count(r.gone.len()),
             last_intact: r.last_intact.unwrap_or(LW_NO_FRAME),
             safe_fraction: r.safe_fraction.unwrap_or(f64::NAN),
             text: text(&sentences.take(8).collect::<Vec<_>>().join("; ")),

@@ -4,7 +4,8 @@ use crate::exception;
 use crate::findings::{Change, Defect, PullThrough};
 use crate::frame::basis;
 use linkwatch::{
-    ClientOptions, Finding, FrameMemory, MessageKind, Outcome, Precision, VerdictMessage,
+    Basis, ClientOptions, CurveLabels, Finding, FrameMemory, MessageKind, Outcome, Precision,
+    VerdictMessage,
 };
 use numpy::ndarray::ArrayView2;
 use numpy::{Element, PyArray2};
@@ -21,10 +22,10 @@ const SLICE: Duration = Duration::from_millis(50);
 pub struct Client {
     /// None once the session has ended.
     client: Option<linkwatch::Client>,
-    precision: Precision,
+    kind: (Basis, Precision),
     points: usize,
     frame: Option<Begun>,
-    /// Keeps the shared memory of all frames mapped, also after the session.
+    /// Keeps the shared memory of all frames of these curves mapped, also after the session.
     mapping: Arc<Mutex<FrameMemory>>,
     /// Number of the last published frame.
     last: Option<u64>,
@@ -115,10 +116,23 @@ impl Message {
         self.0.safe_fraction
     }
 
+    /// Number of curves that appeared since the last verified frame.
+    #[getter]
+    fn appeared(&self) -> u32 {
+        self.0.appeared
+    }
+
+    /// Number of curves that are gone since the last verified frame.
+    #[getter]
+    fn gone(&self) -> u32 {
+        self.0.gone
+    }
+
     /// Reason why the frame was rejected.
     #[getter]
     fn rejected(&self) -> Option<&str> {
-        self.0.reason.as_deref()
+        let rejected = self.0.verdict == linkwatch::Verdict::Rejected;
+        self.0.reason.as_deref().filter(|_| rejected)
     }
 
     fn __str__(&self) -> String {
@@ -135,7 +149,7 @@ impl Client {
     #[new]
     fn new(
         service: &str,
-        counts: Vec<i32>,
+        curves: (Vec<i32>, Vec<String>, Vec<f32>),
         basis_name: &str,
         single: bool,
         lockstep: bool,
@@ -152,26 +166,42 @@ impl Client {
             Precision::F64
         };
         let mut client = linkwatch::Client::open(service, &options).map_err(exception)?;
-        client
-            .describe(basis, precision, &counts)
-            .map_err(exception)?;
-        let mapping = client.begin(0.0).map_err(exception)?;
+        let kind = (basis, precision);
+        let (points, mapping) = described(&mut client, kind, curves).map_err(exception)?;
         Ok(Client {
             client: Some(client),
-            precision,
-            points: counts.iter().map(|n| n.unsigned_abs() as usize).sum(),
+            kind,
+            points,
             frame: None,
-            mapping: Arc::new(Mutex::new(mapping)),
+            mapping,
             last: None,
             goodbye: None,
         })
+    }
+
+    /// Declares other curves from the next frame on: counts, names and radii.
+    fn describe(
+        &mut self,
+        py: Python<'_>,
+        curves: (Vec<i32>, Vec<String>, Vec<f32>),
+    ) -> PyResult<()> {
+        self.discard(py)?;
+        let kind = self.kind;
+        let (points, mapping) = described(self.open()?, kind, curves).map_err(exception)?;
+        (self.points, self.mapping) = (points, mapping);
+        Ok(())
+    }
+
+    /// Sets the time step of the simulator in seconds.
+    fn set_time_step(&mut self, seconds: f64) -> PyResult<()> {
+        self.open()?.set_time_step(seconds).map_err(exception)
     }
 
     /// Returns a view of the shared memory of the next frame.
     fn begin(&mut self, py: Python<'_>, time: f64) -> PyResult<Py<PyAny>> {
         self.discard(py)?;
         let mut memory = self.open()?.begin(time).map_err(exception)?;
-        let view = match self.precision {
+        let view = match self.kind.1 {
             Precision::F32 => self.view(py, memory.positions_f32().map_err(exception)?),
             Precision::F64 => self.view(py, memory.positions_f64().map_err(exception)?),
         }?;
@@ -303,8 +333,9 @@ impl Client {
         let base = Bound::new(py, base)?.into_any();
         #[expect(unsafe_code, reason = "an array over memory that Python does not own")]
         // SAFETY: the memory has three coordinates for each point. It stays mapped as long as the
-        // base object lives, because that holds a sample of the same publisher, whose frames all
-        // have the same size and so lie in its first segment. Python may write to it at any time,
+        // base object lives, because that holds a sample of the same publisher and of the same size,
+        // which lies in the same segment: a segment is replaced only by one for larger frames, and
+        // the sample was lent after the curves were described. Python may write to it at any time,
         // through slices even after publishing. No Rust code of this process reads it, the watcher
         // reads every number once and checks it, and all bit patterns are numbers.
         let view = unsafe {
@@ -313,6 +344,19 @@ impl Client {
         };
         Ok(view.into_any().unbind())
     }
+}
+
+/// Declares the curves of the next frames: counts, names and radii. Returns their number of points,
+/// and a frame that keeps the shared memory mapped.
+fn described(
+    client: &mut linkwatch::Client,
+    (basis, precision): (Basis, Precision),
+    (counts, names, radii): (Vec<i32>, Vec<String>, Vec<f32>),
+) -> linkwatch::Result<(usize, Arc<Mutex<FrameMemory>>)> {
+    let labels = CurveLabels::named(names).with_radii(radii);
+    client.describe_labelled(basis, precision, &counts, labels)?;
+    let points = counts.iter().map(|n| n.unsigned_abs() as usize).sum();
+    Ok((points, Arc::new(Mutex::new(client.begin(0.0)?))))
 }
 
 /// Returns a duration of seconds; without a limit if it is infinite.

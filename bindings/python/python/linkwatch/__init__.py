@@ -99,6 +99,13 @@ def _integers(counts: Counts) -> list[int]:
     return counts if isinstance(counts, list) else [operator.index(n) for n in counts]
 
 
+def _curves(
+    counts: Counts, names: Sequence[str], radii: Sequence[float] | npt.NDArray[Any]
+) -> tuple[list[int], list[str], list[float]]:
+    """Returns the description of curves for a client."""
+    return _integers(counts), list(names), [float(radius) for radius in radii]
+
+
 class Verifier:
     """Verifies successive frames of the same curves.
 
@@ -186,6 +193,9 @@ class Client:
     Args:
         service: the name given to ``linkwatch watch --service``.
         counts: number of points of each curve, negative if the curve is closed.
+        names: name of each curve. Curves with names can be described again (:meth:`describe`).
+        radii: radius of each curve, in the units of the points; the viewer draws this thickness.
+        time_step: time step of the simulator in seconds, for the recording; 0 if unknown.
         dtype: ``float32`` or ``float64``.
         basis: rule that turns points into curves.
         lockstep: the simulator waits for the verdict on every frame; the watcher is informed.
@@ -201,6 +211,9 @@ class Client:
         service: str = "linkwatch",
         *,
         counts: Counts,
+        names: Sequence[str] = (),
+        radii: Sequence[float] | npt.NDArray[Any] = (),
+        time_step: float = 0.0,
         dtype: npt.DTypeLike = "float32",
         basis: str = "polyline",
         lockstep: bool = False,
@@ -212,7 +225,34 @@ class Client:
         if kind not in (np.float32, np.float64):
             raise ValueError(f"dtype is {kind}, expected float32 or float64")
         single = kind == np.float32
-        self._client = _Client(service, _integers(counts), basis, single, lockstep, wait_mode)
+        curves = _curves(counts, names, radii)
+        self._client = _Client(service, curves, basis, single, lockstep, wait_mode)
+        self._client.set_time_step(time_step)
+
+    def describe(
+        self,
+        counts: Counts,
+        *,
+        names: Sequence[str],
+        radii: Sequence[float] | npt.NDArray[Any] = (),
+    ) -> None:
+        """Declares other curves from the next frame on.
+
+        Curves may be added, removed, reordered, or get another number of points. The watcher
+        compares the linking numbers of curves by their names, and expects those of new curves to
+        stay as they are in their first frame. It searches for pull-throughs among the curves that
+        keep their name and number of points. A name belongs to one curve for the whole session.
+
+        Raises:
+            ValueError: an argument is invalid.
+            ConnectionError: curves without names change after the first frame, or arrays of the
+                frames of too many earlier descriptions are still in use.
+        """
+        self._client.describe(_curves(counts, names, radii))
+
+    def set_time_step(self, seconds: float) -> None:
+        """Sets the time step of the simulator, which later frames carry to the recording."""
+        self._client.set_time_step(seconds)
 
     def begin(self, time: float = 0.0) -> npt.NDArray[Any]:
         """Returns the points of the next frame, at ``time`` seconds: an array ``(N, 3)``.

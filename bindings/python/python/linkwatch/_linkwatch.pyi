@@ -69,6 +69,8 @@ class Message:
     first: Change | PullThrough | Defect | None
     last_intact: int | None
     safe_fraction: float | None
+    appeared: int
+    gone: int
     rejected: str | None
 
 class Client:
@@ -76,12 +78,14 @@ class Client:
     def __init__(
         self,
         service: str,
-        counts: list[int],
+        curves: tuple[list[int], list[str], list[float]],
         basis_name: str,
         single: bool,
         lockstep: bool,
         wait_mode: str,
     ) -> None: ...
+    def describe(self, curves: tuple[list[int], list[str], list[float]]) -> None: ...
+    def set_time_step(self, seconds: float) -> None: ...
     def begin(self, time: float) -> npt.NDArray[Any]: ...
     def publish(self) -> int: ...
     def poll(self) -> Message | None: ...
