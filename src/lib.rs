@@ -5,7 +5,7 @@
 //!
 //! - A simulator that is watched by the command `linkwatch watch` publishes its frames with a
 //!   [`Client`](./struct.Client.html) (feature `client`). In other languages:
-//!   [the wire format](./wire_format/index.html).
+//!   [attaching a simulator](./attaching/index.html).
 //! - A program that verifies its own frames calls [`Verifier::step`] with a [`CurveSet`], and gets
 //!   a [`Report`].
 //! - [`model::read`] reads curves from BCC, OBJ and VECT files; [`scenes`] generates some with
@@ -137,8 +137,8 @@ mod verdict;
 #[cfg(feature = "verify")]
 mod verifier;
 #[cfg(all(doc, feature = "client"))]
-#[doc = include_str!("../docs/wire.md")]
-pub mod wire_format {}
+#[doc = include_str!("../docs/attaching.md")]
+pub mod attaching {}
 
 #[cfg(feature = "client")]
 pub use bus::{

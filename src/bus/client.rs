@@ -88,7 +88,7 @@ impl FrameLoan<'_> {
 /// without [`finish`](Client::finish), by an error or a panic, the watcher is informed that the
 /// session ended early.
 ///
-/// Programs in other languages use [the wire format](crate::wire_format).
+/// Programs in other languages use [attaching a simulator](crate::attaching).
 ///
 /// ```no_run
 /// use linkwatch::{Basis, Client, ClientOptions, Precision};

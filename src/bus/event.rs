@@ -2,7 +2,7 @@
 
 use super::ipc::Ipc;
 use super::message::Counters;
-use super::wire::{FLAG_LOCKSTEP, FrameHeader, View};
+use super::wire::{FLAG_LOCKSTEP, FLAG_RADII, FrameHeader, View};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
 use crate::ingest::{FrameInfo, RawFrame, ingest};
@@ -102,11 +102,19 @@ impl Frame {
     /// Errors: the frame breaks its contract, as in [`Frame::ingest`].
     pub fn info(&self, last: &mut LastLabels) -> Result<FrameInfo> {
         let table = self.view()?.table;
-        if table != last.table {
+        // Zeros after a part may also belong to the part, so equal bytes alone are not enough.
+        let FrameHeader {
+            n_curves,
+            names_bytes,
+            flags,
+            ..
+        } = self.header;
+        let sizes = [n_curves, names_bytes, flags & FLAG_RADII];
+        if sizes != last.sizes || table != last.table {
             // Decoded from a copy, because the bytes in shared memory could change meanwhile.
             let table = table.to_vec();
             last.labels = Arc::new(self.header.labels(&table)?);
-            last.table = table;
+            (last.sizes, last.table) = (sizes, table);
         }
         Ok(FrameInfo {
             cuts: self.header.cuts,
@@ -146,6 +154,8 @@ impl Frame {
 /// Names and radii of the curves of the last frame; see [`Frame::info`].
 #[derive(Clone, Debug, Default)]
 pub struct LastLabels {
+    /// Number of curves, bytes of the names, and the flag of the radii.
+    sizes: [u32; 3],
     /// The parts of the payload before the positions.
     table: Vec<u8>,
     labels: Arc<CurveLabels>,

@@ -1,4 +1,4 @@
-//! Compares the tables of `docs/wire.md` with the code.
+//! Compares the tables of `docs/attaching.md` with the code.
 
 use super::message::{Counters, MessageKind};
 use super::service::{Endpoint, Role};
@@ -15,7 +15,7 @@ use iceoryx2::service::static_config::publish_subscribe::StaticConfig;
 use std::any::type_name_of_val;
 use std::mem::{align_of, offset_of, size_of, size_of_val};
 
-const PAGE: &str = include_str!("../../docs/wire.md");
+const PAGE: &str = include_str!("../../docs/attaching.md");
 
 /// Returns the rows of the first table after `heading` whose first column has this title, without
 /// backticks.
@@ -58,7 +58,7 @@ fn codes<'a>(names: impl IntoIterator<Item = (u32, &'a str)>) -> Vec<Vec<String>
 }
 
 #[test]
-fn the_wire_page_has_every_field_of_a_frame_header() {
+fn the_page_has_every_field_of_a_frame_header() {
     let header = FrameHeader::default();
     let expected = fields!(
         header,
@@ -94,7 +94,7 @@ fn the_wire_page_has_every_field_of_a_frame_header() {
 }
 
 #[test]
-fn the_wire_page_has_every_field_of_a_verdict() {
+fn the_page_has_every_field_of_a_verdict() {
     let hello = VerdictWire::new(MessageKind::Hello, 0, Counters::default());
     let expected = fields!(
         hello,
@@ -162,7 +162,7 @@ fn the_wire_page_has_every_field_of_a_verdict() {
 }
 
 #[test]
-fn the_wire_page_has_every_code() {
+fn the_page_has_every_code() {
     let flags = [
         (FLAG_LOCKSTEP, "lockstep"),
         (FLAG_END, "end"),
@@ -199,7 +199,7 @@ fn the_wire_page_has_every_code() {
 }
 
 #[test]
-fn the_wire_page_lists_the_numbers_of_points_of_each_basis() {
+fn the_page_lists_the_numbers_of_points_of_each_basis() {
     let found = rows("## A frame", "basis code");
     assert_eq!(found.len(), Basis::ALL.len());
     for (basis, row) in Basis::ALL.into_iter().zip(found) {
@@ -221,7 +221,7 @@ fn the_wire_page_lists_the_numbers_of_points_of_each_basis() {
 
 /// Opens both services, and compares the settings that iceoryx2 reports.
 #[test]
-fn the_wire_page_has_the_settings_of_both_services() {
+fn the_page_has_the_settings_of_both_services() {
     let name = format!("linkwatch-page-{}", std::process::id());
     let endpoint = Endpoint::open(&name, Role::Simulator, WaitMode::Sleep).unwrap();
     let of = |service: &StaticConfig| {
@@ -280,7 +280,7 @@ fn the_wire_page_has_the_settings_of_both_services() {
 
 /// For each basis, writes a file as the page describes it, and reads it.
 #[test]
-fn reads_files_written_by_the_wire_page() {
+fn reads_files_written_by_the_page() {
     let offsets = columns(1, rows("## Frames in files", "BCC offset"));
     assert_eq!(offsets.concat(), ["0", "4", "6", "8", "16", "24", "64"]);
     let folder = tempfile::tempdir().unwrap();
@@ -305,7 +305,7 @@ fn reads_files_written_by_the_wire_page() {
 }
 
 #[test]
-fn the_client_in_python_has_the_fields_of_the_wire_page() {
+fn the_client_in_python_has_the_fields_of_the_page() {
     const CLIENT: &str = include_str!("../../examples/rings.py");
     assert!(CLIENT.contains(&format!("\nVERSION = {LAYOUT_VERSION}\n")));
     // `[f64; 3]` on the page is `f64*3` in the tables of the client.

@@ -279,8 +279,10 @@ pub struct Report {
     pub safe_fraction: Option<f64>,
     /// Names of the curves that appeared since the last verified frame. Their linking numbers are
     /// expected from this frame on.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub appeared: Vec<String>,
     /// Names of the curves that are gone since the last verified frame.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gone: Vec<String>,
     /// Reason why the frame was rejected.
     pub rejected: Option<String>,

@@ -3,7 +3,7 @@
 use super::*;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::*;
-use linkwatch::{Error, Outcome};
+use linkwatch::{Error, LastLabels, Outcome};
 
 /// Copy of the crate's header, which checks its layout independently.
 #[repr(C)]
@@ -96,7 +96,7 @@ impl HostilePublisher {
 #[test]
 fn an_invalid_frame_affects_only_itself() {
     type Lie = fn(&mut Header, &mut Vec<u8>);
-    let lies: [(Lie, &str); 16] = [
+    let lies: [(Lie, &str); 21] = [
         (
             |h, _| h.n_points = 9,
             "bytes of a frame: 172 promised, 160 available",
@@ -128,6 +128,11 @@ fn an_invalid_frame_affects_only_itself() {
             |_, p| p[64 + 5 * 4..64 + 6 * 4].copy_from_slice(&f32::NAN.to_le_bytes()),
             "curve 0, point 1: coordinate z is NaN",
         ),
+        (|h, _| h.names_bytes = 1, "bytes of a frame: 224 promised"),
+        (|h, _| h.names_bytes = u32::MAX, "bytes of a frame"),
+        (|h, _| h.flags = 16, "bytes of a frame: 224 promised"),
+        (|h, _| h.time_step = f64::NAN, "time step"),
+        (|h, _| h.cell_vectors = 3, "a periodic cell of 3 vectors"),
     ];
     let name = service();
     let mut sidecar = sidecar(&name);
@@ -151,8 +156,51 @@ fn an_invalid_frame_affects_only_itself() {
         frame.ingest(&mut set).unwrap();
         assert!(holds(set.as_ref().unwrap(), seq));
     }
-    assert_eq!(sidecar.counters().rejected, 16);
+    assert_eq!(sidecar.counters().rejected, 21);
     assert_eq!(sidecar.counters().skipped, 0);
+}
+
+#[test]
+fn invalid_names_of_curves_affect_only_their_frame() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut publisher = HostilePublisher::open(&name);
+    let mut last = LastLabels::default();
+    let names: [(&[u8], &str); 5] = [
+        (b"a\0b\0", ""),
+        (b"a\0b", "does not end with a zero byte"),
+        (b"a\0\xff\0", "not UTF-8"),
+        (b"a\0a\0", "which is that of curve 0"),
+        (b"a\0b\0c\0", "names of curves: 2 promised, 3 available"),
+    ];
+    for (k, (names, expected)) in names.into_iter().enumerate() {
+        publisher.send(|h, p| {
+            h.names_bytes = names.len() as u32;
+            h.layout = 7;
+            let mut padded = names.to_vec();
+            padded.resize(64, 0);
+            p.splice(64..64, padded);
+        });
+        if k == 0 {
+            new_session(&mut sidecar);
+        }
+        let frame = next_frame(&mut sidecar);
+        let info = frame.info(&mut last);
+        match expected {
+            "" => {
+                let info = info.unwrap();
+                assert_eq!(
+                    (info.layout, &info.labels.names[..]),
+                    (7, &["a".into(), "b".into()][..])
+                );
+            }
+            expected => {
+                let e = info.unwrap_err().to_string();
+                assert!(e.contains(expected), "{e}, expected {expected}");
+            }
+        }
+        answer(&mut sidecar, &frame, &mut None);
+    }
 }
 
 #[test]
@@ -187,7 +235,7 @@ fn an_unreadable_message_has_no_number() {
     assert!(e.contains("magic number"), "{e}");
     publisher.send(|h, _| h.version += 1);
     let e = unreadable(&mut sidecar);
-    assert!(matches!(e, Error::Version { found: 6, .. }), "{e}");
+    assert!(matches!(e, Error::Version { found: 7, .. }), "{e}");
     let seq = publisher.honest();
     new_session(&mut sidecar);
     assert_eq!(next_frame(&mut sidecar).seq(), seq);

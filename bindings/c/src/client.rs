@@ -173,7 +173,9 @@ unsafe fn describe_labelled(
             labels.radii = unsafe { values(radii, curves, "radii") }?.to_vec();
         }
         this.frame = None;
-        let described = this.client.describe_labelled(basis, precision, counts, labels);
+        let described = this
+            .client
+            .describe_labelled(basis, precision, counts, labels);
         described.map(|()| LW_OK).map_err(words)
     })
 }
