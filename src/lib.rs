@@ -72,7 +72,7 @@
 //! | `client` | a simulator's end of the bus: `Client`, `services` | iceoryx2 |
 //! | `verify` | the exact core: `Verifier`, which computes every linking number | rayon |
 //! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
-//! | `cli` | the command `linkwatch`; nothing in the library | clap |
+//! | `cli` | the command `linkwatch`; no API | clap |
 //! | `lab` | measurements: `lab`; `study` and `devices --measure` of the command | plotters |
 //! | `gpu` | kernels on a GPU: `VerifierOptions::device` | wgpu |
 //! | `mcap` | recordings: `RecordingSink`, `RecordingReader` | mcap |
@@ -93,12 +93,22 @@
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+// The command names the public API as other programs do.
+#[cfg(feature = "cli")]
+extern crate self as linkwatch;
+
 #[cfg(feature = "client")]
 mod bus;
 #[cfg(feature = "verify")]
 mod cancel;
 #[cfg(feature = "verify")]
 mod certificate;
+#[cfg(feature = "cli")]
+#[allow(
+    clippy::field_reassign_with_default,
+    reason = "the only way for users of the API, whose options are non-exhaustive"
+)]
+mod cli;
 mod curve;
 #[cfg(feature = "verify")]
 mod discretize;
@@ -150,6 +160,9 @@ pub use bus::{Event, Frame, LastLabels, Sidecar, SidecarOptions};
 #[cfg(feature = "verify")]
 pub use certificate::{Certificate, Comparison};
 pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
+#[cfg(feature = "cli")]
+#[doc(hidden)] // For the binary and the Python package of this repository only.
+pub use cli::run_command;
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]

@@ -1,7 +1,5 @@
-//! The command `linkwatch`: parse, run, exit code.
-
-mod cli;
+//! The command `linkwatch`: see `src/cli`.
 
 fn main() -> std::process::ExitCode {
-    cli::main()
+    linkwatch::run_command(std::env::args_os()).into()
 }

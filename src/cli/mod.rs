@@ -1,4 +1,5 @@
-//! The command line, one file per subcommand. It uses only the public API of the library.
+//! The command line, one file per subcommand. It uses only the public API of the library, by the
+//! name `linkwatch`, although it is a module of it.
 
 mod certify;
 mod check;
@@ -39,7 +40,8 @@ mod watch;
 
 use clap::{ArgAction, Parser, Subcommand};
 use linkwatch::{Error, Result, Verdict};
-use std::process::ExitCode;
+use std::ffi::OsString;
+use std::io::Write;
 #[cfg(unix)]
 use std::sync::Arc;
 
@@ -138,9 +140,22 @@ impl Outcome {
     }
 }
 
-/// Parses the arguments and runs the command.
-pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+/// Parses the arguments, the first of which is the name of the program, and runs the command.
+/// Returns the exit code.
+///
+/// Installs signal handlers and the global subscriber of log messages, so that a process can call
+/// it only once.
+pub fn run_command(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(text) => {
+            // Also the texts of --help and --version, which go to stdout. A failed write has no
+            // better place to report.
+            text.print().ok();
+            std::io::stdout().flush().ok();
+            return if text.use_stderr() { 2 } else { 0 };
+        }
+    };
     output::init(cli.quiet);
     let code = match run(&cli) {
         Ok(outcome) => outcome.code(),
@@ -150,10 +165,10 @@ pub fn main() -> ExitCode {
         }
     };
     let all_written = output::finish();
-    ExitCode::from(match code {
+    match code {
         0 if !all_written => Outcome::Undecided.code(),
         code => code,
-    })
+    }
 }
 
 fn run(cli: &Cli) -> Result<Outcome> {

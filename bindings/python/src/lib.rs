@@ -8,6 +8,8 @@ mod report;
 mod verifier;
 
 use pyo3::prelude::*;
+use std::ffi::OsString;
+use std::panic::catch_unwind;
 
 #[pymodule]
 fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -21,7 +23,16 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<verifier::Verifier>()?;
     module.add_class::<client::Client>()?;
     module.add_class::<client::Message>()?;
+    module.add_function(wrap_pyfunction!(command, module)?)?;
     Ok(())
+}
+
+/// Runs the command `linkwatch`, once in a process. The first argument is the name of the program.
+/// Returns the exit code.
+#[pyfunction]
+fn command(py: Python<'_>, args: Vec<OsString>) -> u8 {
+    // The code of a panic in a binary. The code 1 of an exception means a changed topology.
+    py.detach(|| catch_unwind(|| linkwatch::run_command(args)).unwrap_or(101))
 }
 
 /// Returns the exception of an error: `OSError` if a file cannot be read or written,

@@ -1,18 +1,12 @@
-"""The live client without a watcher. `.ci/run` runs simulations that are watched."""
+"""The live client without a watcher. `test_processes.py` has one."""
 
 import gc
-import os
 import threading
 import time
 
 import linkwatch
 import numpy as np
 import pytest
-
-
-@pytest.fixture
-def service(request):
-    return f"linkwatch-python-{os.getpid()}-{request.node.name[:40]}"
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64"])

@@ -7,6 +7,8 @@ import numpy.typing as npt
 
 __version__: str
 
+def command(args: list[str]) -> int: ...
+
 class Place:
     segments: tuple[int, int]
     point: tuple[float, float, float]
