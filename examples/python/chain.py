@@ -72,7 +72,7 @@ class Watched:
         self.sim.publish()
         verdict = self.sim.wait()
         if verdict is None:
-            raise SystemExit("no verdict on this frame: the watcher left, or is too slow")
+            raise SystemExit(self.sim.no_verdict)
         return verdict
 
     def cut(self):

@@ -65,7 +65,7 @@ def main():
             sim.publish()
             verdict = sim.wait()
             if verdict is None:
-                raise SystemExit("no verdict on this frame: the watcher left, or is too slow")
+                raise SystemExit(sim.no_verdict)
             if verdict.abort:
                 print(verdict)
                 if not args.roll_back:

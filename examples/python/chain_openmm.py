@@ -51,7 +51,7 @@ class LinkwatchReporter:
         self.client.publish()
         verdict = self.client.wait()
         if verdict is None:
-            raise SystemExit("no verdict on this frame: the watcher left, or is too slow")
+            raise SystemExit(self.client.no_verdict)
         if verdict.abort:
             raise Stop(verdict)
 

@@ -29,6 +29,8 @@ pub struct Client {
     mapping: Arc<Mutex<FrameMemory>>,
     /// Number of the last published frame.
     last: Option<u64>,
+    /// Why the last wait returned no verdict, if it did not.
+    no_verdict: Option<String>,
     /// The last message of the watcher, or the last abort if there was none.
     goodbye: Option<VerdictMessage>,
 }
@@ -175,6 +177,7 @@ impl Client {
             frame: None,
             mapping,
             last: None,
+            no_verdict: None,
             goodbye: None,
         })
     }
@@ -239,11 +242,27 @@ impl Client {
             .ok_or_else(|| PyRuntimeError::new_err("no frame was published"))?;
         let client = self.open()?;
         let found = waiting(py, seconds, |slice| match client.wait(seq, slice)? {
-            Outcome::Verdict(message) => Ok(Some(Some(*message))),
-            Outcome::NoWatcher(_) => Ok(Some(None)),
+            Outcome::Verdict(message) => Ok(Some(Ok(Message(*message)))),
+            Outcome::NoWatcher(how) => Ok(Some(Err(how))),
             Outcome::Stale => Ok(None),
-        });
-        Ok(found?.flatten().map(Message))
+        })?;
+        let why = match found {
+            Some(Ok(message)) => {
+                self.no_verdict = None;
+                return Ok(Some(message));
+            }
+            Some(Err(how)) => format!("no verdict on frame {seq}: {how}"),
+            None => format!(
+                "no verdict on frame {seq} within {seconds} seconds, or the watcher skipped it"
+            ),
+        };
+        self.no_verdict = Some(why);
+        Ok(None)
+    }
+
+    #[getter]
+    fn no_verdict(&self) -> Option<&str> {
+        self.no_verdict.as_deref()
     }
 
     /// Waits until a watcher has seen this session. Returns False if none came in time.

@@ -280,9 +280,15 @@ class Client:
 
         Returns:
             Message | None: ``None`` if there is no verdict in time, if the frame was skipped, or if
-            the watcher left. The frame is not known to be intact then.
+            the watcher left or died (:attr:`no_verdict` says which). The frame is not known to be
+            intact then.
         """
         return self._client.wait(seconds)
+
+    @property
+    def no_verdict(self) -> str | None:
+        """Why the last :meth:`wait` returned ``None``, as a sentence; ``None`` if it did not."""
+        return self._client.no_verdict
 
     def wait_for_watcher(self, seconds: float = 10.0) -> bool:
         """Waits until a watcher has seen this session. Returns False if none came in time.
