@@ -210,6 +210,7 @@ static void a_killed_simulator_ends_the_watch_and_frees_the_name(void) {
   char *const args[] = {(char *)self, "--simulate", service, NULL};
   char progress[sizeof log_path];
   snprintf(progress, sizeof progress, "%s/simulator.txt", folder);
+  remove(progress); // of an earlier run
   other = start(args, progress);
   for (double waited = 0; !strstr(read_file(progress), "intact"); waited += 0.01) {
     CHECK(waited < PATIENCE);

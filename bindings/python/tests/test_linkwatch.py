@@ -217,6 +217,7 @@ def test_the_examples_of_the_documentation_say_what_happens(capsys):
 
 
 def test_the_import_is_quick():
-    code = "import time; s = time.perf_counter(); import linkwatch; print(time.perf_counter() - s)"
+    # Time of the CPU, because other processes may run.
+    code = "import time; s = time.process_time(); import linkwatch; print(time.process_time() - s)"
     run = lambda: float(subprocess.check_output([sys.executable, "-c", code]))
     assert min(run() for _ in range(5)) < 0.05
