@@ -81,7 +81,10 @@ fn options_of_watch_have_headings() {
     let help = stdout(&["watch", "-h"]);
     let mut rest = help.as_str();
     for (heading, options) in [
-        ("Simulation:", &["--service", "--wait"][..]),
+        (
+            "Simulation:",
+            &["--service", "--wait", "--keep-watching", "--observe"][..],
+        ),
         ("Comparison:", &["--baseline", "--abort-on", "--events"]),
         ("Output:", &["--record", "--force"]),
         ("Kernels:", &["--kernel", "--device"]),

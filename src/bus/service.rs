@@ -9,7 +9,8 @@
 //! Two publishers are allowed on each topic, because a bridge between hosts joins with its own. The
 //! locks ensure that there is one simulator and one watcher. A lock is a service that admits one
 //! server. Bridges do not relay it, and iceoryx2 frees it together with everything else of a dead
-//! process.
+//! process. An observer is a watcher that sends nothing, so it takes no lock. The maximum number of
+//! subscribers of the frames limits watcher, observers and bridges together.
 
 use super::ipc::{Ipc, limit_log_level};
 use super::services::user_of;
@@ -20,6 +21,7 @@ use iceoryx2::node::NodeView;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::server::Server;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::{
     Alignment, CallbackProgression, Config, Node, NodeBuilder, NodeName, NodeState, PortFactory,
     ServiceName, SignalHandlingMode,
@@ -61,21 +63,29 @@ const DRAIN: u32 = 256;
 pub(super) enum Role {
     Simulator,
     Watcher,
+    /// A watcher that sends nothing. A service may have several.
+    Observer,
 }
+
+/// Name of the node of an observer.
+pub(super) const OBSERVER: &str = "linkwatch observer";
+
+/// Maximum number of watchers, observers and bridges that receive frames.
+const FRAME_SUBSCRIBERS: usize = 4;
 
 /// Both services, opened, and the lock that makes this process the only one in its role.
 pub(super) struct Endpoint {
     role: Role,
     pub frames: FrameService,
     pub verdicts: VerdictService,
-    /// Receives the events of frames (watcher) or verdicts (simulator).
+    /// Receives the events of frames (watcher, observer) or verdicts (simulator).
     pub listener: Listener<Ipc>,
     /// Sends the events of verdicts (watcher) or frames (simulator).
-    notifier: Notifier<Ipc>,
+    notifier: Option<Notifier<Ipc>>,
     wait_mode: WaitMode,
     /// Number of waits so far, if this side spins.
     spins: AtomicU32,
-    _lock: Server<Ipc, u64, (), u64, ()>,
+    _lock: Option<Server<Ipc, u64, (), u64, ()>>,
     _node: Node<Ipc>,
 }
 
@@ -91,6 +101,7 @@ impl Endpoint {
         let node_name = match role {
             Role::Simulator => "linkwatch simulator",
             Role::Watcher => "linkwatch watcher",
+            Role::Observer => OBSERVER,
         };
         // Signals stay with the program that owns this process. Creating a node also removes the
         // files that killed processes left behind.
@@ -104,7 +115,10 @@ impl Endpoint {
                      user, who must be able to write to /dev/shm and /tmp/iceoryx2"
                 ))
             })?;
-        let lock = lock(&node, name, role)?;
+        let lock = match role {
+            Role::Observer => None,
+            Role::Simulator | Role::Watcher => Some(lock(&node, name, role)?),
+        };
         let frames_name = service_name(name, "frames")?;
         let verdicts_name = service_name(name, "verdicts")?;
         let alignment = Alignment::new(ALIGNMENT).expect("64 is a power of two");
@@ -114,7 +128,7 @@ impl Endpoint {
                 .user_header::<FrameHeader>()
                 .payload_alignment(alignment)
                 .max_publishers(2)
-                .max_subscribers(4)
+                .max_subscribers(FRAME_SUBSCRIBERS)
                 .subscriber_max_buffer_size(FRAME_BUFFER)
                 .subscriber_max_borrowed_samples(FRAME_BORROWS)
                 .history_size(1)
@@ -141,16 +155,18 @@ impl Endpoint {
         let (frame_events, verdict_events) =
             (open_event(&frames_name)?, open_event(&verdicts_name)?);
         let (receive, send) = match role {
-            Role::Simulator => (verdict_events, frame_events),
-            Role::Watcher => (frame_events, verdict_events),
+            Role::Simulator => (verdict_events, Some(frame_events)),
+            Role::Watcher => (frame_events, Some(verdict_events)),
+            Role::Observer => (frame_events, None),
         };
+        let notifier = send.map(|events| events.notifier_builder().create());
         Ok(Endpoint {
             role,
             listener: receive
                 .listener_builder()
                 .create()
                 .map_err(bus("listener"))?,
-            notifier: send.notifier_builder().create().map_err(bus("notifier"))?,
+            notifier: notifier.transpose().map_err(bus("notifier"))?,
             wait_mode,
             spins: AtomicU32::new(0),
             frames,
@@ -163,7 +179,38 @@ impl Endpoint {
     /// Wakes the other side if it sleeps. Never waits. Ignores failures, because they only delay
     /// the other side until its next timer tick.
     pub fn notify(&self) {
-        let _ = self.notifier.notify();
+        if let Some(notifier) = &self.notifier {
+            let _ = notifier.notify();
+        }
+    }
+
+    /// Creates the subscriber of the frames of service `name`.
+    pub fn subscribe_to_frames(&self, name: &str) -> Result<Subscriber<Ipc, [u8], FrameHeader>> {
+        let start = Instant::now();
+        loop {
+            match self.frames.subscriber_builder().create() {
+                Ok(subscriber) => return Ok(subscriber),
+                Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => {}
+                Err(e) => return Err(bus("subscriber of frames")(e)),
+            }
+            // A killed process counts until its remains are removed.
+            cleanup();
+            if start.elapsed() > LOCK_LIMIT {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let mut processes = Vec::new();
+        self.frames.dynamic_config().list_subscribers(|subscriber| {
+            processes.push(subscriber.node_id.pid().value().to_string());
+            CallbackProgression::Continue
+        });
+        processes.sort();
+        Err(Error::Bus(format!(
+            "service \"{name}\" has the maximum of {FRAME_SUBSCRIBERS} watchers, observers and \
+             bridges (processes {}): end one of them",
+            processes.join(", ")
+        )))
     }
 
     /// Waits until the other side may have sent something, at most for `time`. Returns false if a
@@ -199,7 +246,7 @@ impl Endpoint {
         };
         let listed = match self.role {
             Role::Simulator => self.verdicts.nodes(look),
-            Role::Watcher => self.frames.nodes(look),
+            Role::Watcher | Role::Observer => self.frames.nodes(look),
         };
         let gone = gone && listed.is_ok();
         if gone {
@@ -231,7 +278,7 @@ fn service_name(name: &str, part: &str) -> Result<ServiceName> {
 fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (), u64, ()>> {
     let lock_name = match role {
         Role::Simulator => service_name(name, "simulator")?,
-        Role::Watcher => service_name(name, "watcher")?,
+        Role::Watcher | Role::Observer => service_name(name, "watcher")?,
     };
     let service = retry_transient(|| {
         node.service_builder(&lock_name)
@@ -274,9 +321,10 @@ fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (),
                     "service \"{name}\" already has a simulator ({who}). Stop it, or give one of \
                      the two another service name, watched with `linkwatch watch --service NAME`"
                 ),
-                Role::Watcher => format!(
-                    "service \"{name}\" is already watched ({who}). Stop that watcher, or watch \
-                     another service with `--service NAME`"
+                Role::Watcher | Role::Observer => format!(
+                    "service \"{name}\" is already watched ({who}). Stop that watcher, watch \
+                     another service with `--service NAME`, or add `--observe`: an observer \
+                     verifies beside the watcher, and sends nothing to the simulator"
                 ),
             }));
         }

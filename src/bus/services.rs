@@ -2,6 +2,7 @@
 //! removed, so running sessions are not disturbed.
 
 use super::ipc::{Ipc, limit_log_level};
+use super::service::OBSERVER;
 use super::wire::{FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
 use iceoryx2::identifiers::UniqueNodeId;
@@ -43,8 +44,10 @@ pub struct ServiceInfo {
     pub service: String,
     /// The simulator that is attached.
     pub simulator: Option<Attached>,
-    /// The watcher that is attached.
+    /// The watcher that is attached, and answers.
     pub watcher: Option<Attached>,
+    /// Watchers that send nothing to the simulator (`linkwatch watch --observe`).
+    pub observers: Vec<Attached>,
     /// Other processes that are attached, for example a bridge to another host.
     pub others: Vec<Attached>,
     /// True if the service has the layout of this version of linkwatch.
@@ -60,6 +63,9 @@ impl fmt::Display for ServiceInfo {
                 None => write!(f, "no {role}")?,
             }
             f.write_str(if role == "simulator" { ", " } else { "" })?;
+        }
+        for process in &self.observers {
+            write!(f, ", observer ({process})")?;
         }
         if let Some(first) = self.others.first() {
             let n = self.others.len();
@@ -116,21 +122,28 @@ pub(super) fn user_of(service: &ServiceName) -> Option<Attached> {
     let mut user = None;
     let look = |details: ServiceDetails<Ipc>| {
         if details.static_details.name() == service {
-            user = user.take().or(living(&details).into_values().next());
+            let first = living(&details).into_values().next();
+            user = user.take().or(first.map(|living| living.process));
         }
     };
     list(look).ok().and(user)
+}
+
+/// A living process, and true if it observes.
+struct Living {
+    process: Attached,
+    observes: bool,
 }
 
 /// Parts of a service that were found.
 #[derive(Default)]
 struct Found {
     /// Users of the frames, and true if these have the layout of this version.
-    frames: Option<(BTreeMap<UniqueNodeId, Attached>, bool)>,
+    frames: Option<(BTreeMap<UniqueNodeId, Living>, bool)>,
     /// True if the verdicts have another layout.
     strange: bool,
-    simulators: BTreeMap<UniqueNodeId, Attached>,
-    watchers: BTreeMap<UniqueNodeId, Attached>,
+    simulators: BTreeMap<UniqueNodeId, Living>,
+    watchers: BTreeMap<UniqueNodeId, Living>,
 }
 
 impl Found {
@@ -141,14 +154,22 @@ impl Found {
             return None;
         }
         // A process whose role is taken is rejected before it opens the frames.
-        let mut with_role = |role: BTreeMap<UniqueNodeId, Attached>| {
-            let nodes: Vec<Attached> = role.keys().filter_map(|id| attached.remove(id)).collect();
-            nodes.into_iter().next()
+        let mut with_role = |role: BTreeMap<UniqueNodeId, Living>| {
+            let nodes: Vec<Living> = role.keys().filter_map(|id| attached.remove(id)).collect();
+            nodes.into_iter().next().map(|living| living.process)
+        };
+        let (simulator, watcher) = (with_role(self.simulators), with_role(self.watchers));
+        let processes = |observes: bool, attached: &BTreeMap<UniqueNodeId, Living>| {
+            let found = attached
+                .values()
+                .filter(|living| living.observes == observes);
+            found.map(|living| living.process.clone()).collect()
         };
         Some(ServiceInfo {
-            simulator: with_role(self.simulators),
-            watcher: with_role(self.watchers),
-            others: attached.into_values().collect(),
+            simulator,
+            watcher,
+            observers: processes(true, &attached),
+            others: processes(false, &attached),
             compatible: known && !self.strange,
             service,
         })
@@ -167,7 +188,7 @@ fn list(mut look: impl FnMut(ServiceDetails<Ipc>)) -> Result<()> {
 
 /// Returns the living processes that use a service. A process counts as alive while it holds a lock
 /// on a file, so a killed process does not count.
-fn living(details: &ServiceDetails<Ipc>) -> BTreeMap<UniqueNodeId, Attached> {
+fn living(details: &ServiceDetails<Ipc>) -> BTreeMap<UniqueNodeId, Living> {
     let nodes = details.dynamic_details.iter().flat_map(|d| &d.nodes);
     let alive = nodes.filter_map(|state| match state {
         NodeState::Alive(view) => Some(view),
@@ -176,8 +197,15 @@ fn living(details: &ServiceDetails<Ipc>) -> BTreeMap<UniqueNodeId, Attached> {
     alive
         .map(|view| {
             let program = view.details().as_ref().map(|d| d.executable().to_string());
-            let process = view.id().pid().value() as u32;
-            (*view.id(), Attached { process, program })
+            let name = view.details().as_ref().map(|d| d.name().to_string());
+            let living = Living {
+                observes: name.as_deref() == Some(OBSERVER),
+                process: Attached {
+                    process: view.id().pid().value() as u32,
+                    program,
+                },
+            };
+            (*view.id(), living)
         })
         .collect()
 }

@@ -52,6 +52,13 @@ pub struct SidecarOptions {
     pub max_frame_bytes: usize,
     /// How [`Sidecar::wait`] waits.
     pub wait_mode: WaitMode,
+    /// True if frames are received, but nothing is sent to the simulator: no verdict, no abort and
+    /// no heartbeat. The simulator does not notice an observer.
+    ///
+    /// A service has one watcher that answers; observers may run beside it, or without it. Watcher,
+    /// observers and bridges are 4 at most. Since the simulator does not wait for an observer,
+    /// frames may be skipped even in lockstep.
+    pub observe: bool,
 }
 
 impl Default for SidecarOptions {
@@ -60,6 +67,7 @@ impl Default for SidecarOptions {
         SidecarOptions {
             max_frame_bytes: u32::MAX as usize,
             wait_mode: WaitMode::default(),
+            observe: false,
         }
     }
 }
@@ -163,7 +171,8 @@ enum Pending {
 /// Watcher's end of the bus.
 pub struct Sidecar {
     subscriber: Subscriber<Ipc, [u8], FrameHeader>,
-    publisher: Publisher<Ipc, VerdictWire, ()>,
+    /// `None` for an observer.
+    publisher: Option<Publisher<Ipc, VerdictWire, ()>>,
     max_frame_bytes: usize,
     session: Option<Session>,
     /// Ended sessions, newest last. A late frame of one of them does not start a new session.
@@ -191,18 +200,24 @@ impl Sidecar {
     /// Opens the service, or creates it if no simulator has done so yet.
     ///
     /// Errors: [`Error::Bus`] if another living watcher uses the same name, because a simulator has
-    /// only one.
+    /// only one, or if the service has its maximum number of watchers, observers and bridges.
     pub fn open(service: &str, options: &SidecarOptions) -> Result<Sidecar> {
-        let endpoint = Endpoint::open(service, Role::Watcher, options.wait_mode)?;
-        let publisher = endpoint.verdicts.publisher_builder();
-        let publisher = publisher
-            .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .create()
-            .map_err(bus("publisher of verdicts"))?;
-        let subscriber = endpoint.frames.subscriber_builder().create();
+        let role = match options.observe {
+            true => Role::Observer,
+            false => Role::Watcher,
+        };
+        let endpoint = Endpoint::open(service, role, options.wait_mode)?;
+        let publisher = (!options.observe).then(|| {
+            let publisher = endpoint.verdicts.publisher_builder();
+            publisher
+                .backpressure_strategy(BackpressureStrategy::DiscardData)
+                .create()
+        });
         let mut sidecar = Sidecar {
-            subscriber: subscriber.map_err(bus("subscriber of frames"))?,
-            publisher,
+            subscriber: endpoint.subscribe_to_frames(service)?,
+            publisher: publisher
+                .transpose()
+                .map_err(bus("publisher of verdicts"))?,
             max_frame_bytes: options.max_frame_bytes,
             session: None,
             ended: VecDeque::new(),
@@ -233,7 +248,9 @@ impl Sidecar {
             }
             // Delivers the last message to a simulator that has just connected. Retried at the next
             // tick.
-            let _ = self.publisher.update_connections();
+            if let Some(publisher) = &self.publisher {
+                let _ = publisher.update_connections();
+            }
             if self.pending.is_empty() {
                 self.drain()?;
             }
@@ -413,6 +430,14 @@ impl Sidecar {
         }
     }
 
+    /// Leaves the session before its end: says goodbye to its simulator, and ignores the rest of
+    /// its frames. The next simulator starts a new session.
+    pub fn leave(&mut self) {
+        self.newest = None;
+        self.pending.clear();
+        self.end_session();
+    }
+
     /// Ends the session and says goodbye.
     fn end_session(&mut self) {
         let _ = self.send_message(MessageKind::Goodbye);
@@ -424,9 +449,9 @@ impl Sidecar {
         }
     }
 
-    /// Sends the verdict on a frame of this session. Call this for every frame that
-    /// [`wait`](Sidecar::wait) returned, for an invalid one with [`Verdict::Rejected`]. `check` is
-    /// the duration of the check.
+    /// Sends the verdict on a frame of this session, and counts the frame; an observer only counts.
+    /// Call this for every frame that [`wait`](Sidecar::wait) returned, for an invalid one with
+    /// [`Verdict::Rejected`]. `check` is the duration of the check.
     pub fn send_verdict(&mut self, report: &Report, check: Duration) -> Result<()> {
         let Some(session) = &mut self.session else {
             return Err(Error::Bus(format!(
@@ -482,10 +507,10 @@ impl Sidecar {
 
     fn send(&mut self, wire: VerdictWire) -> Result<()> {
         self.last_message = Instant::now();
-        self.publisher
-            .send_copy(wire)
-            .map_err(bus("send a verdict"))?;
-        self.endpoint.notify();
+        if let Some(publisher) = &self.publisher {
+            publisher.send_copy(wire).map_err(bus("send a verdict"))?;
+            self.endpoint.notify();
+        }
         Ok(())
     }
 }

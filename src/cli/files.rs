@@ -56,6 +56,7 @@ impl Content {
 }
 
 /// All files of a command, checked one by one before its work starts.
+#[derive(Clone)]
 pub struct Files {
     force: bool,
     /// Inputs and outputs, with their names for messages.
@@ -68,6 +69,14 @@ impl Files {
             force: overwrite.force,
             known: Vec::new(),
         }
+    }
+
+    /// Returns true if [`Files::writes`] would not find another file under this name.
+    #[cfg(feature = "bus")]
+    pub fn is_free(&self, path: &Path) -> bool {
+        let identity = Identity::of(path);
+        let known = self.known.iter().any(|(known, _)| *known == identity);
+        !known && (self.force || std::fs::symlink_metadata(path).is_err())
     }
 
     /// Registers an input. It need not exist: a scene is not a file.
@@ -111,6 +120,22 @@ impl Files {
         self.known.push((identity, name));
         Ok(())
     }
+}
+
+/// Returns a path with a suffix before its extension: `run.mcap` with `2` is `run-2.mcap`.
+/// Characters of the suffix that a file name cannot have on some system become `_`.
+#[cfg(all(feature = "bus", any(feature = "mcap", feature = "rerun")))]
+pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let allowed = |c: char| !c.is_control() && !"/\\:*?\"<>|".contains(c);
+    let replace = |c: char| if allowed(c) { c } else { '_' };
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push("-");
+    name.push(suffix.chars().map(replace).collect::<String>());
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
 }
 
 /// Creates an empty file. Fails if the file exists, unless it may be overwritten.
@@ -197,7 +222,7 @@ fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> Error {
 }
 
 /// Identity of a file: two names with equal identities are names of the same file.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum Identity {
     /// Device and inode number: hard links share them.
     #[cfg(unix)]
@@ -262,6 +287,19 @@ fn is_pipe(_: &std::fs::Metadata) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(all(feature = "bus", any(feature = "mcap", feature = "rerun")))]
+    fn a_suffix_comes_before_the_extension() {
+        for (path, suffix, expected) in [
+            ("run.mcap", "2", "run-2.mcap"),
+            ("a.b/run.x.mcap", "2", "a.b/run.x-2.mcap"),
+            ("a.b/run", "2", "a.b/run-2"),
+            ("run.mcap", "arm/left", "run-arm_left.mcap"),
+        ] {
+            assert_eq!(with_suffix(Path::new(path), suffix), Path::new(expected));
+        }
+    }
 
     /// Recognises a file under all its names, for inputs and outputs that exist or not.
     #[test]

@@ -1,16 +1,23 @@
 //! Status line on a terminal while frames arrive.
 
+use super::label::Label;
 use super::output;
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::fmt::Display;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Minimum time between two updates of the status line.
 const EVERY: Duration = Duration::from_millis(100);
 
+/// Status of each run, by its label. The status line shows all of them.
+static STATUS: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
+
 /// A status line on a terminal, with results above it. Without a terminal, results only.
 #[derive(Clone)]
 pub struct Live {
+    label: Label,
     changed: Cell<Option<Instant>>,
 }
 
@@ -18,8 +25,16 @@ impl Live {
     /// Creates it without a status line.
     pub fn new() -> Live {
         Live {
+            label: Label::default(),
             changed: Cell::new(None),
         }
+    }
+
+    /// Marks the status with a label.
+    #[cfg(feature = "bus")]
+    pub fn labelled(mut self, label: Label) -> Live {
+        self.label = label;
+        self
     }
 
     /// Replaces the status line, unless it was replaced less than [`EVERY`] ago.
@@ -27,7 +42,7 @@ impl Live {
         if output::console_on_stderr() && self.changed.get().is_none_or(|at| at.elapsed() >= EVERY)
         {
             self.changed.set(Some(Instant::now()));
-            output::status(text.to_string());
+            self.show(Some(text.to_string()));
         }
     }
 
@@ -36,8 +51,20 @@ impl Live {
         tracing::info!("{text}");
     }
 
-    /// Removes the status line.
+    /// Removes the status.
     pub fn clear(&self) {
-        output::status(String::new());
+        self.show(None);
+    }
+
+    /// Replaces or removes the status of this run.
+    fn show(&self, text: Option<String>) {
+        let mut all = STATUS.lock().unwrap_or_else(PoisonError::into_inner);
+        let label = self.label.to_string();
+        match text {
+            Some(text) => all.insert(label, text),
+            None => all.remove(&label),
+        };
+        let parts: Vec<String> = all.iter().map(|(l, text)| format!("{l}{text}")).collect();
+        output::status(parts.join(" | "));
     }
 }

@@ -10,6 +10,7 @@ mod files;
 mod generate;
 mod input;
 mod kernel;
+mod label;
 mod live;
 mod man;
 mod number;

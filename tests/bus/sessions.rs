@@ -181,11 +181,86 @@ fn rejects_a_second_simulator_and_a_second_watcher() {
     let words = e.to_string();
     assert!(words.contains(&name) && words.contains("already watched"));
     assert!(
-        words.contains(&pid) && words.contains("--service"),
+        words.contains(&pid) && words.contains("--service") && words.contains("--observe"),
         "{words}"
     );
     drop((first, watcher));
     drop((client(&name), sidecar(&name)));
+}
+
+fn observer(service: &str) -> linkwatch::Result<Sidecar> {
+    let mut options = SidecarOptions::default();
+    options.observe = true;
+    Sidecar::open(service, &options)
+}
+
+#[test]
+fn observers_receive_frames_and_send_nothing() {
+    let name = service();
+    let mut observers = [(); 2].map(|()| observer(&name).unwrap());
+    let mut client = client(&name);
+    publish(&mut client, 0);
+    for observer in &mut observers {
+        new_session(observer);
+        let frame = next_frame(observer);
+        answer(observer, &frame, &mut None);
+        observer.heartbeat().unwrap();
+        assert_eq!(observer.counters().verified, 1);
+    }
+    assert!(client.poll().unwrap().is_none());
+    assert!(client.silent_for().is_none());
+    // A watcher answers beside them, and their departure is not noticed.
+    let mut watcher = sidecar(&name);
+    publish(&mut client, 1);
+    new_session(&mut watcher);
+    answer_next(&mut watcher);
+    drop(observers);
+    assert_eq!(client.poll().unwrap().expect("a verdict").seq, 1);
+    assert!(client.silent_for().is_some());
+    client.finish().unwrap();
+}
+
+#[test]
+fn rejects_more_than_four_watchers_and_observers() {
+    let name = service();
+    let mut observers: Vec<_> = (0..4).map(|_| observer(&name).unwrap()).collect();
+    let pid = std::process::id().to_string();
+    for refused in [
+        observer(&name),
+        Sidecar::open(&name, &SidecarOptions::default()),
+    ] {
+        let words = refused.unwrap_err().to_string();
+        assert!(words.contains("the maximum of 4 watchers"), "{words}");
+        assert!(words.contains(&name) && words.contains(&pid), "{words}");
+    }
+    observers.pop();
+    drop(sidecar(&name));
+}
+
+/// A watcher may refuse to verify the frames of a simulator, and watch the next one.
+#[test]
+fn a_watcher_that_leaves_a_session_ignores_the_rest_of_it() {
+    let name = service();
+    let mut sidecar = sidecar(&name);
+    let mut first = client(&name);
+    publish(&mut first, 0);
+    new_session(&mut sidecar);
+    publish(&mut first, 1);
+    sidecar.leave();
+    let seen = |client: &mut Client| client.wait(1, LONG).unwrap();
+    let outcome = without_time_out("the wait", || seen(&mut first));
+    assert!(matches!(outcome, linkwatch::Outcome::NoWatcher(_)));
+    publish(&mut first, 2);
+    assert!(matches!(
+        sidecar.wait(Duration::from_millis(50)).unwrap(),
+        Event::Idle
+    ));
+    drop(first);
+    let mut second = client(&name);
+    publish(&mut second, 0);
+    new_session(&mut sidecar);
+    assert_eq!(answer_next(&mut sidecar), 0);
+    second.finish().unwrap();
 }
 
 #[test]

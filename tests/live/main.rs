@@ -3,6 +3,7 @@
 
 mod curves;
 mod recordings;
+mod roles;
 mod services;
 mod sessions;
 mod streams;
@@ -108,6 +109,12 @@ impl Ended {
         &self.lines.last().expect("a summary")["summary"]
     }
 
+    /// Returns the lines with a summary.
+    fn summaries(&self) -> Vec<&Value> {
+        let is_summary = |l: &&Value| l.get("summary").is_some();
+        self.lines.iter().filter(is_summary).collect()
+    }
+
     /// Asserts that a replay reported no verdict that differs from the recorded one.
     #[track_caller]
     fn assert_recorded_verdicts(&self) {
@@ -142,6 +149,24 @@ fn json_lines(text: &str) -> Vec<Value> {
 
 fn wait(process: &mut Child) -> ExitStatus {
     until("the end of the process", || process.try_wait().unwrap())
+}
+
+/// Starts a process with a simulator, which runs until it is killed.
+fn simulator_to_be_killed(service: &str) -> Child {
+    Command::new(std::env::current_exe().unwrap())
+        .args(["--ignored", "--exact", "sessions::simulator_to_be_killed"])
+        .env("LINKWATCH_TEST_SERVICE", service)
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+/// Waits until a watch has printed as many lines.
+fn lines_of(watch: &Watch, lines: usize) {
+    until(format_args!("{lines} lines"), || {
+        let printed = std::fs::read_to_string(&watch.stdout).unwrap();
+        (printed.lines().count() >= lines).then_some(())
+    });
 }
 
 fn client(service: &str) -> Client {

@@ -58,6 +58,7 @@ fn a_second_watcher_is_rejected_with_advice() {
     assert_eq!(ended.code, Some(2), "{}", ended.stderr);
     assert!(ended.stderr.starts_with("error: "), "{}", ended.stderr);
     assert!(ended.stderr.contains(&service), "{}", ended.stderr);
+    assert!(ended.stderr.contains("add `--observe`"), "{}", ended.stderr);
     assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
     sim.finish().unwrap();
     assert_eq!(watch.end().code, Some(0));
@@ -90,16 +91,8 @@ fn a_killed_simulator_ends_the_watch_with_a_message_and_does_not_affect_the_next
         &service,
         &["--record", recording.to_str().unwrap()],
     );
-    let mut sim = Command::new(std::env::current_exe().unwrap())
-        .args(["--ignored", "--exact", "sessions::simulator_to_be_killed"])
-        .env("LINKWATCH_TEST_SERVICE", &service)
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    until("20 frames", || {
-        let said = std::fs::read_to_string(&watch.stdout).unwrap();
-        (said.lines().count() >= 20).then_some(())
-    });
+    let mut sim = super::simulator_to_be_killed(&service);
+    lines_of(&watch, 20);
     sim.kill().unwrap();
     sim.wait().unwrap();
     let ended = watch.end();

@@ -18,6 +18,7 @@ use super::Outcome;
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
 use super::kernel::KernelArgs;
+use super::label::Label;
 use super::live::Live;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
@@ -182,6 +183,7 @@ pub struct Session {
     #[cfg(any(feature = "bus", feature = "mcap"))]
     layout: u32,
     json: bool,
+    label: Label,
     live: Live,
     outcome: Outcome,
     news: News,
@@ -261,6 +263,7 @@ impl Session {
             #[cfg(any(feature = "bus", feature = "mcap"))]
             layout: 0,
             json: run.json,
+            label: Label::default(),
             live: Live::new(),
             outcome: Outcome::Fine,
             news: News::default(),
@@ -280,6 +283,14 @@ impl Session {
             overwrite: sinks.overwrite,
             incomplete: false,
         })
+    }
+
+    /// Marks all results of this run with a label.
+    #[cfg(feature = "bus")]
+    pub fn labelled(mut self, label: Label) -> Session {
+        self.live = self.live.labelled(label.clone());
+        self.label = label;
+        self
     }
 
     /// Returns the progress of the current frame.
@@ -498,7 +509,7 @@ impl Session {
             if let Some(model) = model {
                 line["model"] = model.as_str().into();
             }
-            output::json(&line);
+            self.label.json(line);
         }
         if let Some(junit) = &mut self.junit {
             junit.add(report, names, model.as_deref(), times.check());
@@ -508,7 +519,7 @@ impl Session {
         match model {
             _ if self.json => {}
             Some(model) => print_model(model, report, &news),
-            None if news.notable => print_frame(report, times.check(), &news),
+            None if news.notable => print_frame(&self.label, report, times.check(), &news),
             None => {}
         }
         if model.is_none() {
@@ -597,7 +608,7 @@ impl Session {
         let first = &self.news.first_violation;
         let checked = self.events != Events::Off;
         if self.json {
-            output::json(&serde_json::json!({
+            self.label.json(serde_json::json!({
                 "summary": {
                     "verdict": word,
                     "verified": tally.verified,
@@ -651,31 +662,31 @@ impl Session {
         for note in notes {
             line += &format!("\n{note}");
         }
-        output::line(line);
+        self.label.line(line);
     }
 }
 
 /// Prints the verdict on a frame of a stream, and its new findings.
-fn print_frame(report: &Report, check: Duration, news: &New) {
-    output::line(format_args!(
+fn print_frame(label: &Label, report: &Report, check: Duration, news: &New) {
+    label.line(format_args!(
         "{} (checked in {})",
         report.headline(),
         millis(check)
     ));
     for sentence in news.sentences.iter().take(SENTENCES) {
-        output::line(format_args!("  {sentence}"));
+        label.line(format_args!("  {sentence}"));
     }
     if news.sentences.len() > SENTENCES {
         let more = news.sentences.len() - SENTENCES;
-        output::line(format_args!("  and {more} more"));
+        label.line(format_args!("  and {more} more"));
     }
     if !news.sentences.is_empty()
         && let Some(words) = report.roll_back()
     {
-        output::line(format_args!("  to roll back: {words}"));
+        label.line(format_args!("  to roll back: {words}"));
     }
     if report.abort {
-        output::line("  abort sent: the simulator is asked to stop");
+        label.line("  abort sent: the simulator is asked to stop");
     }
 }
 

@@ -1,5 +1,7 @@
 //! The options `--record`, `--view`, `--rrd` and `--connect`: destinations of verified frames.
 
+#[cfg(all(feature = "bus", any(feature = "mcap", feature = "rerun")))]
+use crate::cli::files::with_suffix;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 use crate::cli::files::{Content, claim};
 use crate::cli::files::{Files, Overwrite};
@@ -7,6 +9,8 @@ use linkwatch::{Overflow, Result, SinkQueue};
 #[cfg(feature = "rerun")]
 use linkwatch::{ViewerSink, ViewerTarget};
 use std::collections::BTreeMap;
+#[cfg(feature = "bus")]
+use std::path::Path;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 use std::path::PathBuf;
 #[cfg(feature = "rerun")]
@@ -46,6 +50,11 @@ pub struct Sinks {
     connect: Option<String>,
     #[command(flatten)]
     pub overwrite: Overwrite,
+    /// True if the run does not wait until the viewer is open, and continues without it if it
+    /// fails.
+    #[cfg(feature = "rerun")]
+    #[arg(skip)]
+    view_later: bool,
 }
 
 impl Sinks {
@@ -64,6 +73,53 @@ impl Sinks {
             files.writes("--rrd", path, Content::Viewer)?;
         }
         Ok(())
+    }
+
+    /// Returns these sinks with a suffix in the names of their files.
+    #[cfg(feature = "bus")]
+    #[cfg_attr(
+        not(any(feature = "mcap", feature = "rerun")),
+        expect(unused_variables, reason = "no sink writes a file")
+    )]
+    pub fn with_suffix(&self, suffix: &str) -> Sinks {
+        Sinks {
+            #[cfg(feature = "mcap")]
+            record: self.record.as_deref().map(|p| with_suffix(p, suffix)),
+            #[cfg(feature = "rerun")]
+            rrd: self.rrd.as_deref().map(|p| with_suffix(p, suffix)),
+            ..self.clone()
+        }
+    }
+
+    /// Returns the sinks of a later run, and their number: the next one for which no file exists
+    /// that may not be overwritten.
+    ///
+    /// A later run does not wait for its viewer, because a simulator is there already.
+    #[cfg(feature = "bus")]
+    pub fn numbered(&self, mut number: u64, files: &Files) -> (Sinks, u64) {
+        loop {
+            let sinks = Sinks {
+                #[cfg(feature = "rerun")]
+                view_later: true,
+                ..self.with_suffix(&number.to_string())
+            };
+            if sinks.paths().iter().all(|path| files.is_free(path)) {
+                return (sinks, number);
+            }
+            number += 1;
+        }
+    }
+
+    /// Returns the output files.
+    #[cfg(feature = "bus")]
+    pub fn paths(&self) -> Vec<&Path> {
+        let files: &[Option<&Path>] = &[
+            #[cfg(feature = "mcap")]
+            self.record.as_deref(),
+            #[cfg(feature = "rerun")]
+            self.rrd.as_deref(),
+        ];
+        files.iter().flatten().copied().collect()
     }
 
     /// Opens the sinks. Files are created at the first frame. `title` names the run in the viewer.
@@ -130,8 +186,10 @@ impl Sinks {
         let queue = SinkQueue::spawn("viewer", WAITING, Overflow::DropOldest, move || {
             Ok(Box::new(ViewerSink::open(&target, &title)?))
         })?;
-        // If the viewer cannot be reached, the command fails at once, not at its first frame.
-        queue.open(OPEN)?;
+        if !self.view_later {
+            // If the viewer cannot be reached, the command fails at once, not at its first frame.
+            queue.open(OPEN)?;
+        }
         Ok(Some(queue))
     }
 

@@ -1,0 +1,101 @@
+//! Thread that judges frames, so that the thread of the bus can send heartbeats meanwhile.
+
+use crate::cli::output::{count, plural};
+use crate::cli::session::{Ingested, Judged, Session};
+use crate::cli::signals::TICK;
+use linkwatch::{Result, Sidecar};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+/// Interval of the heartbeats during a long check.
+const HEARTBEAT: Duration = Duration::from_secs(1);
+
+/// A frame to judge, and the session that judges it.
+pub struct Work {
+    pub session: Box<Session>,
+    pub seq: u64,
+    pub time: f64,
+    pub frame: Ingested,
+}
+
+impl Work {
+    /// Judges the frame on this thread.
+    pub fn judge(self) -> (Box<Session>, Result<Judged>) {
+        let Work {
+            mut session,
+            seq,
+            time,
+            frame,
+        } = self;
+        let judged = session.judge(seq, time, frame);
+        (session, judged)
+    }
+}
+
+/// Judges frames in a thread, while the caller checks the signals and sends heartbeats.
+pub struct Checker {
+    to: mpsc::Sender<Work>,
+    from: mpsc::Receiver<(Box<Session>, Result<Judged>)>,
+}
+
+impl Checker {
+    /// Starts the thread. It ends when this value is dropped.
+    pub fn start() -> Result<Checker> {
+        let (to, frames) = mpsc::channel::<Work>();
+        let (verdicts, from) = mpsc::channel();
+        let span = tracing::Span::current();
+        let judge = move || {
+            let _entered = span.entered();
+            for work in frames {
+                // The receiver has ended if the watch has failed.
+                let _ = verdicts.send(work.judge());
+            }
+        };
+        let thread = std::thread::Builder::new().name("linkwatch-check".into());
+        thread.spawn(judge)?;
+        Ok(Checker { to, from })
+    }
+
+    /// Judges a frame. A signal cancels the work.
+    pub fn judge(
+        &self,
+        work: Work,
+        sidecar: &mut Sidecar,
+        stop: &AtomicBool,
+    ) -> (Box<Session>, Result<Judged>) {
+        let Work { session, seq, .. } = &work;
+        let (progress, live, seq) = (session.progress(), session.live().clone(), *seq);
+        let start = Instant::now();
+        let mut beat = start;
+        let mut failed = None;
+        self.to
+            .send(work)
+            .expect("the thread lives as long as this sender");
+        loop {
+            match self.from.recv_timeout(TICK) {
+                Ok((session, judged)) => return (session, failed.map_or(judged, Err)),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => panic!("the check panicked"),
+            }
+            if stop.load(Ordering::Relaxed) {
+                progress.cancel();
+            }
+            let (done, total) = progress.pairs();
+            let work = match total {
+                0 => "finding pairs that come close".to_owned(),
+                _ => format!("{} of {}", count(done), plural(total, "pair")),
+            };
+            let seconds = start.elapsed().as_secs_f64();
+            live.status(format_args!("frame {seq}: {work} in {seconds:.0} s"));
+            if beat.elapsed() >= HEARTBEAT {
+                beat = Instant::now();
+                // If the bus fails, the verdict cannot be sent, so cancel the check.
+                if let Err(e) = sidecar.heartbeat() {
+                    progress.cancel();
+                    failed.get_or_insert(e);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,448 @@
+//! Watches of several simulators, and several watches of one simulator.
+
+use super::*;
+
+/// Runs a simulator over these shifts of its second square. Returns its verdicts.
+fn simulate(service: &str, shifts: &[f32]) -> Vec<Verdict> {
+    let mut sim = client(service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    let frames = shifts.iter().enumerate();
+    let verdicts = frames.map(|(frame, &shift)| step(&mut sim, frame as u64, shift));
+    let verdicts = verdicts.collect();
+    sim.finish_within(PATIENCE).unwrap().expect("a goodbye");
+    verdicts
+}
+
+/// Waits until a file exists.
+fn created(path: &Path) {
+    until(path.display(), || path.exists().then_some(()));
+}
+
+#[test]
+fn keeps_watching_after_a_killed_a_changed_and_an_intact_session() {
+    let folder = TempDir::new().unwrap();
+    let service = service("keep");
+    let files = ["run.mcap", "run-2.mcap", "run-3.mcap"].map(|name| folder.path().join(name));
+    let record = ["--keep-watching", "--record", files[0].to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "watch", &service, &record);
+
+    let mut killed = simulator_to_be_killed(&service);
+    lines_of(&watch, 20);
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    // The next simulator starts before the watch notices.
+    let changed = simulate(&service, &[0.0, 0.1, 2.5]);
+    assert_eq!(
+        changed,
+        [Verdict::Intact, Verdict::Intact, Verdict::Changed]
+    );
+    // Its first frame is the new baseline, although its curves are apart.
+    let intact = simulate(&service, &[2.5, 2.6]);
+    assert_eq!(intact, [Verdict::Intact, Verdict::Intact]);
+    stderr_with(&watch, &["the simulator ended after 2 frames"]);
+
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(ended.stderr.contains("session 3"), "{}", ended.stderr);
+    let found: Vec<_> = ended
+        .summaries()
+        .iter()
+        .map(|l| {
+            let summary = &l["summary"];
+            let verdict = summary["verdict"].as_str().unwrap();
+            (
+                l["session"].as_u64().unwrap(),
+                verdict,
+                summary["verified"].as_u64().unwrap(),
+            )
+        })
+        .collect();
+    assert_eq!(found[1..], [(2, "changed", 3), (3, "intact", 2)]);
+    let (number, verdict, verified) = found[0];
+    assert_eq!((number, verdict), (1, "undecided or incomplete"));
+    assert!(verified >= 20, "{verified}");
+    let of = |session: u64| {
+        let lines = ended.lines.iter().filter(|l| l["session"] == session);
+        lines.filter_map(|l| l.get("report")).collect::<Vec<_>>()
+    };
+    for ((file, session), code) in files.iter().zip(1..).zip([0, 1, 0]) {
+        let replayed = replay(file);
+        assert_eq!(replayed.code, Some(code), "{}", replayed.stderr);
+        assert_eq!(replayed.reports(), of(session), "{file:?}");
+        replayed.assert_recorded_verdicts();
+    }
+}
+
+#[test]
+fn recordings_of_later_sessions_overwrite_no_file() {
+    let folder = TempDir::new().unwrap();
+    let service = service("kept");
+    let file = |name: &str| folder.path().join(name);
+    std::fs::write(file("run-2.mcap"), "mine").unwrap();
+    let run = file("run.mcap");
+    let record = ["--keep-watching", "--record", run.to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "watch", &service, &record);
+    for session in ["run.mcap", "run-3.mcap", "run-4.mcap"] {
+        assert_eq!(simulate(&service, &[0.0]), [Verdict::Intact]);
+        created(&file(session));
+    }
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("the output of session 2 goes to"),
+        "{}",
+        ended.stderr
+    );
+    assert_eq!(std::fs::read(file("run-2.mcap")).unwrap(), b"mine");
+    assert!(!file("run-5.mcap").exists());
+    assert_eq!(replay(&file("run-4.mcap")).code, Some(0));
+
+    // The first file exists now.
+    let refused = Watch::start(folder.path(), "refused", &service, &record).end();
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+}
+
+/// The linking numbers of a certificate apply to each session, and curves that do not fit end only
+/// their own session.
+#[test]
+fn a_certificate_applies_to_every_session() {
+    let folder = TempDir::new().unwrap();
+    let service = service("certified");
+    let certificate = folder.path().join("linked.txt");
+    std::fs::write(&certificate, "2\n0,1,-1\n").unwrap();
+    let args = [
+        "--keep-watching",
+        "--baseline",
+        certificate.to_str().unwrap(),
+    ];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let sign = simulate(&service, &[0.0])[0];
+    let apart = simulate(&service, &[2.5])[0];
+    assert_eq!(apart, Verdict::Changed);
+
+    let mut other = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+    other
+        .describe(Basis::Polyline, Precision::F32, &[-4])
+        .unwrap();
+    assert!(other.wait_for_watcher(PATIENCE).unwrap());
+    let seq = other
+        .publish(0.0, Positions::F32(&squares(0.0)[..12]))
+        .unwrap();
+    let outcome = without_time_out("the wait", || other.wait(seq, LONG));
+    assert!(matches!(outcome.unwrap(), Outcome::NoWatcher(_)));
+    stderr_with(&watch, &["session 3 is not verified any further"]);
+    drop(other);
+
+    assert_eq!(simulate(&service, &[0.0])[0], sign);
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert_eq!(ended.summaries().len(), 4);
+}
+
+#[test]
+fn a_signal_ends_a_watch_between_sessions() {
+    let folder = TempDir::new().unwrap();
+    let service = service("between");
+    // The limit applies to the first simulator only.
+    let args = ["--keep-watching", "--wait", "20"];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    assert_eq!(simulate(&service, &[0.0]), [Verdict::Intact]);
+    stderr_with(&watch, &["waiting for the next simulator"]);
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(ended.summaries().len(), 1);
+}
+
+/// Publishes a frame, waits for its verdict, and until the observers have verified it as well.
+fn observed_step(sim: &mut Client, observers: &[&Watch], frame: u64, shift: f32) -> Verdict {
+    let verdict = step(sim, frame, shift);
+    observers.iter().for_each(|o| printed_frame(o, frame));
+    verdict
+}
+
+/// Waits until a watch has printed the report on a frame.
+fn printed_frame(watch: &Watch, frame: u64) {
+    until(format_args!("the report on frame {frame}"), || {
+        let lines = std::fs::read_to_string(&watch.stdout).unwrap();
+        lines.contains(&format!("\"seq\":{frame},")).then_some(())
+    });
+}
+
+#[test]
+fn observers_verify_and_record_beside_the_watch_that_answers() {
+    let folder = TempDir::new().unwrap();
+    let service = service("observed");
+    let recording = folder.path().join("observed.mcap");
+    let watch = Watch::start(folder.path(), "watch", &service, &[]);
+    let record = ["--observe", "--record", recording.to_str().unwrap()];
+    let first = Watch::start(folder.path(), "first", &service, &record);
+    let second = Watch::start(folder.path(), "second", &service, &["--observe"]);
+    for observer in [&first, &second] {
+        stderr_with(observer, &["nothing is sent to it"]);
+    }
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    let listed = printed(&["services"]).1;
+    let line = listed.lines().find(|l| l.starts_with(&service)).unwrap();
+    assert_eq!(line.matches("observer (process ").count(), 2, "{line}");
+    assert!(line.contains(", watcher (process "), "{line}");
+    for (frame, shift) in [0.0, 0.1, 2.5].into_iter().enumerate() {
+        let verdict = observed_step(&mut sim, &[&first, &second], frame as u64, shift);
+        assert_eq!(verdict == Verdict::Changed, frame == 2);
+    }
+    assert!(sim.aborted().is_some());
+    sim.finish_within(PATIENCE).unwrap().expect("a goodbye");
+    let answered = watch.end();
+    assert_eq!(answered.code, Some(1), "{}", answered.stderr);
+    for observer in [first, second] {
+        let ended = observer.end();
+        assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+        assert_eq!(ended.summary()["verified"], 3);
+        for (own, other) in ended.reports().iter().zip(answered.reports()) {
+            assert_eq!(own["verdict"], other["verdict"]);
+            assert_eq!(own["changes"], other["changes"]);
+            assert_eq!(own["abort"], false, "an observer asks for nothing");
+        }
+    }
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
+    replayed.assert_recorded_verdicts();
+}
+
+#[test]
+fn an_observer_alone_verifies_and_is_not_noticed() {
+    let folder = TempDir::new().unwrap();
+    let service = service("alone observer");
+    let observer = Watch::start(folder.path(), "observer", &service, &["--observe"]);
+    stderr_with(&observer, &["nothing is sent to it"]);
+    let mut sim = client(&service);
+    for (frame, shift) in [0.0, 2.5].into_iter().enumerate() {
+        let positions = squares(shift);
+        let seq = sim.publish(0.0, Positions::F32(&positions)).unwrap();
+        printed_frame(&observer, frame as u64);
+        let outcome = sim.wait(seq, Duration::from_millis(100)).unwrap();
+        assert_eq!(outcome, Outcome::Stale);
+    }
+    assert!(!sim.wait_for_watcher(Duration::from_millis(1100)).unwrap());
+    assert_eq!(sim.silent_for(), None);
+    assert!(sim.aborted().is_none());
+    sim.finish().unwrap();
+    let ended = observer.end();
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert_eq!(ended.summary()["verified"], 2);
+    assert_eq!(ended.summary()["skipped"], 0);
+}
+
+/// The simulator waits for the watch only, so a stopped observer misses frames and counts them.
+#[test]
+fn an_observer_counts_the_frames_that_it_skips_in_lockstep() {
+    let folder = TempDir::new().unwrap();
+    let service = service("skips");
+    let watch = Watch::start(folder.path(), "watch", &service, &[]);
+    let observer = Watch::start(folder.path(), "observer", &service, &["--observe"]);
+    stderr_with(&observer, &["nothing is sent to it"]);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    observed_step(&mut sim, &[&observer], 0, 0.0);
+    observer.signal("STOP");
+    for frame in 1..10 {
+        assert_eq!(step(&mut sim, frame, 0.1), Verdict::Intact);
+    }
+    observer.signal("CONT");
+    printed_frame(&observer, 9);
+    sim.finish_within(PATIENCE).unwrap().expect("a goodbye");
+    let ended = observer.end();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let count = |what: &str| ended.summary()[what].as_u64().unwrap();
+    assert!(count("skipped") >= 5, "{}", ended.summary());
+    assert_eq!(count("verified") + count("skipped"), 10);
+    assert_eq!(watch.end().summary()["verified"], 10);
+}
+
+#[test]
+fn an_observer_has_no_policy() {
+    let run = linkwatch(&["watch", "--observe", "--abort-on", "lost"]);
+    assert_eq!(run.code, 2);
+    assert!(run.stderr.contains("--abort-on"), "{}", run.stderr);
+}
+
+#[test]
+fn watches_two_services_with_different_outcomes() {
+    let folder = TempDir::new().unwrap();
+    let [left, right] = ["left/arm", "right"].map(service);
+    let run = folder.path().join("run.mcap");
+    let args = ["--service", &right, "--record", run.to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "watch", &left, &args);
+    stderr_with(
+        &watch,
+        &[&format!("service '{left}'"), &format!("service '{right}'")],
+    );
+    let mut intact = client(&left);
+    assert!(intact.wait_for_watcher(PATIENCE).unwrap());
+    assert_eq!(step(&mut intact, 0, 0.0), Verdict::Intact);
+    assert_eq!(
+        simulate(&right, &[0.0, 2.5]),
+        [Verdict::Intact, Verdict::Changed]
+    );
+    // The other service is still watched, with its own baseline.
+    assert_eq!(step(&mut intact, 1, 0.1), Verdict::Intact);
+    assert!(intact.aborted().is_none());
+    intact.finish_within(PATIENCE).unwrap().expect("a goodbye");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    for (service, word, code, file) in [
+        (&left, "intact", 0, left.replace('/', "_")),
+        (&right, "changed", 1, right.clone()),
+    ] {
+        let lines: Vec<_> = ended
+            .lines
+            .iter()
+            .filter(|l| l["service"] == service.as_str())
+            .collect();
+        assert_eq!(lines.len(), 3, "{service}");
+        assert_eq!(lines[2]["summary"]["verdict"], word);
+        let note = format!("watch{{service={service}}}: the simulator ended after 2 frames");
+        assert!(ended.stderr.contains(&note), "{}", ended.stderr);
+        let replayed = replay(&folder.path().join(format!("run-{file}.mcap")));
+        assert_eq!(replayed.code, Some(code), "{}", replayed.stderr);
+        assert_eq!(replayed.reports().len(), 2);
+        replayed.assert_recorded_verdicts();
+    }
+    assert!(!run.exists());
+}
+
+#[test]
+fn a_signal_ends_the_watches_of_all_services() {
+    let folder = TempDir::new().unwrap();
+    let [one, two] = ["one", "two"].map(service);
+    let args = ["--service", &two, "--keep-watching"];
+    let watch = Watch::start(folder.path(), "watch", &one, &args);
+    for service in [&one, &two, &two] {
+        assert_eq!(simulate(service, &[0.0]), [Verdict::Intact]);
+    }
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let labels: Vec<_> = ended
+        .summaries()
+        .iter()
+        .map(|l| [&l["service"], &l["session"]])
+        .collect();
+    let expected = [(&one, 1), (&two, 1), (&two, 2)].map(|(s, n)| [s.as_str().into(), n.into()]);
+    assert_eq!(
+        labels,
+        expected.each_ref().map(|l: &[Value; 2]| l.each_ref())
+    );
+}
+
+#[test]
+fn several_services_without_simulators_end_after_the_time_limit() {
+    let [one, two] = ["nobody one", "nobody two"].map(service);
+    let (code, words) = printed(&[
+        "watch",
+        "--service",
+        &one,
+        "--service",
+        &two,
+        "--wait",
+        "0.1",
+    ]);
+    assert_eq!(code, Some(3), "{words}");
+    for service in [&one, &two] {
+        assert!(
+            words.contains(&format!("{service}: nothing was verified")),
+            "{words}"
+        );
+    }
+}
+
+#[test]
+fn rejects_services_that_cannot_be_watched_together() {
+    let folder = TempDir::new().unwrap();
+    let [one, two] = ["free", "taken"].map(service);
+    let (code, words) = printed(&["watch", "--service", &one, "--service", &one]);
+    assert_eq!(code, Some(2), "{words}");
+    assert!(
+        words.contains(&format!("--service '{one}' is given twice")),
+        "{words}"
+    );
+
+    // Their files have the same name.
+    let file = folder.path().join("run.mcap");
+    let record = ["--record", file.to_str().unwrap()];
+    let args = ["watch", "--service", "a/b", "--service", "a:b"];
+    let (code, words) = printed(&[&args[..], &record].concat());
+    assert_eq!(code, Some(2), "{words}");
+    assert!(
+        words.contains("run-a_b.mcap: the same file as --record"),
+        "{words}"
+    );
+
+    // No service is watched if one cannot be.
+    let watch = Watch::start(folder.path(), "watch", &two, &[]);
+    stderr_with(&watch, &["waiting for a simulator"]);
+    let (code, words) = printed(&["watch", "--service", &one, "--service", &two]);
+    assert_eq!(code, Some(2), "{words}");
+    assert!(
+        words.contains("already watched") && words.contains("--observe"),
+        "{words}"
+    );
+    assert!(!printed(&["services"]).1.contains(&one));
+}
+
+/// Returns the resident memory of a process, in kilobytes.
+#[cfg(target_os = "linux")]
+fn resident_kb(watch: &Watch) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", watch.process.id())).unwrap();
+    let line = status.lines().find(|l| l.starts_with("VmRSS:")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse().unwrap()
+}
+
+/// A verifier, its frames and the memory of a simulator are several megabytes here. None of them
+/// may remain after its session.
+#[test]
+#[cfg(target_os = "linux")]
+fn memory_does_not_grow_with_the_sessions() {
+    const POINTS: i32 = 10_000;
+    let folder = TempDir::new().unwrap();
+    let service = service("memory");
+    let run = folder.path().join("run.mcap");
+    let record = ["--keep-watching", "--record", run.to_str().unwrap()];
+    let watch = Watch::start(folder.path(), "watch", &service, &record);
+    let circle = |z: f32| {
+        let point = move |k: i32| {
+            let angle = k as f32 * std::f32::consts::TAU / POINTS as f32;
+            [angle.cos(), angle.sin(), z]
+        };
+        (0..POINTS).flat_map(point)
+    };
+    let positions: Vec<f32> = circle(0.0).chain(circle(0.1)).collect();
+    let mut resident = Vec::new();
+    for session in 0..200 {
+        let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+        sim.describe(Basis::Polyline, Precision::F32, &[-POINTS; 2])
+            .unwrap();
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        for _ in 0..2 {
+            let seq = sim.publish(0.0, Positions::F32(&positions)).unwrap();
+            let outcome = sim.wait(seq, PATIENCE).unwrap();
+            assert!(matches!(outcome, Outcome::Verdict(_)), "{session}");
+        }
+        sim.finish_within(PATIENCE).unwrap().expect("a goodbye");
+        if session % 50 == 49 {
+            resident.push(resident_kb(&watch));
+        }
+    }
+    watch.signal("TERM");
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(ended.summaries().len(), 200);
+    println!("resident memory after each 50 sessions: {resident:?} kB");
+    // A tenth of a frame for each session.
+    let grown = resident[3].saturating_sub(resident[0]);
+    assert!(grown < 150 * 24, "{resident:?} kB");
+}
