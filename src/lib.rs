@@ -159,10 +159,10 @@ pub use bus::{
 pub use bus::{Event, Frame, LastLabels, Sidecar, SidecarOptions};
 #[cfg(feature = "verify")]
 pub use certificate::{Certificate, Comparison};
-pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
 #[cfg(feature = "cli")]
 #[doc(hidden)] // For the binary and the Python package of this repository only.
 pub use cli::run_command;
+pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]
