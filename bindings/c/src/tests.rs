@@ -250,10 +250,66 @@ fn frames_are_published_without_a_watcher() {
         let described = lw_describe(client, LW_POLYLINE, LW_DOUBLE, COUNTS.as_ptr(), 2);
         assert_eq!(described, LW_ERROR);
         assert!(
-            last_error().contains("after its first frame"),
+            last_error().contains("after the first frame"),
             "{}",
             last_error()
         );
+        assert_eq!(lw_finish(client, 0.01, null_mut()), LW_NOTHING);
+    }
+}
+
+#[test]
+fn named_curves_are_described_again() {
+    let (client, _) = open("named");
+    let names = |names: [&'static CStr; 2]| names.map(CStr::as_ptr);
+    let radii = [0.5_f32, 0.25];
+    let describe = |names: *const *const c_char, radii: *const f32| {
+        // SAFETY: the client is valid until lw_finish, and so are the arrays during the call.
+        unsafe {
+            let (kind, counts) = ((LW_POLYLINE, LW_DOUBLE), COUNTS.as_ptr());
+            lw_describe_labelled(client, kind.0, kind.1, counts, 2, names, radii)
+        }
+    };
+    let publish = || {
+        let positions = rings(1.0);
+        // SAFETY: the client is valid until lw_finish.
+        unsafe {
+            let points = lw_begin_double(client, 0.0);
+            assert!(!points.is_null(), "{}", last_error());
+            points.copy_from_nonoverlapping(positions.as_ptr(), positions.len());
+            assert_eq!(lw_publish(client, null_mut()), LW_OK, "{}", last_error());
+        }
+    };
+    let same = names([c"a", c"a"]);
+    assert_eq!(describe(same.as_ptr(), null()), LW_ERROR);
+    assert!(
+        last_error().contains("which is that of curve 0"),
+        "{}",
+        last_error()
+    );
+    assert_eq!(describe([c"a".as_ptr(), null()].as_ptr(), null()), LW_ERROR);
+    assert!(
+        last_error().contains("the name of a curve"),
+        "{}",
+        last_error()
+    );
+    assert_eq!(describe(null(), [0.5, -1.0].as_ptr()), LW_ERROR);
+    assert!(last_error().contains("radius -1"), "{}", last_error());
+    for pair in [names([c"a", c"b"]), names([c"b", c"new"])] {
+        assert_eq!(
+            describe(pair.as_ptr(), radii.as_ptr()),
+            LW_OK,
+            "{}",
+            last_error()
+        );
+        publish();
+    }
+    assert_eq!(describe(null(), null()), LW_ERROR);
+    assert!(last_error().contains("without names"), "{}", last_error());
+    // SAFETY: as above.
+    unsafe {
+        assert_eq!(lw_set_time_step(client, -1.0), LW_ERROR);
+        assert_eq!(lw_set_time_step(client, 1e-3), LW_OK);
         assert_eq!(lw_finish(client, 0.01, null_mut()), LW_NOTHING);
     }
 }

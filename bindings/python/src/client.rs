@@ -25,8 +25,9 @@ pub struct Client {
     kind: (Basis, Precision),
     points: usize,
     frame: Option<Begun>,
-    /// Keeps the shared memory of all frames of these curves mapped, also after the session.
-    mapping: Arc<Mutex<FrameMemory>>,
+    /// Keeps the shared memory of all frames of these curves mapped, also after the session. None
+    /// if that failed: then no frame can be begun.
+    mapping: Option<Arc<Mutex<FrameMemory>>>,
     /// Number of the last published frame.
     last: Option<u64>,
     /// Why the last wait returned no verdict, if it did not.
@@ -169,13 +170,14 @@ impl Client {
         };
         let mut client = linkwatch::Client::open(service, &options).map_err(exception)?;
         let kind = (basis, precision);
-        let (points, mapping) = described(&mut client, kind, curves).map_err(exception)?;
+        let described = described(&mut client, kind, curves);
+        let (points, mapping) = described.map_err(|(e, _)| exception(e))?;
         Ok(Client {
             client: Some(client),
             kind,
             points,
             frame: None,
-            mapping,
+            mapping: Some(mapping),
             last: None,
             no_verdict: None,
             goodbye: None,
@@ -190,9 +192,19 @@ impl Client {
     ) -> PyResult<()> {
         self.discard(py)?;
         let kind = self.kind;
-        let (points, mapping) = described(self.open()?, kind, curves).map_err(exception)?;
-        (self.points, self.mapping) = (points, mapping);
-        Ok(())
+        let client = self.open()?;
+        match described(client, kind, curves) {
+            Ok((points, mapping)) => {
+                (self.points, self.mapping) = (points, Some(mapping));
+                Ok(())
+            }
+            Err((e, declared)) => {
+                if declared {
+                    self.mapping = None;
+                }
+                Err(exception(e))
+            }
+        }
     }
 
     /// Sets the time step of the simulator in seconds.
@@ -203,6 +215,10 @@ impl Client {
     /// Returns a view of the shared memory of the next frame.
     fn begin(&mut self, py: Python<'_>, time: f64) -> PyResult<Py<PyAny>> {
         self.discard(py)?;
+        if self.mapping.is_none() {
+            let what = "the last description of the curves failed: describe them again";
+            return Err(PyRuntimeError::new_err(what));
+        }
         let mut memory = self.open()?.begin(time).map_err(exception)?;
         let view = match self.kind.1 {
             Precision::F32 => self.view(py, memory.positions_f32().map_err(exception)?),
@@ -346,8 +362,10 @@ impl Client {
 
     /// Returns an array of the shape `(points, 3)` over the memory of a frame.
     fn view<T: Element>(&self, py: Python<'_>, positions: &mut [T]) -> PyResult<Py<PyAny>> {
+        let mapping = self.mapping.as_ref();
+        let mapping = mapping.expect("begin has checked that there is one");
         let base = Mapping {
-            _memory: Arc::clone(&self.mapping),
+            _memory: Arc::clone(mapping),
         };
         let base = Bound::new(py, base)?.into_any();
         #[expect(unsafe_code, reason = "an array over memory that Python does not own")]
@@ -366,16 +384,25 @@ impl Client {
 }
 
 /// Declares the curves of the next frames: counts, names and radii. Returns their number of points,
-/// and a frame that keeps the shared memory mapped.
+/// and a frame that keeps the shared memory mapped. An error comes with true if they are declared,
+/// but there is no such frame.
 fn described(
     client: &mut linkwatch::Client,
     (basis, precision): (Basis, Precision),
     (counts, names, radii): (Vec<i32>, Vec<String>, Vec<f32>),
-) -> linkwatch::Result<(usize, Arc<Mutex<FrameMemory>>)> {
+) -> Result<(usize, Arc<Mutex<FrameMemory>>), (linkwatch::Error, bool)> {
     let labels = CurveLabels::named(names).with_radii(radii);
-    client.describe_labelled(basis, precision, &counts, labels)?;
+    let declared = client.describe_labelled(basis, precision, &counts, labels);
+    declared.map_err(|e| (e, false))?;
     let points = counts.iter().map(|n| n.unsigned_abs() as usize).sum();
-    Ok((points, Arc::new(Mutex::new(client.begin(0.0)?))))
+    let mapping = client.begin(0.0).map_err(|e| {
+        let words = format!(
+            "{e}; too many arrays of earlier frames, of other curves, are in use: copy or release \
+             them, and describe the curves again"
+        );
+        (linkwatch::Error::Usage(words), true)
+    })?;
+    Ok((points, Arc::new(Mutex::new(mapping))))
 }
 
 /// Returns a duration of seconds; without a limit if it is infinite.

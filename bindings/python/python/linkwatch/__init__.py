@@ -244,9 +244,9 @@ class Client:
         keep their name and number of points. A name belongs to one curve for the whole session.
 
         Raises:
-            ValueError: an argument is invalid.
-            ConnectionError: curves without names change after the first frame, or arrays of the
-                frames of too many earlier descriptions are still in use.
+            ValueError: an argument is invalid, or arrays of the frames of too many earlier
+                descriptions are still in use.
+            ConnectionError: curves without names change after the first frame.
         """
         self._client.describe(_curves(counts, names, radii))
 
