@@ -64,7 +64,13 @@ impl Live {
             Some(text) => all.insert(label, text),
             None => all.remove(&label),
         };
-        let parts: Vec<String> = all.iter().map(|(l, text)| format!("{l}{text}")).collect();
+        // Several runs share the width of the terminal, so their details in brackets are omitted.
+        let several = all.len() > 1;
+        let part = |(label, text): (&String, &String)| match text.split_once(" (") {
+            Some((head, _)) if several => format!("{label}{head}"),
+            _ => format!("{label}{text}"),
+        };
+        let parts: Vec<String> = all.iter().map(part).collect();
         output::status(parts.join(" | "));
     }
 }

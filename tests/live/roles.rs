@@ -142,6 +142,27 @@ fn a_certificate_applies_to_every_session() {
     assert_eq!(ended.summaries().len(), 4);
 }
 
+/// A viewer that accepts a connection and reads nothing keeps its session open for 30 s.
+#[test]
+fn a_viewer_that_hangs_does_not_delay_the_next_session() {
+    let folder = TempDir::new().unwrap();
+    let service = service("hangs");
+    let viewer = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = viewer.local_addr().unwrap().to_string();
+    let args = ["--keep-watching", "--connect", &address];
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    for _ in 0..3 {
+        assert_eq!(simulate(&service, &[0.0]), [Verdict::Intact]);
+    }
+    let (text, last) = until("the third session", || {
+        let text = std::fs::read_to_string(&watch.stdout).unwrap();
+        text.find("\"session\":3").map(|at| (text, at))
+    });
+    let closed = text.find("\"summary\"");
+    assert!(closed.is_none_or(|closed| last < closed), "{text}");
+    drop(viewer);
+}
+
 #[test]
 fn a_signal_ends_a_watch_between_sessions() {
     let folder = TempDir::new().unwrap();

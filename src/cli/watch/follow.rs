@@ -150,6 +150,7 @@ impl Follower<'_> {
                 session.data_lost();
                 self.fail(e);
             }
+            session.live().clear();
             closer.close(session, tally)?;
             tracing::info!(
                 "waiting for the next simulator on service '{}'",
