@@ -5,8 +5,8 @@
 //!                           ◀─<name>/verdicts──
 //! ```
 //!
-//! `docs/attaching.md` describes services, layouts and codes for programs in other languages; `page`
-//! compares its tables with the code.
+//! `docs/attaching.md` describes services, layouts and codes for programs in other languages;
+//! `page` compares its tables with the code.
 //!
 //! Both directions are publish-subscribe with safe overflow: no process ever waits for a slow,
 //! stopped or dead peer. An event service beside each of them wakes the other side early. Both

@@ -31,8 +31,8 @@ impl Certificate {
         }
         let has = |i: u32, j: Option<u32>| fresh.iter().any(|d| (d.i, d.j) == (i, j));
         self.undefined.retain(|d| !has(d.i, d.j));
-        // A curve that has linking numbers again may still touch another curve, or meet one that has
-        // none.
+        // A curve that has linking numbers again may still touch another curve, or be beside one
+        // that has none.
         let curves = fresh.iter().filter(|d| d.j.is_none()).map(|d| d.i);
         let curves: Vec<u32> = curves.collect();
         for d in missing {
