@@ -372,9 +372,9 @@ impl Client {
         // SAFETY: the memory has three coordinates for each point. It stays mapped as long as the
         // base object lives, because that holds a sample of the same publisher and of the same
         // size, which lies in the same segment: a segment is replaced only by one for larger
-        // frames, and the sample was lent after the curves were described. Python may write to it at any time,
-        // through slices even after publishing. No Rust code of this process reads it, the watcher
-        // reads every number once and checks it, and all bit patterns are numbers.
+        // frames, and the sample was lent after the curves were described. Python may write to it
+        // at any time, through slices even after publishing. No Rust code of this process reads it,
+        // the watcher reads every number once and checks it, and all bit patterns are numbers.
         let view = unsafe {
             let points = ArrayView2::from_shape_ptr((self.points, 3), positions.as_mut_ptr());
             PyArray2::borrow_from_array(&points, base)
