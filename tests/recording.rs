@@ -336,7 +336,7 @@ fn other_readers_read_all_messages_and_the_index() {
     assert!(!summary.chunk_indexes.is_empty());
     let largest = summary.chunk_indexes.iter().map(|c| c.uncompressed_size);
     assert!(largest.max().unwrap() <= 1 << 20);
-    assert_eq!(summary.schemas.len(), 3);
+    assert_eq!(summary.schemas.len(), 4);
 }
 
 #[test]

@@ -395,7 +395,12 @@ fn described(
     let declared = client.describe_labelled(basis, precision, &counts, labels);
     declared.map_err(|e| (e, false))?;
     let points = counts.iter().map(|n| n.unsigned_abs() as usize).sum();
-    let mapping = client.begin(0.0).map_err(|e| {
+    // Memory must be left for a frame that is written, and for the end of the session.
+    let lend = || -> linkwatch::Result<_> {
+        let [mapping, ..] = [client.begin(0.0)?, client.begin(0.0)?, client.begin(0.0)?];
+        Ok(mapping)
+    };
+    let mapping = lend().map_err(|e| {
         let words = format!(
             "{e}; too many arrays of earlier frames, of other curves, are in use: copy or release \
              them, and describe the curves again"

@@ -122,11 +122,12 @@ def test_sigterm_ends_a_watch_without_a_simulator(service, start):
 
 
 def test_sigint_kills_a_command_that_does_not_handle_it(start, tmp_path):
-    pipe = tmp_path / "pipe.obj"
+    pipe = tmp_path / "certificate"
     os.mkfifo(pipe)
-    certify = start("certify", pipe)
-    until("the command", lambda: "waiting for its writer" in certify.err.read_text())
-    certify.signal(signal.SIGINT)
-    code, _, err = certify.end()
+    # Blocks until somebody writes a certificate to the pipe.
+    check = start("check", "torus_link", "--against", pipe)
+    until("the command", lambda: "waiting for its writer" in check.err.read_text())
+    check.signal(signal.SIGINT)
+    code, _, err = check.end()
     assert code == -signal.SIGINT, err
     assert "Traceback" not in err
