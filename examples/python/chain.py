@@ -62,8 +62,14 @@ class Watched:
     """The calls of a verifier, answered by a watcher."""
 
     def __init__(self, service):
-        counts = [-BEADS] * RINGS
-        self.sim = linkwatch.Client(service, counts=counts, dtype="float64", lockstep=True)
+        self.sim = linkwatch.Client(
+            service,
+            counts=[-BEADS] * RINGS,
+            names=[f"ring {k}" for k in range(RINGS)],
+            radii=[CONTACT_DISTANCE / 2] * RINGS,
+            dtype="float64",
+            lockstep=True,
+        )
         if not self.sim.wait_for_watcher():
             print("no watcher came in time")
 

@@ -56,7 +56,16 @@ def main():
     first = m.flex_vertbodyid[: -counts[0]]
     last = m.flex_vertbodyid[counts[-1] :]
 
-    with linkwatch.Client(args.service, counts=counts, dtype="float64", lockstep=True) as sim:
+    names = [f"ring {k}" for k in range(RINGS)]
+    with linkwatch.Client(
+        args.service,
+        counts=counts,
+        names=names,
+        radii=m.flex_radius,
+        time_step=args.step,
+        dtype="float64",
+        lockstep=True,
+    ) as sim:
         if not sim.wait_for_watcher():
             raise SystemExit(f"no watcher came: linkwatch watch --service {args.service} --events")
         before = d.qpos.copy()

@@ -236,7 +236,7 @@ impl Sink for ViewerSink {
                 log_static(&self.rec, entity::CURVES, &larger)?;
                 self.scale = Some(scale);
             }
-            picture::draw_curves(&self.rec, set, record)?;
+            picture::draw_curves(&self.rec, set, report)?;
             picture::draw_places(&self.rec, set, report)?;
             picture::draw_passed(&self.rec, &self.passed, set)?;
             self.last = Some(Arc::clone(set));

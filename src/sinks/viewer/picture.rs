@@ -8,7 +8,6 @@ use super::style::{CYAN, ORANGE, PALE_ORANGE, PALE_RED, QUIET, RED, lines, narro
 use super::view::View;
 use crate::curve::CurveSet;
 use crate::error::Result;
-use crate::sinks::FrameRecord;
 use crate::verdict::Report;
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::LineStrips3D;
@@ -38,14 +37,9 @@ const POINTS_PER_SEGMENT: usize = 6;
 const POINTS: usize = 400_000;
 
 /// Logs all curves, each in its group. Empty groups are logged too, which clears those of the
-/// previous frame. Curves with a radius have their true thickness.
-pub(super) fn draw_curves(
-    rec: &RecordingStream,
-    set: &CurveSet,
-    record: &FrameRecord,
-) -> Result<()> {
-    let report = record.report.as_ref();
-    let radii = &record.info.labels.radii;
+/// previous frame. Curves are thin lines also if they have a radius, because thick ones hide the
+/// marks.
+pub(super) fn draw_curves(rec: &RecordingStream, set: &CurveSet, report: &Report) -> Result<()> {
     let mut groups: Vec<u8> = vec![0; set.len()];
     let mut mark = |i: u32, group| {
         if let Some(g) = groups.get_mut(i as usize) {
@@ -76,17 +70,10 @@ pub(super) fn draw_curves(
         (2, entity::BROKEN, RED, 2.5),
     ] {
         let members = (0..set.len()).filter(|&i| groups[i] == group);
-        let strips = members.clone().map(|i| set.display_polyline(i, detail));
-        let strips = LineStrips3D::new(strips).with_colors([color]);
-        let thin = Radius::new_ui_points(width);
-        let strips = if radii.is_empty() {
-            strips.with_radii([thin])
-        } else {
-            strips.with_radii(members.map(|i| match radii.get(i) {
-                Some(&radius) if radius > 0.0 => Radius::new_scene_units(radius),
-                _ => thin,
-            }))
-        };
+        let strips = members.map(|i| set.display_polyline(i, detail));
+        let strips = LineStrips3D::new(strips)
+            .with_colors([color])
+            .with_radii([Radius::new_ui_points(width)]);
         log(rec, path, &strips)?;
     }
     Ok(())
