@@ -11,6 +11,10 @@ use std::fmt;
 use std::sync::Arc;
 
 /// Event on the bus.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a box would be an allocation per frame"
+)]
 #[derive(Debug)]
 pub enum Event {
     /// A simulator connected. Its first frame follows, possibly with other curves than before.

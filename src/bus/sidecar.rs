@@ -160,6 +160,10 @@ impl Session {
     }
 }
 
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a box would be an allocation per frame"
+)]
 enum Pending {
     NewSession,
     Frame(Frame),

@@ -170,8 +170,8 @@ impl Client {
         };
         let mut client = linkwatch::Client::open(service, &options).map_err(exception)?;
         let kind = (basis, precision);
-        let described = described(&mut client, kind, curves);
-        let (points, mapping) = described.map_err(|(e, _)| exception(e))?;
+        let points = declare(&mut client, kind, curves)?;
+        let mapping = keep_mapped(&client)?;
         Ok(Client {
             client: Some(client),
             kind,
@@ -192,19 +192,12 @@ impl Client {
     ) -> PyResult<()> {
         self.discard(py)?;
         let kind = self.kind;
-        let client = self.open()?;
-        match described(client, kind, curves) {
-            Ok((points, mapping)) => {
-                (self.points, self.mapping) = (points, Some(mapping));
-                Ok(())
-            }
-            Err((e, declared)) => {
-                if declared {
-                    self.mapping = None;
-                }
-                Err(exception(e))
-            }
-        }
+        let points = declare(self.open()?, kind, curves)?;
+        // Without it, no frame of these curves can be begun.
+        self.mapping = None;
+        self.points = points;
+        self.mapping = Some(keep_mapped(self.open()?)?);
+        Ok(())
     }
 
     /// Sets the time step of the simulator in seconds.
@@ -383,31 +376,32 @@ impl Client {
     }
 }
 
-/// Declares the curves of the next frames: counts, names and radii. Returns their number of points,
-/// and a frame that keeps the shared memory mapped. An error comes with true if they are declared,
-/// but there is no such frame.
-fn described(
+/// Declares the curves of the next frames: counts, names and radii. Returns their number of points.
+fn declare(
     client: &mut linkwatch::Client,
     (basis, precision): (Basis, Precision),
     (counts, names, radii): (Vec<i32>, Vec<String>, Vec<f32>),
-) -> Result<(usize, Arc<Mutex<FrameMemory>>), (linkwatch::Error, bool)> {
+) -> PyResult<usize> {
     let labels = CurveLabels::named(names).with_radii(radii);
     let declared = client.describe_labelled(basis, precision, &counts, labels);
-    declared.map_err(|e| (e, false))?;
-    let points = counts.iter().map(|n| n.unsigned_abs() as usize).sum();
+    declared.map_err(exception)?;
+    Ok(counts.iter().map(|n| n.unsigned_abs() as usize).sum())
+}
+
+/// Returns a frame that keeps the shared memory of frames of these curves mapped.
+fn keep_mapped(client: &linkwatch::Client) -> PyResult<Arc<Mutex<FrameMemory>>> {
     // Memory must be left for a frame that is written, and for the end of the session.
     let lend = || -> linkwatch::Result<_> {
         let [mapping, ..] = [client.begin(0.0)?, client.begin(0.0)?, client.begin(0.0)?];
         Ok(mapping)
     };
     let mapping = lend().map_err(|e| {
-        let words = format!(
+        PyValueError::new_err(format!(
             "{e}; too many arrays of earlier frames, of other curves, are in use: copy or release \
              them, and describe the curves again"
-        );
-        (linkwatch::Error::Usage(words), true)
+        ))
     })?;
-    Ok((points, Arc::new(Mutex::new(mapping))))
+    Ok(Arc::new(Mutex::new(mapping)))
 }
 
 /// Returns a duration of seconds; without a limit if it is infinite.
