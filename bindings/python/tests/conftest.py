@@ -31,7 +31,12 @@ class Process:
         self.out, self.err = (folder / f"{name}.{stream}" for stream in ("out", "err"))
         with open(self.out, "wb") as out, open(self.err, "wb") as err:
             self.process = subprocess.Popen(
-                [str(arg) for arg in args], stdin=subprocess.DEVNULL, stdout=out, stderr=err
+                [str(arg) for arg in args],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                # Ignored, and inherited, if the tests run in the background of a shell.
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             )
 
     def signal(self, number):
