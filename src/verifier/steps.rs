@@ -153,10 +153,17 @@ impl Steps {
         let coverage = self.coverage();
         let Across { before, curves } = across;
         let after = set.subset(curves);
-        let (contacts, _) = self.ledger.first_frame(before, coverage);
-        let step = self
-            .ledger
-            .step([before, &after], &contacts, coverage, None);
+        let (contacts, touched) = self.ledger.first_frame(before, coverage);
+        let frames = [before, &after];
+        let mut step = self.ledger.step(frames, &contacts, coverage, None);
+        // It is unknown on which side the curves were that came into contact before the change.
+        let began = touched.iter().map(|t| t.defect).filter(|d| {
+            let index = |i: u32| curves[i as usize];
+            !self.touch_from_the_start(index(d.i), d.j.map(index))
+        });
+        step.undecided.extend(began);
+        step.undecided.sort_by_key(|d| (d.i, d.j));
+        step.undecided.dedup_by_key(|d| (d.i, d.j));
         let mut outcome = step.with_curves(curves);
         let (contacts, mut touching) = self.ledger.first_frame(set, coverage);
         let pair = |t: &Touching| (t.defect.i, t.defect.j);

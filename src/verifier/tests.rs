@@ -1,7 +1,7 @@
 //! Tests of the verifier's options and errors.
 
 use super::*;
-use crate::curve::{Basis, Point, Positions};
+use crate::curve::{Basis, CurveLabels, Point, Positions};
 
 /// A square, another one through it, moved by `out`, and a wide ring that stands still.
 fn squares(out: f64) -> CurveSet {
@@ -548,4 +548,30 @@ fn noise_is_refused_with_a_kernel_on_splines_and_with_invalid_lengths() {
     let splines = CurveSet::from_counts(Basis::BSpline, &[-8], Positions::F64(&points)).unwrap();
     assert!(usage(&mut verifier, &splines, 0.1));
     assert!(!usage(&mut verifier, &set, 0.1));
+}
+
+#[test]
+fn a_contact_of_open_curves_that_ends_after_a_change_of_the_curves_is_undecided() {
+    let mut verifier = Verifier::new(VerifierOptions {
+        events: Events::Between,
+        ..VerifierOptions::default()
+    })
+    .unwrap();
+    let rod = [-1.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+    let across = |z: f64| [0.0, -1.0, z, 0.0, 1.0, z];
+    let mut step = |seq, rods: [[f64; 6]; 2]| {
+        let positions = rods.concat();
+        let set = CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&positions));
+        verifier.step(seq, 0.0, &set.unwrap()).unwrap()
+    };
+    assert_eq!(step(0, [rod, across(1.0)]).verdict, Verdict::Intact);
+    assert_eq!(step(1, [rod, across(0.0)]).verdict, Verdict::Contact);
+    let names = [["a", "b"], ["b", "a"]].map(CurveLabels::named);
+    let change = CurveChange::by_name(&names[0], &names[1]).unwrap();
+    verifier.change_curves(change);
+    let positions = [across(-1.0), rod].concat();
+    let set = CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&positions));
+    let report = verifier.step(2, 0.0, &set.unwrap()).unwrap();
+    assert_eq!(report.verdict, Verdict::Undecided, "{report:?}");
+    assert_eq!(report.last_intact, Some(0));
 }
