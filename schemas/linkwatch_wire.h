@@ -95,7 +95,8 @@ typedef struct linkwatch_verdict {
   uint64_t last_intact;
   // NaN if it is unknown.
   double safe_fraction;
-  // Why a frame was rejected, or which curves appeared and are gone: UTF-8, cut at a character.
+  // Why a frame was rejected or pairs were not verified, or which curves appeared and are gone:
+  // UTF-8, cut at a character.
   uint8_t reason[192];
 } linkwatch_verdict;
 

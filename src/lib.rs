@@ -173,6 +173,8 @@ pub use incremental::{Events, Route, Work};
 #[cfg(feature = "verify")]
 pub use ingest::{FrameInfo, FramePool, RawFrame};
 #[cfg(feature = "verify")]
+pub use pairs::{Partition, Share};
+#[cfg(feature = "verify")]
 pub use plan::Plan;
 #[cfg(feature = "verify")]
 pub use sinks::{
@@ -190,7 +192,7 @@ pub use verdict::{
     Verdict,
 };
 #[cfg(feature = "verify")]
-pub use verifier::{Ladder, Progress, Strategy, Timings, Verifier, VerifierOptions};
+pub use verifier::{Joiner, Ladder, Part, Progress, Strategy, Timings, Verifier, VerifierOptions};
 
 /// Compiles the examples of the README.
 #[cfg(all(doctest, feature = "client"))]

@@ -99,7 +99,7 @@ pub struct VerdictMessage {
     pub first: Option<Finding>,
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,
-    /// Reason if the frame was rejected, or which curves appeared and are gone.
+    /// Reason if the frame was rejected or pairs were not verified, or which curves appeared and are gone.
     pub reason: Option<String>,
     /// Counters of the session up to this message.
     pub counters: Counters,
@@ -267,8 +267,9 @@ impl VerdictWire {
             wire.defect_kind = defect.kind as u32;
             wire.set_place(Some(defect.place));
         }
-        let curves = || words_of_change(&report.appeared, &report.gone);
-        if let Some(reason) = report.rejected.clone().or_else(curves) {
+        let curves = words_of_change(&report.appeared, &report.gone);
+        let mut reasons = report.rejected.iter().chain(&report.missing).chain(&curves);
+        if let Some(reason) = reasons.next() {
             let n = reason.floor_char_boundary(wire.reason.len());
             wire.reason[..n].copy_from_slice(&reason.as_bytes()[..n]);
             wire.reason_len = n as u32;

@@ -151,7 +151,8 @@ pub(super) struct VerdictWire {
     pub last_intact: u64,
     /// NaN if it is unknown.
     pub safe_fraction: f64,
-    /// Why a frame was rejected, or which curves appeared and are gone: UTF-8, cut at a character.
+    /// Why a frame was rejected or pairs were not verified, or which curves appeared and are gone:
+    /// UTF-8, cut at a character.
     pub reason: [u8; 192],
 }
 

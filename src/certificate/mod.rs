@@ -6,6 +6,7 @@ mod file;
 
 pub use compare::Comparison;
 
+use crate::pairs::Share;
 use crate::verdict::{Defect, Link};
 
 /// All linking numbers of a frame: the sparse upper triangular linking matrix (Qu & James 2021,
@@ -24,7 +25,7 @@ use crate::verdict::{Defect, Link};
 /// assert!(certificate.compare(&built.certificate)?.changes.is_empty());
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[must_use]
 pub struct Certificate {
     /// Number of curves.
@@ -94,6 +95,24 @@ impl Certificate {
             undefined: undefined.collect(),
         };
         out.sort();
+        out
+    }
+
+    /// Returns the entries of the pairs of a share, and those of single curves.
+    pub(crate) fn of_share(&self, share: &Share) -> Certificate {
+        self.filtered(|i, j| j.is_none_or(|j| share.owns(i, j)))
+    }
+
+    /// Returns the entries of certificates of the same curves together.
+    pub(crate) fn union(all: Vec<&Certificate>) -> Certificate {
+        let mut out = Certificate::default();
+        for certificate in all {
+            out.curves = certificate.curves;
+            out.links.extend_from_slice(&certificate.links);
+            out.undefined.extend_from_slice(&certificate.undefined);
+        }
+        out.sort();
+        out.undefined.dedup_by_key(|d| (d.i, d.j));
         out
     }
 

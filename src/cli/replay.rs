@@ -194,6 +194,8 @@ struct Comparison {
     unlike: u64,
     /// Rejected frames. Their curves are not recorded, so their verdicts cannot be repeated.
     rejected: u64,
+    /// Frames of which a shard did not verify its share of the pairs.
+    incomplete: u64,
     /// Frames after missing ones: the motion to them differs from the recorded one.
     after_missing: u64,
 }
@@ -206,7 +208,8 @@ impl Comparison {
                 self.differing.join(", ")
             );
         }
-        if self.equal + self.unlike + self.rejected + self.after_missing == 0 {
+        let uncompared = self.rejected + self.incomplete + self.after_missing;
+        if self.equal + self.unlike + uncompared == 0 {
             return "verdicts: the recording has none to compare with".into();
         }
         let unlike = match self.unlike {
@@ -217,6 +220,10 @@ impl Comparison {
             (
                 self.rejected,
                 "not compared: the curves of rejected frames are not recorded",
+            ),
+            (
+                self.incomplete,
+                "not compared: a shard did not verify its pairs",
             ),
             (
                 self.after_missing,
@@ -330,6 +337,7 @@ impl Replay {
         let moved = gap > 0 && self.motion;
         match self.last.take().filter(|r| r.seq == report.seq) {
             Some(_) if !self.comparison.differing.is_empty() => {}
+            Some(_) if !report.missing.is_empty() => self.comparison.incomplete += 1,
             Some(_) if moved => self.comparison.after_missing += 1,
             Some(found) if alike(&found, &report) => self.comparison.equal += 1,
             Some(found) => {

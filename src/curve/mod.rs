@@ -10,6 +10,8 @@ mod boxes;
 #[cfg(feature = "verify")]
 mod builder;
 #[cfg(feature = "verify")]
+mod coarse_boxes;
+#[cfg(feature = "verify")]
 mod coordinates;
 #[cfg(feature = "verify")]
 mod diagonals;

@@ -35,6 +35,6 @@ mod work;
 
 pub(crate) use coverage::Coverage;
 pub use events::Events;
-pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching};
+pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};
 pub(crate) use monitor::Monitor;
 pub use work::{Route, Work};

@@ -9,7 +9,7 @@ use super::work::{Route, Work};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{Bad, CurveSet, Positions, Received};
 use crate::error::Result;
-use crate::pairs::Pair;
+use crate::pairs::{Pair, Share};
 use crate::pool;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -42,6 +42,8 @@ const RECEIVED: usize = 4;
 pub(crate) struct Monitor {
     /// Pairs that a reference frame covers in addition to linking numbers.
     coverage: Coverage,
+    /// Pairs of curves that a reference frame covers; `None`: all.
+    share: Option<Share>,
     reference: Option<Known>,
     /// Thread that builds a reference frame.
     build: Option<JoinHandle<Option<Reference>>>,
@@ -138,10 +140,11 @@ fn take_survey(
 
 impl Monitor {
     /// Returns a monitor whose reference frames have this coverage, so that the ledger can skip
-    /// pairs.
-    pub fn new(coverage: Coverage) -> Self {
+    /// pairs. They cover the pairs of a share, or all.
+    pub fn new(coverage: Coverage, share: Option<Share>) -> Self {
         Monitor {
             coverage,
+            share,
             ..Monitor::default()
         }
     }
@@ -235,8 +238,11 @@ impl Monitor {
         let ends = [(affines[0], before), (affines[1], after)];
         let step = MovedBlocks::new(&known.reference, ends, &chunks, bend);
         work.marked = step.marked() as u64;
-        let affected = pool::run(before.segments(), || step.affected())?;
+        let mut affected = pool::run(before.segments(), || step.affected())?;
         work.recertified = affected.apart as u64;
+        if let Some(share) = &self.share {
+            share.retain(&mut affected.pairs);
+        }
         Some(affected.pairs)
     }
 
@@ -262,7 +268,7 @@ impl Monitor {
             return;
         }
         let frame = self.frame;
-        let coverage = self.coverage;
+        let (coverage, share) = (self.coverage, self.share.clone());
         let build = move || {
             // A separate pool of one thread, because the pool of the stream works on the next
             // frames.
@@ -270,7 +276,7 @@ impl Monitor {
                 .num_threads(1)
                 .build()
                 .ok()?;
-            let reference = || Reference::build(set, certificate, frame, coverage);
+            let reference = || Reference::build(set, certificate, frame, coverage, share.as_ref());
             Some(pool.install(reference))
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());

@@ -4,7 +4,7 @@
 //! garments. It is quadratic if all boxes overlap along the axis.
 
 use super::buckets::BucketSort;
-use super::{Pair, SMALL};
+use super::{Pair, SMALL, Share};
 use crate::curve::{Box3, CurveSet, Diagonals};
 use crate::simd::{LANES, Lanes, dispatch};
 use crate::verdict::Defect;
@@ -28,9 +28,29 @@ pub(crate) struct LinkSearch {
     /// Extents of the curves, if a search needed them.
     diagonals: Vec<Diagonals>,
     discarded: usize,
+    /// Pairs that are searched for; `None`: all.
+    share: Option<Share>,
 }
 
 impl LinkSearch {
+    /// Returns a search for the pairs of a share, or for all pairs.
+    pub fn new(share: Option<Share>) -> LinkSearch {
+        LinkSearch {
+            share,
+            ..LinkSearch::default()
+        }
+    }
+
+    /// Returns the share of the pairs that are searched for, or `None` for all.
+    pub fn share(&self) -> Option<&Share> {
+        self.share.as_ref()
+    }
+
+    /// Searches for the pairs of another share from now on.
+    pub fn set_share(&mut self, share: Option<Share>) {
+        self.share = share;
+    }
+
     /// Returns the pairs found by the last search.
     pub fn pairs(&self) -> &[Pair] {
         &self.pairs
@@ -91,15 +111,24 @@ impl LinkSearch {
     /// Fills the parts with the pairs of overlapping boxes.
     fn sweep(&mut self, boxes: &[Box3]) {
         let LinkSearch {
-            sweep, parts, sort, ..
+            sweep,
+            parts,
+            sort,
+            share,
+            ..
         } = self;
         sweep.fill(boxes, sort);
+        let share = share.as_ref();
         let n = sweep.order.len();
         parts.resize_with(Self::tasks(n).max(parts.len()), Vec::new);
         parts.par_iter_mut().enumerate().for_each(|(c, part)| {
             part.clear();
             let range = (c * CHUNK).min(n)..((c + 1) * CHUNK).min(n);
-            dispatch!(simd => Sweep::run(&*sweep, simd, range, part));
+            let found = &mut *part;
+            dispatch!(simd => Sweep::run(&*sweep, simd, range, found));
+            if let Some(share) = share {
+                share.retain(part);
+            }
         });
     }
 

@@ -3,7 +3,9 @@
 use super::Place;
 
 /// A nonzero entry of the linking matrix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub struct Link {
     /// First curve, from 0; less than `j`.
     pub i: u32,
@@ -14,7 +16,9 @@ pub struct Link {
 }
 
 /// Kind of the difference between a linking number and the expected one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum ChangeKind {
     /// The curves were linked in the baseline and no longer are.
@@ -37,7 +41,7 @@ impl ChangeKind {
 }
 
 /// A linking number that differs from the expected one.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Change {
     /// First curve, from 0; less than `j`.
     pub i: u32,

@@ -198,6 +198,7 @@ impl Report {
             1 => parts.push("1 unresolved pull-through".into()),
             n => parts.push(format!("{n} unresolved pull-throughs")),
         }
+        parts.extend(self.missing.iter().cloned());
         parts.extend(self.rejected.clone());
         parts.extend(words_of_change(&self.appeared, &self.gone));
         let detail = if parts.is_empty() {

@@ -14,7 +14,9 @@ pub use pull_through::PullThrough;
 use crate::curve::Point;
 
 /// Result of comparing the topology of a frame with that of the baseline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 #[repr(u32)]
 pub enum Verdict {
@@ -64,7 +66,7 @@ impl Verdict {
 }
 
 /// Place at which two curves are closest (the point of closest approach, POCA).
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Place {
     /// Segment of the first curve and segment of the second, from 0.
     pub segments: [u32; 2],
@@ -76,7 +78,9 @@ pub struct Place {
 
 /// Reason why a pair, or every pair of a curve, has no linking number, or why its pull-throughs in
 /// a step are unknown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "kebab-case")]
 #[repr(u32)]
 #[non_exhaustive]
@@ -144,7 +148,7 @@ impl DefectKind {
 
 /// A pair (or a curve) that could not be decided or compared. It never hides the findings about
 /// other pairs.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Defect {
     /// First curve, from 0.
     pub i: u32,
@@ -171,7 +175,7 @@ impl Defect {
 }
 
 /// Work counters of a verdict. They do not depend on the number of threads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub struct Stats {
     /// Number of curves.
@@ -284,6 +288,10 @@ pub struct Report {
     /// Names of the curves that are gone since the last verified frame.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gone: Vec<String>,
+    /// Reasons why pairs were not verified, if several verifiers share the pairs
+    /// ([`Joiner`](crate::Joiner)): what happened to each missing one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<String>,
     /// Reason why the frame was rejected.
     pub rejected: Option<String>,
     /// Work counters.
@@ -291,6 +299,25 @@ pub struct Report {
 }
 
 impl Report {
+    /// Returns the verdict that follows from the findings.
+    #[cfg(feature = "verify")]
+    pub(crate) fn verdict_of_findings(&self) -> Verdict {
+        let findings = [
+            self.defects.len(),
+            self.unresolved.len(),
+            self.missing.len(),
+        ];
+        if !(self.changes.is_empty() && self.events.is_empty()) {
+            Verdict::Changed
+        } else if self.has_contact() {
+            Verdict::Contact
+        } else if findings != [0; 3] {
+            Verdict::Undecided
+        } else {
+            Verdict::Intact
+        }
+    }
+
     /// Creates a report without findings and counters, which does not ask the simulator to stop.
     pub fn new(seq: u64, time: f64, verdict: Verdict) -> Report {
         Report {
@@ -307,6 +334,7 @@ impl Report {
             safe_fraction: None,
             appeared: Vec::new(),
             gone: Vec::new(),
+            missing: Vec::new(),
             rejected: None,
             stats: Stats::default(),
         }

@@ -3,7 +3,7 @@
 use crate::curve::Point;
 
 /// A pull-through: a passage of a curve through another one, or through itself, between two frames.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PullThrough {
     /// First curve, from 0.
     pub i: u32,

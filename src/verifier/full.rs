@@ -10,7 +10,8 @@ use crate::kernels::crossings::{Input, Workspaces, linking_numbers};
 use crate::kernels::sums::interval::noise::linking_number as noisy_linking_number;
 use crate::kernels::{Accuracy, Counted, GpuUse, Linking, Method};
 use crate::pairs::{
-    LinkSearch, Pair, Trees, curves_of, degenerate_curves, most_suspect_first, potential_links,
+    LinkSearch, Nearby, Pair, Share, Trees, curves_of, degenerate_curves, most_suspect_first,
+    potential_links,
 };
 use crate::verdict::{Link, Stats};
 use rayon::prelude::*;
@@ -30,6 +31,8 @@ const FEW_CURVES: usize = 256;
 pub(super) struct FullRun {
     trees: Trees,
     search: LinkSearch,
+    /// Curves that the share of the pairs needs, if a share is computed.
+    nearby: Nearby,
     parts: Vec<Counted>,
     /// Boxes of the previous frame, if the motion since then is needed.
     before: Vec<Box3>,
@@ -54,6 +57,11 @@ impl FullRun {
             gpu,
             ..FullRun::default()
         }
+    }
+
+    /// Computes only the pairs of a share from now on, or all pairs.
+    pub fn set_share(&mut self, share: Option<Share>) {
+        self.search.set_share(share);
     }
 
     /// Computes the certificate of a frame.
@@ -228,7 +236,13 @@ impl FullRun {
         // finished work.
         self.progress.total.store(0, Ordering::Relaxed);
         self.progress.done.store(0, Ordering::Relaxed);
-        self.trees.refit(set);
+        match self.search.share() {
+            Some(share) => {
+                self.nearby.update(share, &[set]);
+                self.trees.refit(self.nearby.leaves(set));
+            }
+            None => self.trees.refit(set),
+        }
         let boxed = Instant::now();
         let Certificate {
             curves,
@@ -253,7 +267,10 @@ impl FullRun {
         } else {
             0
         };
-        let repeated = (0..curves).into_par_iter().with_min_len(FEW_CURVES);
+        let share = self.search.share();
+        let own = |&i: &usize| share.is_none_or(|share| share.owns(i as u32, i as u32));
+        let curves = (0..curves).into_par_iter().with_min_len(FEW_CURVES);
+        let repeated = curves.filter(own);
         let discarded = self.search.discarded() as u64;
         Stats {
             potential_links: discarded,

@@ -4,15 +4,18 @@
 //! and tests use it alike.
 
 mod full;
+mod intactness;
 mod ladder;
 mod options;
 mod routing;
+mod shards;
 mod steps;
 #[cfg(test)]
 mod tests;
 
 pub use ladder::Ladder;
 pub use options::{Strategy, VerifierOptions};
+pub use shards::{Joiner, Part};
 
 use self::full::{FullRun, sizes};
 use self::routing::Routing;
@@ -24,7 +27,7 @@ use crate::error::{Error, Result};
 use crate::incremental::{Events, Monitor, Outcome, Route, Work};
 use crate::ingest::{RawFrame, ingest};
 use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
-use crate::pairs::{Pair, closest_approach};
+use crate::pairs::{Pair, Share, closest_approach};
 use crate::pool;
 use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
@@ -99,6 +102,14 @@ pub struct Verifier {
     steps: Steps,
     routing: Routing,
     work: Work,
+    /// Frame at the start of the next step.
+    previous: Option<u64>,
+    /// Frame at the start of the step to the current frame.
+    step_from: Option<u64>,
+    /// True if the baseline changed since the last part of a frame.
+    baseline_changed: bool,
+    /// Pairs of curves that are verified; `None`: all.
+    share: Option<Share>,
     /// Extent of the first frame.
     extent: Option<f64>,
     /// Change of the curves before the next frame.
@@ -157,14 +168,54 @@ impl Verifier {
             baseline: options.baseline,
             strategy: options.strategy,
             full,
-            monitor: Monitor::new(steps.coverage()),
+            monitor: Monitor::new(steps.coverage(), None),
             steps,
             routing: Routing::default(),
             work: Work::default(),
+            previous: None,
+            step_from: None,
+            baseline_changed: true,
+            share: None,
             extent: None,
             change: None,
             appeared: Vec::new(),
         }
+    }
+
+    /// Verifies only a share of the pairs of curves from now on, and expects only their linking
+    /// numbers. Verifiers with all shares of a [`Partition`](crate::Partition) find together what a
+    /// single one finds ([`Joiner`](crate::Joiner)). Call this before the first frame.
+    ///
+    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves.
+    pub fn verify_share(&mut self, share: Share) -> Result<()> {
+        let curves = share.partition().curves();
+        if let Some(baseline) = &mut self.baseline {
+            if baseline.curves != curves {
+                return Err(Error::CertificateMismatch {
+                    certificate: baseline.curves,
+                    model: curves,
+                });
+            }
+            *baseline = baseline.of_share(&share);
+        }
+        self.set_share(Some(share));
+        Ok(())
+    }
+
+    /// Returns what this verifier found in the frame of `report`, the last one, for the
+    /// [`Joiner`](crate::Joiner).
+    pub fn part(&mut self, report: Report) -> Part {
+        let changed = std::mem::take(&mut self.baseline_changed);
+        let baseline = self.baseline.as_ref().filter(|_| changed);
+        let broken = self.steps.intactness().is_broken();
+        Part::new(report, (self.step_from, broken), baseline.cloned())
+    }
+
+    fn set_share(&mut self, share: Option<Share>) {
+        self.full.set_share(share.clone());
+        self.steps.set_share(share.clone());
+        self.monitor = Monitor::new(self.steps.coverage(), share.clone());
+        self.share = share;
     }
 
     /// Returns which linking numbers of the last full run were decided by sums, and which by
@@ -323,6 +374,7 @@ impl Verifier {
     /// Linking numbers are still compared with the baseline. Frames from the next one on count as
     /// known to be intact again ([`Report::last_intact`]).
     pub fn cut(&mut self) {
+        self.previous = None;
         self.steps.forget();
     }
 
@@ -378,10 +430,12 @@ impl Verifier {
                 });
             }
             *baseline = baseline.with_curves(origins);
+            self.baseline_changed = true;
             let appeared = (0_u32..).zip(origins).filter(|(_, o)| o.is_none());
             self.appeared = appeared.map(|(i, _)| i).collect();
         }
-        self.monitor = Monitor::new(self.steps.coverage());
+        let share = self.share.as_ref().map(|share| share.with_curves(origins));
+        self.set_share(share);
         self.steps.change_curves(origins, set);
         Ok([change.appeared().to_vec(), change.gone().to_vec()])
     }
@@ -400,6 +454,15 @@ impl Verifier {
             return Err(Error::CertificateMismatch {
                 certificate: b.curves,
                 model: set.len(),
+            });
+        }
+        if let Some(share) = &self.share
+            && share.partition().curves() != set.len()
+        {
+            return Err(Error::Count {
+                what: "curves of a frame whose pairs are shared",
+                promised: share.partition().curves() as u64,
+                available: set.len() as u64,
             });
         }
         let closed = set.open_curves() < set.len();
@@ -427,16 +490,6 @@ impl Verifier {
         } = self.search_events(set, step, comparison, &mut defects);
         // A report must not depend on work that was skipped after a cancellation.
         self.full.progress.check()?;
-        let contact = defects.iter().any(|d| d.kind == DefectKind::Contact);
-        let verdict = if !(comparison.changes.is_empty() && events.is_empty()) {
-            Verdict::Changed
-        } else if contact {
-            Verdict::Contact
-        } else if !(defects.is_empty() && unresolved.is_empty()) {
-            Verdict::Undecided
-        } else {
-            Verdict::Intact
-        };
         let extent = *self.extent.get_or_insert_with(|| set.extent());
         let mut report = Report {
             changes: comparison.changes.clone(),
@@ -448,8 +501,9 @@ impl Verifier {
             appeared,
             gone,
             stats: Stats { extent, ..stats },
-            ..Report::new(seq, time, verdict)
+            ..Report::new(seq, time, Verdict::Intact)
         };
+        report.verdict = report.verdict_of_findings();
         self.steps.conclude(&mut report);
         // Curves that have touched since the baseline do not ask the simulator to stop.
         let baseline = self.baseline.as_ref();
@@ -458,6 +512,7 @@ impl Verifier {
         };
         report.abort = self.abort_on.aborts(&report, expected);
         self.full.timings.total = start.elapsed();
+        self.step_from = self.previous.replace(seq);
         Ok((report, linking))
     }
 
@@ -483,6 +538,7 @@ impl Verifier {
             baseline.adopt_curves(&std::mem::take(&mut self.appeared), certificate);
             let comparison = certificate.compare(baseline)?;
             baseline.adopt(&comparison);
+            self.baseline_changed = true;
             return Ok(self.of_full_run(comparison, stats));
         }
         let Some(baseline) = self.baseline.take() else {
@@ -490,6 +546,7 @@ impl Verifier {
             let baseline = self.full.certificate.clone();
             let comparison = baseline.compare(&baseline);
             self.baseline = Some(baseline);
+            self.baseline_changed = true;
             return Ok(self.of_full_run(comparison?, stats));
         };
         let compared = match self.strategy {
@@ -507,6 +564,7 @@ impl Verifier {
         // With early exit, unchecked pairs have no linking number yet.
         if compared.stats.unchecked == 0 && baseline.adopt(&compared.linking.comparison) {
             self.monitor.set_baseline(baseline);
+            self.baseline_changed = true;
         }
         Ok(compared)
     }
@@ -655,8 +713,9 @@ impl Verifier {
         if changes.is_empty() && fresh.is_empty() {
             return;
         }
-        // After a partial run, trees that the frame did not need may be those of an earlier frame.
-        if self.work.route != Route::Full {
+        // Trees that the frame did not need may be those of an earlier frame: after a partial run,
+        // and if only a share of the pairs is verified.
+        if self.work.route != Route::Full || self.share.is_some() {
             let changed = changes.iter().map(|c| (c.i, c.j));
             let fresh = fresh.iter().filter_map(|d| Some((d.i, d.j?)));
             self.full
@@ -744,7 +803,7 @@ impl Verifier {
     pub fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
         let mut report = Report {
             rejected: Some(why.to_string()),
-            last_intact: self.steps.last_intact(),
+            last_intact: self.steps.intactness().last_intact(),
             ..Report::new(seq, time, Verdict::Rejected)
         };
         report.abort = self.abort_on.aborts(&report, |_| false);

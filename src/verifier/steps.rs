@@ -1,13 +1,14 @@
 //! Steps between frames: pull-throughs, their consistency with the linking numbers, and the pairs
 //! whose linking numbers they may have changed.
 
+use super::intactness::Intactness;
 use crate::cancel::Cancel;
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::{Contacts, Coverage, Events, Ledger, Outcome, Touching};
-use crate::pairs::{Pair, degenerate_curves};
-use crate::verdict::{Defect, DefectKind, Place, Report, Verdict};
+use crate::pairs::{Pair, Share, degenerate_curves};
+use crate::verdict::{Defect, DefectKind, Place, Report};
 use std::sync::Arc;
 
 /// Last verified frame, and the ledger that finds pull-throughs since then.
@@ -26,13 +27,9 @@ pub(super) struct Steps {
     /// Pairs of curves that have touched since the very first frame, sorted, without pairs of
     /// closed curves; `None` before that frame.
     touching_from_the_start: Option<Vec<Pair>>,
-    /// Last frame that is known to be intact.
-    last_intact: Option<u64>,
-    /// True if that frame is the last verified one.
-    intact: bool,
-    /// True if a curve was pulled through another one since that frame, or may have been. Then no
-    /// later frame is known to be intact, even if it has the expected linking numbers.
-    broken: bool,
+    intactness: Intactness,
+    /// True if a search found pairs that are undecided, which a report may omit.
+    undecided: bool,
 }
 
 #[derive(Debug)]
@@ -75,6 +72,11 @@ impl Steps {
         self.events
     }
 
+    /// Searches only the pairs of a share from now on.
+    pub fn set_share(&mut self, share: Option<Share>) {
+        self.ledger.set_share(share);
+    }
+
     /// Returns the kinds of pull-throughs that the ledger finds.
     pub fn coverage(&self) -> Coverage {
         Coverage {
@@ -106,7 +108,7 @@ impl Steps {
     pub fn forget(&mut self) {
         self.last = None;
         self.across = None;
-        self.broken = false;
+        self.intactness.cut();
     }
 
     /// Prepares a step to a frame of other curves, of which `origins` has the indices in the
@@ -153,9 +155,14 @@ impl Steps {
         let coverage = self.coverage();
         let Across { before, curves } = across;
         let after = set.subset(curves);
+        let share = self.ledger.share().cloned();
+        let continuing: Vec<Option<u32>> = curves.iter().map(|&i| Some(i)).collect();
+        let continued = share.as_ref().map(|share| share.with_curves(&continuing));
+        self.ledger.set_share(continued);
         let (contacts, touched) = self.ledger.first_frame(before, coverage);
         let frames = [before, &after];
         let mut step = self.ledger.step(frames, &contacts, coverage, None);
+        self.ledger.set_share(share);
         // It is unknown on which side the curves were that came into contact before the change.
         let began = touched.iter().map(|t| t.defect).filter(|d| {
             let index = |i: u32| curves[i as usize];
@@ -178,19 +185,13 @@ impl Steps {
 
     /// Adds to a complete report the last frame that is known to be intact.
     pub fn conclude(&mut self, report: &mut Report) {
-        let of_step = report.defects.iter().any(|d| d.kind.is_of_step());
-        let changed = report.verdict == Verdict::Changed;
-        self.broken |= of_step || changed || !report.unresolved.is_empty();
-        self.intact = report.verdict == Verdict::Intact && !self.broken;
-        if self.intact {
-            self.last_intact = Some(report.seq);
-        }
-        report.last_intact = self.last_intact;
+        let undecided = std::mem::take(&mut self.undecided);
+        self.intactness.conclude(report, undecided);
     }
 
-    /// Returns the last frame that is known to be intact.
-    pub fn last_intact(&self) -> Option<u64> {
-        self.last_intact
+    /// Returns the last frame that is known to be intact, and what happened since.
+    pub fn intactness(&self) -> &Intactness {
+        &self.intactness
     }
 
     /// Returns the largest proven share of the step from the last frame that is known to be intact,
@@ -198,7 +199,8 @@ impl Steps {
     /// verified frame. Returns `None` if that is another one.
     pub fn safe_fraction(&mut self, set: &CurveSet, outcome: &Outcome) -> Option<f64> {
         let coverage = self.coverage();
-        let last = self.last.as_ref().filter(|_| self.intact)?;
+        let last = self.last.as_ref();
+        let last = last.filter(|_| self.intactness.is_intact())?;
         let frames = [&*last.set, set];
         let ledger = &mut self.ledger;
         Some(ledger.safe_fraction(frames, &last.contacts, coverage, outcome))
@@ -290,7 +292,7 @@ impl Steps {
         let coverage = self.coverage();
         if let Some(across) = self.across.take() {
             let outcome = self.outcome_across(&across, set);
-            self.broken |= !outcome.undecided.is_empty();
+            self.undecided |= !outcome.undecided.is_empty();
             self.contacts.clone_from(&outcome.contacts);
             self.note_touching(&outcome);
             return outcome;
@@ -308,7 +310,7 @@ impl Steps {
         let frames = [&*last.set, set];
         let outcome = self.ledger.step(frames, &last.contacts, coverage, pairs);
         // Noted here, because a report omits such a defect if the pair has another one.
-        self.broken |= self.events != Events::Off && !outcome.undecided.is_empty();
+        self.undecided |= self.events != Events::Off && !outcome.undecided.is_empty();
         self.contacts.clone_from(&outcome.contacts);
         self.note_touching(&outcome);
         outcome

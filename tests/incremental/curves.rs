@@ -14,7 +14,7 @@ use std::ops::Range;
 type Names = [usize; 2];
 
 /// Returns some curves of a set, in this order.
-fn some_curves(set: &CurveSet, curves: &[usize]) -> CurveSet {
+pub fn some_curves(set: &CurveSet, curves: &[usize]) -> CurveSet {
     let mut bytes = Vec::new();
     set.write_positions(&mut bytes);
     let single: Vec<f32>;
@@ -46,6 +46,23 @@ fn some_curves(set: &CurveSet, curves: &[usize]) -> CurveSet {
         Precision::F64 => Positions::F64(&xyz),
     };
     CurveSet::from_counts(set.basis(), &counts, positions).unwrap()
+}
+
+/// Adds, removes or swaps curves.
+pub fn change(random: &mut Random, active: &mut Vec<usize>, waiting: &mut Vec<usize>) {
+    match random.below(3) {
+        0 if !waiting.is_empty() => {
+            let at = random.below(active.len() + 1);
+            active.insert(at, waiting.remove(0));
+        }
+        1 if active.len() > 2 => {
+            active.remove(random.below(active.len()));
+        }
+        _ => {
+            let [i, j] = [0; 2].map(|_: usize| random.below(active.len()));
+            active.swap(i, j);
+        }
+    }
 }
 
 fn labels(curves: &[usize]) -> CurveLabels {
@@ -122,19 +139,7 @@ fn sequences(basis: Basis, precision: Precision, seeds: Range<u64>) -> Tally {
             movie.advance(frame);
             let before = active.clone();
             if frame > 0 && random.one_in(4) {
-                match random.below(3) {
-                    0 if !waiting.is_empty() => {
-                        let at = random.below(active.len() + 1);
-                        active.insert(at, waiting.remove(0));
-                    }
-                    1 if active.len() > 2 => {
-                        active.remove(random.below(active.len()));
-                    }
-                    _ => {
-                        let [i, j] = [0; 2].map(|_: usize| random.below(active.len()));
-                        active.swap(i, j);
-                    }
-                }
+                change(&mut random, &mut active, &mut waiting);
             }
             let set = some_curves(&movie.set, &active);
             let change = CurveChange::by_name(&labels(&before), &labels(&active)).unwrap();

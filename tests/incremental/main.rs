@@ -14,6 +14,7 @@ mod both;
 mod curves;
 mod movie;
 mod sets;
+mod shards;
 #[path = "../support/mod.rs"]
 mod support;
 

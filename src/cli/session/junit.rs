@@ -86,7 +86,9 @@ impl Suite {
             _ => Some("error"),
         };
         let problem = kind.map(|kind| {
-            let findings = report.findings_named(names).chain(report.rejected.clone());
+            let findings = report.findings_named(names);
+            let findings = findings.chain(report.missing.clone());
+            let findings = findings.chain(report.rejected.clone());
             // Models have names instead of the numbers in these words.
             let roll_back = report.roll_back().filter(|_| model.is_none());
             let lines: Vec<String> = findings.chain(roll_back).collect();

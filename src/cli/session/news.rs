@@ -136,7 +136,10 @@ impl News {
                 verdict: report.verdict,
                 curves: first.map_or_else(Vec::new, |f| f.curves.clone()),
                 point: first.and_then(|f| f.point),
-                finding: new.sentences.first().or(report.rejected.as_ref()).cloned(),
+                finding: {
+                    let others = report.rejected.iter().chain(&report.missing);
+                    new.sentences.iter().chain(others).next().cloned()
+                },
             });
         }
         self.last_verdict = Some(report.verdict);

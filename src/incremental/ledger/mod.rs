@@ -78,7 +78,7 @@ use super::coverage::Coverage;
 use super::covered::Covered;
 use crate::cancel::Cancel;
 use crate::curve::CurveSet;
-use crate::pairs::{LinkSearch, Pair, curves_of};
+use crate::pairs::{LinkSearch, Nearby, Pair, Share, curves_of};
 use crate::pool;
 use crate::verdict::PullThrough;
 use rayon::prelude::*;
@@ -107,6 +107,8 @@ pub(crate) struct Ledger {
     pub motion_limit: f64,
     trees: SweptTrees,
     search: LinkSearch,
+    /// Curves that the share of the pairs needs, if the ledger searches a share.
+    nearby: Nearby,
     pairs: Vec<Pair>,
     parts: Vec<Part>,
     cancel: Cancel,
@@ -118,6 +120,7 @@ impl Default for Ledger {
             motion_limit: MOTION_LIMIT,
             trees: SweptTrees::default(),
             search: LinkSearch::default(),
+            nearby: Nearby::default(),
             pairs: Vec::new(),
             parts: Vec::new(),
             cancel: Cancel::default(),
@@ -136,11 +139,23 @@ impl Ledger {
         }
     }
 
+    /// Searches only the pairs of a share from now on, or all pairs.
+    pub fn set_share(&mut self, share: Option<Share>) {
+        self.trees.forget();
+        self.search.set_share(share);
+    }
+
+    /// Returns the share of the pairs that are searched, or `None` if all are.
+    pub fn share(&self) -> Option<&Share> {
+        self.search.share()
+    }
+
     /// Returns all passages between two frames. All steps must have the same coverage.
     ///
     /// `contacts` are those of the first frame, as found by the previous step. If `pairs` (sorted)
     /// is given, only these pairs of curves and those in contact are searched (`(i, i)`: a curve
     /// and itself). The caller knows that no other pair has a passage.
+    /// They are of the share that is searched.
     ///
     /// # Panics
     ///
@@ -166,8 +181,8 @@ impl Ledger {
             pool::run(segments, || self.search(frames, coverage, pairs.as_deref()));
         let followed = contacts.follow(&found, frames);
         outcome.events.extend(followed.events);
-        sort(&mut outcome.events);
-        sort(&mut outcome.unresolved);
+        sort_by_time(&mut outcome.events);
+        sort_by_time(&mut outcome.unresolved);
         outcome.undecided.extend(followed.undecided);
         outcome.undecided.sort_by_key(|d| (d.i, d.j));
         outcome.touching = followed.touching;
@@ -213,8 +228,22 @@ impl Ledger {
             before.same_layout(after),
             "both frames must have the same curves"
         );
-        let curves = pairs.map(|pairs| curves_of(pairs.iter().copied()));
-        self.trees.refit(frames, coverage, curves.as_deref());
+        let covered = |set| Covered { set, coverage };
+        match (pairs, self.search.share()) {
+            (Some(pairs), _) => {
+                let curves = curves_of(pairs.iter().copied());
+                self.trees.refit(frames, covered, Some(&curves));
+            }
+            (None, Some(share)) => {
+                if self.nearby.update(share, &frames) {
+                    self.trees.forget();
+                }
+                let nearby = &self.nearby;
+                let leaves = |set| nearby.leaves(covered(set));
+                self.trees.refit(frames, leaves, None);
+            }
+            (None, None) => self.trees.refit(frames, covered, None),
+        }
         self.pairs.clear();
         match pairs {
             Some(pairs) => self.pairs.extend_from_slice(pairs),
@@ -265,15 +294,17 @@ impl Ledger {
         let pairs = self.search.find(self.trees.roots());
         self.pairs.extend_from_slice(pairs);
         if covered.coverage.self_crossings {
-            self.pairs
-                .extend(covered.indices().map(|i| (i as u32, i as u32)));
+            let share = self.search.share();
+            let curves = covered.indices().map(|i| i as u32);
+            let curves = curves.filter(|&i| share.is_none_or(|share| share.owns(i, i)));
+            self.pairs.extend(curves.map(|i| (i, i)));
             self.pairs.par_sort_unstable();
         }
     }
 }
 
 /// Sorts passages by time. Passages at the same time are sorted by pair and segments.
-fn sort(events: &mut [PullThrough]) {
+pub(crate) fn sort_by_time(events: &mut [PullThrough]) {
     let key = |e: &PullThrough| (e.i, e.j, e.segments, e.sign);
     events.sort_by(|a, b| {
         let by_time = a.fraction.total_cmp(&b.fraction);

@@ -9,9 +9,7 @@
 //! move together, and nearly all candidates are ruled out.
 
 use crate::curve::{Box3, BoxGroup, CurveSet, larger, pow2, smaller};
-use crate::incremental::coverage::Coverage;
-use crate::incremental::covered::Covered;
-use crate::pairs::{BoxTree, CurveTree, Node, Pair, Trees};
+use crate::pairs::{BoxTree, CurveTree, Leaves, Node, Pair, Trees};
 use crate::simd::LANES;
 
 /// Trees of the boxes of both frames of a step.
@@ -123,10 +121,15 @@ fn slack(frames: [&CurveSet; 2]) -> f32 {
 }
 
 impl SweptTrees {
-    /// Computes the boxes of both frames: of these curves, or of all. All calls must have the same
-    /// coverage. The boxes of the first frame are kept from the last call if it ended in that
-    /// frame.
-    pub fn refit(&mut self, frames: [&CurveSet; 2], coverage: Coverage, curves: Option<&[u32]>) {
+    /// Computes the boxes of both frames, of which `leaves` has the segments: of these curves, or of
+    /// all. All calls must have the same leaves of the same frame. The boxes of the first frame are
+    /// kept from the last call if it ended in that frame.
+    pub fn refit<'a, S: Leaves>(
+        &mut self,
+        frames: [&'a CurveSet; 2],
+        leaves: impl Fn(&'a CurveSet) -> S,
+        curves: Option<&[u32]>,
+    ) {
         let [before, after] = frames.map(CurveSet::contents);
         let continued = self.boxed == Some(before);
         if continued {
@@ -135,13 +138,17 @@ impl SweptTrees {
         self.boxed = curves.is_none().then_some(after);
         let both = self.trees.iter_mut().zip(frames);
         for (trees, set) in both.skip(usize::from(continued)) {
-            let covered = Covered { set, coverage };
             match curves {
-                Some(curves) => trees.refit_some(covered, curves),
-                None => trees.refit(covered),
+                Some(curves) => trees.refit_some(leaves(set), curves),
+                None => trees.refit(leaves(set)),
             }
         }
         self.slack = slack(frames);
+    }
+
+    /// Discards the boxes of the last call, because the next one has other leaves.
+    pub fn forget(&mut self) {
+        self.boxed = None;
     }
 
     /// Returns the swept boxes of all curves, seen by an observer who moves like their average.

@@ -37,7 +37,7 @@ use crate::curve::vector::distance;
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
-use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Trees, descend};
+use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Share, Trees, descend};
 use crate::simd::{LANES, Lanes, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -66,6 +66,8 @@ struct Buffers {
 pub(super) struct Allowances<'a> {
     covered: Covered<'a>,
     trees: &'a Trees,
+    /// Pairs of curves that must stay apart; `None`: all.
+    share: Option<&'a Share>,
     pub reach: f64,
     /// Bit patterns of the allowances. None is negative, so the patterns have the same order.
     slots: Vec<AtomicU32>,
@@ -74,10 +76,11 @@ pub(super) struct Allowances<'a> {
 }
 
 impl<'a> Allowances<'a> {
-    pub fn new(covered: Covered<'a>, trees: &'a Trees) -> Self {
+    pub fn new(covered: Covered<'a>, trees: &'a Trees, share: Option<&'a Share>) -> Self {
         let mut all = Allowances {
             covered,
             trees,
+            share,
             reach: typical_clearance(covered, trees) * SHARE * GOOD,
             slots: Vec::new(),
             first: first_blocks(covered.set),
@@ -135,10 +138,12 @@ impl<'a> Allowances<'a> {
             .iter()
             .map(|b| b.dilated(0.5 * range + rounding as f32))
             .collect();
-        let mut search = LinkSearch::default();
+        let mut search = LinkSearch::new(self.share.cloned());
         let pairs = search.find(&dilated);
         if self.covered.coverage.self_crossings {
-            pairs.extend(curves.iter().map(|&i| (i as u32, i as u32)));
+            let owns = |i: &u32| self.share.is_none_or(|share| share.owns(*i, *i));
+            let curves = curves.iter().map(|&i| i as u32).filter(owns);
+            pairs.extend(curves.map(|i| (i, i)));
         }
         let size = pairs.len().div_ceil(8 * rayon::current_num_threads());
         let near: Vec<Vec<NearBlocks>> = pairs

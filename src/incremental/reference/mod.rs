@@ -17,7 +17,7 @@ use super::covered::Covered;
 use super::packed::Packed;
 use crate::certificate::Certificate;
 use crate::curve::{CurveSet, Received};
-use crate::pairs::Trees;
+use crate::pairs::{Share, Trees};
 use std::sync::Arc;
 
 /// A frame with proven linking numbers, and the allowances of its points.
@@ -43,11 +43,14 @@ pub(super) struct Reference {
 }
 
 impl Reference {
+    /// Builds a reference frame from a frame and its linking numbers: for the pairs of a share, or
+    /// for all.
     pub fn build(
         set: CurveSet,
         certificate: Arc<Certificate>,
         frame: u64,
         coverage: Coverage,
+        share: Option<&Share>,
     ) -> Reference {
         let mut trees = Trees::default();
         let covered = Covered {
@@ -56,7 +59,7 @@ impl Reference {
         };
         trees.refit(covered);
         let sample = Sample::new(&set, coverage.open_curves);
-        let (allowances, neighbours) = Allowances::new(covered, &trees).fill(&certificate);
+        let (allowances, neighbours) = Allowances::new(covered, &trees, share).fill(&certificate);
         let points = set.positions().into_copy();
         let packed = Packed::blocks(points.positions(), set.max_abs(), &allowances);
         Reference {

@@ -168,7 +168,7 @@ proptest! {
             };
         // Pairs that are too close to decide remain so.
         let unknown = ledger.first_step(&set, &set, coverage, None).undecided;
-        let reference = Reference::build(set.clone(), Arc::new(certificate), 0, coverage);
+        let reference = Reference::build(set.clone(), Arc::new(certificate), 0, coverage, None);
         prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
         let [a, b] = [0, 1].map(|k| moved(&curves, &reference, seeds[k], directions[k]));
         for (before, after) in [(&set, &a), (&set, &b), (&a, &b)] {

@@ -268,6 +268,7 @@ impl From<&Report> for schema::Report {
             safe_fraction: r.safe_fraction,
             appeared: r.appeared.clone(),
             gone: r.gone.clone(),
+            missing: r.missing.clone(),
             rejected: r.rejected.clone(),
             stats: Some((&r.stats).into()),
         }
@@ -298,6 +299,7 @@ impl TryFrom<schema::Report> for Report {
             safe_fraction: r.safe_fraction,
             appeared: r.appeared,
             gone: r.gone,
+            missing: r.missing,
             rejected: r.rejected,
             stats: r.stats.unwrap_or_default().into(),
         })

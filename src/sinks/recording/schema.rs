@@ -91,6 +91,9 @@ pub struct Report {
     pub appeared: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
     #[prost(string, repeated, tag = "15")]
     pub gone: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// Reasons why pairs were not verified, if several processes share the pairs.
+    #[prost(string, repeated, tag = "16")]
+    pub missing: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Progress {

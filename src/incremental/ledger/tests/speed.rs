@@ -53,7 +53,11 @@ fn speed() {
                 let mut outcome = Outcome::default();
                 for _ in 0..31 {
                     let start = Instant::now();
-                    ledger.trees.refit([&before, &after], options, None);
+                    let covered = |set| Covered {
+                        set,
+                        coverage: options,
+                    };
+                    ledger.trees.refit([&before, &after], covered, None);
                     times[0].push(start.elapsed());
                     let start = Instant::now();
                     outcome = ledger.first_step(&before, &after, options, None);

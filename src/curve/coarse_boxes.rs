@@ -1,0 +1,106 @@
+//! Coarse boxes of curves: one pass over the control points, without trees.
+
+use super::boxes::{Box3, above, below, larger, smaller};
+use super::coordinates::Axes;
+use super::{Basis, CurveSet, pow2};
+use crate::simd::LANES;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Number of curves that a task bounds at least.
+const FEW_CURVES: usize = 256;
+
+impl CurveSet {
+    /// Returns a box of each curve, open or closed. It contains the boxes of all segments of the
+    /// curve ([`CurveSet::leaf_boxes`]).
+    pub(crate) fn coarse_boxes(&self) -> Vec<Box3> {
+        let curves = (0..self.len()).into_par_iter().with_min_len(FEW_CURVES);
+        curves.map(|i| self.coarse_box(i)).collect()
+    }
+
+    /// Segments are in the hulls of their Bezier control points. Those of polylines, B-splines and
+    /// Bezier curves are in the hull of the control points; those of Catmull-Rom splines are a
+    /// sixth of the difference of two control points away from one ([`Basis::hull`]).
+    fn coarse_box(&self, i: usize) -> Box3 {
+        let body = self.body(i);
+        let bounds = match self.axes() {
+            Axes::F32(v) => {
+                let [lo, hi] = bounds(v, body, [f32::INFINITY, f32::NEG_INFINITY]);
+                Box3 { lo, hi }
+            }
+            Axes::F64(v) => {
+                let [lo, hi] = bounds(v, body, [f64::INFINITY, f64::NEG_INFINITY]);
+                Box3 {
+                    lo: lo.map(below),
+                    hi: hi.map(above),
+                }
+            }
+        };
+        if self.basis().is_polyline() {
+            return bounds;
+        }
+        // Eight times the padding of leaf boxes, which have at most that of single precision.
+        let pad = above(self.max_abs() * pow2(-18) + 1e-300);
+        match self.basis() {
+            Basis::CatmullRom => bounds.dilated(bounds.largest_side() / 5.0 + pad),
+            _ => bounds.dilated(pad),
+        }
+    }
+}
+
+/// Returns the smallest and the largest coordinates in some slots.
+fn bounds<T: PartialOrd + Copy>(
+    axes: [&[T]; 3],
+    slots: Range<usize>,
+    [most, least]: [T; 2],
+) -> [[T; 3]; 2] {
+    let (mut low, mut high) = ([most; 3], [least; 3]);
+    for x in 0..3 {
+        let (mut lo, mut hi) = ([most; LANES], [least; LANES]);
+        let (eights, rest) = axes[x][slots.clone()].as_chunks::<LANES>();
+        for eight in eights {
+            for k in 0..LANES {
+                lo[k] = smaller(lo[k], eight[k]);
+                hi[k] = larger(hi[k], eight[k]);
+            }
+        }
+        low[x] = lo.iter().chain(rest).copied().fold(most, smaller);
+        high[x] = hi.iter().chain(rest).copied().fold(least, larger);
+    }
+    [low, high]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::Positions;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn coarse_boxes_contain_the_boxes_of_all_segments(
+            points in prop::collection::vec(prop::array::uniform3(-1.0f64..1.0), 9..40),
+            scale in -300i32..300,
+            single in any::<bool>(),
+        ) {
+            let scale = if single { scale / 10 } else { scale };
+            let scaled = points.as_flattened().iter().map(|x| x * 10f64.powi(scale));
+            let wide: Vec<f64> = scaled.collect();
+            let narrow: Vec<f32> = wide.iter().map(|&x| x as f32).collect();
+            for basis in Basis::ALL {
+                let n = points.len() as i32 / 3 * 3;
+                let positions = match single {
+                    true => Positions::F32(&narrow[..3 * n as usize]),
+                    false => Positions::F64(&wide[..3 * n as usize]),
+                };
+                let set = CurveSet::from_counts(basis, &[-n], positions).unwrap();
+                let coarse = set.coarse_boxes()[0];
+                let leaves = (set.curve(0).segments as usize).div_ceil(LANES);
+                for g in 0..leaves {
+                    let leaf = set.leaf_boxes(0, g).bounds();
+                    prop_assert_eq!(coarse.union(&leaf), coarse, "{:?}", basis);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! Last frame that is known to be intact.
+
+use crate::verdict::{Report, Verdict};
+
+/// Knowledge about the last intact frame.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Intactness {
+    /// Last frame that is known to be intact.
+    last_intact: Option<u64>,
+    /// True if that frame is the last verified one.
+    intact: bool,
+    /// True if a curve was pulled through another one since that frame, or may have been. Then no
+    /// later frame is known to be intact, even if it has the expected linking numbers.
+    broken: bool,
+}
+
+impl Intactness {
+    /// Adds to a complete report the last frame that is known to be intact. `unknown` is true if a
+    /// curve may have been pulled through another one for a reason that the report does not have.
+    pub fn conclude(&mut self, report: &mut Report, unknown: bool) {
+        let of_step = report.defects.iter().any(|d| d.kind.is_of_step());
+        let changed = report.verdict == Verdict::Changed;
+        self.broken |= unknown || of_step || changed || !report.unresolved.is_empty();
+        self.intact = report.verdict == Verdict::Intact && !self.broken;
+        if self.intact {
+            self.last_intact = Some(report.seq);
+        }
+        report.last_intact = self.last_intact;
+    }
+
+    /// Forgets what happened before the next frame.
+    pub fn cut(&mut self) {
+        self.broken = false;
+    }
+
+    pub fn last_intact(&self) -> Option<u64> {
+        self.last_intact
+    }
+
+    /// Returns true if a curve may have been pulled through another one since the last intact frame.
+    pub fn is_broken(&self) -> bool {
+        self.broken
+    }
+
+    /// Returns true if the last verified frame is known to be intact.
+    pub fn is_intact(&self) -> bool {
+        self.intact
+    }
+}
