@@ -71,7 +71,7 @@
 //! |---|---|---|
 //! | `client` | a simulator's end of the bus: `Client`, `services` | iceoryx2 |
 //! | `verify` | the exact core: `Verifier`, which computes every linking number | rayon |
-//! | `bus` | `client`, `verify` and the watcher's end: `Sidecar` | iceoryx2 |
+//! | `bus` | `client`, `verify` and the watcher's end: `Sidecar`, `ShardLeader` | iceoryx2 |
 //! | `cli` | the command `linkwatch`; no API | clap |
 //! | `lab` | measurements: `lab`; `study` and `devices --measure` of the command | plotters |
 //! | `gpu` | kernels on a GPU: `VerifierOptions::device` | wgpu |
@@ -156,7 +156,10 @@ pub use bus::{
     MessageKind, Outcome, ServiceInfo, VerdictMessage, WaitMode, services,
 };
 #[cfg(feature = "bus")]
-pub use bus::{Event, Frame, LastLabels, Sidecar, SidecarOptions};
+pub use bus::{
+    Event, Frame, LastLabels, ShardEvent, ShardLeader, ShardMember, ShardSetup, Sidecar,
+    SidecarOptions,
+};
 #[cfg(feature = "verify")]
 pub use certificate::{Certificate, Comparison};
 #[cfg(feature = "cli")]

@@ -332,8 +332,8 @@ impl FrameMemory {
     }
 }
 
-/// Returns a random session number, never 0, from the random seed of hash maps.
-fn random() -> u64 {
+/// Returns a random number, never 0, from the random seed of hash maps.
+pub(super) fn random() -> u64 {
     let mut hasher = RandomState::new().build_hasher();
     hasher.write_u32(std::process::id());
     hasher.finish().max(1)

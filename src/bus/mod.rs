@@ -40,6 +40,8 @@ mod page;
 mod service;
 mod services;
 #[cfg(feature = "bus")]
+mod shards;
+#[cfg(feature = "bus")]
 mod sidecar;
 mod wait_mode;
 mod watcher;
@@ -55,6 +57,8 @@ pub use event::{Event, Frame, LastLabels};
 pub use frames::FrameMemory;
 pub use message::{Counters, Finding, MessageKind, VerdictMessage};
 pub use services::{Attached, ServiceInfo, services};
+#[cfg(feature = "bus")]
+pub use shards::{ShardEvent, ShardLeader, ShardMember, ShardSetup};
 #[cfg(feature = "bus")]
 pub use sidecar::{Sidecar, SidecarOptions};
 pub use wait_mode::WaitMode;

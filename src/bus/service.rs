@@ -6,6 +6,8 @@
 //! | `<name>/verdicts` | publish-subscribe, event | watcher | simulator |
 //! | `<name>/simulator`, `<name>/watcher` | request-response, never used | one lock each | |
 //!
+//! [`shards`](super::shards) has those of watchers that share a scene.
+//!
 //! Two publishers are allowed on each topic, because a bridge between hosts joins with its own. The
 //! locks ensure that there is one simulator and one watcher. A lock is a service that admits one
 //! server. Bridges do not relay it, and iceoryx2 frees it together with everything else of a dead
@@ -17,6 +19,7 @@ use super::services::user_of;
 use super::wait_mode::WaitMode;
 use super::wire::{ALIGNMENT, FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
+use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::node::NodeView;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -24,7 +27,7 @@ use iceoryx2::port::server::Server;
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::{
     Alignment, CallbackProgression, Config, Node, NodeBuilder, NodeName, NodeState, PortFactory,
-    ServiceName, SignalHandlingMode,
+    ServiceName, SignalHandlingMode, ZeroCopySend,
 };
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
@@ -85,7 +88,7 @@ pub(super) struct Endpoint {
     wait_mode: WaitMode,
     /// Number of waits so far, if this side spins.
     spins: AtomicU32,
-    _lock: Option<Server<Ipc, u64, (), u64, ()>>,
+    _lock: Option<Lock>,
     _node: Node<Ipc>,
 }
 
@@ -97,27 +100,26 @@ impl Debug for Endpoint {
 
 impl Endpoint {
     pub fn open(name: &str, role: Role, wait_mode: WaitMode) -> Result<Endpoint> {
-        limit_log_level();
-        let node_name = match role {
+        let node = open_node(match role {
             Role::Simulator => "linkwatch simulator",
             Role::Watcher => "linkwatch watcher",
             Role::Observer => OBSERVER,
-        };
-        // Signals stay with the program that owns this process. Creating a node also removes the
-        // files that killed processes left behind.
-        let node = NodeBuilder::new()
-            .name(&NodeName::new(node_name).map_err(bus("node name"))?)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Ipc>()
-            .map_err(|e| {
-                Error::Bus(format!(
-                    "cannot open shared memory ({e:?}): simulator and watcher must run as the same \
-                     user, who must be able to write to /dev/shm and /tmp/iceoryx2"
-                ))
-            })?;
+        })?;
         let lock = match role {
             Role::Observer => None,
-            Role::Simulator | Role::Watcher => Some(lock(&node, name, role)?),
+            Role::Simulator => Some(lock(&node, &service_name(name, "simulator")?, |who| {
+                format!(
+                    "service \"{name}\" already has a simulator ({who}). Stop it, or give one of \
+                     the two another service name, watched with `linkwatch watch --service NAME`"
+                )
+            })?),
+            Role::Watcher => Some(lock(&node, &service_name(name, "watcher")?, |who| {
+                format!(
+                    "service \"{name}\" is already watched ({who}). Stop that watcher, watch \
+                     another service with `--service NAME`, or add `--observe`: an observer \
+                     verifies beside the watcher, and sends nothing to the simulator"
+                )
+            })?),
         };
         let frames_name = service_name(name, "frames")?;
         let verdicts_name = service_name(name, "verdicts")?;
@@ -148,12 +150,10 @@ impl Endpoint {
                 .open_or_create()
         })
         .map_err(cannot_open(&verdicts_name))?;
-        let open_event = |name: &ServiceName| -> Result<event::PortFactory<Ipc>> {
-            retry_transient(|| node.service_builder(name).event().open_or_create())
-                .map_err(cannot_open(name))
-        };
-        let (frame_events, verdict_events) =
-            (open_event(&frames_name)?, open_event(&verdicts_name)?);
+        let (frame_events, verdict_events) = (
+            open_events(&node, &frames_name)?,
+            open_events(&node, &verdicts_name)?,
+        );
         let (receive, send) = match role {
             Role::Simulator => (verdict_events, Some(frame_events)),
             Role::Watcher => (frame_events, Some(verdict_events)),
@@ -236,24 +236,66 @@ impl Endpoint {
     /// A node lives as long as its process holds a lock on a file, even if the process is stopped
     /// or busy.
     pub fn node_is_gone(&self, id: NodeId) -> bool {
-        let mut gone = true;
-        let look = |state: NodeState<Ipc>| {
-            if *state.node_id() == id {
-                gone = matches!(state, NodeState::Dead(_));
-                return CallbackProgression::Stop;
-            }
-            CallbackProgression::Continue
-        };
-        let listed = match self.role {
-            Role::Simulator => self.verdicts.nodes(look),
-            Role::Watcher | Role::Observer => self.frames.nodes(look),
-        };
-        let gone = gone && listed.is_ok();
-        if gone {
-            cleanup();
+        match self.role {
+            Role::Simulator => is_gone(&self.verdicts, id),
+            Role::Watcher | Role::Observer => is_gone(&self.frames, id),
         }
-        gone
     }
+}
+
+/// Creates the node of this process. Also removes the files that killed processes left behind.
+pub(super) fn open_node(name: &str) -> Result<Node<Ipc>> {
+    limit_log_level();
+    let name = NodeName::new(name).map_err(bus("node name"))?;
+    // Signals stay with the program that owns this process.
+    let builder = NodeBuilder::new()
+        .name(&name)
+        .signal_handling_mode(SignalHandlingMode::Disabled);
+    builder.create::<Ipc>().map_err(|e| {
+        Error::Bus(format!(
+            "cannot open shared memory ({e:?}): simulator and watcher must run as the same user, \
+             who must be able to write to /dev/shm and /tmp/iceoryx2"
+        ))
+    })
+}
+
+/// Opens the event service of this name.
+pub(super) fn open_events(node: &Node<Ipc>, name: &ServiceName) -> Result<event::PortFactory<Ipc>> {
+    retry_transient(|| node.service_builder(name).event().open_or_create())
+        .map_err(cannot_open(name))
+}
+
+/// Returns true if a node that opened this service died or left. Removes its remains.
+pub(super) fn is_gone(service: &impl PortFactory<Service = Ipc>, id: NodeId) -> bool {
+    let mut gone = true;
+    let listed = service.nodes(|state: NodeState<Ipc>| {
+        if *state.node_id() == id {
+            gone = matches!(state, NodeState::Dead(_));
+            return CallbackProgression::Stop;
+        }
+        CallbackProgression::Continue
+    });
+    let gone = gone && listed.is_ok();
+    if gone {
+        cleanup();
+    }
+    gone
+}
+
+/// Returns the node of a publisher of this service; `None` if it has closed already.
+pub(super) fn node_of<H: Debug + ZeroCopySend>(
+    service: &publish_subscribe::PortFactory<Ipc, [u8], H>,
+    origin: UniquePublisherId,
+) -> Option<NodeId> {
+    let mut node = None;
+    service.dynamic_config().list_publishers(|publisher| {
+        if publisher.publisher_id == origin {
+            node = Some(publisher.node_id);
+            return CallbackProgression::Stop;
+        }
+        CallbackProgression::Continue
+    });
+    node
 }
 
 /// Removes the files of dead processes from shared memory.
@@ -261,7 +303,7 @@ fn cleanup() {
     Node::<Ipc>::try_cleanup_dead_nodes(Config::global_config());
 }
 
-fn service_name(name: &str, part: &str) -> Result<ServiceName> {
+pub(super) fn service_name(name: &str, part: &str) -> Result<ServiceName> {
     if name.is_empty() {
         return Err(Error::Bus("the service name is empty".into()));
     }
@@ -274,20 +316,24 @@ fn service_name(name: &str, part: &str) -> Result<ServiceName> {
     })
 }
 
-/// Acquires the lock of this role on the service.
-fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (), u64, ()>> {
-    let lock_name = match role {
-        Role::Simulator => service_name(name, "simulator")?,
-        Role::Watcher | Role::Observer => service_name(name, "watcher")?,
-    };
+/// Service whose only server is a lock.
+pub(super) type Lock = Server<Ipc, u64, (), u64, ()>;
+
+/// Acquires a lock: a service that admits one server. `taken` returns the error text if a process
+/// holds it.
+pub(super) fn lock(
+    node: &Node<Ipc>,
+    name: &ServiceName,
+    taken: impl FnOnce(&str) -> String,
+) -> Result<Lock> {
     let service = retry_transient(|| {
-        node.service_builder(&lock_name)
+        node.service_builder(name)
             .request_response::<u64, u64>()
             .max_servers(1)
             .max_clients(1)
             .open_or_create()
     })
-    .map_err(cannot_open(&lock_name))?;
+    .map_err(cannot_open(name))?;
     let start = Instant::now();
     loop {
         match service.server_builder().create() {
@@ -316,24 +362,14 @@ fn lock(node: &Node<Ipc>, name: &str, role: Role) -> Result<Server<Ipc, u64, (),
                 (Some(id), None) => format!("process {}", id.pid().value()),
                 (None, _) => "a process that is starting".into(),
             };
-            return Err(Error::Bus(match role {
-                Role::Simulator => format!(
-                    "service \"{name}\" already has a simulator ({who}). Stop it, or give one of \
-                     the two another service name, watched with `linkwatch watch --service NAME`"
-                ),
-                Role::Watcher | Role::Observer => format!(
-                    "service \"{name}\" is already watched ({who}). Stop that watcher, watch \
-                     another service with `--service NAME`, or add `--observe`: an observer \
-                     verifies beside the watcher, and sends nothing to the simulator"
-                ),
-            }));
+            return Err(Error::Bus(taken(&who)));
         }
         std::thread::sleep(Duration::from_millis(10));
     }
 }
 
 /// Opens or creates something that another process may be creating or removing at the same time.
-fn retry_transient<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E> {
+pub(super) fn retry_transient<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Result<T, E> {
     // Matched by their Debug form, because each messaging pattern has its own enum for the same
     // errors.
     const TRANSIENT: [&str; 6] = [
@@ -360,7 +396,7 @@ fn retry_transient<T, E: Debug>(mut open: impl FnMut() -> Result<T, E>) -> Resul
     }
 }
 
-fn cannot_open<E: Debug>(name: &ServiceName) -> impl FnOnce(E) -> Error {
+pub(super) fn cannot_open<E: Debug>(name: &ServiceName) -> impl FnOnce(E) -> Error {
     let name = *name;
     move |e| {
         let words = format!("{e:?}");

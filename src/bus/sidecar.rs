@@ -3,7 +3,7 @@
 use super::event::{Event, Frame};
 use super::ipc::Ipc;
 use super::message::{Counters, MessageKind};
-use super::service::{Endpoint, NodeId, Role, bus};
+use super::service::{Endpoint, NodeId, Role, bus, node_of};
 use super::wait_mode::WaitMode;
 use super::wire::{FLAG_ANNOUNCE, FLAG_END, FLAG_UNFINISHED, FrameHeader, VerdictWire};
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use crate::verdict::{Report, Verdict};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, PortFactory};
+use iceoryx2::prelude::BackpressureStrategy;
 use std::collections::VecDeque;
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -322,7 +322,7 @@ impl Sidecar {
             None => {
                 self.session = Some(Session {
                     id: header.session,
-                    node: self.node_of(&frame),
+                    node: node_of(&self.endpoint.frames, frame.sample.origin()),
                     last_seen: None,
                     stray: None,
                     delivered: 0,
@@ -359,22 +359,6 @@ impl Sidecar {
     /// Queues the newest frame, because the event that follows must not overtake it.
     fn flush(&mut self) {
         self.pending.extend(self.newest.take().map(Pending::Frame));
-    }
-
-    fn node_of(&self, frame: &Frame) -> Option<NodeId> {
-        let origin = frame.sample.origin();
-        let mut node = None;
-        self.endpoint
-            .frames
-            .dynamic_config()
-            .list_publishers(|publisher| {
-                if publisher.publisher_id == origin {
-                    node = Some(publisher.node_id);
-                    return CallbackProgression::Stop;
-                }
-                CallbackProgression::Continue
-            });
-        node
     }
 
     fn simulator_is_gone(&mut self) -> bool {

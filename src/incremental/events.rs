@@ -8,7 +8,18 @@ use std::str::FromStr;
 ///
 /// The search also finds pull-throughs that linking numbers do not show: two that cancel, those of
 /// a curve through itself, and those of open curves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 pub enum Events {
     /// No search.
     #[default]

@@ -45,7 +45,7 @@ pub struct Partition {
 
 impl Partition {
     /// Maximum number of shards.
-    pub const MAX_SHARDS: usize = 64;
+    pub const MAX_SHARDS: usize = 16;
 
     /// Divides the pairs of a scene, such that the predicted costs of the shards are equal and each
     /// one has curves that are near one another (recursive coordinate bisection).

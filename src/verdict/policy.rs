@@ -6,7 +6,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// Findings that send the abort signal.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum AbortOn {

@@ -202,6 +202,11 @@ impl Verifier {
         Ok(())
     }
 
+    /// Returns the pairs of curves that are verified; `None`: all.
+    pub fn share(&self) -> Option<&Share> {
+        self.share.as_ref()
+    }
+
     /// Returns what this verifier found in the frame of `report`, the last one, for the
     /// [`Joiner`](crate::Joiner).
     pub fn part(&mut self, report: Report) -> Part {

@@ -70,7 +70,7 @@ pub struct VerifierOptions {
 }
 
 /// Part of each frame that [`Verifier::step`](crate::Verifier::step) computes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub enum Strategy {
     /// All linking numbers.

@@ -19,6 +19,8 @@ pub struct Part {
     unresolved: Vec<PullThrough>,
     defects: Vec<Defect>,
     adopted: Vec<Link>,
+    appeared: Vec<String>,
+    gone: Vec<String>,
     /// True if a curve may have been pulled through another one since the last intact frame.
     broken: bool,
     /// True if the whole step to the frame is proven to be safe.
@@ -45,6 +47,8 @@ impl Part {
             unresolved: report.unresolved,
             defects: report.defects,
             adopted: report.adopted,
+            appeared: report.appeared,
+            gone: report.gone,
             stats: report.stats,
             baseline,
         }
@@ -161,6 +165,8 @@ impl Joiner {
             report.unresolved.extend(part.unresolved);
             report.defects.extend(part.defects);
             report.adopted.extend(part.adopted);
+            // Each shard reports all curves that appeared or are gone.
+            (report.appeared, report.gone) = (part.appeared, part.gone);
             if self.searches && part.previous != self.previous {
                 let why = "does not know the previous frame, so pull-throughs are unknown";
                 report.missing.push(format!("shard {} {why}", k + 1));

@@ -108,8 +108,6 @@ impl Shards {
 /// with findings.
 fn findings(mut report: Report) -> Report {
     report.stats = Stats::default();
-    report.appeared.clear();
-    report.gone.clear();
     if report.safe_fraction != Some(1.0) {
         report.safe_fraction = None;
     }

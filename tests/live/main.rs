@@ -6,6 +6,7 @@ mod recordings;
 mod roles;
 mod services;
 mod sessions;
+mod shards;
 mod streams;
 #[path = "../support/mod.rs"]
 mod support;

@@ -2,11 +2,15 @@
 
 mod junit;
 mod news;
+#[cfg(feature = "bus")]
+mod shards;
 mod sinks;
 mod summary;
 mod times;
 
 pub use junit::JunitArgs;
+#[cfg(feature = "bus")]
+pub use shards::{SharedLeader, locked};
 pub use sinks::Sinks;
 pub use summary::FrameCounts;
 
@@ -168,6 +172,8 @@ pub struct Run<'a> {
 /// One run over frames.
 pub struct Session {
     verifier: Verifier,
+    #[cfg(feature = "bus")]
+    options: VerifierOptions,
     /// What the simulator told about the last verified frame, if there is one.
     last: Option<FrameInfo>,
     /// Origin of the baseline; `None` if it is the first frame.
@@ -205,6 +211,9 @@ pub struct Session {
     overwrite: Overwrite,
     /// True if frames are missing.
     incomplete: bool,
+    /// Other processes that verify a part of the pairs.
+    #[cfg(feature = "bus")]
+    shards: Option<shards::Shards>,
 }
 
 impl Session {
@@ -238,7 +247,7 @@ impl Session {
         let limit = given_limit.unwrap_or(default_limit);
         metadata.insert(MOTION_LIMIT.into(), limit.to_string());
         let (certificate, origin) = baseline.unzip();
-        let verifier = Verifier::new(VerifierOptions {
+        let options = VerifierOptions {
             abort_on,
             baseline: certificate,
             strategy: run.strategy,
@@ -250,9 +259,11 @@ impl Session {
                 _ => Some(limit),
             },
             ..judge.kernel.options()?
-        })?;
+        };
         Ok(Session {
-            verifier,
+            verifier: Verifier::new(options.clone())?,
+            #[cfg(feature = "bus")]
+            options,
             last: None,
             origin,
             events,
@@ -282,6 +293,8 @@ impl Session {
             junit,
             overwrite: sinks.overwrite,
             incomplete: false,
+            #[cfg(feature = "bus")]
+            shards: None,
         })
     }
 
@@ -303,7 +316,9 @@ impl Session {
     #[cfg(feature = "bus")]
     pub fn is_quick(&self, frame: &Ingested) -> bool {
         let segments = frame.curves.as_ref().map_or(0, |set| set.segments());
-        segments <= SMALL && self.last_check.is_some_and(|check| check < MOMENT)
+        let quick = self.last_check.is_some_and(|check| check < MOMENT);
+        // Other processes may not answer.
+        segments <= SMALL && quick && self.shards.is_none()
     }
 
     /// Returns the output shown while the run lasts.
@@ -356,7 +371,7 @@ impl Session {
         let Ingested { curves, info, took } = frame;
         let outcome = curves.and_then(|set| {
             self.continue_with(seq, &info)?;
-            let report = self.verifier.step_shared(seq, time, &set)?;
+            let report = self.step(seq, time, &info, &set)?;
             Ok((report, Some(set)))
         });
         let (report, curves) = match outcome {
@@ -367,14 +382,14 @@ impl Session {
                     before: certificate as u64,
                     now: model as u64,
                 };
-                (self.verifier.reject(seq, time, &other_curves), None)
+                (self.reject(seq, time, &other_curves), None)
             }
             Err(
                 e @ (Error::CertificateMismatch { .. }
                 | Error::NothingClosed { .. }
                 | Error::Cancelled),
             ) => return Err(e),
-            Err(e) => (self.verifier.reject(seq, time, &e), None),
+            Err(e) => (self.reject(seq, time, &e), None),
         };
         let times = FrameTimes {
             ingest: took,
@@ -415,7 +430,11 @@ impl Session {
         if last.layout != info.layout {
             let change = CurveChange::by_name(&last.labels, &info.labels);
             match change {
-                Ok(change) => self.verifier.change_curves(change),
+                Ok(change) => {
+                    self.verifier.change_curves(change);
+                    #[cfg(feature = "bus")]
+                    self.shards.iter_mut().for_each(|s| s.change_curves());
+                }
                 Err(e) => {
                     self.last = Some(last);
                     return Err(e);
@@ -430,18 +449,69 @@ impl Session {
                  jumped"
             ));
             self.verifier.cut();
+            #[cfg(feature = "bus")]
+            self.shards.iter_mut().for_each(|s| s.cut());
         }
         self.last = Some(info.clone());
         Ok(())
+    }
+
+    /// Verifies a valid frame.
+    #[cfg(feature = "bus")]
+    fn step(
+        &mut self,
+        seq: u64,
+        time: f64,
+        info: &FrameInfo,
+        set: &Arc<CurveSet>,
+    ) -> Result<Report> {
+        match &mut self.shards {
+            Some(shards) => shards.step(&mut self.verifier, (seq, time), info, set),
+            None => self.verifier.step_shared(seq, time, set),
+        }
+    }
+
+    /// Verifies a valid frame.
+    #[cfg(not(feature = "bus"))]
+    fn step(
+        &mut self,
+        seq: u64,
+        time: f64,
+        _info: &FrameInfo,
+        set: &Arc<CurveSet>,
+    ) -> Result<Report> {
+        self.verifier.step_shared(seq, time, set)
+    }
+
+    /// Returns the report on a frame that broke its contract.
+    fn reject(&self, seq: u64, time: f64, why: &Error) -> Report {
+        #[allow(unused_mut, reason = "for several shards")]
+        let mut report = self.verifier.reject(seq, time, why);
+        #[cfg(feature = "bus")]
+        if let Some(shards) = &self.shards {
+            report.last_intact = shards.last_intact();
+        }
+        report
+    }
+
+    /// Returns the expected linking numbers, once they are known.
+    fn baseline(&self) -> Option<Certificate> {
+        #[cfg(feature = "bus")]
+        if let Some(shards) = &self.shards {
+            return shards.baseline();
+        }
+        self.verifier.baseline().cloned()
     }
 
     /// Passes a frame to the sinks, and prints its new findings.
     pub fn publish(&mut self, judged: Judged, tally: FrameCounts) {
         self.tally = tally;
         self.outcome = self.outcome.max(Outcome::of(judged.report.verdict));
-        if let Some(certificate) = self.verifier.baseline().filter(|_| !self.begun) {
+        if !self.begun
+            && let Some(certificate) = self.baseline()
+        {
             let record = Arc::new(BaselineRecord {
-                certificate: Arc::new(certificate.clone()),
+                certificate: Arc::new(certificate),
                 origin: self.origin.clone().unwrap_or_else(|| "first frame".into()),
             });
             self.queues

@@ -75,6 +75,16 @@ impl Sinks {
         Ok(())
     }
 
+    /// Returns true if there is an output.
+    #[cfg(feature = "bus")]
+    pub fn are_used(&self) -> bool {
+        #[cfg(feature = "rerun")]
+        if self.view || self.connect.is_some() {
+            return true;
+        }
+        !self.paths().is_empty()
+    }
+
     /// Returns these sinks with a suffix in the names of their files.
     #[cfg(feature = "bus")]
     #[cfg_attr(

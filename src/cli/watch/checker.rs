@@ -3,7 +3,7 @@
 use crate::cli::output::{count, plural};
 use crate::cli::session::{Ingested, Judged, Session};
 use crate::cli::signals::TICK;
-use linkwatch::{Result, Sidecar};
+use linkwatch::Result;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -57,11 +57,12 @@ impl Checker {
         Ok(Checker { to, from })
     }
 
-    /// Judges a frame. A signal cancels the work.
+    /// Judges a frame. A signal cancels the work, and so does an error of `heartbeat`, which is
+    /// called at intervals.
     pub fn judge(
         &self,
         work: Work,
-        sidecar: &mut Sidecar,
+        mut heartbeat: impl FnMut() -> Result<()>,
         stop: &AtomicBool,
     ) -> (Box<Session>, Result<Judged>) {
         let Work { session, seq, .. } = &work;
@@ -90,8 +91,8 @@ impl Checker {
             live.status(format_args!("frame {seq}: {work} in {seconds:.0} s"));
             if beat.elapsed() >= HEARTBEAT {
                 beat = Instant::now();
-                // If the bus fails, the verdict cannot be sent, so cancel the check.
-                if let Err(e) = sidecar.heartbeat() {
+                // If the bus fails, the result cannot be sent, so cancel the check.
+                if let Err(e) = heartbeat() {
                     progress.cancel();
                     failed.get_or_insert(e);
                 }

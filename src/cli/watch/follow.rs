@@ -6,7 +6,7 @@ use super::{Args, PATIENCE, result};
 use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::output::{percent, plural};
-use crate::cli::session::{FrameCounts, Judge, Run, Session, Sinks};
+use crate::cli::session::{FrameCounts, Judge, Run, Session, SharedLeader, Sinks, locked};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
 use linkwatch::{Counters, Error, Event, LastLabels, LiveTimes, Overflow, Result, Sidecar};
@@ -41,6 +41,8 @@ pub struct Follower<'a> {
     pub lost: bool,
     /// First error of a session that did not end the watch.
     pub failed: Option<Error>,
+    /// The leader of several shards, if this watch is shard 1.
+    pub shards: Option<SharedLeader>,
 }
 
 /// Reason why the watch of a session ended.
@@ -81,7 +83,11 @@ impl Follower<'_> {
             session: self.args.keep_watching.then_some(number),
             ..self.label.clone()
         };
-        Ok(Box::new(session.labelled(label)))
+        let session = session.labelled(label);
+        Ok(Box::new(match &self.shards {
+            Some(leader) => session.shared_with(leader),
+            None => session,
+        }))
     }
 
     /// Prepares a session after the first one. Its files get a number that is free.
@@ -130,6 +136,11 @@ impl Follower<'_> {
                 session.data_lost();
             }
             let (mut session, ended) = self.verify(session, &mut sidecar, &checker);
+            if let Some(leader) = &self.shards
+                && let Err(e) = locked(leader).end_session()
+            {
+                tracing::warn!("the other shards do not know that the session ended: {e}");
+            }
             let counters = match &ended {
                 Ok(End::Simulator(counters) | End::Signal(counters)) => *counters,
                 Err(_) => sidecar.counters(),
@@ -259,7 +270,7 @@ impl Follower<'_> {
                     let judged;
                     (session, judged) = match quick {
                         true => work.judge(),
-                        false => checker.judge(work, sidecar, self.stop),
+                        false => checker.judge(work, || sidecar.heartbeat(), self.stop),
                     };
                     let mut judged = match judged {
                         Ok(judged) => judged,

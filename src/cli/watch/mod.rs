@@ -3,14 +3,16 @@
 mod checker;
 mod closer;
 mod follow;
+mod shards;
 
 use self::follow::Follower;
+use self::shards::Shard;
 use super::Outcome;
 use super::kernel::KernelArgs;
 use super::label::Label;
 use super::number::{seconds, share};
 use super::output;
-use super::session::{Judge, Session, Sinks};
+use super::session::{FrameCounts, Judge, Session, Sinks};
 use super::signals::stop_on_signals;
 use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions, WaitMode};
 use std::sync::atomic::AtomicBool;
@@ -45,6 +47,11 @@ pub struct Args {
     /// an observer
     #[arg(long, help_heading = super::WATCH, conflicts_with = "abort_on")]
     observe: bool,
+    /// Verify a part of the pairs of curves, K of N, together with other processes: `--shard 1/N`
+    /// waits for the others, answers the simulator and has all outputs; start `--shard 2/N` to
+    /// `--shard N/N` with the same --service and no output. A pair is never divided
+    #[arg(long, help_heading = super::WATCH, value_name = "K/N")]
+    shard: Option<Shard>,
     /// Return exit code 3 if a larger share of the frames was skipped because they arrived faster
     /// than they could be verified: 0 to 1, or a percentage (`5%`) [default: no limit]
     #[arg(long, help_heading = super::WATCH, value_name = "SHARE", value_parser = share)]
@@ -72,14 +79,18 @@ struct Watch<'a> {
     span: Span,
     follower: Follower<'a>,
     first: Box<Session>,
-    sidecar: Sidecar,
+    /// `None` if the other shards did not come.
+    sidecar: Option<Sidecar>,
 }
 
 impl Watch<'_> {
     /// Follows the service to the end of the watch.
     fn run(self) -> Result<Outcome> {
         let _entered = self.span.entered();
-        self.follower.follow(self.sidecar, self.first)
+        match self.sidecar {
+            Some(sidecar) => self.follower.follow(sidecar, self.first),
+            None => Ok(self.first.finish(FrameCounts::default())),
+        }
     }
 }
 
@@ -92,6 +103,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             )));
         }
     }
+    if args.shard.is_some() && args.service.len() > 1 {
+        let what = "--shard takes one --service: start a watch for each";
+        return Err(Error::Usage(what.into()));
+    }
     let stop = stop_on_signals()?;
     output::detach(Overflow::Wait(PATIENCE))?;
     let mut judge = Judge {
@@ -101,6 +116,20 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if args.observe {
         // Reports and recordings must not claim an abort that is never sent.
         judge.abort_on = Some(AbortOn::Never);
+    }
+    if let Some(shard) = args.shard
+        && let [service] = &args.service[..]
+        && shard.number > 1
+    {
+        let member = shards::Follower {
+            args,
+            judge: &judge,
+            service,
+            shard,
+            stop: &stop,
+        };
+        member.check()?;
+        return member.follow();
     }
     let watches = open(args, json, &judge, &stop)?;
     if args.service.len() == 1 {
@@ -181,6 +210,7 @@ fn open<'a>(
             unreadable: String::new(),
             lost: false,
             failed: None,
+            shards: None,
         };
         // Opened before simulators see the watcher, because a viewer may take a while to open.
         let first = span.in_scope(|| follower.first(inputs.clone()))?;
@@ -189,8 +219,20 @@ fn open<'a>(
     let mut options = SidecarOptions::default();
     options.wait_mode = args.wait_mode;
     options.observe = args.observe;
-    let open = |(span, follower, first): (Span, Follower<'a>, Box<Session>)| {
+    let open = |(span, mut follower, mut first): (Span, Follower<'a>, Box<Session>)| {
         let service = follower.service;
+        if let Some(shard) = args.shard {
+            let Some(leader) = shards::lead(service, shard.of, (stop, args.wait))? else {
+                return Ok(Watch {
+                    span,
+                    follower,
+                    first,
+                    sidecar: None,
+                });
+            };
+            first = Box::new(first.shared_with(&leader));
+            follower.shards = Some(leader);
+        }
         let sidecar = Sidecar::open(service, &options)?;
         span.in_scope(|| match args.observe {
             true => tracing::info!(
@@ -202,7 +244,7 @@ fn open<'a>(
             span,
             follower,
             first,
-            sidecar,
+            sidecar: Some(sidecar),
         })
     };
     ready.into_iter().map(open).collect()
