@@ -145,6 +145,16 @@ pub enum Error {
         /// Number of curves of the model.
         model: usize,
     },
+    /// A frame has more pairs of curves that come close than
+    /// [`VerifierOptions::max_pairs`](crate::VerifierOptions::max_pairs).
+    #[error(
+        "the boxes of more than {limit} pairs of curves overlap, which is the limit: if the memory \
+         suffices, raise it (--max-pairs), or share the pairs among several processes (--shard)"
+    )]
+    TooManyPairs {
+        /// The limit.
+        limit: u64,
+    },
     /// The description of a scene is invalid.
     #[error("scene {scene}: {what}")]
     Scene {

@@ -79,6 +79,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         event_args: args.event_args,
         kernel: args.kernel.clone(),
         paranoid: false,
+        // The models are files of the user, and no simulator runs on.
+        max_pairs: Some(usize::MAX),
     };
     let mut files = judge.files(args.sinks.overwrite);
     models.iter().for_each(|path| files.reads(path));

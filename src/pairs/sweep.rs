@@ -5,11 +5,13 @@
 
 use super::buckets::BucketSort;
 use super::{Pair, SMALL, Share};
+use crate::cancel::PairLimit;
 use crate::curve::{Box3, CurveSet, Diagonals};
 use crate::simd::{LANES, Lanes, dispatch};
 use crate::verdict::Defect;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of pairs per curve above which the extents along the diagonals pay.
 const MANY: usize = 2;
@@ -30,6 +32,7 @@ pub(crate) struct LinkSearch {
     discarded: usize,
     /// Pairs that are searched for; `None`: all.
     share: Option<Share>,
+    limit: PairLimit,
 }
 
 impl LinkSearch {
@@ -49,6 +52,11 @@ impl LinkSearch {
     /// Searches for the pairs of another share from now on.
     pub fn set_share(&mut self, share: Option<Share>) {
         self.share = share;
+    }
+
+    /// Finds nothing from now on if there are more pairs than a limit, which records that.
+    pub fn limit_to(&mut self, limit: PairLimit) {
+        self.limit = limit;
     }
 
     /// Returns the pairs found by the last search.
@@ -115,21 +123,32 @@ impl LinkSearch {
             parts,
             sort,
             share,
+            limit,
             ..
         } = self;
+        let most = limit.most();
+        let total = AtomicUsize::new(0);
         sweep.fill(boxes, sort);
         let share = share.as_ref();
         let n = sweep.order.len();
         parts.resize_with(Self::tasks(n).max(parts.len()), Vec::new);
         parts.par_iter_mut().enumerate().for_each(|(c, part)| {
             part.clear();
+            if total.load(Ordering::Relaxed) > most {
+                return;
+            }
             let range = (c * CHUNK).min(n)..((c + 1) * CHUNK).min(n);
             let found = &mut *part;
-            dispatch!(simd => Sweep::run(&*sweep, simd, range, found));
+            dispatch!(simd => Sweep::run(&*sweep, simd, (range, most), found));
             if let Some(share) = share {
                 share.retain(part);
             }
+            total.fetch_add(part.len(), Ordering::Relaxed);
         });
+        if total.into_inner() > most {
+            limit.exceed();
+            parts.fill_with(Vec::new);
+        }
     }
 
     /// Sorts the pairs of all parts.
@@ -241,10 +260,13 @@ impl Sweep {
         }
     }
 
-    /// Adds the pairs whose first box in the order is in `range`.
+    /// Adds the pairs whose first box in the order is in `range`. Ends early with more than `most`.
     #[inline(always)]
-    fn run<L: Lanes>(&self, simd: L, range: Range<usize>, found: &mut Vec<Pair>) {
+    fn run<L: Lanes>(&self, simd: L, (range, most): (Range<usize>, usize), found: &mut Vec<Pair>) {
         for k in range {
+            if found.len() > most {
+                return;
+            }
             let i = self.order[k];
             let (end, lo1, hi1, lo2, hi2) = (
                 simd.splat(self.hi[0][k]),
@@ -349,9 +371,28 @@ mod tests {
             search.find(&[Box3 { lo: [-1.0; 3], hi: [100.0; 3] }; 700]);
             prop_assert_eq!(&*search.find(&boxes), &want);
             let mut portable = Vec::new();
-            search.sweep.run(Portable, 0..search.sweep.order.len(), &mut portable);
+            let all = (0..search.sweep.order.len(), usize::MAX);
+            search.sweep.run(Portable, all, &mut portable);
             portable.sort_unstable();
             prop_assert_eq!(&portable, &want);
+        }
+    }
+
+    #[test]
+    fn more_pairs_than_the_limit_are_reported_and_none_are_kept() {
+        let same = Box3 {
+            lo: [0.0; 3],
+            hi: [1.0; 3],
+        };
+        let limit = PairLimit::default();
+        let mut search = LinkSearch::default();
+        search.limit_to(limit.clone());
+        let all = 1200 * 1199 / 2;
+        for (most, exceeded) in [(all, false), (all - 1, true), (10, true), (all, false)] {
+            limit.begin(most);
+            let found = search.find(&vec![same; 1200]).len();
+            assert_eq!(limit.is_exceeded(), exceeded, "limit {most}");
+            assert_eq!(found, if exceeded { 0 } else { all });
         }
     }
 

@@ -52,11 +52,13 @@ pub(super) struct FullRun {
 impl FullRun {
     /// Creates the state. `kernel` computes sums, or counts crossings.
     pub fn new(kernel: (Method, Accuracy), gpu: GpuUse) -> Self {
-        FullRun {
+        let mut full = FullRun {
             kernel,
             gpu,
             ..FullRun::default()
-        }
+        };
+        full.search.limit_to(full.progress.limit.clone());
+        full
     }
 
     /// Computes only the pairs of a share from now on, or all pairs.

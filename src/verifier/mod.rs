@@ -20,7 +20,7 @@ pub use shards::{Joiner, Part};
 use self::full::{FullRun, sizes};
 use self::routing::Routing;
 use self::steps::{LinkingNumbers, Steps};
-use crate::cancel::Cancel;
+use crate::cancel::{Cancel, PairLimit};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::{CurveChange, CurveSet};
 use crate::error::{Error, Result};
@@ -41,6 +41,7 @@ pub struct Progress {
     done: AtomicU64,
     total: AtomicU64,
     cancel: Cancel,
+    limit: PairLimit,
 }
 
 impl Progress {
@@ -66,9 +67,15 @@ impl Progress {
         self.cancel.is_set()
     }
 
+    /// Returns an error if the results of this frame are incomplete.
     fn check(&self) -> Result<()> {
-        match self.is_cancelled() {
-            true => Err(Error::Cancelled),
+        if self.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
+        match self.limit.is_exceeded() {
+            true => Err(Error::TooManyPairs {
+                limit: self.limit.most() as u64,
+            }),
             false => Ok(()),
         }
     }
@@ -95,6 +102,7 @@ pub struct Timings {
 #[derive(Debug)]
 pub struct Verifier {
     abort_on: AbortOn,
+    max_pairs: usize,
     baseline: Option<Certificate>,
     strategy: Strategy,
     full: FullRun,
@@ -160,11 +168,12 @@ impl Verifier {
         let limit = options
             .motion_limit
             .unwrap_or(VerifierOptions::MOTION_LIMIT);
-        let cancel = full.progress.cancel.clone();
+        let ends = (full.progress.cancel.clone(), full.progress.limit.clone());
         let incremental = options.strategy.is_incremental();
-        let steps = Steps::new(options.events, incremental, limit, cancel);
+        let steps = Steps::new(options.events, incremental, limit, ends);
         Verifier {
             abort_on: options.abort_on,
+            max_pairs: options.max_pairs,
             baseline: options.baseline,
             strategy: options.strategy,
             full,
@@ -270,6 +279,7 @@ impl Verifier {
     pub fn certify(&mut self, set: &CurveSet) -> (&Certificate, Stats) {
         let start = Instant::now();
         self.full.heed_cancel(false);
+        self.full.progress.limit.begin(usize::MAX);
         let stats = pool::run(set.segments(), || self.full.certify(set));
         self.full.timings.total = start.elapsed();
         (&self.full.certificate, stats)
@@ -297,6 +307,7 @@ impl Verifier {
         }
         let start = Instant::now();
         self.full.heed_cancel(false);
+        self.full.progress.limit.begin(usize::MAX);
         let stats = self.full.certify_noisy(set, noise);
         self.full.timings.total = start.elapsed();
         Ok((&self.full.certificate, stats))
@@ -353,7 +364,9 @@ impl Verifier {
     /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves;
     /// [`Error::NothingClosed`] if no curve is closed and pull-throughs are off, since nothing
     /// would be verified; [`Error::LayoutChanged`] if pull-throughs are reported and the curves
-    /// differ from those of the previous frame; [`Error::Cancelled`] after [`Progress::cancel`].
+    /// differ from those of the previous frame; [`Error::TooManyPairs`] if more pairs of curves
+    /// come close than [`VerifierOptions::max_pairs`]; [`Error::Cancelled`] after
+    /// [`Progress::cancel`].
     pub fn step(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<Report> {
         let verified = self.verify(seq, time, set);
         self.full.gpu.end_frame(set);
@@ -475,6 +488,7 @@ impl Verifier {
             return Err(Error::NothingClosed { curves: set.len() });
         }
         self.steps.begin(set)?;
+        self.full.progress.limit.begin(self.max_pairs);
         let start = Instant::now();
         self.full.heed_cancel(true);
         self.work = Work::default();
@@ -493,7 +507,7 @@ impl Verifier {
             unresolved,
             safe_fraction,
         } = self.search_events(set, step, comparison, &mut defects);
-        // A report must not depend on work that was skipped after a cancellation.
+        // A report must not depend on work that was skipped.
         self.full.progress.check()?;
         let extent = *self.extent.get_or_insert_with(|| set.extent());
         let mut report = Report {
@@ -670,6 +684,7 @@ impl Verifier {
             return Ok(None);
         }
         let step = self.search_step(set, pairs);
+        self.full.progress.check()?;
         let closed = |i: u32| set.curve(i as usize).closed;
         let unsettled = step.unsettled_pairs();
         let unsettled = unsettled.filter(|&(i, j)| i != j && closed(i) && closed(j));

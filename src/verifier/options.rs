@@ -50,6 +50,11 @@ pub struct VerifierOptions {
     /// their pair of curves and both moved further than the limit. With an infinite limit there are
     /// none.
     pub motion_limit: Option<f64>,
+    /// Maximum number of pairs of curves whose boxes overlap, in a frame or in the motion since the
+    /// previous one. A frame with more is not verified ([`Error::TooManyPairs`]), because the memory
+    /// for them, up to 200 bytes each, may not be there. The default is
+    /// [`VerifierOptions::MAX_PAIRS`].
+    pub max_pairs: usize,
     /// Kernel that computes all linking numbers of a frame. The default is [`Method::Auto`].
     ///
     /// A kernel that sums runs first; pairs that its error bound does not decide are decided by
@@ -113,6 +118,7 @@ impl Default for VerifierOptions {
             strategy: Strategy::default(),
             events: Events::default(),
             motion_limit: None,
+            max_pairs: VerifierOptions::MAX_PAIRS,
             kernel: Method::default(),
             accuracy: Accuracy::default(),
             device: Device::Cpu,
@@ -123,6 +129,9 @@ impl Default for VerifierOptions {
 impl VerifierOptions {
     /// Default of [`VerifierOptions::motion_limit`], in segment lengths.
     pub const MOTION_LIMIT: f64 = MOTION_LIMIT;
+
+    /// Default of [`VerifierOptions::max_pairs`]: 8,192 curves, all of which overlap.
+    pub const MAX_PAIRS: usize = 1 << 25;
 
     /// Checks that every option has an effect.
     ///

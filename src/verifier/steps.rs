@@ -2,7 +2,7 @@
 //! whose linking numbers they may have changed.
 
 use super::intactness::Intactness;
-use crate::cancel::Cancel;
+use crate::cancel::{Cancel, PairLimit};
 use crate::certificate::{Certificate, Comparison};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
@@ -59,11 +59,16 @@ pub(super) struct LinkingNumbers {
 impl Steps {
     /// Creates the state, with a motion limit in segment lengths. `cancel` ends a search for
     /// pull-throughs early.
-    pub fn new(events: Events, incremental: bool, motion_limit: f64, cancel: Cancel) -> Self {
+    pub fn new(
+        events: Events,
+        incremental: bool,
+        motion_limit: f64,
+        ends: (Cancel, PairLimit),
+    ) -> Self {
         Steps {
             events,
             incremental,
-            ledger: Ledger::new(motion_limit, cancel),
+            ledger: Ledger::new(motion_limit, ends),
             ..Steps::default()
         }
     }

@@ -43,6 +43,43 @@ fn blind(strategy: Strategy) -> Verifier {
 }
 
 #[test]
+fn a_frame_with_too_many_pairs_is_an_error_and_the_next_one_is_verified() {
+    for strategy in [Strategy::Full, Strategy::EarlyExit, Strategy::Incremental] {
+        for events in [Events::Off, Events::Between, Events::All] {
+            if strategy == Strategy::EarlyExit && events != Events::Off {
+                continue;
+            }
+            let new = |max_pairs| {
+                let options = VerifierOptions {
+                    strategy,
+                    events,
+                    max_pairs,
+                    ..VerifierOptions::default()
+                };
+                Verifier::new(options).unwrap()
+            };
+            // The other one does not see the frame with too many pairs.
+            let [mut limited, mut other] = [2, VerifierOptions::MAX_PAIRS].map(new);
+            for (seq, out) in [(0, 100.0), (1, 0.0), (2, 100.1), (3, 0.0), (4, 100.2)] {
+                let set = squares(out);
+                let found = limited.step(seq, 0.0, &set);
+                if out == 0.0 {
+                    let e = found.unwrap_err();
+                    assert!(matches!(e, Error::TooManyPairs { limit: 2 }), "{e}");
+                    continue;
+                }
+                let wanted = other.step(seq, 0.0, &set).unwrap();
+                assert_eq!(
+                    found.unwrap(),
+                    wanted,
+                    "{strategy:?}, {events}, frame {seq}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn paranoid_mode_detects_an_error_of_the_incremental_verification() {
     let report = blind(Strategy::Incremental)
         .step(3, 0.0, &squares(1.2))

@@ -57,6 +57,7 @@ pub struct ShardSetup {
     strategy: Strategy,
     events: Events,
     motion_limit: Option<f64>,
+    max_pairs: usize,
     baseline: Option<crate::Certificate>,
     partition: Vec<u8>,
 }
@@ -72,6 +73,7 @@ impl ShardSetup {
             strategy: options.strategy,
             events: options.events,
             motion_limit: options.motion_limit,
+            max_pairs: options.max_pairs,
             baseline: options.baseline.clone(),
             partition: partition.to_bytes(),
         }
@@ -92,6 +94,7 @@ impl ShardSetup {
             strategy: self.strategy,
             events: self.events,
             motion_limit: self.motion_limit,
+            max_pairs: self.max_pairs,
             baseline: self.baseline,
             ..options
         })?;

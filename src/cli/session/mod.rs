@@ -68,6 +68,10 @@ pub struct Judge {
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
     pub event_args: EventArgs,
+    /// Reject frames in which the boxes of more pairs of curves overlap: the memory for them, up to
+    /// 200 bytes each, may not be there [default: 33554432]
+    #[arg(long, value_name = "N", hide_short_help = true)]
+    pub max_pairs: Option<usize>,
     /// Set by the command, so that its help lists kernels last.
     #[arg(skip)]
     pub kernel: KernelArgs,
@@ -252,6 +256,7 @@ impl Session {
             baseline: certificate,
             strategy: run.strategy,
             events,
+            max_pairs: judge.max_pairs.unwrap_or(VerifierOptions::MAX_PAIRS),
             motion_limit: match (events, run.recorded_events) {
                 // The limit of a replay may differ from the recorded one without any effect.
                 (Events::Off, Some(_)) => None,

@@ -105,6 +105,7 @@ impl Follower<'_> {
             ("--abort-on", judge.abort_on.is_some()),
             ("--events", judge.event_args.are_given()),
             ("--paranoid", judge.paranoid),
+            ("--max-pairs", judge.max_pairs.is_some()),
             ("--observe", self.args.observe),
             ("--max-skipped", self.args.max_skipped.is_some()),
             ("an output option", sinks.are_used()),

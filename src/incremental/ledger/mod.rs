@@ -76,7 +76,7 @@ use self::swept::SweptTrees;
 use self::task::Step;
 use super::coverage::Coverage;
 use super::covered::Covered;
-use crate::cancel::Cancel;
+use crate::cancel::{Cancel, PairLimit};
 use crate::curve::CurveSet;
 use crate::pairs::{LinkSearch, Nearby, Pair, Share, curves_of};
 use crate::pool;
@@ -129,14 +129,16 @@ impl Default for Ledger {
 }
 
 impl Ledger {
-    /// Returns a ledger whose steps end early if `cancel` is set. Their results are meaningless
-    /// then.
-    pub fn new(motion_limit: f64, cancel: Cancel) -> Self {
-        Ledger {
+    /// Returns a ledger whose steps end early if they are cancelled or find more pairs than the
+    /// limit. Their results are meaningless then.
+    pub fn new(motion_limit: f64, (cancel, limit): (Cancel, PairLimit)) -> Self {
+        let mut ledger = Ledger {
             motion_limit,
             cancel,
             ..Ledger::default()
-        }
+        };
+        ledger.search.limit_to(limit);
+        ledger
     }
 
     /// Searches only the pairs of a share from now on, or all pairs.

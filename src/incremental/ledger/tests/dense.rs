@@ -62,7 +62,7 @@ fn doubled_splines_have_the_passages_of_all_their_pieces() {
             };
             let mut part = Part::default();
             step.pair_by_brute_force((0, 0), &mut part);
-            sort(&mut part.events);
+            sort_by_time(&mut part.events);
             assert_eq!(outcome.events, part.events, "{basis:?} {noise}");
             assert_eq!(outcome.undecided, part.undecided, "{basis:?} {noise}");
             events += outcome.events.len();

@@ -261,8 +261,8 @@ fn the_search_finds_the_passages_of_all_pairs_of_segments() {
             for pair in (0..n).flat_map(|i| (i..n).map(move |j| (i, j))) {
                 step.pair_by_brute_force(pair, &mut part);
             }
-            sort(&mut part.events);
-            sort(&mut outcome.events);
+            sort_by_time(&mut part.events);
+            sort_by_time(&mut outcome.events);
             assert_eq!(outcome.events, part.events, "{basis:?} {k}");
             for contacts in [&mut contacts, &mut part.contacts] {
                 let key = |c: &Contact| {
