@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 /// Maximum number of frames that are lent at once: one that is written, one for a signal, and some
 /// that keep the memory mapped for readers of earlier frames, one for each layout of curves.
-const LOANS: usize = 8;
+pub(super) const LOANS: usize = 8;
 
 /// Connection of the client with the watcher.
 pub(super) struct Connection {

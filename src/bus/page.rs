@@ -1,7 +1,10 @@
-//! Compares the tables of `docs/attaching.md` with the code.
+//! Compares the tables of `docs/attaching.md`, and the numbers of `docs/limits.md`, with the code.
 
+use super::frames::LOANS;
 use super::message::{Counters, MessageKind};
-use super::service::{Endpoint, Role};
+use super::service::{Endpoint, FRAME_BORROWS, FRAME_BUFFER, FRAME_SUBSCRIBERS, Role};
+use super::shards;
+use super::sidecar::{BATCH, ENDED_SESSIONS, SidecarOptions};
 use super::wait_mode::WaitMode;
 use super::wire::{
     ALIGNMENT, FINDING_CHANGE, FINDING_DEFECT, FINDING_EVENT, FINDING_NONE, FLAG_ANNOUNCE,
@@ -325,5 +328,25 @@ fn the_client_in_python_has_the_fields_of_the_page() {
             .map(|row| [row[3].clone(), in_python(&row[2])])
             .collect();
         assert_eq!(fields, expected);
+    }
+}
+
+#[test]
+fn the_page_of_limits_has_those_of_the_code() {
+    let page = include_str!("../../docs/limits.md");
+    let frames = FRAME_SUBSCRIBERS * (FRAME_BUFFER + FRAME_BORROWS) + 1 + LOANS;
+    assert_eq!(SidecarOptions::default().max_frame_bytes, (4 << 30) - 1);
+    assert_eq!(crate::VerifierOptions::MAX_PAIRS, 33_554_432);
+    for row in [
+        "| a frame | 4 GiB (".to_owned(),
+        "| pairs of curves whose boxes overlap | 33,554,432 (".to_owned(),
+        format!("| messages read ahead from the bus | {BATCH} |"),
+        format!("| ended sessions whose late frames are recognised | {ENDED_SESSIONS} |"),
+        format!("| shared memory of the frames | {frames} frames"),
+        format!("(`--shard K/N`) | {} |", crate::Partition::MAX_SHARDS),
+        format!("| messages that wait for a process | {};", shards::BUFFER),
+        format!("does not answer | {} s,", shards::SILENCE.as_secs()),
+    ] {
+        assert!(page.contains(&row), "not in docs/limits.md: {row}");
     }
 }

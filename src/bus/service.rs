@@ -41,11 +41,11 @@ pub(super) type NodeId = iceoryx2::identifiers::UniqueNodeId;
 
 /// Maximum number of frames that wait for a subscriber: the newest, and the end of the session
 /// after it.
-const FRAME_BUFFER: usize = 2;
+pub(super) const FRAME_BUFFER: usize = 2;
 
 /// Maximum number of frames that a subscriber may hold: the current one, the newest, one just
 /// received, and one of a new session.
-const FRAME_BORROWS: usize = 4;
+pub(super) const FRAME_BORROWS: usize = 4;
 
 /// Maximum number of verdicts that wait for a simulator that polls rarely. Losing older ones is
 /// harmless, because each heartbeat repeats the abort signal.
@@ -74,7 +74,7 @@ pub(super) enum Role {
 pub(super) const OBSERVER: &str = "linkwatch observer";
 
 /// Maximum number of watchers, observers and bridges that receive frames.
-const FRAME_SUBSCRIBERS: usize = 4;
+pub(super) const FRAME_SUBSCRIBERS: usize = 4;
 
 /// Both services, opened, and the lock that makes this process the only one in its role.
 pub(super) struct Endpoint {

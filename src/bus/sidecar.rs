@@ -28,10 +28,10 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 
 /// Maximum number of frames received at once, so that a simulator that publishes without pause
 /// cannot keep the watcher from verifying.
-const BATCH: usize = 64;
+pub(super) const BATCH: usize = 64;
 
 /// Number of ended sessions whose late frames are recognised.
-const ENDED_SESSIONS: usize = 16;
+pub(super) const ENDED_SESSIONS: usize = 16;
 
 /// Upper bound of the sequence numbers: a frame every 100 ns for 28 years, and exact in JSON.
 const MAX_SEQUENCE: u64 = 1 << 53;

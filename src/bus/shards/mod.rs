@@ -38,14 +38,14 @@ type Topic = publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>;
 const HEARTBEAT: Duration = Duration::from_millis(500);
 
 /// Silence after which a member counts as lost.
-const SILENCE: Duration = Duration::from_secs(3);
+pub(super) const SILENCE: Duration = Duration::from_secs(3);
 
 /// Maximum time that a sleeping process waits before it polls.
 const TICK: Duration = Duration::from_millis(10);
 
 /// Number of messages that wait for a subscriber. The oldest ones are lost: all are repeated, or
 /// replaced by newer ones.
-const BUFFER: usize = 4;
+pub(super) const BUFFER: usize = 4;
 
 /// Not a frame: the payload is a [`Note`].
 const FLAG_NOTE: u32 = 1 << 16;

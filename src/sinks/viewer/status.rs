@@ -61,6 +61,9 @@ pub(super) fn status(
         }
     });
     let mut text = format!("# {title}\n## {when}\n\n{detail}\n");
+    for why in &report.missing {
+        text.push_str(&format!("\nNot verified: {why}\n"));
+    }
     if only_events && report.defects.is_empty() {
         text.push_str("\nEvery linking number is the expected one.\n");
     }
