@@ -202,8 +202,8 @@ pub(super) struct View<'a> {
 }
 
 impl FrameHeader {
-    /// Fails unless the magic number and the layout version are those of this build. Until this
-    /// check, no other field has a meaning.
+    /// Fails unless the magic number and the layout version are those of this build, and the message
+    /// belongs to a session. Until this check, no other field has a meaning.
     pub fn check_layout(&self) -> Result<()> {
         if self.magic != FRAME_MAGIC {
             return Err(Error::format(
@@ -218,6 +218,14 @@ impl FrameHeader {
                 found: self.version.into(),
                 known: LAYOUT_VERSION.into(),
             });
+        }
+        // In a message of the watcher, 0 stands for no session.
+        if self.session == 0 {
+            return Err(Error::format(
+                "frame",
+                "session",
+                "0, expected a random number",
+            ));
         }
         Ok(())
     }
@@ -322,10 +330,17 @@ impl FrameHeader {
         let names = match names.strip_suffix(&[0]) {
             None if names.is_empty() => Vec::new(),
             None => return field("the last name does not end with a zero byte"),
-            Some(names) => match std::str::from_utf8(names) {
-                Ok(names) => names.split('\0').map(str::to_owned).collect(),
-                Err(_) => return field("not UTF-8"),
-            },
+            Some(names) => {
+                // Counted first: thousands of empty names take 24 times their bytes.
+                let found = 1 + names.iter().filter(|&&byte| byte == 0).count();
+                if found != curves {
+                    return Err(CurveLabels::wrong_number("names of curves", curves, found));
+                }
+                match std::str::from_utf8(names) {
+                    Ok(names) => names.split('\0').map(str::to_owned).collect(),
+                    Err(_) => return field("not UTF-8"),
+                }
+            }
         };
         let radii = &table[sizes.counts + sizes.names..];
         let radii = match sizes.radii {
@@ -519,5 +534,10 @@ mod tests {
             "the frame has version 9; this build reads version 6"
         );
         assert!(with(|h| h.magic = 0).check_layout().is_err());
+        let e = with(|h| h.session = 0).check_layout().unwrap_err();
+        assert_eq!(
+            e.to_string(),
+            "not a valid frame (session): 0, expected a random number"
+        );
     }
 }

@@ -51,6 +51,15 @@ impl CurveLabels {
         self.names.is_empty() && self.radii.is_empty()
     }
 
+    /// Returns the error of labels of another number of curves.
+    pub(crate) fn wrong_number(what: &'static str, curves: usize, found: usize) -> Error {
+        Error::Count {
+            what,
+            promised: curves as u64,
+            available: found as u64,
+        }
+    }
+
     /// Checks labels of this number of curves.
     ///
     /// Errors: [`Error::Count`] if there is another number of names or radii; [`Error::Format`] if
@@ -59,11 +68,7 @@ impl CurveLabels {
         let count = |what, n: usize| match n {
             0 => Ok(()),
             n if n == curves => Ok(()),
-            n => Err(Error::Count {
-                what,
-                promised: curves as u64,
-                available: n as u64,
-            }),
+            n => Err(CurveLabels::wrong_number(what, curves, n)),
         };
         count("names of curves", self.names.len())?;
         count("radii of curves", self.radii.len())?;

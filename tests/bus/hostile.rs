@@ -1,71 +1,29 @@
 //! Hostile publishers, through a raw publisher beside the client of the crate.
 
+use super::support::raw_bus::{Header, RawSimulator};
 use super::*;
-use iceoryx2::port::publisher::Publisher;
 use iceoryx2::prelude::*;
 use linkwatch::{Error, LastLabels, Outcome};
 
-/// Copy of the crate's header, which checks its layout independently.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("linkwatch.FrameHeader")]
-pub struct Header {
-    magic: u64,
-    version: u32,
-    pub flags: u32,
-    pub session: u64,
-    pub seq: u64,
-    pub time: f64,
-    n_points: u64,
-    n_curves: u32,
-    basis: u32,
-    coordinate_bytes: u32,
-    cuts: u32,
-    layout: u32,
-    names_bytes: u32,
-    time_step: f64,
-    cell_vectors: u32,
-    reserved: u32,
-    cell_origin: [f64; 3],
-    cell: [f64; 9],
-}
-
 pub struct HostilePublisher {
-    publisher: Publisher<ipc::Service, [u8], Header>,
+    simulator: RawSimulator,
     seq: u64,
-    _node: Node<ipc::Service>,
 }
 
 impl HostilePublisher {
     /// Joins like a bridge, without the lock of the crate's client.
     pub fn open(service: &str) -> HostilePublisher {
-        let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
-        let name = ServiceName::new(&format!("{service}/frames")).unwrap();
-        let frames = node
-            .service_builder(&name)
-            .publish_subscribe::<[u8]>()
-            .user_header::<Header>()
-            .payload_alignment(Alignment::new(64).unwrap())
-            .open()
-            .unwrap();
-        let publisher = frames
-            .publisher_builder()
-            .initial_max_slice_len(256)
-            .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .create()
-            .unwrap();
         HostilePublisher {
-            publisher,
+            simulator: RawSimulator::open(service),
             seq: 0,
-            _node: node,
         }
     }
 
     /// Sends a frame like those of [`client`], modified by `change`.
     pub fn send(&mut self, change: impl FnOnce(&mut Header, &mut Vec<u8>)) -> u64 {
         let mut header = Header {
-            magic: u64::from_le_bytes(*b"LWFRAME\0"),
-            version: 6,
+            magic: Header::MAGIC,
+            version: Header::VERSION,
             flags: 0,
             session: 77,
             seq: self.seq,
@@ -80,10 +38,7 @@ impl HostilePublisher {
         payload.resize(64, 0);
         payload.extend(positions(self.seq).iter().flat_map(|x| x.to_le_bytes()));
         change(&mut header, &mut payload);
-        let sample = self.publisher.loan_slice_uninit(payload.len()).unwrap();
-        let mut sample = sample.write_from_slice(&payload);
-        *sample.user_header_mut() = header;
-        sample.send().unwrap();
+        self.simulator.send(header, &payload);
         self.seq += 1;
         self.seq - 1
     }

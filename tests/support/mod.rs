@@ -7,5 +7,7 @@ pub mod command;
 pub mod polygons;
 #[path = "../../src/random.rs"]
 pub mod random;
+#[cfg(feature = "bus")]
+pub mod raw_bus;
 pub mod time;
 pub mod trial;

@@ -27,9 +27,9 @@ use super::live::Live;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, CurveChange, CurveSet, Error, Events, FrameInfo,
-    FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary,
-    Strategy, Verdict, Verifier, VerifierOptions, Work,
+    AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameInfo, FrameRecord,
+    FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary, Strategy,
+    Verdict, Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -429,22 +429,13 @@ impl Session {
 
     /// Compares what the simulator told about a valid frame with the last one.
     ///
-    /// Errors: [`Error::Usage`] if the curves changed, but have no names.
+    /// Errors: those of [`FrameInfo::change_since`].
     fn continue_with(&mut self, seq: u64, info: &FrameInfo) -> Result<()> {
-        let last = self.last.take().unwrap_or_else(|| info.clone());
-        if last.layout != info.layout {
-            let change = CurveChange::by_name(&last.labels, &info.labels);
-            match change {
-                Ok(change) => {
-                    self.verifier.change_curves(change);
-                    #[cfg(feature = "bus")]
-                    self.shards.iter_mut().for_each(|s| s.change_curves());
-                }
-                Err(e) => {
-                    self.last = Some(last);
-                    return Err(e);
-                }
-            }
+        let last = self.last.as_ref().unwrap_or(info);
+        if let Some(change) = info.change_since(last)? {
+            self.verifier.change_curves(change);
+            #[cfg(feature = "bus")]
+            self.shards.iter_mut().for_each(|s| s.change_curves());
             // The findings have other indices.
             self.news.forget();
         }
