@@ -1,0 +1,503 @@
+//! Frames through the bus to a watcher, as `linkwatch watch` verifies them: sent by a publisher of
+//! its own, received by the crate's [`Sidecar`], checked, verified and answered.
+//!
+//! After each mutated frame comes a valid one, which must get its verdict.
+
+use super::frame::{Frame, Scene};
+use super::memory::peak;
+use super::mutations::{ByteChange, CURVES, Effect, HEADER, LAYOUT, PAYLOAD, SHAPES};
+use super::oracle::{Expected, Known, Reason, has_possible_number, judge};
+use super::support::random::Random;
+use super::support::raw_bus::RawSimulator;
+use super::{service, units};
+use linkwatch::{
+    Certificate, CurveSet, Error, Event, Events, FrameInfo, FramePool, LastLabels, Report, Sidecar,
+    SidecarOptions, Strategy, Verdict, Verifier, VerifierOptions,
+};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Limit of the watcher, in bytes of a frame.
+const CAP: usize = 1 << 15;
+
+/// Maximum number of bytes that the watcher may allocate for one frame, for each byte of the limit:
+/// curves of few points take this much for the copy, the arrays, the hierarchy and the reference
+/// frame.
+const MEMORY: usize = 64;
+
+/// Maximum number of bytes for one frame of splines: two that nearly touch are halved many times.
+const SPLINES: usize = 64 << 20;
+
+/// Frames of a session, half of them mutated.
+const SESSION: u64 = 200;
+
+/// What a watcher did with a message.
+enum Answer {
+    Report(Box<Report>, Option<Arc<CurveSet>>),
+    Unreadable(String),
+    /// Neither a frame nor unreadable.
+    Other,
+}
+
+/// A watcher of the crate's parts, without command and sinks.
+struct Watcher {
+    sidecar: Sidecar,
+    options: VerifierOptions,
+    verifier: Verifier,
+    pool: FramePool,
+    labels: LastLabels,
+    last: Option<FrameInfo>,
+    layout: u32,
+}
+
+impl Watcher {
+    fn open(service: &str) -> Watcher {
+        let mut options = SidecarOptions::default();
+        options.max_frame_bytes = CAP;
+        Watcher {
+            sidecar: Sidecar::open(service, &options).expect("sidecar"),
+            options: VerifierOptions::default(),
+            verifier: Verifier::default(),
+            pool: FramePool::default(),
+            labels: LastLabels::default(),
+            last: None,
+            layout: 0,
+        }
+    }
+
+    /// Answers everything that was sent. Returns the last answer.
+    fn answer(&mut self) -> Answer {
+        let mut answer = Answer::Other;
+        loop {
+            match self.sidecar.wait(Duration::ZERO).expect("wait") {
+                Event::Idle => return answer,
+                Event::Unreadable(why) => answer = Answer::Unreadable(why.to_string()),
+                Event::NewSession { .. } => {
+                    self.verifier = Verifier::new(self.options.clone()).expect("options");
+                    self.pool = FramePool::default();
+                    self.last = None;
+                }
+                Event::Frame(frame) => {
+                    let (seq, time) = (frame.seq(), frame.time());
+                    let verified = self.verify(&frame);
+                    drop(frame);
+                    let (report, curves) = match verified {
+                        Ok((report, curves)) => (report, Some(curves)),
+                        Err(why) => (self.verifier.reject(seq, time, &why), None),
+                    };
+                    let sent = self.sidecar.send_verdict(&report, Duration::ZERO);
+                    sent.expect("send a verdict");
+                    answer = Answer::Report(Box::new(report), curves);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Verifies a frame like the sessions of the command.
+    fn verify(&mut self, frame: &linkwatch::Frame) -> Result<(Report, Arc<CurveSet>), Error> {
+        let info = frame.info(&mut self.labels)?;
+        if std::mem::replace(&mut self.layout, info.layout) != info.layout {
+            self.pool = FramePool::default();
+        }
+        let Watcher { pool, verifier, .. } = self;
+        let receive = |set: &mut _| frame.read(|raw| verifier.receive(raw, set));
+        let curves = pool.receive(receive)?;
+        if let Some(last) = &self.last {
+            if let Some(change) = info.change_since(last)? {
+                self.verifier.change_curves(change);
+            }
+            if info.cuts != last.cuts {
+                self.verifier.cut();
+            }
+        }
+        self.last = Some(info);
+        let report = self
+            .verifier
+            .step_shared(frame.seq(), frame.time(), &curves)?;
+        Ok((report, curves))
+    }
+}
+
+/// A simulator that sends valid and mutated frames, and what must become of them.
+struct Fuzzer<'a> {
+    simulator: &'a RawSimulator,
+    watcher: &'a mut Watcher,
+    changes: &'a [&'a [ByteChange]],
+    known: Known,
+    scene: Scene,
+    /// Number of the layout, and the largest one that any frame claimed.
+    layout: u32,
+    largest_layout: u32,
+    cuts: u32,
+    baseline: Option<Certificate>,
+    most_memory: usize,
+    tally: Tally,
+}
+
+/// Number of mutated frames by what became of them.
+#[derive(Default, Debug)]
+struct Tally {
+    rejected: u64,
+    unreadable: u64,
+    signals: u64,
+    accepted: u64,
+    compared: u64,
+    good: u64,
+}
+
+impl Fuzzer<'_> {
+    /// Sends a message and returns the answer to it.
+    fn exchange(&mut self, frame: &Frame, names: &[&str]) -> Answer {
+        self.simulator.send(frame.header, &frame.payload);
+        let (answer, bytes) = peak(|| self.watcher.answer());
+        self.most_memory = self.most_memory.max(bytes);
+        let most = match frame.header.basis {
+            1..=3 => SPLINES,
+            _ => MEMORY * CAP,
+        };
+        assert!(
+            bytes <= most,
+            "{names:?}: {bytes} bytes for a frame, limit {most}"
+        );
+        answer
+    }
+
+    /// Starts another session with other curves.
+    fn restart(&mut self, random: &mut Random) {
+        self.known = Known {
+            session: random.next() | 1,
+            seq: None,
+            verified: None,
+            cap: CAP,
+        };
+        self.scene = Scene::random(random);
+        (self.layout, self.largest_layout, self.cuts) = (1, 1, 0);
+        self.watcher.options = VerifierOptions {
+            strategy: random.pick(&[Strategy::Incremental, Strategy::Incremental, Strategy::Full]),
+            events: if random.one_in(8) {
+                Events::Between
+            } else {
+                Events::Off
+            },
+            ..VerifierOptions::default()
+        };
+        self.baseline = None;
+    }
+
+    fn next_frame(&self, scene: &Scene, layout: u32) -> Frame {
+        let seq = self.known.seq.map_or(0, |seq| seq + 1);
+        let mut frame = scene.frame(self.known.session, seq, layout);
+        frame.header.cuts = self.cuts;
+        frame
+    }
+
+    /// Sends a valid frame, which must be intact.
+    fn good(&mut self, random: &mut Random, after: &[&str]) {
+        // A frame after a cut has no step, so that its verdict is that of its linking numbers.
+        self.cuts += 1;
+        let scene = self.scene.moved(random);
+        let frame = self.next_frame(&scene, self.layout);
+        let Expected::Accepted(fixed) = judge(&frame, &self.known) else {
+            panic!("the generator made an invalid frame after {after:?}");
+        };
+        match self.exchange(&frame, after) {
+            Answer::Report(report, _) => assert_eq!(
+                (report.verdict, report.seq),
+                (Verdict::Intact, frame.header.seq),
+                "a valid frame after {after:?}: {report:?}"
+            ),
+            _ => panic!("no verdict on a valid frame after {after:?}"),
+        }
+        self.known.seq = Some(frame.header.seq);
+        self.known.verified = Some((self.layout, fixed));
+        let baseline = self.watcher.verifier.baseline();
+        self.baseline
+            .get_or_insert_with(|| baseline.expect("a baseline").clone());
+        self.tally.good += 1;
+    }
+
+    /// Sends a mutated frame and checks what becomes of it. Returns false if the session is over.
+    fn mutated(&mut self, random: &mut Random, names: &mut Vec<&'static str>) -> bool {
+        let mut curves = self.scene.clone();
+        let mut layout = self.layout;
+        let mut effect = Effect::None;
+        if random.one_in(4) {
+            let (name, change) = random.pick(CURVES);
+            names.push(name);
+            effect = change(&mut curves, random);
+            if random.one_in(2) {
+                names.push("announced");
+                layout = self.largest_layout + 1 + random.below(3_u32);
+            } else {
+                effect = Effect::Unknown;
+            }
+        }
+        let mut scene = curves.moved(random);
+        if names.is_empty() && random.one_in(3) {
+            let (name, change) = random.pick(SHAPES);
+            names.push(name);
+            effect = change(&mut scene, random);
+        }
+        let mut frame = self.next_frame(&scene, layout);
+        for _ in 0..random.below(4).max(u64::from(names.is_empty())) {
+            let changes = random.pick(self.changes);
+            let (name, change) = random.pick(changes);
+            names.push(name);
+            if change(&mut frame, random) == Effect::Unknown {
+                effect = Effect::Unknown;
+            }
+        }
+        self.largest_layout = self.largest_layout.max(frame.header.layout);
+        let expected = judge(&frame, &self.known);
+        let answer = self.exchange(&frame, names);
+        if has_possible_number(&frame, &self.known)
+            && matches!(expected, Expected::Rejected(_) | Expected::Accepted(_))
+        {
+            self.known.seq = Some(frame.header.seq);
+        }
+        let header = &frame.header;
+        match (expected, answer) {
+            (Expected::Unreadable(reasons), Answer::Unreadable(why)) => {
+                self.tally.unreadable += 1;
+                assert_names(&reasons, &why, names);
+            }
+            (Expected::Rejected(reasons), Answer::Report(report, None)) => {
+                self.tally.rejected += 1;
+                assert_eq!(
+                    (report.verdict, report.seq),
+                    (Verdict::Rejected, header.seq)
+                );
+                assert_names(&reasons, report.rejected.as_deref().unwrap_or(""), names);
+            }
+            (Expected::Accepted(fixed), Answer::Report(report, Some(set))) => {
+                self.tally.accepted += 1;
+                assert_ne!(report.verdict, Verdict::Rejected, "{names:?}");
+                let changed = layout != self.layout;
+                // Without an earlier frame, this one is the baseline.
+                let steps =
+                    self.watcher.options.events != Events::Off || self.known.verified.is_none();
+                match effect {
+                    _ if steps => {}
+                    Effect::None => assert_eq!(report.verdict, Verdict::Intact, "{names:?}"),
+                    Effect::Verdict(verdict) => assert_eq!(
+                        report.verdict,
+                        verdict,
+                        "{names:?} {report:?} basis {} {:?}",
+                        header.basis,
+                        scene
+                            .curves
+                            .iter()
+                            .map(|c| (c.closed, c.points.len()))
+                            .collect::<Vec<_>>()
+                    ),
+                    Effect::Unknown if changed => {}
+                    Effect::Unknown => self.compare(&report, &set, names),
+                }
+                if changed && (effect != Effect::None || steps) || self.known.verified.is_none() {
+                    return false;
+                }
+                if changed {
+                    (self.scene, self.layout) = (curves, layout);
+                    self.baseline = None;
+                }
+                self.known.verified = Some((layout, fixed));
+            }
+            // The number of an end may be impossible.
+            (Expected::Signal, Answer::Other | Answer::Unreadable(_)) => {
+                self.tally.signals += 1;
+                return header.flags & super::support::raw_bus::Header::END == 0;
+            }
+            (Expected::OtherSession, _) => return false,
+            (expected, answer) => {
+                let expected = match expected {
+                    Expected::Unreadable(reasons) => format!("unreadable: {reasons:?}"),
+                    Expected::Rejected(reasons) => format!("rejected: {reasons:?}"),
+                    Expected::Accepted(_) => "accepted".into(),
+                    Expected::Signal | Expected::OtherSession => "no verdict".into(),
+                };
+                let answer = match answer {
+                    Answer::Report(report, _) => format!("{report:?}"),
+                    Answer::Unreadable(why) => format!("unreadable: {why}"),
+                    Answer::Other => "none".into(),
+                };
+                panic!("{names:?}: expected {expected}, the answer is {answer}; {header:?}");
+            }
+        }
+        // A number from which on all later ones are impossible.
+        self.known.seq.is_none_or(|seq| seq < 1 << 50)
+    }
+
+    /// Compares a verdict with that of a full run against the baseline.
+    fn compare(&mut self, report: &Report, set: &CurveSet, names: &[&str]) {
+        let Some(baseline) = &self.baseline else {
+            return;
+        };
+        let mut full = Verifier::new(VerifierOptions {
+            baseline: Some(baseline.clone()),
+            ..VerifierOptions::default()
+        });
+        let full = full
+            .as_mut()
+            .expect("options")
+            .step(report.seq, report.time, set);
+        let full = full.expect("the frame was accepted");
+        assert_eq!(report.verdict, full.verdict, "{names:?}");
+        assert_eq!(report.changes, full.changes, "{names:?}");
+        self.tally.compared += 1;
+    }
+}
+
+/// Checks that a reason names a number that lies.
+fn assert_names(reasons: &[Reason], why: &str, names: &[&str]) {
+    let named = |reason: &Reason| reason.iter().all(|word| why.contains(word.as_str()));
+    assert!(
+        reasons.iter().any(named),
+        "{names:?}: \"{why}\", expected one of {reasons:?}"
+    );
+}
+
+/// Runs sessions of frames with these changes.
+fn run(target: &'static str, sessions: u64, changes: &[&[ByteChange]]) {
+    let name = service();
+    let mut watcher = Watcher::open(&name);
+    let simulator = RawSimulator::open(&name);
+    let mut fuzzer = fuzzer((&simulator, &mut watcher), changes);
+    let start = Instant::now();
+    units(target, sessions, |random| {
+        fuzzer.restart(random);
+        // Sometimes the first frame of a session is a mutated one.
+        let mut begun = random.one_in(4);
+        for _ in 0..SESSION / 2 {
+            if !begun {
+                fuzzer.good(random, &["the start"]);
+            }
+            begun = true;
+            let mut names = Vec::new();
+            if !fuzzer.mutated(random, &mut names) {
+                fuzzer.restart(random);
+            }
+            fuzzer.good(random, &names);
+        }
+    });
+    let Fuzzer {
+        tally, most_memory, ..
+    } = fuzzer;
+    println!(
+        "{target}: {tally:?}, at most {most_memory} bytes for a frame, {:.1} s",
+        start.elapsed().as_secs_f64()
+    );
+}
+
+/// Creates a fuzzer for these ends of a service.
+fn fuzzer<'a>(
+    (simulator, watcher): (&'a RawSimulator, &'a mut Watcher),
+    changes: &'a [&'a [ByteChange]],
+) -> Fuzzer<'a> {
+    Fuzzer {
+        simulator,
+        watcher,
+        changes,
+        known: Known::default(),
+        scene: Scene::random(&mut Random::new(0)),
+        layout: 1,
+        largest_layout: 1,
+        cuts: 0,
+        baseline: None,
+        most_memory: 0,
+        tally: Tally::default(),
+    }
+}
+
+#[test]
+fn header() {
+    run("frames::header", 60, &[HEADER]);
+}
+
+#[test]
+fn layout() {
+    run("frames::layout", 40, &[LAYOUT]);
+}
+
+#[test]
+fn payload() {
+    run("frames::payload", 6, &[PAYLOAD]);
+}
+
+#[test]
+fn all_parts() {
+    run("frames::all_parts", 10, &[HEADER, LAYOUT, PAYLOAD]);
+}
+
+/// Address of a payload in the memory of the sender.
+#[derive(Clone, Copy)]
+struct Address(*mut u8);
+
+#[expect(unsafe_code, reason = "a writer of shared memory")]
+// SAFETY: the memory stays mapped while the simulator lives, and is written to by one thread only.
+unsafe impl Send for Address {}
+
+/// A payload that a thread overwrites while it is read. Whatever the watcher decides, it decides
+/// from its copy: it does not panic, and the next frame is verified.
+#[test]
+fn values_that_change_after_they_were_sent() {
+    let name = service();
+    let mut watcher = Watcher::open(&name);
+    let simulator = RawSimulator::open(&name);
+    let mut fuzzer = fuzzer((&simulator, &mut watcher), &[]);
+    let (mut rejected, mut others) = (0, 0);
+    units(
+        "frames::values_that_change_after_they_were_sent",
+        150,
+        |random| {
+            fuzzer.restart(random);
+            fuzzer.good(random, &["the start"]);
+            for _ in 0..5 {
+                let scene = fuzzer.scene.moved(random);
+                let frame = fuzzer.next_frame(&scene, fuzzer.layout);
+                let at = Address(simulator.send(frame.header, &frame.payload));
+                let length = frame.payload.len();
+                let mut writer = Random::new(random.next());
+                let done = AtomicBool::new(false);
+                let answer = std::thread::scope(|scope| {
+                    let done = &done;
+                    scope.spawn(move || {
+                        let at = at;
+                        while !done.load(Ordering::Relaxed) {
+                            let k = writer.below(length);
+                            #[expect(unsafe_code, reason = "a writer of shared memory")]
+                            // SAFETY: within the payload, which stays mapped (see `Address`).
+                            unsafe {
+                                at.0.add(k).write_volatile(writer.next() as u8);
+                            }
+                        }
+                    });
+                    let answer = fuzzer.watcher.answer();
+                    done.store(true, Ordering::Relaxed);
+                    answer
+                });
+                fuzzer.known.seq = Some(frame.header.seq);
+                match answer {
+                    Answer::Report(report, _) => match report.verdict {
+                        Verdict::Rejected => rejected += 1,
+                        _ => others += 1,
+                    },
+                    _ => panic!("no verdict"),
+                }
+                fuzzer.good(random, &["values that changed"]);
+            }
+        },
+    );
+    println!("changing values: {rejected} rejected, {others} verified");
+    assert!(
+        rejected > 0 && others > 0,
+        "the writer had an effect, and not always"
+    );
+}
+
+#[test]
+#[ignore = "ten million frames: half an hour"]
+fn ten_million_frames() {
+    run("frames::ten_million_frames", 50_000, &[HEADER, LAYOUT]);
+}

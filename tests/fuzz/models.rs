@@ -1,0 +1,57 @@
+//! Model files and certificates with changed bytes.
+
+use super::bytes::changed;
+use super::memory::peak;
+use super::support::command::{linkwatch, text};
+use super::units;
+use linkwatch::{Certificate, model};
+use tempfile::TempDir;
+
+/// Maximum number of bytes that a reader may allocate for a file of some kilobytes.
+const MEMORY: usize = 4 << 20;
+
+#[test]
+fn model_files_and_certificates() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let names = ["a.bcc", "a.obj", "a.vect"];
+    let scene = "chainmail:rows=2,columns=3";
+    let run = linkwatch(&["generate", scene, "-o", text(&path(names[0]))]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let squares = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+    let points = squares.map(|[x, y]| format!("{x} {y} 0.5"));
+    let obj = points.each_ref().map(|p| format!("v {p}\n")).concat() + "l 1 2 3 4 1\n";
+    std::fs::write(path(names[1]), obj).expect("a file");
+    let vect = format!("VECT\n1 4 1\n-4\n1\n{}\n1 1 1 1\n", points.join("\n"));
+    std::fs::write(path(names[2]), vect).expect("a file");
+    for name in names {
+        model::read(&path(name)).expect("a valid model");
+    }
+    let certificate = path("a.cert");
+    let run = linkwatch(&["certify", text(&path("a.bcc")), "-o", text(&certificate)]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let valid = Certificate::read(&certificate).expect("a valid certificate");
+    assert!(!valid.links.is_empty());
+    let files = [names[0], names[1], names[2], "a.cert"];
+    let contents = files.map(|name| std::fs::read(path(name)).expect("a file"));
+    let (mut read, mut failed) = (0, 0);
+    units("models::model_files_and_certificates", 3000, |random| {
+        let k = random.below(files.len());
+        let file = path(&format!("changed-{}", files[k]));
+        std::fs::write(&file, changed(&contents[k], random)).expect("a file");
+        let (result, most) = peak(|| match k {
+            3 => Certificate::read(&file).map(drop),
+            _ => model::read(&file).map(drop),
+        });
+        assert!(most <= MEMORY, "{most} bytes for {}", files[k]);
+        match result {
+            Ok(()) => read += 1,
+            Err(e) => {
+                // The message names the file.
+                assert!(e.to_string().contains("changed-"), "{e}");
+                failed += 1;
+            }
+        }
+    });
+    println!("models: {read} still valid, {failed} refused");
+}
