@@ -26,7 +26,7 @@ pub struct Fixed {
     n_points: u64,
     basis: u32,
     coordinate_bytes: u32,
-    counts: Vec<i32>,
+    pub counts: Vec<i32>,
     names: Vec<Vec<u8>>,
     radii: Option<Vec<f32>>,
 }
