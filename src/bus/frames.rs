@@ -1,6 +1,7 @@
 //! Frames of a session, which the simulator writes into shared memory.
 
 use super::ipc::Ipc;
+use super::room;
 use super::service::{Endpoint, bus};
 use super::wire::{
     FLAG_LOCKSTEP, FLAG_RADII, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, VerdictWire, cast_mut,
@@ -242,6 +243,7 @@ impl Frames {
         // the compiler can assume nothing else of memory that it did not allocate. Every bit
         // pattern is a valid `u8`.
         let mut sample = unsafe { sample.assume_init() };
+        room::ensure(sample.payload_mut())?;
         *sample.user_header_mut() = header;
         let payload = sample.payload_mut();
         payload[..table].copy_from_slice(&layout.table);

@@ -33,6 +33,7 @@ mod ipc;
 mod message;
 #[cfg(all(test, feature = "bus"))]
 mod page;
+mod room;
 #[cfg_attr(
     not(feature = "bus"),
     allow(dead_code, reason = "for the watcher's end")

@@ -15,6 +15,7 @@
 //! subscribers of the frames limits watcher, observers and bridges together.
 
 use super::ipc::{Ipc, limit_log_level};
+use super::room;
 use super::services::user_of;
 use super::wait_mode::WaitMode;
 use super::wire::{ALIGNMENT, FrameHeader, VerdictWire};
@@ -246,6 +247,7 @@ impl Endpoint {
 /// Creates the node of this process. Also removes the files that killed processes left behind.
 pub(super) fn open_node(name: &str) -> Result<Node<Ipc>> {
     limit_log_level();
+    room::ensure_service()?;
     let name = NodeName::new(name).map_err(bus("node name"))?;
     // Signals stay with the program that owns this process.
     let builder = NodeBuilder::new()

@@ -41,6 +41,7 @@ const NAMESPACES: [&str; 8] = [
 fn main() {
     if let Ok(role) = std::env::var(ROLE) {
         return match role.as_str() {
+            "too-large" => too_large(),
             "pulled" => pulled(),
             "until-silent" => until_silent(),
             "small" => latency("120 bytes", 5, 300),
@@ -79,6 +80,11 @@ fn main() {
             with(cut),
         ),
     ];
+    trials.push(trial(
+        "a_frame_that_does_not_fit_into_shared_memory_is_an_error",
+        permitted,
+        small_memory,
+    ));
     let measure = with(measure);
     trials.push(Trial::test("latency", measure).with_ignored_flag(true));
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
@@ -164,6 +170,48 @@ fn measure(tunnel: &str) -> Result<(), Failed> {
         }
     }
     Ok(())
+}
+
+/// Publishes frames into a `/dev/shm` of 64 MB, as containers have it.
+fn small_memory() -> Result<(), Failed> {
+    let script = "mount -t tmpfs -o size=64m tmpfs /dev/shm; mkdir -p /tmp/iceoryx2
+        mount -t tmpfs tmpfs /tmp/iceoryx2; exec \"$0\"";
+    let output = Command::new("unshare")
+        .args(NAMESPACES)
+        .args(["sh", "-c", script])
+        .arg(std::env::current_exe()?)
+        .env(ROLE, "too-large")
+        .output()?;
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.success(),
+        "{}: {printed}{errors}",
+        output.status
+    );
+    let words = "the shared memory /dev/shm is too small: 96.0 MB are needed";
+    assert!(
+        printed.contains(words) && printed.contains("--shm-size=960m"),
+        "{printed}"
+    );
+    Ok(())
+}
+
+/// Publishes frames that fit, and prints the error of those that do not.
+fn too_large() {
+    for (service, points) in [("small", 1_000), ("large", 8_000_000), ("small", 1_000)] {
+        let mut client = Client::open(service, &ClientOptions::default()).expect("a client");
+        client
+            .describe(Basis::Polyline, Precision::F32, &[-points])
+            .expect("curves");
+        let positions = vec![0.0; 3 * points as usize];
+        for _ in 0..3 {
+            match client.publish(0.0, Positions::F32(&positions)) {
+                Ok(_) => assert_eq!(service, "small"),
+                Err(e) => println!("{service}: {e}"),
+            }
+        }
+    }
 }
 
 fn client(options: &ClientOptions, counts: &[i32]) -> Client {

@@ -2,6 +2,7 @@
 
 use super::super::frames::random;
 use super::super::ipc::Ipc;
+use super::super::room;
 use super::super::service::{Lock, bus, lock, open_events, open_node, service_name};
 use super::super::wire::{
     FLAG_END, FLAG_RADII, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION, table_of,
@@ -376,7 +377,9 @@ impl ShardLeader {
         let connected = self.tasks.update_connections();
         connected.map_err(bus("connect to a shard"))?;
         let sample = self.tasks.loan_slice_uninit(payload.len());
-        let mut sample = sample.map_err(bus("loan"))?.write_from_slice(payload);
+        let mut sample = sample.map_err(bus("loan"))?;
+        room::ensure(sample.payload_mut())?;
+        let mut sample = sample.write_from_slice(payload);
         *sample.user_header_mut() = header;
         sample.send().map_err(bus("send"))?;
         // A failure only delays the members until their next timer tick.
