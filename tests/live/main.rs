@@ -7,6 +7,7 @@ mod roles;
 mod services;
 mod sessions;
 mod shards;
+mod soak;
 mod streams;
 #[path = "../support/mod.rs"]
 mod support;
