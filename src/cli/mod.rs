@@ -13,6 +13,11 @@ mod kernel;
 mod label;
 mod live;
 mod man;
+#[cfg(feature = "metrics")]
+mod metrics;
+#[cfg(not(feature = "metrics"))]
+#[path = "no_metrics.rs"]
+mod metrics;
 mod number;
 mod order;
 mod output;

@@ -355,6 +355,7 @@ impl Replay {
                 self.comparison.rejected += 1;
                 self.count(report.verdict);
                 let judged = Judged {
+                    latency: None,
                     report: Arc::new(report),
                     times: progress.times,
                     work: progress.work,

@@ -2,6 +2,8 @@
 //! are killed.
 
 mod curves;
+mod exposition;
+mod metrics;
 mod recordings;
 mod roles;
 mod services;

@@ -190,7 +190,7 @@ fn rejects_invalid_times() {
 }
 
 /// Returns curves that pass through one another everywhere, which take minutes to verify.
-fn tangle(curves: usize, segments: usize) -> Vec<f32> {
+pub fn tangle(curves: usize, segments: usize) -> Vec<f32> {
     let mut random = Random::new(1);
     let coordinate = || random.between(0.0, 1.0) as f32;
     std::iter::repeat_with(coordinate)

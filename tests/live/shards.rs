@@ -311,6 +311,10 @@ fn wrong_shards_are_refused_with_words() {
             "an output option with --shard",
         ),
         (
+            &["--shard", "2/2", "--metrics", "0"],
+            "--metrics with --shard",
+        ),
+        (
             &["--shard", "1/2", "--service", "a", "--service", "b"],
             "--shard takes one --service",
         ),

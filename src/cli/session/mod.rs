@@ -24,6 +24,7 @@ use super::files::{Files, Overwrite};
 use super::kernel::KernelArgs;
 use super::label::Label;
 use super::live::Live;
+use super::metrics::SessionMetrics;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
@@ -147,6 +148,8 @@ pub struct Judged {
     pub info: FrameInfo,
     /// Model file of the frame, if it comes from one.
     pub model: Option<String>,
+    /// Time from the receipt of the frame until its verdict was sent, if it is live.
+    pub latency: Option<Duration>,
 }
 
 /// Inputs of a [`Session`]: baseline, settings and outputs.
@@ -203,6 +206,7 @@ pub struct Session {
     /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
     last_check: Option<Duration>,
+    metrics: SessionMetrics,
     /// Frames on the full, the quiet and the partial route.
     routes: [u64; 3],
     /// Number of open curves of the frames, once a frame was verified.
@@ -291,6 +295,7 @@ impl Session {
             times: RunTimes::default(),
             #[cfg(feature = "bus")]
             last_check: None,
+            metrics: SessionMetrics::default(),
             routes: [0; 3],
             open_curves: None,
             models: run.models,
@@ -308,6 +313,13 @@ impl Session {
     pub fn labelled(mut self, label: Label) -> Session {
         self.live = self.live.labelled(label.clone());
         self.label = label;
+        self
+    }
+
+    /// Adds all figures of this run to these metrics.
+    #[cfg(feature = "bus")]
+    pub fn measured(mut self, metrics: &super::metrics::ServiceMetrics) -> Session {
+        self.metrics = metrics.session(self.events != Events::Off);
         self
     }
 
@@ -424,6 +436,7 @@ impl Session {
             curves,
             info,
             model: None,
+            latency: None,
         })
     }
 
@@ -523,6 +536,7 @@ impl Session {
             self.times.add(&judged.times);
             self.routes[judged.work.route as usize] += 1;
         }
+        self.metrics.add(&judged.report, judged.latency);
         self.print(&judged);
         let record = Arc::new(FrameRecord {
             curves: judged.curves,
@@ -538,6 +552,8 @@ impl Session {
         self.queues
             .iter()
             .for_each(|q| q.frame(Arc::clone(&record)));
+        let outputs = self.queues.iter().map(SinkQueue::summary);
+        self.metrics.count(tally, outputs);
     }
 
     /// Warns of properties of the curves, after the first frame.
@@ -644,6 +660,7 @@ impl Session {
             }
             summaries.push(summary);
         }
+        self.metrics.count(tally, summaries.iter().cloned());
         if tally.verified == 0 {
             self.data_lost();
         }

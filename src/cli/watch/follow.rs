@@ -5,6 +5,7 @@ use super::closer::Closer;
 use super::{Args, PATIENCE, result};
 use crate::cli::files::Files;
 use crate::cli::label::Label;
+use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
 use crate::cli::session::{FrameCounts, Judge, Run, Session, SharedLeader, Sinks, locked};
 use crate::cli::signals::TICK;
@@ -31,6 +32,7 @@ pub struct Follower<'a> {
     pub files: Files,
     /// Label of the service, without a session.
     pub label: Label,
+    pub metrics: ServiceMetrics,
     /// Number of simulators that connected.
     pub sessions: u64,
     /// Number in the file names of the last session.
@@ -83,7 +85,7 @@ impl Follower<'_> {
             session: self.args.keep_watching.then_some(number),
             ..self.label.clone()
         };
-        let session = session.labelled(label);
+        let session = session.labelled(label).measured(&self.metrics);
         Ok(Box::new(match &self.shards {
             Some(leader) => session.shared_with(leader),
             None => session,
@@ -128,6 +130,7 @@ impl Follower<'_> {
                 Ok(session) => session,
                 Err(e) => {
                     sidecar.leave();
+                    self.metrics.disconnected();
                     self.fail(e);
                     continue;
                 }
@@ -136,6 +139,7 @@ impl Follower<'_> {
                 session.data_lost();
             }
             let (mut session, ended) = self.verify(session, &mut sidecar, &checker);
+            self.metrics.disconnected();
             if let Some(leader) = &self.shards
                 && let Err(e) = locked(leader).end_session()
             {
@@ -205,6 +209,7 @@ impl Follower<'_> {
             }
             match sidecar.wait(TICK)? {
                 Event::NewSession { .. } => {
+                    self.metrics.connected();
                     self.sessions += 1;
                     match (self.args.keep_watching, self.sessions) {
                         (true, n) => tracing::info!("a simulator connected: session {n}"),
@@ -285,6 +290,7 @@ impl Follower<'_> {
                     };
                     let sending = Instant::now();
                     let sent = sidecar.send_verdict(&judged.report, judged.times.check());
+                    judged.latency = Some(received.elapsed());
                     judged.times.live = last.map(|[previous, finished]| LiveTimes {
                         interval: received - previous,
                         wait: received - finished,

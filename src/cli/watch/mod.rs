@@ -10,6 +10,7 @@ use self::shards::Shard;
 use super::Outcome;
 use super::kernel::KernelArgs;
 use super::label::Label;
+use super::metrics::{Metrics, MetricsArgs};
 use super::number::{seconds, share};
 use super::output;
 use super::session::{FrameCounts, Judge, Session, Sinks};
@@ -69,6 +70,8 @@ pub struct Args {
     judge: Judge,
     #[command(flatten)]
     sinks: Sinks,
+    #[command(flatten)]
+    metrics: MetricsArgs,
     #[command(flatten)]
     kernel: KernelArgs,
 }
@@ -131,7 +134,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         member.check()?;
         return member.follow();
     }
-    let watches = open(args, json, &judge, &stop)?;
+    let metrics = args.metrics.serve(&args.service)?;
+    let watches = open(args, json, &judge, &metrics, &stop)?;
     if args.service.len() == 1 {
         return watches
             .into_iter()
@@ -174,6 +178,7 @@ fn open<'a>(
     args: &'a Args,
     json: bool,
     judge: &'a Judge,
+    metrics: &Metrics,
     stop: &'a AtomicBool,
 ) -> Result<Vec<Watch<'a>>> {
     let several = args.service.len() > 1;
@@ -205,6 +210,7 @@ fn open<'a>(
                 service: several.then(|| service.as_str().into()),
                 session: None,
             },
+            metrics: metrics.service(service),
             sessions: 0,
             file_number: 1,
             unreadable: String::new(),

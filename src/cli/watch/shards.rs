@@ -99,7 +99,12 @@ pub struct Follower<'a> {
 impl Follower<'_> {
     /// Fails if an option is given that only the leader has.
     pub fn check(&self) -> Result<()> {
-        let Args { judge, sinks, .. } = self.args;
+        let Args {
+            judge,
+            sinks,
+            metrics,
+            ..
+        } = self.args;
         for (option, given) in [
             ("--baseline", judge.baseline.is_some()),
             ("--abort-on", judge.abort_on.is_some()),
@@ -109,6 +114,7 @@ impl Follower<'_> {
             ("--observe", self.args.observe),
             ("--max-skipped", self.args.max_skipped.is_some()),
             ("an output option", sinks.are_used()),
+            ("--metrics", metrics.is_given()),
         ] {
             if given {
                 let of = self.shard.of;
