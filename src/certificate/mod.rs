@@ -6,6 +6,7 @@ mod file;
 
 pub use compare::Comparison;
 
+use crate::error::{Error, Result};
 use crate::pairs::Share;
 use crate::verdict::{Defect, Link};
 
@@ -38,6 +39,33 @@ pub struct Certificate {
 }
 
 impl Certificate {
+    /// Checks a certificate of another process: a search or an index would rely on what it checks.
+    ///
+    /// Errors: [`Error::Format`] if an entry is not one of the curves, or out of order.
+    #[cfg_attr(
+        not(feature = "bus"),
+        expect(dead_code, reason = "only the bus receives them")
+    )]
+    pub(crate) fn check(&self) -> Result<()> {
+        let curves = self.curves;
+        let valid = |i: u32, j: Option<u32>| match j {
+            Some(j) => i < j && (j as usize) < curves,
+            None => (i as usize) < curves,
+        };
+        let links = self.links.iter().map(|l| (l.i, Some(l.j)));
+        let undefined = self.undefined.iter().map(|d| (d.i, d.j));
+        if let Some((i, j)) = links.clone().chain(undefined).find(|&(i, j)| !valid(i, j)) {
+            let pair = j.map_or(format!("curve {i}"), |j| format!("pair {i},{j}"));
+            let what = format!("{pair} of {curves} curves");
+            return Err(Error::format("certificate", "entries", what));
+        }
+        let sorted = self.undefined.is_sorted_by_key(|d| (d.i, d.j));
+        if !sorted || !links.is_sorted_by(|a, b| a < b) {
+            return Err(Error::format("certificate", "entries", "not sorted"));
+        }
+        Ok(())
+    }
+
     /// Returns this certificate with the entries of these pairs, which must be sorted, replaced by
     /// those of another certificate.
     pub(crate) fn with_replaced(&self, pairs: &[(u32, u32)], by: &Certificate) -> Certificate {

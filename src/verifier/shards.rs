@@ -2,6 +2,7 @@
 
 use super::intactness::Intactness;
 use crate::certificate::Certificate;
+use crate::error::{Error, Result as CheckResult};
 use crate::incremental::{Events, sort_by_time};
 use crate::verdict::{Change, Defect, Link, PullThrough, Report, Stats};
 use serde::{Deserialize, Serialize};
@@ -57,6 +58,35 @@ impl Part {
     /// Returns the sequence number of the frame.
     pub fn seq(&self) -> u64 {
         self.seq
+    }
+
+    /// Checks a part of another process for a frame with this number of curves.
+    ///
+    /// Errors: [`Error::Format`] if it has a curve that the frame does not have, or expected
+    /// numbers of other curves.
+    #[cfg_attr(
+        not(feature = "bus"),
+        expect(dead_code, reason = "only the bus receives them")
+    )]
+    pub(crate) fn check(&self, curves: usize) -> CheckResult<()> {
+        let changes = self.changes.iter().map(|c| (c.i, c.j));
+        let steps = self.events.iter().chain(&self.unresolved);
+        let steps = steps.map(|e| (e.i, e.j));
+        let defects = self.defects.iter().map(|d| (d.i, d.j.unwrap_or(d.i)));
+        let adopted = self.adopted.iter().map(|l| (l.i, l.j));
+        let mut all = changes.chain(steps).chain(defects).chain(adopted);
+        if let Some((i, j)) = all.find(|&(i, j)| i.max(j) as usize >= curves) {
+            let what = format!("curves {i} and {j} of {curves}");
+            return Err(Error::format("result of a shard", "findings", what));
+        }
+        let Some(baseline) = &self.baseline else {
+            return Ok(());
+        };
+        if baseline.curves != curves {
+            let what = format!("{} curves, expected {curves}", baseline.curves);
+            return Err(Error::format("result of a shard", "expected numbers", what));
+        }
+        baseline.check()
     }
 }
 

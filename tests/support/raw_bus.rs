@@ -96,8 +96,13 @@ pub struct RawSimulator {
 impl RawSimulator {
     /// Opens the service that a watcher created.
     pub fn open(service: &str) -> RawSimulator {
+        RawSimulator::on(&format!("{service}/frames"))
+    }
+
+    /// Opens a service with frames, by its whole name.
+    pub fn on(name: &str) -> RawSimulator {
         let node = NodeBuilder::new().create::<ipc::Service>().unwrap();
-        let name = ServiceName::new(&format!("{service}/frames")).unwrap();
+        let name = ServiceName::new(name).unwrap();
         let frames = node
             .service_builder(&name)
             .publish_subscribe::<[u8]>()

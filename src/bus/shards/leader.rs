@@ -42,6 +42,8 @@ pub struct ShardLeader {
     notifier: Notifier<Ipc>,
     /// Payload of the last frame.
     payload: Vec<u8>,
+    /// Number of curves of the last frame.
+    curves: usize,
     /// Last message that was not understood.
     unreadable: String,
     _topics: [Topic; 2],
@@ -141,6 +143,7 @@ impl ShardLeader {
                 .create()
                 .map_err(bus("notifier"))?,
             payload: Vec::new(),
+            curves: 0,
             unreadable: String::new(),
             _topics: [tasks, states],
             _lock: lock,
@@ -203,6 +206,7 @@ impl ShardLeader {
     ///
     /// Errors: [`Error::Bus`] if it does not fit into shared memory.
     pub fn publish(&mut self, seq: u64, time: f64, info: &FrameInfo, set: &CurveSet) -> Result<()> {
+        self.curves = set.len();
         let counts: Vec<i32> = set.counts().collect();
         let too_large = || Error::Bus(format!("{} points do not fit into memory", set.points()));
         let (table, names_bytes) = table_of(&counts, &info.labels).ok_or_else(too_large)?;
@@ -248,7 +252,7 @@ impl ShardLeader {
                 break;
             }
         }
-        let shards = self.shards;
+        let (shards, curves) = (self.shards, self.curves);
         let result = |seat: &mut Seat| {
             let name = shard_name(seat.shard, shards);
             let Some(member) = &mut seat.member else {
@@ -256,8 +260,13 @@ impl ShardLeader {
             };
             member.asked = false;
             match member.result.take_if(|(frame, _)| *frame == seq) {
-                Some((_, Ok(part))) if part.seq() == seq => Ok(part),
-                Some((_, Ok(_))) => Err(format!("{name} returned the result of another frame")),
+                Some((_, Ok(part))) if part.seq() != seq => {
+                    Err(format!("{name} returned the result of another frame"))
+                }
+                Some((_, Ok(part))) => match part.check(curves) {
+                    Ok(()) => Ok(part),
+                    Err(why) => Err(format!("{name}: {why}")),
+                },
                 Some((_, Err(why))) => Err(format!("{name}: {why}")),
                 None => Err(format!("{name} came after the frame")),
             }

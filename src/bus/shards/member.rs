@@ -5,7 +5,7 @@ use super::super::frames::random;
 use super::super::ipc::Ipc;
 use super::super::service::{NodeId, bus, is_gone, node_of, open_events, open_node, service_name};
 use super::super::wire::{FLAG_END, FRAME_MAGIC, FrameHeader, LAYOUT_VERSION};
-use super::{FLAG_NOTE, HEARTBEAT, Note, SILENCE, ShardSetup, State, TICK, Topic};
+use super::{FLAG_NOTE, HEARTBEAT, MAX_BYTES, Note, SILENCE, ShardSetup, State, TICK, Topic};
 use super::{decode, encode, open_topic};
 use crate::error::{Error, Result};
 use crate::pairs::Partition;
@@ -208,7 +208,7 @@ impl ShardMember {
                 return Ok(Some(ShardEvent::Frame(Frame {
                     header,
                     sample,
-                    max_bytes: usize::MAX,
+                    max_bytes: MAX_BYTES,
                     fault: None,
                 })));
             }

@@ -47,6 +47,9 @@ const TICK: Duration = Duration::from_millis(10);
 /// replaced by newer ones.
 pub(super) const BUFFER: usize = 4;
 
+/// Maximum number of bytes of a message or a frame. The leader has checked the size of each frame.
+const MAX_BYTES: usize = u32::MAX as usize;
+
 /// Not a frame: the payload is a [`Note`].
 const FLAG_NOTE: u32 = 1 << 16;
 
@@ -85,6 +88,9 @@ impl ShardSetup {
     /// message has no such shard.
     pub fn verifier(self, options: VerifierOptions, shard: usize) -> Result<Verifier> {
         let partition = Partition::from_bytes(&self.partition)?;
+        if let Some(baseline) = &self.baseline {
+            baseline.check()?;
+        }
         if shard >= partition.shards() {
             let what = format!("{} shards, expected more than {shard}", partition.shards());
             return Err(Error::format("message of the leader", "partition", what));
@@ -134,8 +140,20 @@ fn encode(message: &impl Serialize) -> Vec<u8> {
     postcard::to_stdvec(&message).expect("plain data that fits into memory")
 }
 
-/// Errors: [`Error::Format`] if the bytes are no message of this build.
-fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
+/// Decodes a message in shared memory, from a copy: another process could change text after it was
+/// checked.
+///
+/// Errors: [`Error::Format`] if the bytes are no message of this build; [`Error::Count`] if there
+/// are more than [`MAX_BYTES`].
+fn decode<T: DeserializeOwned>(shared: &[u8]) -> Result<T> {
+    if shared.len() > MAX_BYTES {
+        return Err(Error::Count {
+            what: "bytes of a message between shards (more than the limit)",
+            promised: shared.len() as u64,
+            available: MAX_BYTES as u64,
+        });
+    }
+    let bytes = &shared.to_vec()[..];
     let known = env!("CARGO_PKG_VERSION");
     let bad = |what: String| Error::format("message between shards", "content", what);
     let (version, rest): (&str, _) =
