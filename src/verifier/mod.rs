@@ -125,6 +125,9 @@ pub struct Verifier {
     /// Curves that appeared in the current frame, sorted. Their linking numbers are not in the
     /// baseline yet.
     appeared: Vec<u32>,
+    /// Names of the curves that appeared, and of those that are gone, in frames that were rejected
+    /// after the last verified one.
+    unreported: [Vec<String>; 2],
 }
 
 /// Result of comparing a frame with the baseline.
@@ -188,6 +191,7 @@ impl Verifier {
             extent: None,
             change: None,
             appeared: Vec::new(),
+            unreported: Default::default(),
         }
     }
 
@@ -423,14 +427,14 @@ impl Verifier {
         self.change = Some(change);
     }
 
-    /// Applies the change of the curves before this frame. Returns the names of the curves that
-    /// appeared, and of those that are gone.
+    /// Applies the change of the curves before this frame. The frame may still be rejected: then
+    /// the next one that is verified reports this change and its own.
     ///
     /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves than the
     /// change; [`Error::Count`] if this frame has.
-    fn apply_change(&mut self, set: &CurveSet) -> Result<[Vec<String>; 2]> {
+    fn apply_change(&mut self, set: &CurveSet) -> Result<()> {
         let Some(change) = self.change.take() else {
-            return Ok(Default::default());
+            return Ok(());
         };
         let origins = change.origins();
         if origins.len() != set.len() {
@@ -449,13 +453,24 @@ impl Verifier {
             }
             *baseline = baseline.with_curves(origins);
             self.baseline_changed = true;
-            let appeared = (0_u32..).zip(origins).filter(|(_, o)| o.is_none());
+            // Curves that appeared in a rejected frame have no expected numbers yet.
+            let pending = std::mem::take(&mut self.appeared);
+            let new = |origin: &Option<u32>| origin.is_none_or(|o| pending.contains(&o));
+            let appeared = (0_u32..).zip(origins).filter(|(_, origin)| new(origin));
             self.appeared = appeared.map(|(i, _)| i).collect();
         }
         let share = self.share.as_ref().map(|share| share.with_curves(origins));
         self.set_share(share);
         self.steps.change_curves(origins, set);
-        Ok([change.appeared().to_vec(), change.gone().to_vec()])
+        let [appeared, gone] = &mut self.unreported;
+        for name in change.gone() {
+            match appeared.iter().position(|n| n == name) {
+                Some(k) => drop(appeared.remove(k)),
+                None => gone.push(name.clone()),
+            }
+        }
+        appeared.extend_from_slice(change.appeared());
+        Ok(())
     }
 
     /// Announces the frame that comes after the next one. If crossings are counted on a GPU, its
@@ -467,7 +482,7 @@ impl Verifier {
 
     /// Returns the report on a frame, and its linking numbers.
     fn verify(&mut self, seq: u64, time: f64, set: &CurveSet) -> Result<(Report, LinkingNumbers)> {
-        let [appeared, gone] = self.apply_change(set)?;
+        self.apply_change(set)?;
         if let Some(b) = self.baseline.as_ref().filter(|b| b.curves != set.len()) {
             return Err(Error::CertificateMismatch {
                 certificate: b.curves,
@@ -510,6 +525,7 @@ impl Verifier {
         // A report must not depend on work that was skipped.
         self.full.progress.check()?;
         let extent = *self.extent.get_or_insert_with(|| set.extent());
+        let [appeared, gone] = std::mem::take(&mut self.unreported);
         let mut report = Report {
             changes: comparison.changes.clone(),
             events,

@@ -4,8 +4,8 @@ use crate::movie::Movie;
 use crate::sets::{random_set, values};
 use crate::support::random::Random;
 use linkwatch::{
-    Basis, Certificate, CurveChange, CurveLabels, CurveSet, Events, Positions, Precision, Report,
-    Stats, Strategy, Verifier, VerifierOptions,
+    Basis, Certificate, CurveChange, CurveLabels, CurveSet, Error, Events, Positions, Precision,
+    Report, Stats, Strategy, Verdict, Verifier, VerifierOptions,
 };
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -235,4 +235,38 @@ fn curves_that_come_and_go_are_compared_by_name() {
 #[ignore = "takes minutes"]
 fn very_many_curves_that_come_and_go() {
     sequences_of_each_basis(160);
+}
+
+#[test]
+fn a_curve_that_appeared_in_a_rejected_frame_is_expected_from_the_next_one() {
+    let mut verifier = Verifier::new(VerifierOptions {
+        max_pairs: 1,
+        ..VerifierOptions::default()
+    })
+    .unwrap();
+    let flat = |z: f64| [-1., -1., z, 1., -1., z, 1., 1., z, -1., 1., z];
+    let upright = [0., 0., -1., 2., 0., -1., 2., 0., 1., 0., 0., 1.];
+    let mut step = |seq, rings: &[[f64; 12]], names: [&[&str]; 2]| {
+        let counts = vec![-4; rings.len()];
+        let positions = rings.concat();
+        let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&positions));
+        let [before, after] = names.map(|names| CurveLabels::named(names.iter().copied()));
+        verifier.change_curves(CurveChange::by_name(&before, &after).unwrap());
+        verifier.step(seq, 0.0, &set.unwrap())
+    };
+    let first = step(0, &[flat(0.0), flat(9.0)], [&["a", "z"], &["a", "z"]]).unwrap();
+    assert_eq!(first.verdict, Verdict::Intact);
+    let rings = [flat(0.0), upright, flat(0.1)];
+    let rejected = step(1, &rings, [&["a", "z"], &["a", "b", "c"]]);
+    assert!(matches!(rejected, Err(Error::TooManyPairs { .. })));
+    let rings = [upright, flat(0.0)];
+    let report = step(2, &rings, [&["a", "b", "c"], &["b", "a"]]).unwrap();
+    assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
+    assert_eq!(
+        (report.appeared, report.gone),
+        (vec!["b".into()], vec!["z".into()])
+    );
+    // From now on the link is expected.
+    let report = step(3, &[flat(5.0), flat(0.0)], [&["b", "a"], &["b", "a"]]).unwrap();
+    assert_eq!(report.verdict, Verdict::Changed);
 }
