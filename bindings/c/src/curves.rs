@@ -74,7 +74,10 @@ pub(crate) unsafe fn values<'a, T>(
             align_of::<T>()
         ));
     }
-    // SAFETY: as promised by the caller, not null, and aligned.
+    if count > isize::MAX as usize / size_of::<T>() {
+        return Err(format!("{count} {what} do not fit into memory"));
+    }
+    // SAFETY: as promised by the caller, not null, aligned, and not larger than an object can be.
     Ok(unsafe { slice::from_raw_parts(pointer, count) })
 }
 
