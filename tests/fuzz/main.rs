@@ -6,12 +6,13 @@
 //! | `header`, `layout`, `payload`, `all_parts` | frames, through the bus and a watcher ([`frames`]) |
 //! | `values_that_change_after_they_were_sent` | the same, with a writer beside it ([`frames`]) |
 //! | `messages_of_a_watcher` | messages to the client of the crate ([`messages`]) |
+//! | `messages_of_a_member`, `messages_of_a_leader` | messages between shards ([`shards`]) |
 //! | `recordings` | MCAP files ([`recordings`]) |
 //! | `model_files_and_certificates` | files ([`models`]) |
 //!
 //! A target runs units. A unit depends on its seed alone; the message of a failure has the seed and
 //! the command that repeats it. The numbers of units are those of a check in seconds;
-//! `ten_million_frames` is ignored and takes minutes.
+//! `ten_million_frames` is ignored and takes an hour.
 
 mod bytes;
 mod frame;
@@ -22,6 +23,7 @@ mod models;
 mod mutations;
 mod oracle;
 mod recordings;
+mod shards;
 #[path = "../support/mod.rs"]
 mod support;
 

@@ -18,6 +18,8 @@ pub struct Known {
     pub verified: Option<(u32, Fixed)>,
     /// Limit of the watcher, in bytes.
     pub cap: usize,
+    /// True if the watcher searches for pull-throughs, also those of open curves.
+    pub events: bool,
 }
 
 /// What is the same in all frames with the same `layout`.
@@ -126,6 +128,9 @@ pub fn judge(frame: &Frame, known: &Known) -> Expected {
             reasons.push(reason!["described again", "no names"]);
         }
         _ => {}
+    }
+    if !known.events && fixed.counts.iter().all(|&count| count > 0) {
+        reasons.push(reason!["none of", fixed.counts.len(), "curves is closed"]);
     }
     match reasons.is_empty() {
         true => Expected::Accepted(fixed),
