@@ -2,7 +2,7 @@
 
 use super::intactness::Intactness;
 use crate::certificate::Certificate;
-use crate::error::{Error, Result as CheckResult};
+use crate::error::{self, Error};
 use crate::incremental::{Events, sort_by_time};
 use crate::verdict::{Change, Defect, Link, PullThrough, Report, Stats};
 use serde::{Deserialize, Serialize};
@@ -68,7 +68,7 @@ impl Part {
         not(feature = "bus"),
         expect(dead_code, reason = "only the bus receives them")
     )]
-    pub(crate) fn check(&self, curves: usize) -> CheckResult<()> {
+    pub(crate) fn check(&self, curves: usize) -> error::Result<()> {
         let changes = self.changes.iter().map(|c| (c.i, c.j));
         let steps = self.events.iter().chain(&self.unresolved);
         let steps = steps.map(|e| (e.i, e.j));
