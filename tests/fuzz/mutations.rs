@@ -63,9 +63,11 @@ pub const SHAPES: &[SceneChange] = &[
         };
         let shared = scene.curves[i].points[0];
         scene.curves[j].points[0] = shared;
-        match scene.basis {
-            0 => Effect::Verdict(Verdict::Contact),
-            _ => Effect::Unknown,
+        // A corner that is moved across the chain may also unlink its ring.
+        let next = scene.curves[j].place == scene.curves[i].place + 1;
+        match scene.basis == 0 && next {
+            true => Effect::Verdict(Verdict::Contact),
+            false => Effect::Unknown,
         }
     }),
     ("a ring of one point", |scene, random| {
