@@ -517,7 +517,7 @@ fn values_that_change_after_they_were_sent() {
 }
 
 #[test]
-#[ignore = "ten million frames, or LINKWATCH_FUZZ_FRAMES: an hour"]
+#[ignore = "ten million frames, or LINKWATCH_FUZZ_FRAMES: half an hour"]
 fn ten_million_frames() {
     let frames = std::env::var("LINKWATCH_FUZZ_FRAMES").ok();
     let frames = frames.map(|n| n.parse().expect("LINKWATCH_FUZZ_FRAMES is a number"));

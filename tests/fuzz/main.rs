@@ -12,7 +12,7 @@
 //!
 //! A target runs units. A unit depends on its seed alone; the message of a failure has the seed and
 //! the command that repeats it. The numbers of units are those of a check in seconds;
-//! `ten_million_frames` is ignored and takes an hour.
+//! `ten_million_frames` is ignored and takes half an hour.
 
 mod bytes;
 mod frame;
