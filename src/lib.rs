@@ -65,7 +65,8 @@
 //!
 //! All are on by default. A feature turns on those that it needs: `cli`, `lab`, `bus`, `gpu`,
 //! `mcap`, `rerun` and `metrics` turn on `verify`. Without any feature the library has only the
-//! vocabulary that all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`], [`Error`].
+//! vocabulary that all features share: [`Basis`], [`Positions`], [`Verdict`], [`Report`],
+//! [`Error`].
 //!
 //! | feature | adds | main dependency |
 //! |---|---|---|

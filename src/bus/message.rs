@@ -99,7 +99,8 @@ pub struct VerdictMessage {
     pub first: Option<Finding>,
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,
-    /// Reason if the frame was rejected or pairs were not verified, or which curves appeared and are gone.
+    /// Reason if the frame was rejected or pairs were not verified, or which curves appeared and
+    /// are gone.
     pub reason: Option<String>,
     /// Counters of the session up to this message.
     pub counters: Counters,

@@ -1,7 +1,8 @@
 //! Room in shared memory.
 //!
-//! iceoryx2 reserves addresses, not memory: if `/dev/shm` is full, the first write to a new page ends
-//! the process with SIGBUS. Containers have 64 MB by default. The checks here give an error instead.
+//! iceoryx2 reserves addresses, not memory: if `/dev/shm` is full, the first write to a new page
+//! ends the process with SIGBUS. Containers have 64 MB by default. The checks here give an error
+//! instead.
 
 use crate::error::{Error, Result};
 
@@ -60,7 +61,7 @@ fn too_small(bytes: u64, size: u64, free: u64) -> Error {
     Error::Bus(format!(
         "the shared memory /dev/shm is too small: {bytes:.1} MB are needed, {free:.1} MB of \
          {size:.1} MB are free. Enlarge it to {wanted} MB (`docker run --shm-size={wanted}m`, or \
-         `mount -o remount,size={wanted}m /dev/shm`), or remove the files of other programs from it",
+         `mount -o remount,size={wanted}m /dev/shm`), or remove files of other programs from it",
         wanted = wanted >> 20
     ))
 }

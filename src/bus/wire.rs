@@ -202,8 +202,8 @@ pub(super) struct View<'a> {
 }
 
 impl FrameHeader {
-    /// Fails unless the magic number and the layout version are those of this build, and the message
-    /// belongs to a session. Until this check, no other field has a meaning.
+    /// Fails unless the magic number and the layout version are those of this build, and the
+    /// message belongs to a session. Until this check, no other field has a meaning.
     pub fn check_layout(&self) -> Result<()> {
         if self.magic != FRAME_MAGIC {
             return Err(Error::format(

@@ -37,7 +37,8 @@ impl Intactness {
         self.last_intact
     }
 
-    /// Returns true if a curve may have been pulled through another one since the last intact frame.
+    /// Returns true if a curve may have been pulled through another one since the last intact
+    /// frame.
     pub fn is_broken(&self) -> bool {
         self.broken
     }

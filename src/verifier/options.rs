@@ -51,8 +51,8 @@ pub struct VerifierOptions {
     /// none.
     pub motion_limit: Option<f64>,
     /// Maximum number of pairs of curves whose boxes overlap, in a frame or in the motion since the
-    /// previous one. A frame with more is not verified ([`Error::TooManyPairs`]), because the memory
-    /// for them, up to 200 bytes each, may not be there. The default is
+    /// previous one. A frame with more is not verified ([`Error::TooManyPairs`]), because the
+    /// memory for them, up to 200 bytes each, may not be there. The default is
     /// [`VerifierOptions::MAX_PAIRS`].
     pub max_pairs: usize,
     /// Kernel that computes all linking numbers of a frame. The default is [`Method::Auto`].

@@ -3,7 +3,7 @@
 //!
 //! | target | input |
 //! |---|---|
-//! | `header`, `layout`, `payload`, `all_parts` | frames, through the bus and a watcher ([`frames`]) |
+//! | `header`, `layout`, `payload`, `all_parts` | frames, through the bus ([`frames`]) |
 //! | `values_that_change_after_they_were_sent` | the same, with a writer beside it ([`frames`]) |
 //! | `messages_of_a_watcher` | messages to the client of the crate ([`messages`]) |
 //! | `messages_of_a_member`, `messages_of_a_leader` | messages between shards ([`shards`]) |

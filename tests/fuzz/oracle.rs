@@ -138,8 +138,8 @@ pub fn judge(frame: &Frame, known: &Known) -> Expected {
     }
 }
 
-/// Returns true if a frame may have its number. No simulator can have published 2^40 frames within a
-/// test; the mutations use no number between 1000 and that.
+/// Returns true if a frame may have its number. No simulator can have published 2^40 frames within
+/// a test; the mutations use no number between 1000 and that.
 pub fn has_possible_number(frame: &Frame, known: &Known) -> bool {
     match known.seq {
         None => frame.header.seq < 1 << 53,

@@ -1,8 +1,8 @@
 //! Simulator and watch on two hosts: two network namespaces with shared memory of their own, joined
 //! by the zenoh tunnel of iceoryx2 (`docs/hosts.md`).
 //!
-//! The tests are shown as ignored, never as passed, if namespaces are not permitted or the tunnel is
-//! not found: `iox2-tunnel-zenoh` in PATH, or the program that `LINKWATCH_TUNNEL` names.
+//! The tests are shown as ignored, never as passed, if namespaces are not permitted or the tunnel
+//! is not found: `iox2-tunnel-zenoh` in PATH, or the program that `LINKWATCH_TUNNEL` names.
 //!
 //! `cargo test --release --test hosts -- --ignored latency --nocapture` measures the time from a
 //! frame to its verdict on two hosts and on one.
@@ -104,8 +104,8 @@ struct Run {
     log: String,
 }
 
-/// Runs a simulator of this program on `one` host or `two`. The link goes down after some seconds if
-/// `cut` gives them.
+/// Runs a simulator of this program on `one` host or `two`. The link goes down after some seconds
+/// if `cut` gives them.
 fn run(tunnel: &str, hosts: &str, simulator: &str, cut: &[&str]) -> Result<Run, Failed> {
     let folder = TempDir::new()?;
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hosts/two_hosts.sh");

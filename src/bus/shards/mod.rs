@@ -6,11 +6,11 @@
 //! | `<name>/shards/states` | publish-subscribe, event | members | leader |
 //! | `<name>/shards/leader` | request-response, never used | a lock | |
 //!
-//! The leader is the watcher that answers the simulator, and verifies shard 1. It passes its checked
-//! copy of each frame to the members, in the layout of the simulator's frames, and joins their
-//! results with its own. A member verifies one of the other shards. It sends its state at intervals,
-//! and repeats its last result in it, so no single message is needed. A member that is silent is
-//! lost, and another process may take its place.
+//! The leader is the watcher that answers the simulator, and verifies shard 1. It passes its
+//! checked copy of each frame to the members, in the layout of the simulator's frames, and joins
+//! their results with its own. A member verifies one of the other shards. It sends its state at
+//! intervals, and repeats its last result in it, so no single message is needed. A member that is
+//! silent is lost, and another process may take its place.
 
 mod leader;
 mod member;

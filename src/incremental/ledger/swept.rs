@@ -121,9 +121,9 @@ fn slack(frames: [&CurveSet; 2]) -> f32 {
 }
 
 impl SweptTrees {
-    /// Computes the boxes of both frames, of which `leaves` has the segments: of these curves, or of
-    /// all. All calls must have the same leaves of the same frame. The boxes of the first frame are
-    /// kept from the last call if it ended in that frame.
+    /// Computes the boxes of both frames, of which `leaves` has the segments: of these curves, or
+    /// of all. All calls must have the same leaves of the same frame. The boxes of the first frame
+    /// are kept from the last call if it ended in that frame.
     pub fn refit<'a, S: Leaves>(
         &mut self,
         frames: [&'a CurveSet; 2],
