@@ -279,6 +279,42 @@ fn a_leader_verifies_one_session_after_another() {
 }
 
 #[test]
+fn a_signal_to_all_shards_leaves_no_undecided_frame() {
+    for round in 0..3 {
+        let folder = TempDir::new().unwrap();
+        let service = service(&format!("shards-signal-{round}"));
+        let watches = shards(folder.path(), &service, 3, &[]);
+        let mut sim = Client::open(&service, &ClientOptions::lockstep()).unwrap();
+        assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+        let sheet = Sheet::new(round);
+        sheet.describe(&mut sim);
+        let pids: Vec<u32> = watches.iter().map(|w| w.process.id()).collect();
+        let signals = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(300));
+            // The members first.
+            for pid in pids.iter().rev() {
+                let pid = pid.to_string();
+                let sent = Command::new("kill").args(["-s", "INT", &pid]).status();
+                assert!(sent.unwrap().success());
+            }
+        });
+        loop {
+            let positions = sheet.positions();
+            let seq = sim.publish(0.0, Positions::F64(&positions)).unwrap();
+            match sim.wait(seq, PATIENCE).unwrap() {
+                Outcome::Verdict(message) => assert_eq!(message.verdict, Verdict::Intact),
+                _ => break,
+            }
+        }
+        signals.join().unwrap();
+        for watch in watches {
+            let ended = watch.end();
+            assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        }
+    }
+}
+
+#[test]
 fn a_leader_waits_for_all_shards_and_names_those_that_are_missing() {
     let folder = TempDir::new().unwrap();
     let service = service("missing-shards");

@@ -23,6 +23,9 @@ use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, Node};
 use std::fmt;
 use std::time::{Duration, Instant};
 
+/// Time after the goodbye of a member in which this process may be told to stop as well.
+const STOPPING: Duration = Duration::from_millis(500);
+
 /// Bytes of the first messages; larger frames get more memory.
 const INITIAL_BYTES: usize = 1 << 16;
 
@@ -44,6 +47,8 @@ pub struct ShardLeader {
     payload: Vec<u8>,
     /// Number of curves of the last frame.
     curves: usize,
+    /// When a member last said goodbye.
+    left: Option<Instant>,
     /// Last message that was not understood.
     unreadable: String,
     _topics: [Topic; 2],
@@ -144,6 +149,7 @@ impl ShardLeader {
                 .map_err(bus("notifier"))?,
             payload: Vec::new(),
             curves: 0,
+            left: None,
             unreadable: String::new(),
             _topics: [tasks, states],
             _lock: lock,
@@ -248,9 +254,12 @@ impl ShardLeader {
         loop {
             self.receive()?;
             let waits = |seat: &Seat| seat.member.as_ref().is_some_and(|m| m.owes(seq));
-            if !self.seats.iter().any(waits) || stop() || !self.sleep() {
+            // Ctrl-C reaches all processes of a terminal: this one may be about to stop, too.
+            let stops = self.left.is_some_and(|left| left.elapsed() < STOPPING);
+            if !stops && !self.seats.iter().any(waits) || stop() {
                 break;
             }
+            self.sleep();
         }
         let (shards, curves) = (self.shards, self.curves);
         let result = |seat: &mut Seat| {
@@ -340,6 +349,7 @@ impl ShardLeader {
         }
         if let Some(why) = state.leaving {
             if seat.member.is_some() {
+                self.left = Some(Instant::now());
                 seat.lose(format!("{name} left: {why}"));
             }
             return Ok(());
