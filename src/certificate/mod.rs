@@ -42,10 +42,6 @@ impl Certificate {
     /// Checks a certificate of another process: a search or an index would rely on what it checks.
     ///
     /// Errors: [`Error::Format`] if an entry is not one of the curves, or out of order.
-    #[cfg_attr(
-        not(feature = "bus"),
-        expect(dead_code, reason = "only the bus receives them")
-    )]
     pub(crate) fn check(&self) -> Result<()> {
         let curves = self.curves;
         let valid = |i: u32, j: Option<u32>| match j {
