@@ -213,7 +213,7 @@ impl Bisection<'_> {
 }
 
 /// The pairs of curves that one of several verifiers verifies
-/// ([`VerifierOptions::share`](crate::VerifierOptions::share)).
+/// ([`Verifier::verify_share`](crate::Verifier::verify_share)).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Share {
     partition: Partition,
