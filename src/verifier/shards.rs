@@ -103,15 +103,17 @@ impl Part {
 /// let set = "chainmail:rows=4,columns=5".parse::<Scene>()?.build()?.curves;
 /// let partition = Partition::new(&set, 2)?;
 /// let mut joiner = Joiner::new(2, Events::Off);
+/// let mut verifiers = [Verifier::default(), Verifier::default()];
 /// let mut parts = Vec::new();
-/// for shard in 0..2 {
-///     let mut verifier = Verifier::default();
+/// for (shard, verifier) in verifiers.iter_mut().enumerate() {
 ///     verifier.verify_share(partition.share(shard))?;
 ///     let report = verifier.step(0, 0.0, &set)?;
 ///     parts.push(Ok(verifier.part(report)));
 /// }
-/// assert_eq!(joiner.join(0, 0.0, parts.clone()).verdict, Verdict::Intact);
-/// parts[1] = Err("shard 2 was killed".to_owned());
+/// assert_eq!(joiner.join(0, 0.0, parts).verdict, Verdict::Intact);
+///
+/// let report = verifiers[0].step(1, 0.1, &set)?;
+/// let parts = vec![Ok(verifiers[0].part(report)), Err("shard 2 was killed".to_owned())];
 /// assert_eq!(joiner.join(1, 0.1, parts).verdict, Verdict::Undecided);
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
