@@ -4,8 +4,9 @@ use super::intactness::Intactness;
 use crate::certificate::Certificate;
 use crate::error::{self, Error};
 use crate::incremental::{Events, sort_by_time};
-use crate::verdict::{Change, Defect, Link, PullThrough, Report, Stats};
+use crate::verdict::{Change, Defect, DefectKind, Link, PullThrough, Report, Stats};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// Result of a frame from one of several verifiers that share the pairs of curves
 /// ([`Verifier::part`](crate::Verifier::part)).
@@ -219,6 +220,10 @@ impl Joiner {
         report
             .defects
             .dedup_by(|a, b| a.j.is_none() && (a.i, a.j, a.kind) == (b.i, b.j, b.kind));
+        // Several shards may lack the numbers of a curve that was degenerate.
+        let mut lacking = BTreeSet::new();
+        let defects = &mut report.defects;
+        defects.retain(|d| d.kind != DefectKind::NoBaseline || lacking.insert((d.i, d.j)));
         report.stats = joined(&stats);
         report.verdict = report.verdict_of_findings();
         let missing = !report.missing.is_empty();
