@@ -479,12 +479,20 @@ fn values_that_change_after_they_were_sent() {
                 let at = Address(simulator.send(frame.header, &frame.payload));
                 let length = frame.payload.len();
                 let mut writer = Random::new(random.next());
-                let done = AtomicBool::new(false);
+                // Some values change before the frame is read, however busy the machine is.
+                let first = random.below(8);
+                let (begun, done) = (AtomicBool::new(first == 0), AtomicBool::new(false));
                 let answer = std::thread::scope(|scope| {
-                    let done = &done;
+                    let (begun, done) = (&begun, &done);
                     scope.spawn(move || {
                         let at = at;
-                        while !done.load(Ordering::Relaxed) {
+                        for written in 0.. {
+                            if written >= first {
+                                begun.store(true, Ordering::Relaxed);
+                            }
+                            if done.load(Ordering::Relaxed) {
+                                break;
+                            }
                             let k = writer.below(length);
                             #[expect(unsafe_code, reason = "a writer of shared memory")]
                             // SAFETY: within the payload, which stays mapped (see `Address`).
@@ -493,6 +501,9 @@ fn values_that_change_after_they_were_sent() {
                             }
                         }
                     });
+                    while !begun.load(Ordering::Relaxed) {
+                        std::thread::yield_now();
+                    }
                     let answer = fuzzer.watcher.answer();
                     done.store(true, Ordering::Relaxed);
                     answer
