@@ -172,6 +172,9 @@ pub enum Error {
     /// The work was cancelled ([`crate::Progress::cancel`]). The frame was not verified.
     #[error("cancelled")]
     Cancelled,
+    /// A worker process ended unexpectedly, or cannot go on in the place of one that did.
+    #[error("{0}")]
+    Worker(String),
     /// The bus failed.
     #[error("bus: {0}")]
     Bus(String),

@@ -159,8 +159,8 @@ pub use bus::{
 };
 #[cfg(feature = "bus")]
 pub use bus::{
-    Event, Frame, LastLabels, ShardEvent, ShardLeader, ShardMember, ShardSetup, Sidecar,
-    SidecarOptions,
+    Event, Frame, LastLabels, SessionState, ShardEvent, ShardLeader, ShardMember, ShardSetup,
+    Sidecar, SidecarOptions,
 };
 #[cfg(feature = "verify")]
 pub use certificate::{Certificate, Comparison};
@@ -197,7 +197,9 @@ pub use verdict::{
     Verdict,
 };
 #[cfg(feature = "verify")]
-pub use verifier::{Joiner, Ladder, Part, Progress, Strategy, Timings, Verifier, VerifierOptions};
+pub use verifier::{
+    Intactness, Joiner, Ladder, Part, Progress, Strategy, Timings, Verifier, VerifierOptions,
+};
 
 /// Compiles the examples of the README.
 #[cfg(all(doctest, feature = "client"))]

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::verdict::{
     Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict, words_of_roll_back,
 };
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,7 +30,7 @@ pub enum MessageKind {
 
 /// Frames of the session so far. At its end, published = verified + skipped + rejected; rejected
 /// frames with impossible sequence numbers are counted in addition.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counters {
     /// Frames that were checked, with any verdict.
     pub verified: u64,

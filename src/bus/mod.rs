@@ -61,6 +61,6 @@ pub use services::{Attached, ServiceInfo, services};
 #[cfg(feature = "bus")]
 pub use shards::{ShardEvent, ShardLeader, ShardMember, ShardSetup};
 #[cfg(feature = "bus")]
-pub use sidecar::{Sidecar, SidecarOptions};
+pub use sidecar::{SessionState, Sidecar, SidecarOptions};
 pub use wait_mode::WaitMode;
 pub use watcher::Departure;

@@ -12,6 +12,7 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::BackpressureStrategy;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -69,6 +70,28 @@ impl Default for SidecarOptions {
             wait_mode: WaitMode::default(),
             observe: false,
         }
+    }
+}
+
+/// Session of a simulator as far as it was watched, for a watcher that takes the place of one that
+/// crashed ([`Sidecar::resume`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SessionState {
+    session: u64,
+    /// The last frame that was received.
+    last: u64,
+    counters: Counters,
+}
+
+impl SessionState {
+    /// Returns the session of the simulator.
+    pub fn session(&self) -> u64 {
+        self.session
+    }
+
+    /// Returns the number of frames that were not skipped, the last one included.
+    fn delivered(self) -> u64 {
+        (self.last + 1).saturating_sub(self.counters.skipped)
     }
 }
 
@@ -184,6 +207,8 @@ pub struct Sidecar {
     newest: Option<Frame>,
     /// Frame that was received, but must wait until the session before it has ended.
     held: Option<Frame>,
+    /// Session that another watcher watched, until a frame arrives that it had not received.
+    resumed: Option<SessionState>,
     pending: VecDeque<Pending>,
     /// Time at which this watcher last sent anything.
     last_message: Instant,
@@ -227,6 +252,7 @@ impl Sidecar {
             ended: VecDeque::new(),
             newest: None,
             held: None,
+            resumed: None,
             pending: VecDeque::new(),
             last_message: Instant::now(),
             process_checked: Instant::now(),
@@ -241,6 +267,25 @@ impl Sidecar {
         self.session
             .as_ref()
             .map_or(Counters::default(), |s| s.counters)
+    }
+
+    /// Returns the state of the session, once a frame of it was received.
+    pub fn state(&self) -> Option<SessionState> {
+        let session = self.session.as_ref()?;
+        let last = session.last_seen.map(|seen| seen.seq);
+        Some(SessionState {
+            session: session.id,
+            last: last.or(self.resumed.map(|state| state.last))?,
+            counters: session.counters,
+        })
+    }
+
+    /// Continues the session of a watcher that crashed, if its simulator is still there: the
+    /// counters go on, and frames that the other watcher received are not returned again. The
+    /// verdict on the last one may still be sent. Call this before the first
+    /// [`wait`](Sidecar::wait).
+    pub fn resume(&mut self, state: SessionState) {
+        self.resumed = Some(state);
     }
 
     /// Returns the next event, waiting at most for `timeout`. Sends heartbeats meanwhile.
@@ -320,13 +365,15 @@ impl Sidecar {
                 return;
             }
             None => {
+                let id = header.session;
+                self.resumed = self.resumed.filter(|state| state.session == id);
                 self.session = Some(Session {
-                    id: header.session,
+                    id,
                     node: node_of(&self.endpoint.frames, frame.sample.origin()),
                     last_seen: None,
                     stray: None,
-                    delivered: 0,
-                    counters: Counters::default(),
+                    delivered: self.resumed.map_or(0, SessionState::delivered),
+                    counters: self.resumed.map(|state| state.counters).unwrap_or_default(),
                     abort: None,
                     heard: Instant::now(),
                 });
@@ -347,11 +394,14 @@ impl Sidecar {
             // Repeated until the simulator answers, because the first message may be lost. A
             // failure shows in the next heartbeat.
             let _ = self.heartbeat();
+        } else if self.resumed.is_some_and(|state| header.seq <= state.last) {
+            // The other watcher received this frame.
         } else if let Err(why) = session.number(header.seq) {
             frame.fault = Some(why);
             self.flush();
             self.pending.push_back(Pending::Frame(frame));
         } else {
+            self.resumed = None;
             self.newest = Some(frame);
         }
     }

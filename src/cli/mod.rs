@@ -115,9 +115,21 @@ enum Command {
 }
 
 /// Result of a command, worst last.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 enum Outcome {
     /// Intact, or done.
+    #[default]
     Fine,
     /// Undecided, or data lost.
     Undecided,

@@ -24,6 +24,13 @@ pub fn run(json: bool) -> Result<Outcome> {
     Ok(Outcome::Fine)
 }
 
+/// Returns true if a simulator may still use a service: it is live, or a bridge to another host is.
+pub fn may_have_simulator(service: &str) -> Result<bool> {
+    let all = services()?;
+    let own = all.iter().find(|s| s.service == service);
+    Ok(own.is_some_and(|s| s.simulator.is_some() || !s.others.is_empty()))
+}
+
 /// Logs the live services if no simulator came.
 pub fn hint(service: &str, waited: &str) {
     let all = match services() {

@@ -1,6 +1,7 @@
 //! Names and radii of curves, and changes of the curves between two frames.
 
 use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 
 /// Maximum number of bytes of a name.
@@ -18,7 +19,7 @@ const NAME_BYTES: usize = 255;
 /// let labels = CurveLabels::named(["sleeve/0", "sleeve/1"]).with_radii([0.8e-3, 0.8e-3]);
 /// assert!(labels.check(2).is_ok());
 /// ```
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct CurveLabels {
     /// Name of each curve; empty if the curves have no names. Names differ from one another, and

@@ -288,8 +288,9 @@ pub struct Report {
     /// Names of the curves that are gone since the last verified frame.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub gone: Vec<String>,
-    /// Reasons why pairs were not verified, if several verifiers share the pairs
-    /// ([`Joiner`](crate::Joiner)): what happened to each missing one.
+    /// Reasons why a part of the frame was not verified: what happened to each missing verifier, if
+    /// several share the pairs ([`Joiner`](crate::Joiner)), or to the one before a restart
+    /// ([`Verifier::resume`](crate::Verifier::resume)).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
     /// Reason why the frame was rejected.

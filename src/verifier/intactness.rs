@@ -1,10 +1,12 @@
 //! Last frame that is known to be intact.
 
 use crate::verdict::{Report, Verdict};
+use serde::{Deserialize, Serialize};
 
-/// Knowledge about the last intact frame.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Intactness {
+/// Knowledge about the last intact frame. A verifier that takes the place of another one continues
+/// with it ([`Verifier::resume`](crate::Verifier::resume)).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Intactness {
     /// Last frame that is known to be intact.
     last_intact: Option<u64>,
     /// True if that frame is the last verified one.
@@ -17,7 +19,7 @@ pub(super) struct Intactness {
 impl Intactness {
     /// Adds to a complete report the last frame that is known to be intact. `unknown` is true if a
     /// curve may have been pulled through another one for a reason that the report does not have.
-    pub fn conclude(&mut self, report: &mut Report, unknown: bool) {
+    pub(super) fn conclude(&mut self, report: &mut Report, unknown: bool) {
         let of_step = report.defects.iter().any(|d| d.kind.is_of_step());
         let changed = report.verdict == Verdict::Changed;
         self.broken |= unknown || of_step || changed || !report.unresolved.is_empty();
@@ -29,22 +31,23 @@ impl Intactness {
     }
 
     /// Forgets what happened before the next frame.
-    pub fn cut(&mut self) {
+    pub(super) fn cut(&mut self) {
         self.broken = false;
     }
 
+    /// Returns the last frame that is known to be intact.
     pub fn last_intact(&self) -> Option<u64> {
         self.last_intact
     }
 
     /// Returns true if a curve may have been pulled through another one since the last intact
     /// frame.
-    pub fn is_broken(&self) -> bool {
+    pub(super) fn is_broken(&self) -> bool {
         self.broken
     }
 
     /// Returns true if the last verified frame is known to be intact.
-    pub fn is_intact(&self) -> bool {
+    pub(super) fn is_intact(&self) -> bool {
         self.intact
     }
 }

@@ -13,6 +13,7 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
+pub use intactness::Intactness;
 pub use ladder::Ladder;
 pub use options::{Strategy, VerifierOptions};
 pub use shards::{Joiner, Part};
@@ -114,8 +115,10 @@ pub struct Verifier {
     previous: Option<u64>,
     /// Frame at the start of the step to the current frame.
     step_from: Option<u64>,
-    /// True if the baseline changed since the last part of a frame.
+    /// True if the baseline changed since it was last taken.
     baseline_changed: bool,
+    /// Reason why the step to the next frame is unknown, if it is.
+    unknown_step: Option<String>,
     /// Pairs of curves that are verified; `None`: all.
     share: Option<Share>,
     /// Extent of the first frame.
@@ -187,6 +190,7 @@ impl Verifier {
             previous: None,
             step_from: None,
             baseline_changed: true,
+            unknown_step: None,
             share: None,
             extent: None,
             change: None,
@@ -223,10 +227,9 @@ impl Verifier {
     /// Returns what this verifier found in the frame of `report`, the last one, for the
     /// [`Joiner`](crate::Joiner).
     pub fn part(&mut self, report: Report) -> Part {
-        let changed = std::mem::take(&mut self.baseline_changed);
-        let baseline = self.baseline.as_ref().filter(|_| changed);
+        let baseline = self.take_changed_baseline().cloned();
         let broken = self.steps.intactness().is_broken();
-        Part::new(report, (self.step_from, broken), baseline.cloned())
+        Part::new(report, (self.step_from, broken), baseline)
     }
 
     fn set_share(&mut self, share: Option<Share>) {
@@ -267,6 +270,46 @@ impl Verifier {
     /// Returns the baseline, or `None` before the first frame.
     pub fn baseline(&self) -> Option<&Certificate> {
         self.baseline.as_ref()
+    }
+
+    /// Returns the baseline, if it changed since the last call. Call this after a frame that was
+    /// not rejected.
+    pub fn take_changed_baseline(&mut self) -> Option<&Certificate> {
+        let changed = std::mem::take(&mut self.baseline_changed);
+        self.baseline.as_ref().filter(|_| changed)
+    }
+
+    /// Returns what is known about the last intact frame.
+    pub fn intactness(&self) -> Intactness {
+        *self.steps.intactness()
+    }
+
+    /// Continues in the place of another verifier of the same frames, which has ended. Its
+    /// baseline is given as [`VerifierOptions::baseline`]. Call this before the first frame.
+    ///
+    /// If pull-throughs are searched for, it is unknown what happened in the step to the next
+    /// frame. That frame is therefore not intact, and [`Report::missing`] gives the reason `why`,
+    /// unless [it does not continue](Verifier::cut) the previous one.
+    ///
+    /// ```
+    /// use linkwatch::scenes::Scene;
+    /// use linkwatch::{Events, Verdict, Verifier, VerifierOptions};
+    ///
+    /// let set = "chainmail:rows=2,columns=2".parse::<Scene>()?.build()?.curves;
+    /// let mut options = VerifierOptions { events: Events::Between, ..Default::default() };
+    /// let mut first = Verifier::new(options.clone())?;
+    /// first.step(0, 0.0, &set)?;
+    ///
+    /// options.baseline = first.baseline().cloned();
+    /// let mut second = Verifier::new(options)?;
+    /// second.resume(first.intactness(), "the first verifier was killed".into());
+    /// let report = second.step(7, 0.7, &set)?;
+    /// assert_eq!((report.verdict, report.last_intact), (Verdict::Undecided, Some(0)));
+    /// # Ok::<(), linkwatch::Error>(())
+    /// ```
+    pub fn resume(&mut self, intactness: Intactness, why: String) {
+        self.steps.resume(intactness);
+        self.unknown_step = (self.steps.events() != Events::Off).then_some(why);
     }
 
     /// Returns a view of the progress of the current frame.
@@ -397,6 +440,7 @@ impl Verifier {
     /// known to be intact again ([`Report::last_intact`]).
     pub fn cut(&mut self) {
         self.previous = None;
+        self.unknown_step = None;
         self.steps.forget();
     }
 
@@ -526,6 +570,8 @@ impl Verifier {
         self.full.progress.check()?;
         let extent = *self.extent.get_or_insert_with(|| set.extent());
         let [appeared, gone] = std::mem::take(&mut self.unreported);
+        let missing: Vec<String> = self.unknown_step.take().into_iter().collect();
+        let unknown = !missing.is_empty();
         let mut report = Report {
             changes: comparison.changes.clone(),
             events,
@@ -535,11 +581,12 @@ impl Verifier {
             safe_fraction,
             appeared,
             gone,
+            missing,
             stats: Stats { extent, ..stats },
             ..Report::new(seq, time, Verdict::Intact)
         };
         report.verdict = report.verdict_of_findings();
-        self.steps.conclude(&mut report);
+        self.steps.conclude(&mut report, unknown);
         // Curves that have touched since the baseline do not ask the simulator to stop.
         let baseline = self.baseline.as_ref();
         let expected = |d: &Defect| {

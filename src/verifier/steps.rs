@@ -188,10 +188,16 @@ impl Steps {
         outcome
     }
 
-    /// Adds to a complete report the last frame that is known to be intact.
-    pub fn conclude(&mut self, report: &mut Report) {
+    /// Adds to a complete report the last frame that is known to be intact. `unknown` is true if
+    /// the step to this frame is unknown.
+    pub fn conclude(&mut self, report: &mut Report, unknown: bool) {
         let undecided = std::mem::take(&mut self.undecided);
-        self.intactness.conclude(report, undecided);
+        self.intactness.conclude(report, undecided || unknown);
+    }
+
+    /// Continues with the knowledge of another verifier.
+    pub fn resume(&mut self, intactness: Intactness) {
+        self.intactness = intactness;
     }
 
     /// Returns the last frame that is known to be intact, and what happened since.

@@ -11,6 +11,7 @@ mod sessions;
 mod shards;
 mod soak;
 mod streams;
+mod supervise;
 #[path = "../support/mod.rs"]
 mod support;
 mod verdicts;

@@ -3,12 +3,16 @@
 mod junit;
 mod news;
 #[cfg(feature = "bus")]
+mod resume;
+#[cfg(feature = "bus")]
 mod shards;
 mod sinks;
 mod summary;
 mod times;
 
 pub use junit::JunitArgs;
+#[cfg(feature = "bus")]
+pub use resume::Expected;
 #[cfg(feature = "bus")]
 pub use shards::{SharedLeader, locked};
 pub use sinks::Sinks;
@@ -202,6 +206,8 @@ pub struct Session {
     news: News,
     unresolved: Unresolved,
     tally: FrameCounts,
+    /// Frames that another process verified before this one. Its outputs have them.
+    before: FrameCounts,
     times: RunTimes,
     /// Time that the last frame took to verify.
     #[cfg(feature = "bus")]
@@ -292,6 +298,7 @@ impl Session {
                 ..Unresolved::default()
             },
             tally: FrameCounts::default(),
+            before: FrameCounts::default(),
             times: RunTimes::default(),
             #[cfg(feature = "bus")]
             last_check: None,
@@ -336,6 +343,18 @@ impl Session {
         let quick = self.last_check.is_some_and(|check| check < MOMENT);
         // Other processes may not answer.
         segments <= SMALL && quick && self.shards.is_none()
+    }
+
+    /// Returns the worst outcome of the frames so far.
+    #[cfg(feature = "bus")]
+    pub fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+
+    /// Returns what is known about the last intact frame.
+    #[cfg(feature = "bus")]
+    pub fn intactness(&self) -> linkwatch::Intactness {
+        self.verifier.intactness()
     }
 
     /// Returns the output shown while the run lasts.
@@ -542,9 +561,9 @@ impl Session {
             curves: judged.curves,
             info: judged.info,
             report: judged.report,
-            verified: tally.verified,
-            skipped: tally.skipped,
-            rejected: tally.rejected,
+            verified: tally.verified - self.before.verified,
+            skipped: tally.skipped - self.before.skipped,
+            rejected: tally.rejected - self.before.rejected,
             times: judged.times,
             work: judged.work,
             received: SystemTime::now(),

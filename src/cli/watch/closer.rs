@@ -15,9 +15,10 @@ pub struct Closer {
 }
 
 impl Closer {
-    pub fn new() -> Closer {
+    /// Begins with the worst outcome of earlier sessions.
+    pub fn new(worst: Outcome) -> Closer {
         Closer {
-            worst: Outcome::Fine,
+            worst,
             pending: Vec::new(),
         }
     }

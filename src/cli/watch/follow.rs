@@ -2,21 +2,28 @@
 
 use super::checker::{Checker, Work};
 use super::closer::Closer;
+use super::supervise::{Earlier, Journal};
 use super::{Args, PATIENCE, result};
 use crate::cli::files::Files;
 use crate::cli::label::Label;
 use crate::cli::metrics::ServiceMetrics;
 use crate::cli::output::{percent, plural};
-use crate::cli::session::{FrameCounts, Judge, Run, Session, SharedLeader, Sinks, locked};
+use crate::cli::session::{FrameCounts, Judge, Judged, Run, Session, SharedLeader, Sinks, locked};
 use crate::cli::signals::TICK;
 use crate::cli::{Outcome, services};
-use linkwatch::{Counters, Error, Event, LastLabels, LiveTimes, Overflow, Result, Sidecar};
+use linkwatch::{
+    Counters, Error, Event, LastLabels, LiveTimes, Overflow, Result, Sidecar, Verdict,
+};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Time without a simulator after which the live services are listed, once.
 const HINT: Duration = Duration::from_secs(5);
+
+/// Interval at which a worker looks whether the simulator of a session that it is to continue is
+/// still there.
+const GONE: Duration = Duration::from_secs(1);
 
 /// Settings and state of a watch of one service.
 pub struct Follower<'a> {
@@ -26,13 +33,15 @@ pub struct Follower<'a> {
     pub stop: &'a AtomicBool,
     pub service: &'a str,
     pub judge: &'a Judge,
-    /// Sinks of the first session.
+    /// Sinks, without the number of a session.
     pub sinks: Sinks,
     /// Inputs of the command, and the outputs of all first sessions.
     pub files: Files,
     /// Label of the service, without a session.
     pub label: Label,
     pub metrics: ServiceMetrics,
+    /// What the next worker needs, if there is a supervisor.
+    pub journal: Journal,
     /// Number of simulators that connected.
     pub sessions: u64,
     /// Number in the file names of the last session.
@@ -57,8 +66,11 @@ enum End {
 
 impl Follower<'_> {
     /// Prepares the first session. `inputs` are the inputs of the command.
-    pub fn first(&self, inputs: Files) -> Result<Box<Session>> {
-        self.session(1, &self.sinks, inputs)
+    pub fn first(&self, sinks: &Sinks, inputs: Files) -> Result<Box<Session>> {
+        if self.journal.is_restart() {
+            announce_files(self.sessions.max(1), sinks);
+        }
+        self.session(self.sessions.max(1), sinks, inputs)
     }
 
     /// Prepares a session.
@@ -97,21 +109,19 @@ impl Follower<'_> {
         let wanted = self.sessions.max(self.file_number + 1);
         let (sinks, number) = self.sinks.numbered(wanted, &self.files);
         self.file_number = number;
-        for path in sinks.paths() {
-            let n = self.sessions;
-            tracing::info!("the output of session {n} goes to {}", path.display());
-        }
+        self.journal.begin_files(number)?;
+        announce_files(self.sessions, &sinks);
         self.session(self.sessions, &sinks, self.files.clone())
     }
 
     /// Follows the service until its simulator ends, or with --keep-watching until a signal.
     pub fn follow(mut self, mut sidecar: Sidecar, first: Box<Session>) -> Result<Outcome> {
         let checker = Checker::start()?;
-        let mut closer = Closer::new();
+        let mut closer = Closer::new(self.journal.outcome());
         let mut first = Some(first);
         loop {
             let met = self.wait_for_simulator(&mut sidecar);
-            if !matches!(met, Ok(true)) {
+            let Ok(Some(id)) = met else {
                 drop(sidecar);
                 if let Some(session) = first {
                     closer.add(session.finish(FrameCounts::default()));
@@ -121,7 +131,7 @@ impl Follower<'_> {
                 }
                 let worst = closer.finish();
                 return met.and_then(|_| result(worst, self.failed));
-            }
+            };
             let session = match first.take() {
                 Some(session) => Ok(session),
                 None => self.next(),
@@ -138,6 +148,7 @@ impl Follower<'_> {
             if std::mem::take(&mut self.lost) {
                 session.data_lost();
             }
+            self.take_up(&mut session, &mut sidecar, id)?;
             let (mut session, ended) = self.verify(session, &mut sidecar, &checker);
             self.metrics.disconnected();
             if let Some(leader) = &self.shards
@@ -151,6 +162,7 @@ impl Follower<'_> {
             };
             let tally = tally(counters);
             self.check_skipped(&mut session, tally);
+            self.journal.end_session(session.outcome())?;
             let fatal = matches!(&ended, Ok(End::Signal(_)) | Err(Error::Bus(_)));
             if fatal || !self.args.keep_watching {
                 // Sends the goodbye, so that a simulator does not wait for the sinks to finish.
@@ -197,25 +209,70 @@ impl Follower<'_> {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Waits for a simulator. Returns false if none came, because of a signal or --wait.
-    fn wait_for_simulator(&mut self, sidecar: &mut Sidecar) -> Result<bool> {
+    /// Continues a session that an earlier worker watched when it crashed.
+    fn take_up(&mut self, session: &mut Session, sidecar: &mut Sidecar, id: u64) -> Result<()> {
+        let interrupted = self.journal.interrupted().is_some();
+        let Some(earlier) = self.journal.begin_session(id, self.sessions)? else {
+            if interrupted {
+                tracing::warn!(
+                    "this is another simulator than before the crash: it has a baseline of its own"
+                );
+            }
+            return Ok(());
+        };
+        session.follow_on(tally(sidecar.counters()));
+        let Earlier {
+            expected,
+            in_hand,
+            cuts,
+            intactness,
+        } = earlier;
+        match expected {
+            Some(expected) => session.resume(expected, cuts, intactness)?,
+            None => tracing::warn!(
+                "no frame was verified before the crash: the next one is the first frame"
+            ),
+        }
+        let Some((seq, time)) = in_hand else {
+            return Ok(());
+        };
+        let why = "the watch crashed while it verified this frame, which is not verified again";
+        tracing::error!("frame {seq}: {why}");
+        let judged = session.give_up(seq, time, why);
+        let sent = sidecar.send_verdict(&judged.report, Duration::ZERO);
+        session.publish(judged, tally(sidecar.counters()));
+        sent?;
+        let (intactness, outcome) = (session.intactness(), session.outcome());
+        self.journal
+            .give_up_frame(sidecar.state(), intactness, outcome)
+    }
+
+    /// Waits for a simulator. Returns its session, or `None` if none came, because of a signal or
+    /// --wait, or because the one that an earlier worker watched has ended.
+    fn wait_for_simulator(&mut self, sidecar: &mut Sidecar) -> Result<Option<u64>> {
         let start = Instant::now();
+        let interrupted = self.journal.interrupted();
+        let mut looked = start;
         let first = self.sessions == 0;
         let mut hinted = !first;
         loop {
             if self.is_stopped() {
                 tracing::info!("stopped by a signal");
-                return Ok(false);
+                return Ok(None);
             }
             match sidecar.wait(TICK)? {
-                Event::NewSession { .. } => {
+                Event::NewSession { session } => {
                     self.metrics.connected();
+                    if interrupted.is_some_and(|state| state.session() == session) {
+                        tracing::info!("the watch of the simulator continues");
+                        return Ok(Some(session));
+                    }
                     self.sessions += 1;
                     match (self.args.keep_watching, self.sessions) {
                         (true, n) => tracing::info!("a simulator connected: session {n}"),
                         (false, _) => tracing::info!("a simulator connected"),
                     }
-                    return Ok(true);
+                    return Ok(Some(session));
                 }
                 Event::Unreadable(why) => {
                     self.reject(why);
@@ -233,7 +290,17 @@ impl Follower<'_> {
             }
             if given_up.is_some() {
                 tracing::warn!("no simulator connected within the limit of --wait");
-                return Ok(false);
+                return Ok(None);
+            }
+            if interrupted.is_some() && !self.args.keep_watching && looked.elapsed() > GONE {
+                looked = Instant::now();
+                if !services::may_have_simulator(self.service)? {
+                    tracing::warn!(
+                        "the simulator ended before the watch could continue; its last frames were \
+                         not verified"
+                    );
+                    return Ok(None);
+                }
             }
         }
     }
@@ -261,6 +328,13 @@ impl Follower<'_> {
                 Event::Frame(frame) => {
                     let received = Instant::now();
                     let (seq, time) = (frame.seq(), frame.time());
+                    let noted =
+                        self.journal
+                            .begin_frame(sidecar.state(), (seq, time), frame.cuts());
+                    if let Err(e) = noted {
+                        return (session, Err(e));
+                    }
+                    let id = frame.session();
                     let info = frame.info(&mut labels);
                     let ingested = session.ingest(info, |receive| frame.read(receive));
                     // Returns the memory to the simulator.
@@ -288,8 +362,15 @@ impl Follower<'_> {
                         }
                         Err(e) => return (session, Err(e)),
                     };
+                    // Before the verdict: the next worker must expect what this one answered for.
+                    if let Err(e) = self.keep_expected(id, &mut session, &judged) {
+                        return (session, Err(e));
+                    }
                     let sending = Instant::now();
                     let sent = sidecar.send_verdict(&judged.report, judged.times.check());
+                    let (state, intactness) = (sidecar.state(), session.intactness());
+                    let outcome = Outcome::of(judged.report.verdict);
+                    let noted = self.journal.end_frame(state, intactness, outcome);
                     judged.latency = Some(received.elapsed());
                     judged.times.live = last.map(|[previous, finished]| LiveTimes {
                         interval: received - previous,
@@ -297,7 +378,7 @@ impl Follower<'_> {
                         send: sending.elapsed(),
                     });
                     session.publish(judged, tally(sidecar.counters()));
-                    if let Err(e) = sent {
+                    if let Err(e) = sent.and(noted) {
                         return (session, Err(e));
                     }
                     last = Some([received, Instant::now()]);
@@ -335,6 +416,17 @@ impl Follower<'_> {
         }
     }
 
+    /// Keeps the expected linking numbers for the next worker, if they changed in this frame.
+    fn keep_expected(&mut self, id: u64, session: &mut Session, judged: &Judged) -> Result<()> {
+        if !self.journal.is_kept() || judged.report.verdict == Verdict::Rejected {
+            return Ok(());
+        }
+        match session.take_changed_baseline() {
+            Some(expected) => self.journal.keep(id, &expected),
+            None => Ok(()),
+        }
+    }
+
     /// Warns of an unreadable message, once for the same reason: a simulator that sends one usually
     /// sends it with each frame.
     fn reject(&mut self, why: Error) {
@@ -350,6 +442,12 @@ impl Follower<'_> {
             tracing::warn!("{why}");
             self.unreadable = why;
         }
+    }
+}
+
+fn announce_files(session: u64, sinks: &Sinks) {
+    for path in sinks.paths() {
+        tracing::info!("the output of session {session} goes to {}", path.display());
     }
 }
 

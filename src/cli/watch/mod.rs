@@ -4,9 +4,11 @@ mod checker;
 mod closer;
 mod follow;
 mod shards;
+mod supervise;
 
 use self::follow::Follower;
 use self::shards::Shard;
+use self::supervise::{Journal, Worker};
 use super::Outcome;
 use super::kernel::KernelArgs;
 use super::label::Label;
@@ -16,6 +18,7 @@ use super::output;
 use super::session::{FrameCounts, Judge, Session, Sinks};
 use super::signals::stop_on_signals;
 use linkwatch::{AbortOn, Error, Overflow, Result, Sidecar, SidecarOptions, WaitMode};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use tracing::Span;
@@ -43,6 +46,11 @@ pub struct Args {
     /// `run-2.mcap`, ..). --wait limits the wait for the first simulator only
     #[arg(long, help_heading = super::WATCH)]
     keep_watching: bool,
+    /// Verify in a worker process, and start another worker if it crashes or is killed. That one
+    /// expects what the first one did, and does not verify the frame again that was being verified:
+    /// the simulator is told that it is unknown. Its output files are numbered (`run-2.mcap`, ..)
+    #[arg(long, help_heading = super::WATCH)]
+    supervise: bool,
     /// Observe: verify, print, record and show, but send nothing to the simulator. For further
     /// watches beside the one that answers. Frames may be skipped, because no simulator waits for
     /// an observer
@@ -110,7 +118,18 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let what = "--shard takes one --service: start a watch for each";
         return Err(Error::Usage(what.into()));
     }
+    if args.supervise && args.shard.is_some_and(|shard| shard.number == 1) {
+        let what = "--supervise with shard 1: the other shards would have to start again, too";
+        return Err(Error::Usage(what.into()));
+    }
+    let folder = Worker::folder().filter(|_| args.supervise);
+    if args.supervise && folder.is_none() {
+        return supervise::supervise(args.service.len());
+    }
     let stop = stop_on_signals()?;
+    let start = |folder: &PathBuf| Worker::start(folder.clone(), &stop);
+    // Removes the folder at its end, if the supervisor cannot.
+    let _worker = folder.as_ref().map(start).transpose()?;
     output::detach(Overflow::Wait(PATIENCE))?;
     let mut judge = Judge {
         kernel: args.kernel.clone(),
@@ -135,7 +154,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         return member.follow();
     }
     let metrics = args.metrics.serve(&args.service)?;
-    let watches = open(args, json, &judge, &metrics, &stop)?;
+    let watches = open(args, json, &judge, &metrics, (&stop, folder.as_deref()))?;
     if args.service.len() == 1 {
         return watches
             .into_iter()
@@ -173,32 +192,43 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     })
 }
 
-/// Opens all services and their outputs. Fails before any of them is watched.
+/// Opens all services and their outputs. Fails before any of them is watched. `folder` is that of
+/// the journals, if this process is a worker.
 fn open<'a>(
     args: &'a Args,
     json: bool,
     judge: &'a Judge,
     metrics: &Metrics,
-    stop: &'a AtomicBool,
+    (stop, folder): (&'a AtomicBool, Option<&Path>),
 ) -> Result<Vec<Watch<'a>>> {
     let several = args.service.len() > 1;
-    let sinks = args.service.iter().map(|service| match several {
-        true => args.sinks.with_suffix(service),
-        false => args.sinks.clone(),
-    });
-    let sinks: Vec<Sinks> = sinks.collect();
     let inputs = judge.files(args.sinks.overwrite);
     let mut files = inputs.clone();
-    for sinks in &sinks {
-        sinks.check_files(&mut files)?;
+    let mut outputs = Vec::new();
+    for (k, service) in args.service.iter().enumerate() {
+        let mut journal = Journal::open(folder, k)?;
+        let sinks = match several {
+            true => args.sinks.with_suffix(service),
+            false => args.sinks.clone(),
+        };
+        let (first, number) = match journal.file_number() {
+            0 => (sinks.clone(), 1),
+            n => sinks.numbered(n + 1, &files),
+        };
+        first.check_files(&mut files)?;
+        journal.begin_files(number)?;
+        outputs.push((sinks, first, journal));
     }
     let mut ready = Vec::new();
-    for (service, sinks) in args.service.iter().zip(sinks) {
+    for (service, (sinks, first, journal)) in args.service.iter().zip(outputs) {
         let span = match several {
             true => tracing::error_span!("watch", service = %service),
             false => Span::none(),
         };
         let follower = Follower {
+            sessions: journal.sessions(),
+            file_number: journal.file_number(),
+            journal,
             args,
             json,
             stop,
@@ -211,15 +241,13 @@ fn open<'a>(
                 session: None,
             },
             metrics: metrics.service(service),
-            sessions: 0,
-            file_number: 1,
             unreadable: String::new(),
             lost: false,
             failed: None,
             shards: None,
         };
         // Opened before simulators see the watcher, because a viewer may take a while to open.
-        let first = span.in_scope(|| follower.first(inputs.clone()))?;
+        let first = span.in_scope(|| follower.first(&first, inputs.clone()))?;
         ready.push((span, follower, first));
     }
     let mut options = SidecarOptions::default();
@@ -239,7 +267,10 @@ fn open<'a>(
             first = Box::new(first.shared_with(&leader));
             follower.shards = Some(leader);
         }
-        let sidecar = Sidecar::open(service, &options)?;
+        let mut sidecar = Sidecar::open(service, &options)?;
+        if let Some(state) = follower.journal.interrupted() {
+            sidecar.resume(state);
+        }
         span.in_scope(|| match args.observe {
             true => tracing::info!(
                 "waiting for a simulator on service '{service}'; nothing is sent to it"
