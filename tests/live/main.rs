@@ -3,6 +3,7 @@
 
 mod curves;
 mod exposition;
+mod faults;
 mod metrics;
 mod recordings;
 mod roles;

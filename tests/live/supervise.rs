@@ -77,7 +77,7 @@ impl Supervised {
 }
 
 /// Returns a child of a process, if it has one.
-fn child_of(parent: u32) -> Option<u32> {
+pub fn child_of(parent: u32) -> Option<u32> {
     let processes = std::fs::read_dir("/proc").unwrap().flatten();
     let ids = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
     let parent_of = |id: &u32| -> Option<(char, u32)> {
@@ -90,7 +90,7 @@ fn child_of(parent: u32) -> Option<u32> {
         .find(|id| parent_of(id).is_some_and(|(state, of)| of == parent && state != 'Z'))
 }
 
-fn send(signal: &str, process: u32) {
+pub fn send(signal: &str, process: u32) {
     let id = process.to_string();
     let sent = Command::new("kill").args(["-s", signal, &id]).status();
     assert!(sent.unwrap().success(), "{signal} to {id}");
