@@ -275,5 +275,6 @@ fn a_spinning_watcher_reports_times_and_ends_on_a_signal() {
         assert!(0.0 < median && median <= p99 && p99 <= max, "{summary}");
     }
     let share = ended.summary()["times_ms"]["share_of_interval"].as_f64();
-    assert!((0.0..=1.0).contains(&share.unwrap()), "{share:?}");
+    // More than 1 if the machine was busy during the last frame, after which no interval ends.
+    assert!(share.unwrap() > 0.0, "{share:?}");
 }
