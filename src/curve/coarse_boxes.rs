@@ -3,24 +3,27 @@
 use super::boxes::{Box3, above, below, larger, smaller};
 use super::coordinates::Axes;
 use super::{Basis, CurveSet, pow2};
-use crate::simd::LANES;
+use crate::simd::{LANES, dispatch};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Number of curves that a task bounds at least.
-const FEW_CURVES: usize = 256;
+/// Number of curves that a task bounds.
+const CHUNK: usize = 256;
 
 impl CurveSet {
     /// Returns a box of each curve, open or closed. It contains the boxes of all segments of the
     /// curve ([`CurveSet::leaf_boxes`]).
     pub(crate) fn coarse_boxes(&self) -> Vec<Box3> {
-        let curves = (0..self.len()).into_par_iter().with_min_len(FEW_CURVES);
-        curves.map(|i| self.coarse_box(i)).collect()
+        let mut boxes = vec![Box3::EMPTY; self.len()];
+        let chunks = boxes.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(chunk, boxes)| dispatch!(coarse_boxes(self, CHUNK * chunk, boxes)));
+        boxes
     }
 
     /// Segments are in the hulls of their Bezier control points. Those of polylines, B-splines and
     /// Bezier curves are in the hull of the control points; those of Catmull-Rom splines are a
     /// sixth of the difference of two control points away from one ([`Basis::hull`]).
+    #[inline(always)]
     fn coarse_box(&self, i: usize) -> Box3 {
         let body = self.body(i);
         let bounds = match self.axes() {
@@ -48,7 +51,16 @@ impl CurveSet {
     }
 }
 
+/// Computes the boxes of the curves from `first` on.
+#[inline(always)]
+fn coarse_boxes(set: &CurveSet, first: usize, boxes: &mut [Box3]) {
+    for (k, b) in boxes.iter_mut().enumerate() {
+        *b = set.coarse_box(first + k);
+    }
+}
+
 /// Returns the smallest and the largest coordinates in some slots.
+#[inline(always)]
 fn bounds<T: PartialOrd + Copy>(
     axes: [&[T]; 3],
     slots: Range<usize>,
@@ -64,8 +76,17 @@ fn bounds<T: PartialOrd + Copy>(
                 hi[k] = larger(hi[k], eight[k]);
             }
         }
-        low[x] = lo.iter().chain(rest).copied().fold(most, smaller);
-        high[x] = hi.iter().chain(rest).copied().fold(least, larger);
+        for (k, &last) in rest.iter().enumerate() {
+            lo[k] = smaller(lo[k], last);
+            hi[k] = larger(hi[k], last);
+        }
+        for width in [LANES / 2, LANES / 4, 1] {
+            for k in 0..width {
+                lo[k] = smaller(lo[k], lo[k + width]);
+                hi[k] = larger(hi[k], hi[k + width]);
+            }
+        }
+        [low[x], high[x]] = [lo[0], hi[0]];
     }
     [low, high]
 }

@@ -78,7 +78,7 @@ impl LinkSearch {
     /// Finds the potential links of curves, sorted, except those of the curves with these defects,
     /// which are sorted. `boxes` are the bounding boxes of the curves.
     ///
-    /// If there are many, discards those that a plane orthogonal to a diagonal separates
+    /// If there are many for the curves that have boxes, discards those that a plane orthogonal to a diagonal separates
     /// ([`Diagonals`]).
     pub fn find_links(
         &mut self,
@@ -88,7 +88,10 @@ impl LinkSearch {
     ) -> &mut Vec<Pair> {
         self.sweep(boxes);
         let LinkSearch {
-            parts, diagonals, ..
+            sweep,
+            parts,
+            diagonals,
+            ..
         } = self;
         if !degenerate.is_empty() {
             let kept = |i: u32| degenerate.binary_search_by_key(&i, |d| d.i).is_err();
@@ -98,10 +101,12 @@ impl LinkSearch {
         }
         let count = |parts: &[Vec<Pair>]| parts.iter().map(Vec::len).sum::<usize>();
         let links = count(parts);
-        if links > MANY * set.len() && set.basis().is_polyline() {
+        if links > MANY * sweep.order.len() && set.basis().is_polyline() {
             diagonals.resize(set.len(), Diagonals::UNBOUNDED);
             let tasks = diagonals.par_chunks_mut(CHUNK).enumerate();
-            tasks.for_each(|(task, part)| dispatch!(simd => extents(simd, set, task, part)));
+            tasks.for_each(|(task, part)| {
+                dispatch!(simd => extents(simd, (set, boxes), task, part));
+            });
             parts.par_iter_mut().for_each(|part| {
                 part.retain(|&(i, j)| !diagonals[i as usize].apart(&diagonals[j as usize]));
             });
@@ -196,12 +201,17 @@ impl LinkSearch {
     }
 }
 
-/// Computes the extents of the small curves of a chunk.
+/// Computes the extents of the small curves of a chunk that have boxes.
 #[inline(always)]
-fn extents<L: Lanes>(simd: L, set: &CurveSet, chunk: usize, extents: &mut [Diagonals]) {
+fn extents<L: Lanes>(
+    simd: L,
+    (set, boxes): (&CurveSet, &[Box3]),
+    chunk: usize,
+    extents: &mut [Diagonals],
+) {
     for (k, extent) in extents.iter_mut().enumerate() {
         let i = chunk * CHUNK + k;
-        *extent = match set.curve(i).segments <= SMALL {
+        *extent = match boxes[i] != Box3::EMPTY && set.curve(i).segments <= SMALL {
             true => set.diagonals(simd, i),
             false => Diagonals::UNBOUNDED,
         };
