@@ -49,6 +49,7 @@ mod watch {
             SessionMetrics {}
         }
         pub fn connected(&self) {}
+        pub fn restarted(&self, _: u64) {}
         pub fn disconnected(&self) {}
     }
 }

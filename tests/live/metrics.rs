@@ -43,7 +43,7 @@ fn request(address: &str, request: &str) -> String {
 
 /// Returns the page of metrics, which must follow the format.
 #[track_caller]
-fn scrape(address: &str) -> Page {
+pub fn scrape(address: &str) -> Page {
     let answer = request(
         address,
         "GET /metrics HTTP/1.1\r\nHost: linkwatch\r\nUser-Agent: test\r\n\r\n",
@@ -63,7 +63,7 @@ fn scrape(address: &str) -> Page {
 
 /// Returns a figure of a service.
 #[track_caller]
-fn figure(page: &Page, name: &str, service: &str) -> f64 {
+pub fn figure(page: &Page, name: &str, service: &str) -> f64 {
     let value = page.get(name, &[("service", service)]);
     value.unwrap_or_else(|| panic!("no {name}: {page:?}"))
 }

@@ -41,17 +41,8 @@ impl Supervised {
         worker
     }
 
-    /// Waits for the worker that comes after another one, until it watches the simulator.
     fn next_worker(&self, sim: &mut Client, old: u32) {
-        until("another worker", || {
-            child_of(self.watch.process.id()).filter(|&worker| worker != old)
-        });
-        // A simulator that goes on meanwhile knows the new watcher by its messages.
-        until("the new watcher", || {
-            sim.poll().unwrap();
-            let here = sim.wait_for_watcher(Duration::from_millis(50)).unwrap();
-            (here && sim.silent_for().is_some()).then_some(())
-        });
+        next_worker(&self.watch, sim, old);
     }
 
     /// Waits until a recording has frames: at most a second after the first one.
@@ -74,6 +65,19 @@ impl Supervised {
         assert!(left.is_empty(), "{left:?}");
         (ended, self.folder)
     }
+}
+
+/// Waits for the worker that comes after another one, until it watches the simulator.
+fn next_worker(watch: &Watch, sim: &mut Client, old: u32) {
+    until("another worker", || {
+        child_of(watch.process.id()).filter(|&worker| worker != old)
+    });
+    // A simulator that goes on meanwhile knows the new watcher by its messages.
+    until("the new watcher", || {
+        sim.poll().unwrap();
+        let here = sim.wait_for_watcher(Duration::from_millis(50)).unwrap();
+        (here && sim.silent_for().is_some()).then_some(())
+    });
 }
 
 /// Returns a child of a process, if it has one.
@@ -162,6 +166,91 @@ fn the_next_worker_expects_what_the_first_one_did() {
     // After the change no frame is known to be intact, although a worker that did not see it
     // verified the last one.
     assert_eq!(last[4..], [4, 4, 4, 4], "{}", ended.stderr);
+}
+
+/// Counters of a worker are its own; the number of restarts goes on. The next worker finds the port
+/// and its program, although the file of the program is another one by then.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_next_worker_serves_metrics_at_the_same_address() {
+    let folder = TempDir::new().unwrap();
+    let program = folder.path().join("linkwatch");
+    std::fs::copy(env!("CARGO_BIN_EXE_linkwatch"), &program).unwrap();
+    let service = service("port");
+    // A port that was free a moment ago.
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    drop(listener);
+    let args = ["--supervise", "--metrics", &address];
+    let (command, none) = (Command::new(&program), [None, None]);
+    let watch = Watch::start_with(folder.path(), "watch", &service, &args, command, none);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    for (restarts, frame) in [(0, 0), (1, 2), (2, 4)] {
+        assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
+        assert_eq!(step(&mut sim, frame + 1, 0.0), Verdict::Intact);
+        lines_of(&watch, frame as usize + 2);
+        let page = metrics::scrape(&address);
+        let figure = |name: &str| metrics::figure(&page, name, &service);
+        assert_eq!(figure("linkwatch_frames_verified_total"), 2.0);
+        assert_eq!(
+            figure("linkwatch_worker_restarts_total"),
+            f64::from(restarts)
+        );
+        std::fs::remove_file(&program).ok();
+        if restarts < 2 {
+            let old = until("a worker", || child_of(watch.process.id()));
+            send("KILL", old);
+            next_worker(&watch, &mut sim, old);
+        }
+    }
+    sim.finish().unwrap();
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert_eq!(ended.summary()["verified"], 6);
+}
+
+/// The leader of several shards accepts the next worker of a member as any other process.
+#[test]
+fn a_member_of_several_shards_may_be_supervised() {
+    let folder = TempDir::new().unwrap();
+    let service = service("member");
+    let refused = Watch::start(
+        folder.path(),
+        "refused",
+        &service,
+        &["--shard", "1/2", "--supervise"],
+    );
+    let refused = refused.end();
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    assert!(
+        refused.stderr.contains("--supervise with shard 1"),
+        "{}",
+        refused.stderr
+    );
+    let leader = Watch::start(folder.path(), "leader", &service, &["--shard", "1/2"]);
+    let args = ["--shard", "2/2", "--supervise"];
+    let member = Watch::start(folder.path(), "member", &service, &args);
+    let mut sim = client(&service);
+    assert!(sim.wait_for_watcher(PATIENCE).unwrap());
+    assert_eq!(step(&mut sim, 0, 0.0), Verdict::Intact);
+    send("KILL", until("a worker", || child_of(member.process.id())));
+    let mut frame = 1;
+    until("an intact frame", || {
+        let verdict = step(&mut sim, frame, 0.0);
+        frame += 1;
+        (verdict == Verdict::Intact).then_some(())
+    });
+    assert_eq!(step(&mut sim, frame, 2.5), Verdict::Changed);
+    sim.finish().unwrap();
+    assert_eq!(leader.end().code, Some(1));
+    let member = member.end();
+    assert_eq!(member.code, Some(0), "{}", member.stderr);
+    assert!(
+        member.stderr.contains("is started again"),
+        "{}",
+        member.stderr
+    );
 }
 
 /// A frame that crashes every worker is given up after the first one.

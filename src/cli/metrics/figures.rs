@@ -110,6 +110,7 @@ pub struct Service {
     /// Frames that an output missed, by its name.
     dropped: IntCounterVec,
     sessions: IntCounter,
+    restarts: IntCounter,
     connected: IntGauge,
     /// Verdict on the last frame.
     last: AtomicU32,
@@ -180,6 +181,10 @@ impl Service {
                 &["output"],
             ),
             sessions: counter("linkwatch_sessions_total", "Simulators that connected."),
+            restarts: counter(
+                "linkwatch_worker_restarts_total",
+                "Workers that crashed and were replaced (--supervise).",
+            ),
             connected: gauge(
                 "linkwatch_simulator_connected",
                 "1 if a simulator is connected, else 0.",
@@ -211,6 +216,11 @@ impl Service {
     pub fn connected(&self) {
         self.sessions.inc();
         self.connected.set(1);
+    }
+
+    /// Counts workers that took the place of others before this process.
+    pub fn restarted(&self, times: u64) {
+        self.restarts.inc_by(times);
     }
 
     /// Records that the simulator is not watched any more.

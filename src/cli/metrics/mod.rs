@@ -85,6 +85,13 @@ impl ServiceMetrics {
         }
     }
 
+    /// Counts workers that took the place of others before this process.
+    pub fn restarted(&self, times: u64) {
+        if let Some(service) = &self.0 {
+            service.restarted(times);
+        }
+    }
+
     /// Records that the simulator is not watched any more.
     pub fn disconnected(&self) {
         if let Some(service) = &self.0 {

@@ -557,13 +557,14 @@ impl Session {
         }
         self.metrics.add(&judged.report, judged.latency);
         self.print(&judged);
+        let own = tally.since(self.before);
         let record = Arc::new(FrameRecord {
             curves: judged.curves,
             info: judged.info,
             report: judged.report,
-            verified: tally.verified - self.before.verified,
-            skipped: tally.skipped - self.before.skipped,
-            rejected: tally.rejected - self.before.rejected,
+            verified: own.verified,
+            skipped: own.skipped,
+            rejected: own.rejected,
             times: judged.times,
             work: judged.work,
             received: SystemTime::now(),
@@ -572,7 +573,7 @@ impl Session {
             .iter()
             .for_each(|q| q.frame(Arc::clone(&record)));
         let outputs = self.queues.iter().map(SinkQueue::summary);
-        self.metrics.count(tally, outputs);
+        self.metrics.count(own, outputs);
     }
 
     /// Warns of properties of the curves, after the first frame.
@@ -679,7 +680,8 @@ impl Session {
             }
             summaries.push(summary);
         }
-        self.metrics.count(tally, summaries.iter().cloned());
+        let own = tally.since(self.before);
+        self.metrics.count(own, summaries.iter().cloned());
         if tally.verified == 0 {
             self.data_lost();
         }

@@ -18,6 +18,15 @@ impl FrameCounts {
         self.skipped as f64 / all.max(1) as f64
     }
 
+    /// Returns the frames after other counts of the same session. Those of a simulator may be wrong.
+    pub fn since(self, before: FrameCounts) -> FrameCounts {
+        FrameCounts {
+            verified: self.verified.saturating_sub(before.verified),
+            skipped: self.skipped.saturating_sub(before.skipped),
+            rejected: self.rejected.saturating_sub(before.rejected),
+        }
+    }
+
     /// Returns the counts in words. Model files cannot be skipped.
     pub fn words(self, models: bool) -> String {
         let mut parts = vec![format!("{} verified", plural(self.verified, "frame"))];

@@ -225,6 +225,8 @@ fn open<'a>(
             true => tracing::error_span!("watch", service = %service),
             false => Span::none(),
         };
+        let metrics = metrics.service(service);
+        metrics.restarted(journal.crashes());
         let follower = Follower {
             sessions: journal.sessions(),
             file_number: journal.file_number(),
@@ -240,7 +242,7 @@ fn open<'a>(
                 service: several.then(|| service.as_str().into()),
                 session: None,
             },
-            metrics: metrics.service(service),
+            metrics,
             unreadable: String::new(),
             lost: false,
             failed: None,

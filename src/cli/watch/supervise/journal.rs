@@ -26,6 +26,8 @@ struct Note {
     outcome: Outcome,
     /// Number of frames that were answered.
     answered: u64,
+    /// Number of workers that crashed.
+    crashes: u64,
     /// Number of sessions that have begun, and the number in the names of the last files.
     sessions: u64,
     file_number: u64,
@@ -80,7 +82,13 @@ impl Journal {
                 folder: folder.to_owned(),
                 note: note.map_err(|source| Error::File { path, source })?,
             }),
-            note: earlier.clone().unwrap_or_default(),
+            note: match earlier.clone() {
+                Some(note) => Note {
+                    crashes: note.crashes + 1,
+                    ..note
+                },
+                None => Note::default(),
+            },
             earlier,
         })
     }
@@ -98,6 +106,11 @@ impl Journal {
     /// Returns true if there was an earlier worker.
     pub fn is_restart(&self) -> bool {
         self.earlier.is_some()
+    }
+
+    /// Returns the number of workers that crashed before this one.
+    pub fn crashes(&self) -> u64 {
+        self.note.crashes
     }
 
     /// Returns the number of sessions that began before this worker.
@@ -325,7 +338,7 @@ mod tests {
         assert!(open().begin_session(6, 2).unwrap().is_none());
         assert!(!folder.path().join("5.expected").exists());
         let mut third = open();
-        assert_eq!(third.sessions(), 2);
+        assert_eq!((third.sessions(), third.crashes()), (2, 1));
         third.end_session(Outcome::Changed).unwrap();
         assert_eq!(open().outcome(), Outcome::Changed);
         assert_eq!(results(folder.path(), 2), (Outcome::Changed, 0));

@@ -122,7 +122,7 @@ pub fn supervise(services: usize) -> Result<Outcome> {
 
 /// Starts a worker, and waits until it ends.
 fn run_worker(folder: &Path, stop: &AtomicBool) -> Result<ExitStatus> {
-    let mut worker = Command::new(std::env::current_exe()?)
+    let mut worker = Command::new(program()?)
         .args(std::env::args_os().skip(1))
         .env(FOLDER, folder)
         .stdin(Stdio::piped())
@@ -136,6 +136,14 @@ fn run_worker(folder: &Path, stop: &AtomicBool) -> Result<ExitStatus> {
             ask_to_end(&mut worker);
         }
         std::thread::sleep(LOOK);
+    }
+}
+
+/// Returns the program of this process, also if its file was replaced or deleted meanwhile.
+fn program() -> Result<PathBuf> {
+    match cfg!(target_os = "linux") {
+        true => Ok("/proc/self/exe".into()),
+        false => Ok(std::env::current_exe()?),
     }
 }
 
