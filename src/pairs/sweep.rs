@@ -78,8 +78,8 @@ impl LinkSearch {
     /// Finds the potential links of curves, sorted, except those of the curves with these defects,
     /// which are sorted. `boxes` are the bounding boxes of the curves.
     ///
-    /// If there are many for the curves that have boxes, discards those that a plane orthogonal to a diagonal separates
-    /// ([`Diagonals`]).
+    /// If there are many for the curves that have boxes, discards those that a plane orthogonal to
+    /// a diagonal separates ([`Diagonals`]).
     pub fn find_links(
         &mut self,
         set: &CurveSet,

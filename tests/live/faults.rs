@@ -340,9 +340,8 @@ fn a_stopped_watch_holds_up_no_simulator() {
     assert_eq!(sim.wait(seq, short).unwrap(), Outcome::Stale);
     assert!(sim.silent_for().unwrap() >= short / 2);
     watch.signal("CONT");
-    assert!(
-        matches!(sim.wait(seq, PATIENCE).unwrap(), Outcome::Verdict(m) if m.verdict == Verdict::Intact)
-    );
+    let outcome = sim.wait(seq, PATIENCE).unwrap();
+    assert!(matches!(outcome, Outcome::Verdict(m) if m.verdict == Verdict::Intact));
     assert_eq!(sim.finish().unwrap(), 1001);
     let ended = watch.end();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

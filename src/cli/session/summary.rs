@@ -18,7 +18,8 @@ impl FrameCounts {
         self.skipped as f64 / all.max(1) as f64
     }
 
-    /// Returns the frames after other counts of the same session. Those of a simulator may be wrong.
+    /// Returns the frames after other counts of the same session. A count that a simulator claimed
+    /// may be wrong, and smaller.
     pub fn since(self, before: FrameCounts) -> FrameCounts {
         FrameCounts {
             verified: self.verified.saturating_sub(before.verified),

@@ -405,8 +405,8 @@ impl Follower<'_> {
                 }
                 Event::SimulatorLost { counters, .. } => {
                     tracing::warn!(
-                        "the simulator died without ending the session; its last frames may be lost, \
-                         and its own log may say why"
+                        "the simulator died without ending the session; its last frames may be \
+                         lost, and its own log may say why"
                     );
                     session.data_lost();
                     return (session, Ok(End::Simulator(counters)));
