@@ -333,12 +333,13 @@ mod tests {
         assert_eq!(earlier.in_hand, Some((7, 0.7)));
         assert_eq!(earlier.cuts, u32::MAX);
         assert_eq!(earlier.expected, Some(expected()));
+        second.begin_files(2).unwrap();
 
         // Another simulator has a baseline of its own.
         assert!(open().begin_session(6, 2).unwrap().is_none());
         assert!(!folder.path().join("5.expected").exists());
         let mut third = open();
-        assert_eq!((third.sessions(), third.crashes()), (2, 1));
+        assert_eq!((third.sessions(), third.crashes()), (2, 3));
         third.end_session(Outcome::Changed).unwrap();
         assert_eq!(open().outcome(), Outcome::Changed);
         assert_eq!(results(folder.path(), 2), (Outcome::Changed, 0));
