@@ -55,6 +55,7 @@
 //! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
+//! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
 //! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
 //! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer |
@@ -145,6 +146,8 @@ pub mod scenes;
 mod simd;
 #[cfg(feature = "verify")]
 mod sinks;
+#[cfg(feature = "verify")]
+mod thickness;
 mod verdict;
 #[cfg(feature = "verify")]
 mod verifier;
@@ -192,6 +195,8 @@ pub use sinks::{
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};
+#[cfg(feature = "verify")]
+pub use thickness::{CurvePoint, MinRad, Strut, Thickness, struts};
 pub use verdict::{
     AbortOn, Change, ChangeKind, Defect, DefectKind, Link, Place, PullThrough, Report, Stats,
     Verdict,

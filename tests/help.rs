@@ -10,10 +10,11 @@ use std::process::{Command, Stdio};
 use support::command::linkwatch;
 use support::trial::trial;
 
-const COMMANDS: [&str; 7] = [
+const COMMANDS: [&str; 8] = [
     "certify",
     "check",
     "generate",
+    "thickness",
     "plan",
     "devices",
     "completions",

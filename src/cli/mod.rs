@@ -41,6 +41,7 @@ mod study;
 #[cfg(not(feature = "lab"))]
 #[path = "no_study.rs"]
 mod study;
+mod thickness;
 #[cfg(feature = "bus")]
 mod watch;
 
@@ -107,6 +108,7 @@ enum Command {
     Certify(certify::Args),
     Check(check::Args),
     Generate(generate::Args),
+    Thickness(thickness::Args),
     Plan(plan::Args),
     Devices(devices::Args),
     Study(study::Args),
@@ -202,6 +204,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Devices(args) => devices::run(args, cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Plan(args) => plan::run(args, cli.json),
+        Command::Thickness(args) => thickness::run(args, cli.json),
         Command::Study(args) => study::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),

@@ -137,14 +137,14 @@ fn scaled_distance(a: Point, b: Point) -> f64 {
 /// A power of two that scales points so that products of four differences neither overflow nor
 /// underflow. It is 1 except for extreme points. Scaling loses nothing that is significant relative
 /// to the largest difference.
-#[derive(Clone, Copy)]
-struct Scale([f64; 2]);
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scale([f64; 2]);
 
 impl Scale {
     /// Exponents of differences that need no scaling.
     const ORDINARY: std::ops::RangeInclusive<i32> = -200..=200;
 
-    fn of(points: impl Iterator<Item = Point> + Clone) -> Scale {
+    pub fn of(points: impl Iterator<Item = Point> + Clone) -> Scale {
         let first = points.clone().next().unwrap_or_default();
         // Halves are subtracted, because the difference of two finite numbers may overflow.
         let halves = |p: Point| half_difference(p, first).map(f64::abs);
@@ -159,11 +159,11 @@ impl Scale {
         Scale([pow2(-exponent), pow2(exponent)])
     }
 
-    fn apply(self, p: Point) -> Point {
+    pub fn apply(self, p: Point) -> Point {
         p.map(|x| x * self.0[0])
     }
 
-    fn undo(self, x: f64) -> f64 {
+    pub fn undo(self, x: f64) -> f64 {
         x * self.0[1]
     }
 }
@@ -177,15 +177,37 @@ pub(crate) fn closest_points(p0: Point, p1: Point, q0: Point, q1: Point) -> [Poi
 
 /// [`closest_points`] for segments of ordinary size.
 fn closest_points_scaled(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 2] {
-    let (d, e, r) = (sub(p1, p0), sub(q1, q0), sub(p0, q0));
+    let (d, e) = (sub(p1, p0), sub(q1, q0));
+    let Nearest { s, t, .. } = nearest([p0, d], [q0, e]);
+    [add_scaled(p0, s, d), add_scaled(q0, t, e)]
+}
+
+/// Nearest points of two straight segments.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Nearest {
+    /// Place on the first segment, from 0 to 1.
+    pub s: f64,
+    /// Place on the second segment, from 0 to 1.
+    pub t: f64,
+    /// Squared distance.
+    pub distance_sq: f64,
+}
+
+/// Returns the nearest points of two segments, each given by its start and the vector to its end,
+/// in floating point. Products of four coordinates must neither overflow nor underflow.
+pub(crate) fn nearest([p0, d]: [Point; 2], [q0, e]: [Point; 2]) -> Nearest {
+    let r = sub(p0, q0);
     let (dd, de, ee, dr, er) = (dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r));
-    let mut best = ([p0, q0], f64::INFINITY);
+    let mut best = Nearest {
+        s: 0.0,
+        t: 0.0,
+        distance_sq: f64::INFINITY,
+    };
     let mut consider = |s: f64, t: f64| {
-        let (a, b) = (add_scaled(p0, s, d), add_scaled(q0, t, e));
-        let c = sub(a, b);
+        let c = sub(add_scaled(p0, s, d), add_scaled(q0, t, e));
         let distance_sq = dot(c, c);
-        if distance_sq < best.1 {
-            best = ([a, b], distance_sq);
+        if distance_sq < best.distance_sq {
+            best = Nearest { s, t, distance_sq };
         }
     };
     let clamped = |numerator: f64, denominator: f64| {
@@ -208,7 +230,7 @@ fn closest_points_scaled(p0: Point, p1: Point, q0: Point, q1: Point) -> [Point; 
         let s = ((de * er - ee * dr) / denominator).clamp(0.0, 1.0);
         consider(s, clamped(er + s * de, ee));
     }
-    best.0
+    best
 }
 
 #[cfg(test)]

@@ -19,7 +19,9 @@ mod trees;
 
 #[cfg(test)]
 pub(crate) use brute::potential_links_brute;
-pub(crate) use closest::{closest_approach, closest_of_segments, closest_points};
+pub(crate) use closest::{
+    Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
+};
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
 pub(crate) use layout::{Leaves, Node, SMALL};
 pub(crate) use links::{degenerate_curves, potential_links};

@@ -1,0 +1,231 @@
+//! Edges of polylines with their neighbours, and the test for a strut between two of them.
+
+use super::{CurvePoint, MinRad, Strut};
+use crate::curve::vector::{add_scaled, dot, norm, sub};
+use crate::curve::{CurveSet, Point};
+use crate::pairs::{Nearest, Scale, nearest};
+
+/// No neighbour: the end of an open curve.
+const NONE: u32 = u32::MAX;
+
+/// Relative tolerance of the condition at a vertex. A strut that ends at a vertex must not be lost
+/// to rounding; a pair that is accepted without being a strut is longer than one by at most this
+/// share.
+pub(super) const TOLERANCE: f64 = 1e-12;
+
+/// An edge, scaled.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edge {
+    pub start: Point,
+    /// Vector to the end.
+    pub along: Point,
+    curve: u32,
+    segment: u32,
+    /// Edges before and after it on its curve.
+    before: u32,
+    after: u32,
+}
+
+impl Edge {
+    /// Returns true if an open curve ends with this edge.
+    pub fn is_last(&self) -> bool {
+        self.after == NONE
+    }
+}
+
+/// All edges of positive length.
+#[derive(Debug)]
+pub(super) struct Edges {
+    edges: Vec<Edge>,
+    scale: Scale,
+}
+
+/// Two edges and the nearest points on them: a strut. The first edge comes first in the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Found {
+    pub pair: [u32; 2],
+    pub at: [f64; 2],
+    pub distance_sq: f64,
+}
+
+impl Found {
+    /// Orders struts by length; equal ones by their edges.
+    pub fn order(&self, other: &Found) -> std::cmp::Ordering {
+        let length = self.distance_sq.total_cmp(&other.distance_sq);
+        length.then(self.pair.cmp(&other.pair))
+    }
+}
+
+impl Edges {
+    pub fn of(set: &CurveSet) -> Edges {
+        let points = (0..set.len()).flat_map(|i| {
+            let last = set.curve(i).segments as usize;
+            (0..=last).map(move |s| set.knot(i, s))
+        });
+        let scale = Scale::of(points);
+        let mut edges = Vec::with_capacity(set.segments());
+        for (i, curve) in set.curves().iter().enumerate() {
+            let first = edges.len() as u32;
+            let mut start = scale.apply(set.knot(i, 0));
+            for segment in 0..curve.segments {
+                let end = scale.apply(set.knot(i, segment as usize + 1));
+                let along = sub(end, start);
+                // An edge so short that its square underflows has no direction either.
+                if dot(along, along) > 0.0 {
+                    let k = edges.len() as u32;
+                    edges.push(Edge {
+                        start,
+                        along,
+                        curve: i as u32,
+                        segment,
+                        before: if k > first { k - 1 } else { NONE },
+                        after: k + 1,
+                    });
+                }
+                start = end;
+            }
+            let count = edges.len() as u32 - first;
+            if count > 0 {
+                let last = first + count - 1;
+                let (before, after) = if curve.closed {
+                    (last, first)
+                } else {
+                    (NONE, NONE)
+                };
+                edges[first as usize].before = before;
+                edges[last as usize].after = after;
+            }
+        }
+        Edges { edges, scale }
+    }
+
+    pub fn len(&self) -> usize {
+        self.edges.len()
+    }
+
+    pub fn get(&self, k: u32) -> &Edge {
+        &self.edges[k as usize]
+    }
+
+    /// Returns the vector along the edge before this one, unless an open curve begins with it.
+    pub fn before(&self, edge: &Edge) -> Option<Point> {
+        (edge.before != NONE).then(|| self.get(edge.before).along)
+    }
+
+    /// Returns a length in the units of the scene as a scaled one.
+    pub fn scaled(&self, length: f64) -> f64 {
+        self.scale.apply([length; 3])[0]
+    }
+
+    /// Returns the length of all curves.
+    pub fn length(&self) -> f64 {
+        let lengths = self.edges.iter().map(|e| norm(e.along));
+        self.scale.undo(lengths.sum())
+    }
+
+    /// Returns the sharpest bend.
+    pub fn min_rad(&self) -> Option<MinRad> {
+        let bend = |e: &Edge| -> Option<(f64, u32)> {
+            let next = self.edges.get(e.after as usize)?;
+            let [a, b] = [e.along, next.along].map(norm);
+            let [u, v] = [(e.along, a), (next.along, b)].map(|(d, l)| d.map(|x| x / l));
+            // Sine and cosine of half the turning angle between two unit vectors, doubled.
+            let sine = norm(sub(u, v));
+            let cosine = norm([u[0] + v[0], u[1] + v[1], u[2] + v[2]]);
+            (sine > 0.0).then(|| (0.5 * a.min(b) * cosine / sine, e.after))
+        };
+        let bends = self.edges.iter().filter_map(bend);
+        let (radius, k) = bends.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let edge = self.get(k);
+        Some(MinRad {
+            radius: self.scale.undo(radius),
+            curve: edge.curve,
+            vertex: edge.segment,
+            point: self.unscaled(edge.start),
+        })
+    }
+
+    /// Returns the strut between two edges, if there is one of at most this squared length.
+    pub fn strut_between(&self, i: u32, j: u32, limit_sq: f64) -> Option<Found> {
+        let pair @ [i, j] = if i < j { [i, j] } else { [j, i] };
+        let (a, b) = (self.get(i), self.get(j));
+        if i == j || a.after == j || a.before == j {
+            return None;
+        }
+        let mut near = nearest([a.start, a.along], [b.start, b.along]);
+        if near.distance_sq > limit_sq {
+            return None;
+        }
+        let is_end = |t: f64| t == 0.0 || t == 1.0;
+        if is_end(near.s) || is_end(near.t) {
+            // Parallel edges are as close within their overlap. Without this, rounding could choose
+            // an end that belongs to a neighbour, for each pair of edges of two parallel lines.
+            let middle = middle_of_overlap(a, b);
+            if middle.distance_sq <= near.distance_sq * (1.0 + TOLERANCE) {
+                near = middle;
+            }
+        }
+        let between = sub(
+            add_scaled(b.start, near.t, b.along),
+            add_scaled(a.start, near.s, a.along),
+        );
+        let length = near.distance_sq.sqrt();
+        let critical = self.is_critical(a, near.s, between, length)
+            && self.is_critical(b, near.t, between.map(|x| -x), length);
+        critical.then_some(Found {
+            pair,
+            at: [near.s, near.t],
+            distance_sq: near.distance_sq,
+        })
+    }
+
+    /// Returns true if the distance from a point of an edge to the point that is nearest to the
+    /// edge does not shrink on the neighbouring edge either (Lemma 2.1). `toward` is the vector to
+    /// the other point. A vertex belongs to the edge that starts there.
+    fn is_critical(&self, edge: &Edge, at: f64, toward: Point, length: f64) -> bool {
+        if at == 1.0 && !edge.is_last() {
+            return false;
+        }
+        let before = self.before(edge).filter(|_| at == 0.0);
+        before.is_none_or(|before| dot(before, toward) >= -TOLERANCE * norm(before) * length)
+    }
+
+    /// Returns a strut in the units of the scene.
+    pub fn strut(&self, found: &Found) -> Strut {
+        let end = |k: usize| {
+            let edge = self.get(found.pair[k]);
+            CurvePoint {
+                curve: edge.curve,
+                segment: edge.segment,
+                t: found.at[k],
+                point: self.unscaled(add_scaled(edge.start, found.at[k], edge.along)),
+            }
+        };
+        Strut {
+            ends: [end(0), end(1)],
+            length: self.scale.undo(found.distance_sq.sqrt()),
+        }
+    }
+
+    fn unscaled(&self, point: Point) -> Point {
+        point.map(|x| self.scale.undo(x))
+    }
+}
+
+/// Returns the pair of points in the middle of the part of an edge that is beside another one.
+fn middle_of_overlap(a: &Edge, b: &Edge) -> Nearest {
+    let on = |edge: &Edge, point: Point| {
+        let along = edge.along;
+        (dot(along, sub(point, edge.start)) / dot(along, along)).clamp(0.0, 1.0)
+    };
+    let ends = [0.0, 1.0].map(|t| on(a, add_scaled(b.start, t, b.along)));
+    let s = 0.5 * (ends[0] + ends[1]);
+    let first = add_scaled(a.start, s, a.along);
+    let t = on(b, first);
+    let between = sub(add_scaled(b.start, t, b.along), first);
+    Nearest {
+        s,
+        t,
+        distance_sq: dot(between, between),
+    }
+}

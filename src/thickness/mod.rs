@@ -1,0 +1,199 @@
+//! Thickness and ropelength of curves, and the places where they come close (Ashton & Cantarella,
+//! A Fast Octree-Based Algorithm for Computing Ropelength, 2005).
+//!
+//! The thickness of a curve is the diameter of the largest tube around it that neither bends too
+//! sharply nor overlaps itself. [`MinRad`] bounds the bend at each vertex, and a [`Strut`] is a
+//! place where two parts of the curves approach one another.
+
+mod brute;
+mod edges;
+mod octree;
+#[cfg(test)]
+mod tests;
+mod words;
+
+use self::edges::{Edges, Found};
+use self::octree::Octree;
+use crate::curve::{CurveSet, Point};
+use crate::error::{Error, Result};
+use serde::Serialize;
+
+/// Number of edges from which the octree is faster than comparing all pairs.
+const MANY_EDGES: usize = 32;
+
+/// A point of a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct CurvePoint {
+    /// Curve.
+    pub curve: u32,
+    /// Segment of the curve.
+    pub segment: u32,
+    /// Place on the segment, from 0 at its start to 1 at its end.
+    pub t: f64,
+    /// Position.
+    pub point: Point,
+}
+
+/// Two points of curves whose distance is a local minimum: the distance grows, to first order, if
+/// one of them moves along its curve (a pair of closest approach; section 1, Definition 2). A point
+/// of a curve and itself are no such pair.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Strut {
+    /// The two points.
+    pub ends: [CurvePoint; 2],
+    /// Their distance.
+    pub length: f64,
+}
+
+impl Strut {
+    /// Returns the derivatives of the length with respect to the positions of the vertices of the
+    /// segments of both ends: start and end of the first segment, then of the second. `None` if the
+    /// length is 0, where there is no derivative.
+    ///
+    /// The gradient is that of the distance between two points that stay at their places on the
+    /// segments. It is the gradient of the minimum as well, because to first order the distance
+    /// does not change if a point of the strut moves along its segment.
+    ///
+    /// ```
+    /// use linkwatch::{Basis, CurveSet, Positions, Thickness};
+    ///
+    /// let line = |z: f64| [0.0, 0.0, z, 1.0, 0.0, z];
+    /// let crossed = [&line(0.0)[..], &[0.5, -1.0, 0.25, 0.5, 1.0, 0.25]].concat();
+    /// let set = CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&crossed))?;
+    /// let strut = Thickness::of(&set)?.poca.unwrap();
+    /// let gradient = strut.gradient().unwrap();
+    /// assert_eq!(strut.length, 0.25);
+    /// assert_eq!(gradient[0], [[0.0, 0.0, -0.5]; 2]);
+    /// assert_eq!(gradient[1], [[0.0, 0.0, 0.5]; 2]);
+    /// # Ok::<(), linkwatch::Error>(())
+    /// ```
+    pub fn gradient(&self) -> Option<[[Point; 2]; 2]> {
+        let [a, b] = &self.ends;
+        if self.length == 0.0 {
+            return None;
+        }
+        // Quotients of halves, because the difference may overflow.
+        let half = crate::curve::vector::half_difference(b.point, a.point);
+        let away = half.map(|x| x / (0.5 * self.length));
+        let of = |end: &CurvePoint, sign: f64| {
+            [1.0 - end.t, end.t].map(|weight| away.map(|x| sign * weight * x))
+        };
+        Some([of(a, -1.0), of(b, 1.0)])
+    }
+}
+
+/// Radius of curvature at the vertex that bends most sharply: half of the shorter edge at the
+/// vertex, divided by the tangent of half the turning angle (section 1, Definition 1).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct MinRad {
+    /// Radius. 0 if the curve reverses its direction.
+    pub radius: f64,
+    /// Curve.
+    pub curve: u32,
+    /// Vertex of the curve.
+    pub vertex: u32,
+    /// Position of the vertex.
+    pub point: Point,
+}
+
+/// Thickness of all curves of a scene together.
+///
+/// ```
+/// use linkwatch::{Basis, CurveSet, Positions, Thickness};
+///
+/// // A square of side 2: the tube around it bends with radius 1, and its sides are 2 apart.
+/// let square = [0., 0., 0., 2., 0., 0., 2., 2., 0., 0., 2., 0.];
+/// let set = CurveSet::from_counts(Basis::Polyline, &[-4], Positions::F64(&square))?;
+/// let found = Thickness::of(&set)?;
+/// assert!((found.thickness(1.0) - 2.0).abs() < 1e-12);
+/// assert!((found.ropelength(1.0) - 4.0).abs() < 1e-12);
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Thickness {
+    /// Length of all curves.
+    pub length: f64,
+    /// Sharpest bend; `None` if no curve bends.
+    pub min_rad: Option<MinRad>,
+    /// Shortest strut; `None` if there is none.
+    pub poca: Option<Strut>,
+}
+
+impl Thickness {
+    /// Measures polylines, open or closed. Repeated vertices count once.
+    ///
+    /// Cost: `O(n log n)` for `n` edges, of which few come close; at most `O(n^2 log n)`.
+    ///
+    /// Errors: [`Error::Unsupported`] for splines.
+    pub fn of(set: &CurveSet) -> Result<Thickness> {
+        Thickness::measure(set, |edges| match edges.len() < MANY_EDGES {
+            true => brute::shortest(edges),
+            false => Octree::new(edges).shortest(edges),
+        })
+    }
+
+    /// [`Thickness::of`] by a comparison of all pairs of edges (Algorithm 1), for measurements and
+    /// as its oracle.
+    ///
+    /// Errors: [`Error::Unsupported`] for splines.
+    pub fn by_all_pairs(set: &CurveSet) -> Result<Thickness> {
+        Thickness::measure(set, brute::shortest)
+    }
+
+    fn measure(
+        set: &CurveSet,
+        shortest: impl FnOnce(&Edges) -> Option<Found>,
+    ) -> Result<Thickness> {
+        let edges = edges(set)?;
+        Ok(Thickness {
+            length: edges.length(),
+            min_rad: edges.min_rad(),
+            poca: shortest(&edges).map(|found| edges.strut(&found)),
+        })
+    }
+
+    /// Returns the thickness `min{2 minRad / stiffness, POCA}`: a diameter, as in Definition 3.
+    /// `stiffness` is 1 there; with 2, for example, the tube may bend to twice its diameter only.
+    /// Infinite if no curve bends or comes close.
+    ///
+    /// liboctrope returns half of this: the radius `min{minRad / lambda, POCA / 2}`.
+    pub fn thickness(&self, stiffness: f64) -> f64 {
+        let bend = self.min_rad.map_or(f64::INFINITY, |m| m.radius);
+        let strut = self.poca.map_or(f64::INFINITY, |strut| strut.length);
+        (2.0 * bend / stiffness).min(strut)
+    }
+
+    /// Returns the quotient of length and thickness. liboctrope divides by the radius, which gives
+    /// twice this number.
+    pub fn ropelength(&self, stiffness: f64) -> f64 {
+        self.length / self.thickness(stiffness)
+    }
+}
+
+/// Returns all struts up to a length, shortest first.
+///
+/// Errors: [`Error::Unsupported`] for splines.
+pub fn struts(set: &CurveSet, longest: f64) -> Result<Vec<Strut>> {
+    let edges = edges(set)?;
+    let mut found = match edges.len() < MANY_EDGES {
+        true => brute::up_to(&edges, longest),
+        false => Octree::new(&edges).up_to(&edges, longest),
+    };
+    found.sort_by(Found::order);
+    Ok(found.iter().map(|found| edges.strut(found)).collect())
+}
+
+/// Returns the edges of polylines.
+fn edges(set: &CurveSet) -> Result<Edges> {
+    match set.basis().is_polyline() {
+        true => Ok(Edges::of(set)),
+        false => Err(Error::Unsupported {
+            format: "thickness",
+            what: "of splines; it is measured on polylines".into(),
+        }),
+    }
+}

@@ -1,0 +1,308 @@
+//! Octree over the edges, built from octal tags (section 3, Algorithm 3), and its search with ramps
+//! (section 4, Algorithm 4).
+
+use super::edges::{Edge, Edges, Found, TOLERANCE};
+use crate::curve::Point;
+use crate::curve::vector::{add, dot};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Maximum number of bits of a box number along an axis, three of which fit into a tag.
+const MOST_BITS: u32 = 21;
+
+/// Number of edges that a task searches.
+const CHUNK: usize = 128;
+
+/// A box, axis-aligned.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    lo: Point,
+    hi: Point,
+}
+
+impl Bounds {
+    const EMPTY: Bounds = Bounds {
+        lo: [f64::INFINITY; 3],
+        hi: [f64::NEG_INFINITY; 3],
+    };
+
+    fn of(edge: &Edge) -> Bounds {
+        let end = add(edge.start, edge.along);
+        Bounds {
+            lo: [0, 1, 2].map(|x| edge.start[x].min(end[x])),
+            hi: [0, 1, 2].map(|x| edge.start[x].max(end[x])),
+        }
+    }
+
+    fn union(self, other: &Bounds) -> Bounds {
+        Bounds {
+            lo: [0, 1, 2].map(|x| self.lo[x].min(other.lo[x])),
+            hi: [0, 1, 2].map(|x| self.hi[x].max(other.hi[x])),
+        }
+    }
+
+    /// Returns a lower bound of the squared distance between two boxes, rounding included.
+    fn distance_sq(&self, other: &Bounds) -> f64 {
+        let gap = [0, 1, 2].map(|x| {
+            let apart = (self.lo[x] - other.hi[x]).max(other.lo[x] - self.hi[x]);
+            apart.max(0.0)
+        });
+        dot(gap, gap) * (1.0 - TOLERANCE)
+    }
+}
+
+/// A node in the order of a traversal, children after their parent.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    bounds: Bounds,
+    /// Its edges in [`Octree::order`].
+    first: u32,
+    end: u32,
+    /// Node after the last one below it.
+    skip: u32,
+    is_leaf: bool,
+}
+
+/// The octree. Its nodes are in one array, in which a search only moves forward.
+#[derive(Debug)]
+pub(super) struct Octree {
+    nodes: Vec<Node>,
+    /// Edges by octal tag.
+    order: Vec<u32>,
+    /// Bounds of the edges in this order.
+    bounds: Vec<Bounds>,
+}
+
+/// Sizes of the boxes while the tree is built.
+struct Builder<'a> {
+    tags: &'a [u64],
+    bounds: &'a [Bounds],
+    /// Maximum number of edges of a leaf.
+    most: usize,
+    nodes: Vec<Node>,
+}
+
+impl Builder<'_> {
+    /// Adds the node of a range of edges, whose tags agree in all digits before `digit`, from the
+    /// least significant one. A node with one child is left out.
+    fn add(&mut self, range: Range<usize>, digit: u32) {
+        let at = self.nodes.len();
+        let octant = |k: usize| self.tags[k] >> (3 * (digit - 1)) & 7;
+        let is_leaf = digit == 0 || range.len() <= self.most;
+        if !is_leaf && octant(range.start) == octant(range.end - 1) {
+            return self.add(range, digit - 1);
+        }
+        self.nodes.push(Node {
+            bounds: Bounds::EMPTY,
+            first: range.start as u32,
+            end: range.end as u32,
+            skip: 0,
+            is_leaf,
+        });
+        let mut bounds = Bounds::EMPTY;
+        if is_leaf {
+            bounds = self.bounds[range].iter().fold(bounds, Bounds::union);
+        } else {
+            let mut start = range.start;
+            while start < range.end {
+                let octant = self.tags[start] >> (3 * (digit - 1));
+                let same = |tag: &u64| *tag >> (3 * (digit - 1)) == octant;
+                let end = start + self.tags[start..range.end].partition_point(same);
+                let child = self.nodes.len();
+                self.add(start..end, digit - 1);
+                bounds = bounds.union(&self.nodes[child].bounds);
+                start = end;
+            }
+        }
+        self.nodes[at].bounds = bounds;
+        self.nodes[at].skip = self.nodes.len() as u32;
+    }
+}
+
+/// Region that contains the other end of every strut which starts on an edge: the slab between the
+/// planes orthogonal to it at its ends, and a wedge at its start (Definition 4). Beyond an open end
+/// it is a half-space.
+struct Ramp<'a> {
+    edge: &'a Edge,
+    length_sq: f64,
+    /// Vector along the edge before it.
+    before: Option<Point>,
+    bounds: Bounds,
+}
+
+impl Ramp<'_> {
+    /// Returns true if a box may intersect the ramp.
+    fn meets(&self, b: &Bounds) -> bool {
+        let center = [0, 1, 2].map(|x| 0.5 * (b.lo[x] + b.hi[x]) - self.edge.start[x]);
+        let half = [0, 1, 2].map(|x| 0.5 * (b.hi[x] - b.lo[x]));
+        // Range of the scalar products with a vector, and a bound of the errors.
+        let range = |v: Point| {
+            let middle = dot(v, center);
+            let size = v.map(f64::abs);
+            let reach = dot(size, half);
+            let reach = reach + TOLERANCE * (dot(size, center.map(f64::abs)) + reach);
+            (middle - reach, middle + reach)
+        };
+        let (least, greatest) = range(self.edge.along);
+        let beyond_start = greatest >= 0.0;
+        let before_end = least <= self.length_sq;
+        if beyond_start && (before_end || self.edge.is_last()) {
+            return true;
+        }
+        least <= 0.0 && self.before.is_none_or(|before| range(before).1 >= 0.0)
+    }
+}
+
+impl Octree {
+    /// Builds the tree, with `ceil(3/4 log2 n)` levels as in section 5.
+    pub fn new(edges: &Edges) -> Octree {
+        let n = edges.len();
+        let levels = (0.75 * (n.max(2) as f64).log2()).ceil() as u32;
+        let bits = (levels - 1).min(MOST_BITS);
+        let most = n.div_ceil(1 << bits).max(1);
+        let middle = |k: u32, x: usize| {
+            let edge = edges.get(k);
+            edge.start[x] + 0.5 * edge.along[x]
+        };
+        let mut tags = vec![0; n];
+        for x in 0..3 {
+            let mut sorted: Vec<(f64, u32)> = (0..n as u32).map(|k| (middle(k, x), k)).collect();
+            sorted.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            for (rank, &(_, k)) in sorted.iter().enumerate() {
+                tags[k as usize] |= spread((rank / most) as u64) << x;
+            }
+        }
+        let mut order: Vec<(u64, u32)> = tags.into_iter().zip(0..).collect();
+        order.par_sort_unstable();
+        let (tags, order): (Vec<u64>, Vec<u32>) = order.into_iter().unzip();
+        let bounds: Vec<Bounds> = order.iter().map(|&k| Bounds::of(edges.get(k))).collect();
+        let mut builder = Builder {
+            tags: &tags,
+            bounds: &bounds,
+            most,
+            nodes: Vec::new(),
+        };
+        if n > 0 {
+            builder.add(0..n, bits);
+        }
+        Octree {
+            nodes: builder.nodes,
+            order,
+            bounds,
+        }
+    }
+
+    /// Returns the shortest strut.
+    pub fn shortest(&self, edges: &Edges) -> Option<Found> {
+        // Squared length of the shortest strut so far: as bits, which have the same order.
+        let shortest = AtomicU64::new(f64::INFINITY.to_bits());
+        let limit = || f64::from_bits(shortest.load(Ordering::Relaxed));
+        let search = |chunk: usize| {
+            let mut best: Option<Found> = None;
+            for k in self.chunk(chunk) {
+                self.search(edges, k, limit, |found| {
+                    shortest.fetch_min(found.distance_sq.to_bits(), Ordering::Relaxed);
+                    if best.is_none_or(|best| found.order(&best).is_lt()) {
+                        best = Some(found);
+                    }
+                });
+            }
+            best
+        };
+        let best = (0..self.chunks()).into_par_iter().filter_map(search);
+        best.min_by(Found::order)
+    }
+
+    /// Returns all struts up to a length.
+    pub fn up_to(&self, edges: &Edges, longest: f64) -> Vec<Found> {
+        let longest = edges.scaled(longest);
+        let search = |chunk: usize| {
+            let mut all = Vec::new();
+            for k in self.chunk(chunk) {
+                self.search(edges, k, || longest * longest, |found| all.push(found));
+            }
+            all
+        };
+        let all = (0..self.chunks()).into_par_iter();
+        all.flat_map_iter(search).collect()
+    }
+
+    fn chunks(&self) -> usize {
+        self.order.len().div_ceil(CHUNK)
+    }
+
+    fn chunk(&self, chunk: usize) -> Range<usize> {
+        chunk * CHUNK..((chunk + 1) * CHUNK).min(self.order.len())
+    }
+
+    /// Passes the struts between the edge at place `k` and earlier ones to `found`, as far as their
+    /// squared length is at most `limit`. So each pair of edges is compared once.
+    fn search(
+        &self,
+        edges: &Edges,
+        k: usize,
+        limit: impl Fn() -> f64,
+        mut found: impl FnMut(Found),
+    ) {
+        let edge = edges.get(self.order[k]);
+        let ramp = Ramp {
+            edge,
+            length_sq: dot(edge.along, edge.along),
+            before: edges.before(edge),
+            bounds: self.bounds[k],
+        };
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            // Later nodes have later edges.
+            if node.first as usize >= k {
+                break;
+            }
+            if ramp.bounds.distance_sq(&node.bounds) > limit() || !ramp.meets(&node.bounds) {
+                at = node.skip as usize;
+                continue;
+            }
+            at += 1;
+            if !node.is_leaf {
+                continue;
+            }
+            for other in node.first as usize..(node.end as usize).min(k) {
+                let limit = limit();
+                let bounds = &self.bounds[other];
+                if ramp.bounds.distance_sq(bounds) <= limit && ramp.meets(bounds) {
+                    let strut = edges.strut_between(self.order[k], self.order[other], limit);
+                    strut.into_iter().for_each(&mut found);
+                }
+            }
+        }
+    }
+}
+
+/// Moves bit `k` of a number to bit `3 k`.
+fn spread(number: u64) -> u64 {
+    let mut x = number & ((1 << MOST_BITS) - 1);
+    for (shift, mask) in [
+        (32, 0x001f_0000_0000_ffff),
+        (16, 0x001f_0000_ff00_00ff),
+        (8, 0x100f_00f0_0f00_f00f),
+        (4, 0x10c3_0c30_c30c_30c3),
+        (2, 0x1249_2492_4924_9249),
+    ] {
+        x = (x | x << shift) & mask;
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spreads_the_bits() {
+        for number in [0, 1, 0b1101, 0x1f_ffff, 0x15_5555] {
+            let slow = (0..MOST_BITS).fold(0, |x, k| x | (number >> k & 1) << (3 * k));
+            assert_eq!(spread(number), slow, "{number:b}");
+        }
+        assert_eq!(spread(0b1101), 0b1_001_000_001);
+    }
+}

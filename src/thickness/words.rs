@@ -1,0 +1,51 @@
+//! Struts and bends in words.
+
+use super::{MinRad, Strut};
+use crate::curve::Notation;
+use std::fmt;
+
+impl Strut {
+    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
+    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
+    pub fn sentence(&self, extent: f64) -> String {
+        let [a, b] = &self.ends;
+        let notation = Notation::of_scene(extent, a.point);
+        let [from, to] = [a, b].map(|end| notation.point(end.point));
+        let curves = match a.curve == b.curve {
+            true => format!("curve {} and itself are", a.curve),
+            false => format!("curves {} and {} are", a.curve, b.curve),
+        };
+        let length = notation.length(self.length);
+        format!(
+            "{curves} {length} apart, from {from} to {to}, segments {} and {}",
+            a.segment, b.segment
+        )
+    }
+}
+
+impl fmt::Display for Strut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence(0.0))
+    }
+}
+
+impl MinRad {
+    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
+    /// scene; 0 if it is unknown.
+    pub fn sentence(&self, extent: f64) -> String {
+        let notation = Notation::of_scene(extent, self.point);
+        format!(
+            "curve {} bends to a radius of {}, at {}, vertex {}",
+            self.curve,
+            notation.length(self.radius),
+            notation.point(self.point),
+            self.vertex
+        )
+    }
+}
+
+impl fmt::Display for MinRad {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.sentence(0.0))
+    }
+}
