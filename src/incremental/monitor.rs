@@ -26,7 +26,8 @@ const FEW_CHUNKS: usize = 16;
 /// Share of moved chunks above which a new reference frame may pay.
 const STALE: f64 = 0.005;
 
-/// Maximum number of frames between two reference frames if they do not pay.
+/// Maximum number of frames between two reference frames if they do not pay. Minimum if the last
+/// one was given up.
 const MAX_BACKOFF: u64 = 256;
 
 /// Back-off after a reference frame that was no better than the one before, in frames per frame
@@ -277,7 +278,7 @@ impl Monitor {
                 .build()
                 .ok()?;
             let reference = || Reference::build(set, certificate, frame, coverage, share.as_ref());
-            Some(pool.install(reference))
+            pool.install(reference)
         };
         let thread = std::thread::Builder::new().name("linkwatch-reference".into());
         // Without a thread there is no reference, and every frame is computed in full.
@@ -322,7 +323,14 @@ impl Monitor {
     fn take_built(&mut self, set: &CurveSet, baseline: &Certificate) -> Option<Known> {
         let build = self.build.take_if(|m| m.is_finished())?;
         // The panic hook has already reported a panic of the thread.
-        let reference = build.join().ok()??;
+        let Some(reference) = build.join().ok()? else {
+            // Too many segments are near one another, and probably still will be for a while. The
+            // build began when `next_reference` was set.
+            let took = self.frame + self.backoff - self.next_reference;
+            self.backoff = MAX_BACKOFF.max(BACKOFF * took);
+            self.next_reference = self.frame + self.backoff;
+            return None;
+        };
         // The earliest frame that can use it is the one after it.
         self.build_frames = self.frame - reference.frame - 1;
         // Certificates with different numbers of curves cannot be compared.

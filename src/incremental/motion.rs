@@ -410,7 +410,8 @@ mod tests {
                 set(&both.collect::<Vec<Vec<Point>>>())
             };
             let frames = [moved(&mut r), moved(&mut r)];
-            let reference = Reference::build(set(&rings), Arc::default(), 0, coverage, None);
+            let reference =
+                Reference::build(set(&rings), Arc::default(), 0, coverage, None).unwrap();
             let affines = frames
                 .each_ref()
                 .map(|set| Affine::fit(&reference.sample, set.positions().as_positions()));

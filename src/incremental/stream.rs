@@ -321,7 +321,8 @@ mod tests {
             xyz.extend(at.map(|x| scale * x));
         }
         let set = set(&xyz, single);
-        let mut reference = Reference::build(set, Arc::default(), 0, Coverage::default(), None);
+        let mut reference =
+            Reference::build(set, Arc::default(), 0, Coverage::default(), None).unwrap();
         let mut allowances = vec![f32::INFINITY; reference.set.points()];
         for i in (0..COUNTS.len()).filter(|&i| reference.set.curve(i).closed) {
             for k in reference.set.points_of(i) {

@@ -266,7 +266,8 @@ fn reference_speed() {
             for _ in 0..7 {
                 let (set, certificate) = (set.clone(), certificate.clone());
                 let start = Instant::now();
-                let build = || Reference::build(set, Arc::new(certificate), 0, coverage, None);
+                let build =
+                    || Reference::build(set, Arc::new(certificate), 0, coverage, None).unwrap();
                 allowances = pool.install(build).allowances;
                 times.push(start.elapsed().as_secs_f64() * 1e3);
             }

@@ -40,7 +40,7 @@ use crate::incremental::covered::Covered;
 use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Share, Trees, descend};
 use crate::simd::{LANES, Lanes, dispatch};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
 /// Share of a gap between two segments that allowances may use. The remainder is a margin for
 /// rounding and for the discretization of splines.
@@ -53,6 +53,13 @@ const RANGE: f64 = 2.0;
 /// Number of segment pairs that are gathered before they are processed.
 const BATCH: usize = 1024;
 
+/// Maximum number of near pairs of blocks, of which each needs up to 40 bytes. Yarn has about ten
+/// per block; the strands of a wound ball, which are all near one another, have thousands.
+pub(super) const MOST_NEAR: usize = 1 << 24;
+
+/// Number of new entries after which a list of near blocks is compacted.
+const COMPACT: usize = 1 << 20;
+
 /// Buffers of a task.
 #[derive(Default)]
 struct Buffers {
@@ -60,6 +67,8 @@ struct Buffers {
     near: SegmentPairs,
     /// Blocks with near segments, of the current pair of curves.
     blocks: Vec<NearBlocks>,
+    /// Number of these that are counted already: different ones, at the start of the list.
+    counted: usize,
 }
 
 /// Allowances under construction.
@@ -73,11 +82,22 @@ pub(super) struct Allowances<'a> {
     slots: Vec<AtomicU32>,
     /// First block of each curve.
     first: Vec<Block>,
+    /// Maximum number of near pairs of blocks.
+    most: usize,
+    /// Number of those found so far.
+    found: AtomicUsize,
 }
 
 impl<'a> Allowances<'a> {
-    pub fn new(covered: Covered<'a>, trees: &'a Trees, share: Option<&'a Share>) -> Self {
+    pub fn new(
+        covered: Covered<'a>,
+        trees: &'a Trees,
+        share: Option<&'a Share>,
+        most: usize,
+    ) -> Self {
         let mut all = Allowances {
+            most,
+            found: AtomicUsize::new(0),
             covered,
             trees,
             share,
@@ -116,8 +136,9 @@ impl<'a> Allowances<'a> {
         }
     }
 
-    /// Returns the allowances of all control points, in order, and the list of neighbours.
-    pub fn fill(self, certificate: &Certificate) -> (Vec<f32>, Neighbours) {
+    /// Returns the allowances of all control points, in order, and the list of neighbours. `None`
+    /// if there are too many of them.
+    pub fn fill(self, certificate: &Certificate) -> Option<(Vec<f32>, Neighbours)> {
         let curves: Vec<usize> = self.covered.indices().collect();
         curves.par_iter().for_each(|&i| {
             self.bound(i, certificate);
@@ -153,17 +174,46 @@ impl<'a> Allowances<'a> {
                 for &(i, j) in pairs {
                     let (curves, own) = ([i as usize, j as usize], &mut buffers);
                     dispatch!(simd => Self::keep_apart(&self, simd, curves, within, own));
-                    self.add_leaves(curves, range, &mut buffers.blocks);
-                    add_nearest(&mut buffers.blocks, &mut near);
+                    self.add_leaves(curves, range, &mut buffers);
+                    self.compact(&mut buffers.blocks, &mut buffers.counted);
+                    if self.is_full() {
+                        return Vec::new();
+                    }
+                    near.append(&mut buffers.blocks);
+                    buffers.counted = 0;
                 }
                 near
             })
             .collect();
+        if self.is_full() {
+            return None;
+        }
         let neighbours = Neighbours::new(self.first, &near.concat(), RANGE * self.reach / SHARE);
         let slots = (0..set.len()).flat_map(|i| set.body(i));
         let allowances = slots.map(|slot| f32::from_bits(self.slots[slot].load(Ordering::Relaxed)));
         let allowances = allowances.collect();
-        (allowances, neighbours)
+        Some((allowances, neighbours))
+    }
+
+    /// Returns true if there are too many near pairs of blocks.
+    fn is_full(&self) -> bool {
+        self.found.load(Ordering::Relaxed) > self.most
+    }
+
+    /// Keeps each pair of blocks once, with its smallest gap, and counts the new ones.
+    fn compact(&self, blocks: &mut Vec<NearBlocks>, counted: &mut usize) {
+        blocks.sort_unstable_by(|a, b| a.blocks.cmp(&b.blocks).then(a.gap.total_cmp(&b.gap)));
+        blocks.dedup_by_key(|near| near.blocks);
+        let new = blocks.len() - *counted;
+        *counted = blocks.len();
+        self.found.fetch_add(new, Ordering::Relaxed);
+    }
+
+    /// [`Allowances::compact`] if the list has grown to twice its size or more.
+    fn compact_if_large(&self, blocks: &mut Vec<NearBlocks>, counted: &mut usize) {
+        if blocks.len() > 2 * *counted + COMPACT.min(self.most) {
+            self.compact(blocks, counted);
+        }
     }
 
     /// Applies the bounds that all points of a curve have.
@@ -190,6 +240,7 @@ impl<'a> Allowances<'a> {
             agenda,
             near,
             blocks,
+            counted,
         }: &mut Buffers,
     ) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
@@ -203,22 +254,28 @@ impl<'a> Allowances<'a> {
             descend::<L, _, true>(simd, trees, query, agenda, near, (usize::MAX, BATCH));
             self.keep_all_apart(curves, &near.all, blocks);
             near.all.clear();
+            self.compact_if_large(blocks, counted);
+            if self.is_full() {
+                return;
+            }
         }
     }
 
     /// Adds all pairs of blocks within the range. Segments of two blocks that are not near one
     /// another have at least the distance within which pairs bound allowances.
-    fn add_leaves(&self, curves: [usize; 2], range: f32, blocks: &mut Vec<NearBlocks>) {
+    fn add_leaves(&self, curves: [usize; 2], range: f32, buffers: &mut Buffers) {
         let trees = curves.map(|i| self.trees.of(self.covered.set, i));
         let [i, j] = curves.map(|i| self.first[i]);
         let least = ((self.reach / SHARE).min(f32::MAX.into()) as f32) * (1.0 - 1e-6);
         near_leaves(trees, range, |a, b, gap| {
             if i != j || a <= b {
-                blocks.push(NearBlocks {
+                buffers.blocks.push(NearBlocks {
                     blocks: [i + a, j + b],
                     gap: gap.max(least),
                 });
+                self.compact_if_large(&mut buffers.blocks, &mut buffers.counted);
             }
+            !self.is_full()
         });
     }
 
@@ -277,13 +334,6 @@ impl<'a> Allowances<'a> {
             self.lower(set.support(i, s).chain(set.support(i, next)), most);
         }
     }
-}
-
-/// Adds each pair of blocks once, with its smallest gap. Leaves `blocks` empty.
-fn add_nearest(blocks: &mut Vec<NearBlocks>, near: &mut Vec<NearBlocks>) {
-    blocks.sort_unstable_by(|a, b| a.blocks.cmp(&b.blocks).then(a.gap.total_cmp(&b.gap)));
-    blocks.dedup_by_key(|near| near.blocks);
-    near.append(blocks);
 }
 
 /// Returns upper bounds of the motion of the differences of consecutive Bezier control points if

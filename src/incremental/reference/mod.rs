@@ -8,7 +8,7 @@ mod neighbours;
 #[cfg(test)]
 mod tests;
 
-use self::allowances::Allowances;
+use self::allowances::{Allowances, MOST_NEAR};
 pub(super) use self::neighbours::{Block, Neighbours};
 use super::affine::Sample;
 use super::blocks::CHUNK;
@@ -44,14 +44,26 @@ pub(super) struct Reference {
 
 impl Reference {
     /// Builds a reference frame from a frame and its linking numbers: for the pairs of a share, or
-    /// for all.
+    /// for all. Returns `None` if too many of its segments are near one another: the memory for
+    /// them is limited.
     pub fn build(
         set: CurveSet,
         certificate: Arc<Certificate>,
         frame: u64,
         coverage: Coverage,
         share: Option<&Share>,
-    ) -> Reference {
+    ) -> Option<Reference> {
+        Reference::build_within(MOST_NEAR, set, certificate, frame, (coverage, share))
+    }
+
+    /// [`Reference::build`] with at most this number of near pairs of blocks.
+    fn build_within(
+        most: usize,
+        set: CurveSet,
+        certificate: Arc<Certificate>,
+        frame: u64,
+        (coverage, share): (Coverage, Option<&Share>),
+    ) -> Option<Reference> {
         let mut trees = Trees::default();
         let covered = Covered {
             set: &set,
@@ -59,10 +71,11 @@ impl Reference {
         };
         trees.refit(covered);
         let sample = Sample::new(&set, coverage.open_curves);
-        let (allowances, neighbours) = Allowances::new(covered, &trees, share).fill(&certificate);
+        let allowances = Allowances::new(covered, &trees, share, most);
+        let (allowances, neighbours) = allowances.fill(&certificate)?;
         let points = set.positions().into_copy();
         let packed = Packed::blocks(points.positions(), set.max_abs(), &allowances);
-        Reference {
+        Some(Reference {
             set,
             points,
             coverage,
@@ -72,7 +85,7 @@ impl Reference {
             allowances,
             packed,
             neighbours,
-        }
+        })
     }
 
     /// Returns the number of chunks of points.

@@ -108,7 +108,7 @@ impl Neighbours {
 pub(super) fn near_leaves(
     [first, second]: [CurveTree<'_>; 2],
     range: f32,
-    mut near: impl FnMut(u32, u32, f32),
+    mut near: impl FnMut(u32, u32, f32) -> bool,
 ) {
     let mut agenda = vec![(first.root(), second.root())];
     let mut leaf = BoxGroup::EMPTY;
@@ -123,7 +123,11 @@ pub(super) fn near_leaves(
             (0..LANES as u32).filter(move |k| bits >> k & 1 != 0)
         };
         match (t.level, u.level) {
-            (0, 0) => near(t.index, u.index, gap),
+            (0, 0) => {
+                if !near(t.index, u.index, gap) {
+                    return;
+                }
+            }
             (p, q) if p >= q => {
                 let group = first.children(t, &mut leaf);
                 agenda.extend(lanes(&b, group).map(|k| (t.child(k), u)));

@@ -169,6 +169,7 @@ proptest! {
         // Pairs that are too close to decide remain so.
         let unknown = ledger.first_step(&set, &set, coverage, None).undecided;
         let reference = Reference::build(set.clone(), Arc::new(certificate), 0, coverage, None);
+        let reference = reference.unwrap();
         prop_assert!(reference.allowances.iter().all(|&a| a >= 0.0));
         let [a, b] = [0, 1].map(|k| moved(&curves, &reference, seeds[k], directions[k]));
         for (before, after) in [(&set, &a), (&set, &b), (&a, &b)] {
@@ -179,5 +180,22 @@ proptest! {
                 prop_assert!(known, "{defect:?}");
             }
         }
+    }
+}
+
+/// Regression test: the list of near segments of a wound ball grew until the memory was exhausted.
+#[test]
+fn a_reference_frame_with_too_many_near_segments_is_given_up() {
+    let scene = "woundball:segments=20000".parse::<crate::scenes::Scene>();
+    let scene = scene.unwrap().build().unwrap();
+    let certificate = Arc::new(scene.certificate);
+    let build = |most| {
+        let (set, certificate) = (scene.curves.clone(), Arc::clone(&certificate));
+        Reference::build_within(most, set, certificate, 0, (Coverage::default(), None))
+    };
+    // It has some 1,500,000 near pairs of blocks.
+    assert!(build(MOST_NEAR).is_some());
+    for most in [1_000_000, 1000, 0] {
+        assert!(build(most).is_none(), "{most}");
     }
 }
