@@ -196,10 +196,10 @@ pub use sinks::{
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};
 #[cfg(feature = "verify")]
-pub use thickness::{CurvePoint, MinRad, Strut, Thickness, struts};
+pub use thickness::{ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, struts};
 pub use verdict::{
-    AbortOn, Change, ChangeKind, Defect, DefectKind, Link, Place, PullThrough, Report, Stats,
-    Verdict,
+    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Link, Place,
+    PullThrough, Report, Stats, Verdict,
 };
 #[cfg(feature = "verify")]
 pub use verifier::{

@@ -37,7 +37,7 @@ pub use basis::Basis;
 #[cfg(feature = "verify")]
 pub(crate) use basis::{Bezier, Bounds, point_at, sub_segment};
 #[cfg(feature = "verify")]
-pub(crate) use boxes::{Box3, BoxGroup, larger, smaller};
+pub(crate) use boxes::{Box3, BoxGroup, above, below, larger, smaller};
 #[cfg(feature = "verify")]
 pub use builder::CurveSetBuilder;
 #[cfg(feature = "verify")]
@@ -53,9 +53,9 @@ pub(crate) use lazy::Received;
 pub(crate) use notation::{Notation, significant};
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]
-pub(crate) use set::Hulls;
-#[cfg(feature = "verify")]
 pub use set::{Curve, CurveSet};
+#[cfg(feature = "verify")]
+pub(crate) use set::{Hulls, Shape};
 #[cfg(feature = "verify")]
 pub(crate) use tile::{Bad, largest_within};
 

@@ -111,6 +111,22 @@ impl Clone for CurveSet {
     }
 }
 
+/// Basis, precision and sizes of the curves of a set.
+#[derive(Clone, Debug)]
+pub(crate) struct Shape {
+    basis: Basis,
+    precision: Precision,
+    curves: Arc<Vec<Curve>>,
+}
+
+impl PartialEq for Shape {
+    fn eq(&self, other: &Shape) -> bool {
+        self.basis == other.basis
+            && self.precision == other.precision
+            && (Arc::ptr_eq(&self.curves, &other.curves) || self.curves == other.curves)
+    }
+}
+
 /// Reader of the Bezier control points of segments. It asks once if the arrays of the set are
 /// built, before many segments are read.
 #[derive(Clone, Copy, Debug)]
@@ -323,9 +339,16 @@ impl CurveSet {
     /// Returns true if another set has the same curves in the same precision, so that only
     /// positions may differ.
     pub(crate) fn same_layout(&self, other: &CurveSet) -> bool {
-        self.basis == other.basis
-            && self.precision() == other.precision()
-            && (Arc::ptr_eq(&self.curves, &other.curves) || self.curves == other.curves)
+        self.shape() == other.shape()
+    }
+
+    /// Returns everything but the positions.
+    pub(crate) fn shape(&self) -> Shape {
+        Shape {
+            basis: self.basis,
+            precision: self.precision(),
+            curves: Arc::clone(&self.curves),
+        }
     }
 
     /// Returns the basis of all curves.

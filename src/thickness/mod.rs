@@ -6,12 +6,15 @@
 //! place where two parts of the curves approach one another.
 
 mod brute;
+mod clearance;
 mod edges;
 mod octree;
 #[cfg(test)]
 mod tests;
 mod words;
 
+pub(crate) use self::clearance::ClearanceMonitor;
+pub use self::clearance::{ClearanceOptions, CloseBlock};
 use self::edges::{Edges, Found};
 use self::octree::Octree;
 use crate::curve::{CurveSet, Point};

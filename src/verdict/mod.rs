@@ -1,11 +1,13 @@
 //! Verdict on a frame: findings, defects, work counters, and the abort policy.
 
 mod change;
+mod clearance;
 mod message;
 mod policy;
 mod pull_through;
 
 pub use change::{Change, ChangeKind, Link};
+pub use clearance::{Clearance, CloseStrands};
 #[cfg(feature = "client")]
 pub(crate) use message::words_of_roll_back;
 pub use policy::AbortOn;
@@ -281,6 +283,10 @@ pub struct Report {
     /// touch there, so a simulator with soft contacts goes back further. `None` if pull-throughs
     /// are not searched for, or if the last verified frame before this one was not intact.
     pub safe_fraction: Option<f64>,
+    /// Clearance of the strands, if it is measured (`VerifierOptions::clearance`). It changes no
+    /// verdict. It may depend on earlier frames, within the bounds that it states.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clearance: Option<Clearance>,
     /// Names of the curves that appeared since the last verified frame. Their linking numbers are
     /// expected from this frame on.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -333,6 +339,7 @@ impl Report {
             adopted: Vec::new(),
             last_intact: None,
             safe_fraction: None,
+            clearance: None,
             appeared: Vec::new(),
             gone: Vec::new(),
             missing: Vec::new(),

@@ -23,19 +23,25 @@ pub enum AbortOn {
     Event,
     /// A frame is invalid: NaN, an infinite coordinate, or other curves than in the previous frame.
     Rejected,
+    /// Strands are closer than the level of the warning ([`Clearance::low`]), or a finding of
+    /// [`AbortOn::Any`].
+    ///
+    /// [`Clearance::low`]: crate::Clearance::low
+    Clearance,
     /// No finding: watch and record only.
     Never,
 }
 
 impl AbortOn {
     /// All policies.
-    pub const ALL: [AbortOn; 7] = [
+    pub const ALL: [AbortOn; 8] = [
         AbortOn::Any,
         AbortOn::Lost,
         AbortOn::Gained,
         AbortOn::Contact,
         AbortOn::Event,
         AbortOn::Rejected,
+        AbortOn::Clearance,
         AbortOn::Never,
     ];
 
@@ -48,11 +54,10 @@ impl AbortOn {
             .filter(|d| d.kind == DefectKind::Contact);
         let has_contact = contacts.any(|d| !expected(d));
         let unlike = |kind| report.changes.iter().any(|c| c.kind() != kind);
+        let any = || matches!(report.verdict, Verdict::Changed | Verdict::Rejected) || has_contact;
         match self {
-            AbortOn::Any => {
-                let stops = matches!(report.verdict, Verdict::Changed | Verdict::Rejected);
-                stops || has_contact
-            }
+            AbortOn::Any => any(),
+            AbortOn::Clearance => report.clearance.is_some_and(|c| c.low) || any(),
             AbortOn::Lost => unlike(ChangeKind::Gained),
             AbortOn::Gained => unlike(ChangeKind::Lost),
             AbortOn::Contact => has_contact,
@@ -71,6 +76,7 @@ impl AbortOn {
             AbortOn::Contact => "contact",
             AbortOn::Event => "event",
             AbortOn::Rejected => "rejected",
+            AbortOn::Clearance => "clearance",
             AbortOn::Never => "never",
         }
     }
@@ -85,7 +91,7 @@ impl fmt::Display for AbortOn {
 impl FromStr for AbortOn {
     type Err = Error;
     fn from_str(s: &str) -> Result<Self> {
-        let known = "expected any, lost, gained, contact, event, rejected or never";
+        let known = "expected any, lost, gained, contact, event, rejected, clearance or never";
         let found = Self::ALL.into_iter().find(|a| a.word() == s);
         found.ok_or_else(|| Error::Usage(known.into()))
     }
@@ -94,7 +100,7 @@ impl FromStr for AbortOn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::{Change, Place, PullThrough};
+    use crate::verdict::{Change, Clearance, Place, PullThrough};
 
     fn report(verdict: Verdict) -> Report {
         Report::new(0, 0.0, verdict)
@@ -114,8 +120,22 @@ mod tests {
         }
     }
 
+    /// Returns an intact report whose clearance is low, or not.
+    fn close(low: bool) -> Report {
+        let clearance = Clearance {
+            at_least: 0.4,
+            closest: None,
+            low,
+            frames_left: None,
+        };
+        Report {
+            clearance: Some(clearance),
+            ..report(Verdict::Intact)
+        }
+    }
+
     #[test]
-    fn each_policy_stops_at_its_finding_only() {
+    fn each_policy_stops_at_its_findings_only() {
         let contact = Defect {
             i: 0,
             j: Some(1),
@@ -144,12 +164,14 @@ mod tests {
             ..report(Verdict::Changed)
         };
         for (report, stops) in [
-            (changed(1, 0), &["any", "lost"][..]),
-            (changed(0, 1), &["any", "gained"]),
-            (changed(1, 2), &["any", "lost", "gained"]),
-            (contact, &["any", "contact"]),
-            (event, &["any", "event"]),
-            (report(Verdict::Rejected), &["any", "rejected"]),
+            (changed(1, 0), &["any", "lost", "clearance"][..]),
+            (changed(0, 1), &["any", "gained", "clearance"]),
+            (changed(1, 2), &["any", "lost", "gained", "clearance"]),
+            (contact, &["any", "contact", "clearance"]),
+            (event, &["any", "event", "clearance"]),
+            (close(true), &["clearance"]),
+            (close(false), &[]),
+            (report(Verdict::Rejected), &["any", "rejected", "clearance"]),
             (report(Verdict::Undecided), &[]),
             (report(Verdict::Intact), &[]),
         ] {

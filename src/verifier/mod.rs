@@ -30,7 +30,8 @@ use crate::ingest::{RawFrame, ingest};
 use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, Share, closest_approach};
 use crate::pool;
-use crate::verdict::{AbortOn, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
+use crate::thickness::{ClearanceMonitor, CloseBlock};
+use crate::verdict::{AbortOn, Clearance, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -93,6 +94,8 @@ pub struct Timings {
     pub pairs: Duration,
     /// Time of the discretization and the linking numbers of all potential links.
     pub links: Duration,
+    /// Time of the clearance.
+    pub clearance: Duration,
     /// Total time, comparison included.
     pub total: Duration,
 }
@@ -121,6 +124,10 @@ pub struct Verifier {
     unknown_step: Option<String>,
     /// Pairs of curves that are verified; `None`: all.
     share: Option<Share>,
+    /// Measures the clearance; `None` if nobody asked for it, or it failed.
+    clearance: Option<ClearanceMonitor>,
+    /// Reason why the clearance is not measured, although somebody asked for it.
+    unmeasured: Option<String>,
     /// Extent of the first frame.
     extent: Option<f64>,
     /// Change of the curves before the next frame.
@@ -192,6 +199,8 @@ impl Verifier {
             baseline_changed: true,
             unknown_step: None,
             share: None,
+            clearance: options.clearance.map(ClearanceMonitor::new),
+            unmeasured: None,
             extent: None,
             change: None,
             appeared: Vec::new(),
@@ -203,8 +212,13 @@ impl Verifier {
     /// numbers. Verifiers with all shares of a [`Partition`](crate::Partition) find together what a
     /// single one finds ([`Joiner`](crate::Joiner)). Call this before the first frame.
     ///
-    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves.
+    /// Errors: [`Error::CertificateMismatch`] if the baseline has another number of curves;
+    /// [`Error::Usage`] if clearance is measured, which is not shared.
     pub fn verify_share(&mut self, share: Share) -> Result<()> {
+        if self.clearance.is_some() {
+            let what = "clearance is measured of all pairs of curves, not of a share";
+            return Err(Error::Usage(what.into()));
+        }
         let curves = share.partition().curves();
         if let Some(baseline) = &mut self.baseline {
             if baseline.curves != curves {
@@ -237,6 +251,28 @@ impl Verifier {
         self.steps.set_share(share.clone());
         self.monitor = Monitor::new(self.steps.coverage(), share.clone());
         self.share = share;
+    }
+
+    /// Sets the radius of each curve, in the units of the simulation, if clearance is measured with
+    /// the radii of the curves ([`ClearanceOptions`](crate::ClearanceOptions)).
+    ///
+    /// Errors: [`Error::Usage`] if a radius is not a positive length.
+    pub fn set_radii(&mut self, radii: &[f32]) -> Result<()> {
+        match &mut self.clearance {
+            Some(clearance) => clearance.set_radii(radii),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns the clearance of the parts of all curves that are close to others, for display.
+    pub fn close_blocks(&self) -> Vec<CloseBlock> {
+        let clearance = self.clearance.as_ref();
+        clearance.map_or_else(Vec::new, ClearanceMonitor::close_blocks)
+    }
+
+    /// Returns the reason why clearance is not measured, although the options ask for it.
+    pub fn unmeasured_clearance(&self) -> Option<&str> {
+        self.unmeasured.as_deref()
     }
 
     /// Returns which linking numbers of the last full run were decided by sums, and which by
@@ -442,6 +478,9 @@ impl Verifier {
         self.previous = None;
         self.unknown_step = None;
         self.steps.forget();
+        if let Some(clearance) = &mut self.clearance {
+            clearance.forget();
+        }
     }
 
     /// Announces that the next frame has other curves than the previous ones.
@@ -502,6 +541,9 @@ impl Verifier {
             let new = |origin: &Option<u32>| origin.is_none_or(|o| pending.contains(&o));
             let appeared = (0_u32..).zip(origins).filter(|(_, origin)| new(origin));
             self.appeared = appeared.map(|(i, _)| i).collect();
+        }
+        if let Some(clearance) = &mut self.clearance {
+            clearance.forget();
         }
         let share = self.share.as_ref().map(|share| share.with_curves(origins));
         self.set_share(share);
@@ -583,6 +625,7 @@ impl Verifier {
             gone,
             missing,
             stats: Stats { extent, ..stats },
+            clearance: self.measure_clearance(seq, set),
             ..Report::new(seq, time, Verdict::Intact)
         };
         report.verdict = report.verdict_of_findings();
@@ -596,6 +639,24 @@ impl Verifier {
         self.full.timings.total = start.elapsed();
         self.step_from = self.previous.replace(seq);
         Ok((report, linking))
+    }
+
+    /// Measures the clearance of a frame. If that fails, no later frame is measured.
+    fn measure_clearance(&mut self, seq: u64, set: &CurveSet) -> Option<Clearance> {
+        let monitor = self.clearance.as_mut()?;
+        let start = Instant::now();
+        let (before, keeps) = (self.steps.before(), self.steps.keeps_frames());
+        let measured = monitor.measure(before, set, seq, keeps);
+        self.full.timings.clearance = start.elapsed();
+        match measured {
+            Ok(clearance) => Some(clearance),
+            Err(e) => {
+                tracing::warn!("clearance is not measured from frame {seq} on: {e}");
+                self.unmeasured = Some(e.to_string());
+                self.clearance = None;
+                None
+            }
+        }
     }
 
     /// Compares a frame with the baseline, by the strategy of the verifier.

@@ -4,6 +4,7 @@ use crate::certificate::Certificate;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, MOTION_LIMIT};
 use crate::kernels::{Accuracy, Device, Method};
+use crate::thickness::ClearanceOptions;
 use crate::verdict::AbortOn;
 
 /// Options of a [`Verifier`](crate::Verifier).
@@ -50,6 +51,11 @@ pub struct VerifierOptions {
     /// their pair of curves and both moved further than the limit. With an infinite limit there are
     /// none.
     pub motion_limit: Option<f64>,
+    /// Strands whose clearance is measured in each frame ([`Report::clearance`]). `None`, the
+    /// default: clearance is not measured.
+    ///
+    /// [`Report::clearance`]: crate::Report::clearance
+    pub clearance: Option<ClearanceOptions>,
     /// Maximum number of pairs of curves whose boxes overlap, in a frame or in the motion since the
     /// previous one. A frame with more is not verified ([`Error::TooManyPairs`]), because the
     /// memory for them, up to 200 bytes each, may not be there. The default is
@@ -118,6 +124,7 @@ impl Default for VerifierOptions {
             strategy: Strategy::default(),
             events: Events::default(),
             motion_limit: None,
+            clearance: None,
             max_pairs: VerifierOptions::MAX_PAIRS,
             kernel: Method::default(),
             accuracy: Accuracy::default(),
@@ -155,6 +162,13 @@ impl VerifierOptions {
         }
         if self.abort_on == AbortOn::Event && !searches {
             return refuse("abort on event needs events, which are off".into());
+        }
+        match &self.clearance {
+            Some(clearance) => clearance.check()?,
+            None if self.abort_on == AbortOn::Clearance => {
+                return refuse("abort on clearance needs the thickness of the strands".into());
+            }
+            None => {}
         }
         if let Some(limit) = self.motion_limit {
             if limit.is_nan() || limit < 0.0 {
@@ -250,6 +264,36 @@ mod tests {
             ..VerifierOptions::default()
         };
         assert_refused(options, ["abort on event", "events"]);
+    }
+
+    #[test]
+    fn abort_on_clearance_needs_a_thickness() {
+        let options = |clearance| VerifierOptions {
+            abort_on: AbortOn::Clearance,
+            clearance,
+            ..VerifierOptions::default()
+        };
+        assert_refused(options(None), ["abort on clearance", "thickness"]);
+        assert!(Verifier::new(options(Some(ClearanceOptions::new(Some(1.0))))).is_ok());
+    }
+
+    #[test]
+    fn rejects_a_radius_that_is_not_a_length_and_a_level_that_is_no_share() {
+        let refused = |radius, low, words| {
+            let mut clearance = ClearanceOptions::new(radius);
+            clearance.low = low;
+            let options = VerifierOptions {
+                clearance: Some(clearance),
+                ..VerifierOptions::default()
+            };
+            assert_refused(options, words);
+        };
+        for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            refused(Some(radius), 0.5, ["radius", "length"]);
+        }
+        for low in [-0.1, 1.1, f64::NAN] {
+            refused(None, low, ["clearance", "0 to 1"]);
+        }
     }
 
     #[test]

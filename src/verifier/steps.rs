@@ -105,7 +105,7 @@ impl Steps {
     }
 
     /// Returns true if frames are kept for the next step.
-    fn keeps_frames(&self) -> bool {
+    pub fn keeps_frames(&self) -> bool {
         self.incremental || self.events != Events::Off
     }
 
