@@ -378,12 +378,14 @@ impl Replay {
     }
 }
 
-/// Returns true if a report equals a recorded one. Work counters are not compared. Motions and the
+/// Returns true if a report equals a recorded one. Work counters and clearance are not compared. Motions and the
 /// state to roll back to are not compared if the recording has none, as in earlier versions. The
 /// last intact frame may be one that the recording lacks.
 fn alike(found: &Report, recorded: &Report) -> bool {
     let mut found = found.clone();
     found.stats = recorded.stats;
+    // It was measured with options of its own, and depends on the frames before.
+    found.clearance = recorded.clearance;
     found.last_intact = recorded.last_intact;
     if found.safe_fraction.is_none() || recorded.safe_fraction.is_none() {
         found.safe_fraction = recorded.safe_fraction;

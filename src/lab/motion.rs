@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::incremental::Events;
 use crate::ingest::{FramePool, RawFrame};
 use crate::scenes::{Frames, Motion};
+use crate::thickness::ClearanceOptions;
 use crate::verdict::{Report, Verdict};
 use crate::verifier::{Strategy, Verifier, VerifierOptions};
 use std::hint::black_box;
@@ -85,6 +86,8 @@ pub struct MotionStudy {
     /// Motion beyond which pull-throughs that cancel count as unresolved
     /// ([`VerifierOptions::motion_limit`]).
     pub motion_limit: Option<f64>,
+    /// Clearance that the incremental verifier measures.
+    pub clearance: Option<ClearanceOptions>,
 }
 
 impl MotionStudy {
@@ -95,6 +98,7 @@ impl MotionStudy {
                 strategy,
                 events: self.events,
                 motion_limit: self.motion_limit,
+                clearance: self.clearance.filter(|_| strategy == Strategy::Incremental),
                 ..VerifierOptions::default()
             })
         };
@@ -117,6 +121,7 @@ impl MotionStudy {
         let mut row = MotionRow {
             motion: name,
             amplitude,
+            lowest: f64::INFINITY,
             ..MotionRow::default()
         };
         // The search for pull-throughs must see every frame.
@@ -142,8 +147,18 @@ impl MotionStudy {
                 full.cut();
             }
             let (report, took) = stream.verify(&mut incremental, frame, positions)?;
+            // The clearance has a column of its own.
+            let clearance = match report.clearance {
+                Some(found) => {
+                    let ratio = found.closest.map_or(f64::INFINITY, |c| c.ratio);
+                    row.lowest = row.lowest.min(ratio);
+                    incremental.timings().clearance.as_secs_f64() * 1e3
+                }
+                None => 0.0,
+            };
+            row.clearance.push(clearance);
             row.receive.push(took[0]);
-            row.frame.push(took[0] + took[1]);
+            row.frame.push(took[0] + took[1] - clearance);
             let work = incremental.work();
             row.routes[work.route as usize] += 1;
             row.blocks += work.blocks;
@@ -227,6 +242,10 @@ pub struct MotionRow {
     pub receive: Vec<f64>,
     /// Times to receive and to verify a frame incrementally.
     pub frame: Vec<f64>,
+    /// Times to measure the clearance, not contained in `frame`.
+    pub clearance: Vec<f64>,
+    /// Lowest clearance of all frames; infinite if it was not measured, or nothing came close.
+    pub lowest: f64,
     /// Times to copy a frame into the arrays of a curve set, for a full run.
     pub update: Vec<f64>,
     /// Times to copy a frame and to verify it in full.

@@ -73,29 +73,6 @@ impl Leaves for &CurveSet {
     }
 }
 
-/// Boxes of all curves of a frame, closed and open.
-#[derive(Clone, Copy)]
-pub(crate) struct AllCurves<'a>(pub &'a CurveSet);
-
-impl Leaves for AllCurves<'_> {
-    fn curves(&self) -> &[Curve] {
-        self.0.curves()
-    }
-
-    fn has_tree(&self, _: usize) -> bool {
-        true
-    }
-
-    fn stored(&self, segments: u32) -> bool {
-        stores_leaves(self.0.basis(), segments)
-    }
-
-    #[inline(always)]
-    fn boxes(&self, i: usize, g: usize) -> BoxGroup {
-        self.0.leaf_boxes(i, g)
-    }
-}
-
 /// Returns true if the boxes of single segments are stored: for splines, because their boxes cost
 /// more to compute than to load, and for small curves, because they are visited by many pairs
 /// relative to their size.

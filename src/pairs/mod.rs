@@ -10,7 +10,6 @@ mod closest;
 mod descent;
 mod layout;
 mod links;
-mod near;
 mod overlaps;
 mod refit;
 mod share;
@@ -24,9 +23,8 @@ pub(crate) use closest::{
     Nearest, Scale, closest_approach, closest_of_segments, closest_points, nearest,
 };
 pub(crate) use descent::{Agenda, Query, SegmentPairs, descend, overlapping};
-pub(crate) use layout::{AllCurves, Leaves, Node, SMALL};
+pub(crate) use layout::{Leaves, Node, SMALL};
 pub(crate) use links::{degenerate_curves, potential_links};
-pub(crate) use near::{MOST_NEAR, first_blocks, near_leaves};
 pub(crate) use overlaps::overlapping_segments;
 pub(crate) use refit::refits_in_parallel;
 pub(crate) use share::Nearby;

@@ -12,7 +12,7 @@ use linkwatch::lab::{
     FrameSource, GeneratedMotion, MotionRow, MotionStudy, Table, median, percentile,
 };
 use linkwatch::scenes::{Frames, Motion, Scene};
-use linkwatch::{AbortOn, CurveSet, Error, Events, Report, Result};
+use linkwatch::{AbortOn, ClearanceOptions, CurveSet, Error, Events, Report, Result};
 use serde_json::{Value, json};
 use std::path::Path;
 #[cfg(feature = "mcap")]
@@ -67,6 +67,10 @@ pub struct Args {
         value_parser = amplitude
     )]
     amplitudes: Vec<f64>,
+    /// Measure the clearance of strands of this radius as well, in units of the model: its time, and
+    /// the share of a full run
+    #[arg(long, value_name = "R", value_parser = positive)]
+    thickness: Option<f64>,
     #[command(flatten)]
     event_args: EventArgs,
 }
@@ -140,6 +144,7 @@ impl Study {
                 curves,
                 events: args.event_args.events(AbortOn::Never),
                 motion_limit: args.event_args.motion_limit,
+                clearance: args.thickness.map(|r| ClearanceOptions::new(Some(r))),
             },
             as_json,
             table: table(),
@@ -185,7 +190,12 @@ impl Study {
         let described = (motion.to_owned(), amplitude);
         let row = self.motions.measure(described, source, count, report)?;
         if !self.as_json {
-            bar.suspend(|| output::line(self.table.row(cells(&row))));
+            bar.suspend(|| {
+                output::line(self.table.row(cells(&row)));
+                if self.motions.clearance.is_some() {
+                    output::line(clearance(&row));
+                }
+            });
         }
         self.rows.push(row);
         Ok(())
@@ -285,6 +295,20 @@ fn cells(row: &MotionRow) -> [String; 13] {
     ]
 }
 
+/// Returns the time of the clearance, and its share of a full run.
+fn clearance(row: &MotionRow) -> String {
+    let [clearance, full] = medians([&row.clearance, &row.full]);
+    let mean = row.clearance.iter().sum::<f64>() / row.clearance.len() as f64;
+    let share = |ms: f64| 100.0 * ms / full;
+    format!(
+        "  clearance: {clearance:.4} ms, {:.1} % of a full run; mean {mean:.4} ms, {:.1} %; lowest \
+         {:.3}",
+        share(clearance),
+        share(mean),
+        row.lowest,
+    )
+}
+
 fn row_json(row: &MotionRow) -> Value {
     let [read, full, frame] = medians([&row.read, &row.full, &row.frame]);
     let [receive, update] = medians([&row.receive, &row.update]);
@@ -306,6 +330,8 @@ fn row_json(row: &MotionRow) -> Value {
             "quiet": row.routes[1],
             "partial": row.routes[2],
         },
+        "clearance_ms": median(row.clearance.iter().copied()),
+        "lowest_clearance": row.lowest.is_finite().then_some(row.lowest),
         "events": row.events,
         "compared": row.compared(),
         "equal": row.equal,

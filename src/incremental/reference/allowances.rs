@@ -31,15 +31,13 @@
 
 use super::clearance::typical_clearance;
 use super::gap::{DEPTH, GOOD, gap, least_component};
-use super::neighbours::{Block, NearBlocks, Neighbours};
+use super::neighbours::{Block, NearBlocks, Neighbours, first_blocks, near_leaves};
 use crate::certificate::Certificate;
 use crate::curve::vector::distance;
 use crate::curve::{Basis, Box3, CurveSet, Point, pow2};
 use crate::discretize::Hull;
 use crate::incremental::covered::Covered;
-use crate::pairs::{
-    Agenda, LinkSearch, Query, SegmentPairs, Share, Trees, descend, first_blocks, near_leaves,
-};
+use crate::pairs::{Agenda, LinkSearch, Query, SegmentPairs, Share, Trees, descend};
 use crate::simd::{LANES, Lanes, dispatch};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
@@ -54,6 +52,10 @@ const RANGE: f64 = 2.0;
 
 /// Number of segment pairs that are gathered before they are processed.
 const BATCH: usize = 1024;
+
+/// Maximum number of near pairs of blocks, of which each needs up to 40 bytes. Yarn has about ten
+/// per block; the strands of a wound ball, which are all near one another, have thousands.
+pub(super) const MOST_NEAR: usize = 1 << 24;
 
 /// Number of new entries after which a list of near blocks is compacted.
 const COMPACT: usize = 1 << 20;

@@ -8,7 +8,7 @@ mod neighbours;
 #[cfg(test)]
 mod tests;
 
-use self::allowances::Allowances;
+use self::allowances::{Allowances, MOST_NEAR};
 pub(super) use self::neighbours::{Block, Neighbours};
 use super::affine::Sample;
 use super::blocks::CHUNK;
@@ -17,7 +17,7 @@ use super::covered::Covered;
 use super::packed::Packed;
 use crate::certificate::Certificate;
 use crate::curve::{CurveSet, Received};
-use crate::pairs::{MOST_NEAR, Share, Trees};
+use crate::pairs::{Share, Trees};
 use std::sync::Arc;
 
 /// A frame with proven linking numbers, and the allowances of its points.

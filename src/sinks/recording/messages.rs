@@ -7,7 +7,8 @@ use crate::error::{Error, Result};
 use crate::incremental::{Route, Work};
 use crate::sinks::{BaselineRecord, FrameTimes, LiveTimes};
 use crate::verdict::{
-    Change, Defect, DefectKind, Link, Place, PullThrough, Report, Stats, Verdict,
+    Change, Clearance, CloseStrands, Defect, DefectKind, Link, Place, PullThrough, Report, Stats,
+    Verdict,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -266,6 +267,7 @@ impl From<&Report> for schema::Report {
             adopted: r.adopted.iter().map(Into::into).collect(),
             last_intact: r.last_intact,
             safe_fraction: r.safe_fraction,
+            clearance: r.clearance.as_ref().map(Into::into),
             appeared: r.appeared.clone(),
             gone: r.gone.clone(),
             missing: r.missing.clone(),
@@ -297,12 +299,62 @@ impl TryFrom<schema::Report> for Report {
             adopted: r.adopted.into_iter().map(Into::into).collect(),
             last_intact: r.last_intact,
             safe_fraction: r.safe_fraction,
+            clearance: r.clearance.map(Into::into),
             appeared: r.appeared,
             gone: r.gone,
             missing: r.missing,
             rejected: r.rejected,
             stats: r.stats.unwrap_or_default().into(),
         })
+    }
+}
+
+impl From<&Clearance> for schema::Clearance {
+    fn from(c: &Clearance) -> Self {
+        let strands = |c: CloseStrands| {
+            let [[x_i, y_i, z_i], [x_j, y_j, z_j]] = c.points;
+            schema::CloseStrands {
+                i: c.i,
+                j: c.j,
+                segment_i: c.segments[0],
+                segment_j: c.segments[1],
+                x_i,
+                y_i,
+                z_i,
+                x_j,
+                y_j,
+                z_j,
+                distance: c.distance,
+                ratio: c.ratio,
+                error: c.error,
+            }
+        };
+        schema::Clearance {
+            at_least: c.at_least,
+            closest: c.closest.map(strands),
+            low: c.low,
+            frames_left: c.frames_left,
+        }
+    }
+}
+
+impl From<schema::Clearance> for Clearance {
+    fn from(c: schema::Clearance) -> Self {
+        let closest = c.closest.map(|c| CloseStrands {
+            i: c.i,
+            j: c.j,
+            segments: [c.segment_i, c.segment_j],
+            points: [[c.x_i, c.y_i, c.z_i], [c.x_j, c.y_j, c.z_j]],
+            distance: c.distance,
+            ratio: c.ratio,
+            error: c.error,
+        });
+        Clearance {
+            at_least: c.at_least,
+            closest,
+            low: c.low,
+            frames_left: c.frames_left,
+        }
     }
 }
 

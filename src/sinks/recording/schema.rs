@@ -94,6 +94,57 @@ pub struct Report {
     /// Reasons why pairs were not verified, if several processes share the pairs.
     #[prost(string, repeated, tag = "16")]
     pub missing: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// Clearance of the strands, if it was measured.
+    #[prost(message, optional, tag = "17")]
+    pub clearance: ::core::option::Option<Clearance>,
+}
+/// See linkwatch::Clearance.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Clearance {
+    /// Lower bound for all strands: a distance as a share of the sum of the radii.
+    #[prost(double, tag = "1")]
+    pub at_least: f64,
+    /// Absent if no strands are close.
+    #[prost(message, optional, tag = "2")]
+    pub closest: ::core::option::Option<CloseStrands>,
+    /// True if the clearance is below the level of the warning.
+    #[prost(bool, tag = "3")]
+    pub low: bool,
+    /// Frames until contact at the rate of the last frames; absent if it does not shrink.
+    #[prost(double, optional, tag = "4")]
+    pub frames_left: ::core::option::Option<f64>,
+}
+/// See linkwatch::CloseStrands.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct CloseStrands {
+    #[prost(uint32, tag = "1")]
+    pub i: u32,
+    #[prost(uint32, tag = "2")]
+    pub j: u32,
+    #[prost(uint32, tag = "3")]
+    pub segment_i: u32,
+    #[prost(uint32, tag = "4")]
+    pub segment_j: u32,
+    /// Nearest points of both center lines, and their distance.
+    #[prost(double, tag = "5")]
+    pub x_i: f64,
+    #[prost(double, tag = "6")]
+    pub y_i: f64,
+    #[prost(double, tag = "7")]
+    pub z_i: f64,
+    #[prost(double, tag = "8")]
+    pub x_j: f64,
+    #[prost(double, tag = "9")]
+    pub y_j: f64,
+    #[prost(double, tag = "10")]
+    pub z_j: f64,
+    #[prost(double, tag = "11")]
+    pub distance: f64,
+    /// The distance as a share of the sum of the radii, and the bound of its error.
+    #[prost(double, tag = "12")]
+    pub ratio: f64,
+    #[prost(double, tag = "13")]
+    pub error: f64,
 }
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Progress {

@@ -30,6 +30,7 @@ use self::strands::{Arcs, Measured, Strands};
 use self::trend::Trend;
 use crate::curve::{CurveSet, Positions, Received, Shape};
 use crate::error::{Error, Result};
+use crate::simd::dispatch;
 use crate::verdict::Clearance;
 use rayon::prelude::*;
 
@@ -41,7 +42,7 @@ pub(crate) const REACH: f64 = 1.5;
 const LOW: f64 = 0.5;
 
 /// Smallest and largest tolerance: shares of a diameter.
-const TOLERANCES: (f64, f64) = (0.01, 0.25);
+const TOLERANCES: (f64, f64) = (0.01, 0.5);
 
 /// Number of segments per pair of blocks that may be measured in a frame without a larger
 /// tolerance.
@@ -143,7 +144,7 @@ impl ClearanceMonitor {
             list: None,
             seen: None,
             own: None,
-            level: options.low,
+            level: REACH,
             tolerance: TOLERANCES.0,
             skin: 0.0,
             closest: Vec::new(),
@@ -245,11 +246,15 @@ impl ClearanceMonitor {
             None => self.arcs.insert((set.shape(), Arcs::new(set))),
         };
         let mut list = match moved {
-            Some(list) if list.farthest() <= self.skin => list,
+            Some(list) if list.covers(self.level) => list,
             old => {
                 self.skin = next_skin(self.skin, &self.radii, old.as_ref());
                 self.closest.clear();
-                build(set, (&self.radii, arcs), (self.skin, self.level), old)?
+                let reach = Reach {
+                    ratio: (self.level + 2.0 * self.tolerance).min(REACH),
+                    skin: self.skin,
+                };
+                build(set, (&self.radii, arcs), (reach, self.level), old.as_ref())?
             }
         };
         let strands = Strands::new(set, positions, &self.radii, arcs);
@@ -300,8 +305,8 @@ impl ClearanceMonitor {
     /// Chooses the level of the next frame.
     fn adapt(&mut self, list: &mut NearList, ratio: f64) {
         let level = (ratio - self.tolerance).max(self.options.low);
-        // To raise it, all pairs are visited.
-        let raise = level - self.level > 0.5 * self.tolerance && list.age() % 8 == 0;
+        // To raise it, all pairs are visited, and sometimes a list with more pairs is built.
+        let raise = level - self.level > 0.5 * self.tolerance && list.age() % 8 == 7;
         if level < self.level || raise {
             self.level = level;
         }
@@ -317,7 +322,7 @@ fn next_skin(skin: f64, radii: &[f64], old: Option<&NearList>) -> f64 {
     let largest = radii.iter().fold(0.0, |a: f64, &b| a.max(b));
     match old.map(NearList::age) {
         None => 2.0 * largest,
-        Some(..16) => (2.0 * skin).min(32.0 * largest),
+        Some(..8) => (2.0 * skin).min(8.0 * largest),
         Some(256..) => (0.5 * skin).max(largest),
         Some(_) => skin,
     }
@@ -327,8 +332,8 @@ fn next_skin(skin: f64, radii: &[f64], old: Option<&NearList>) -> f64 {
 fn build(
     set: &CurveSet,
     strands: (&[f64], &Arcs),
-    (skin, level): (f64, f64),
-    old: Option<NearList>,
+    (reach, level): (Reach, f64),
+    old: Option<&NearList>,
 ) -> Result<NearList> {
     let refuse = |what: String| Error::Unsupported {
         format: "clearance",
@@ -337,11 +342,10 @@ fn build(
     if set.max_abs() > LARGEST {
         return Err(refuse(format!("of coordinates above {LARGEST:e}")));
     }
-    let reach = Reach { ratio: REACH, skin };
     NearList::build(set, strands, reach, level, old).ok_or_else(|| {
         refuse(format!(
             "of more than {} pairs of close strands; is the radius too large?",
-            crate::pairs::MOST_NEAR
+            near::MOST_NEAR
         ))
     })
 }
@@ -354,22 +358,19 @@ fn measure_due(
     strands: &Strands<'_>,
     (level, closest): (f64, &mut Vec<u32>),
 ) -> (Vec<Measured>, usize) {
-    let mut due = list.due(level);
-    due.sort_unstable();
-    due.dedup();
+    let mut due = list.due(strands.positions(), level);
     let count = due.len();
     due.append(closest);
     due.sort_unstable();
     due.dedup();
-    let measure = |&k: &u32| strands.measure(list.pair(k));
+    let measure = |&k: &u32| dispatch!(Strands::measure(strands, list.pair(k), level));
     let measured: Vec<Measured> = match due.len() {
         ..MANY => due.iter().map(measure).collect(),
         _ => due.par_iter().with_min_len(MANY / 4).map(measure).collect(),
     };
     for (&k, measured) in due.iter().zip(&measured) {
-        list.update(k, measured);
+        list.update(k, measured, strands.positions(), level);
     }
-    list.update_due(&due, level);
     let close = (0..due.len()).filter(|&k| measured[k].ratio() < REACH);
     let mut close: Vec<usize> = close.collect();
     let order = |&a: &usize, &b: &usize| {

@@ -1,6 +1,6 @@
 //! Motion of a scene from one frame to the next: a rigid motion, and what remains.
 
-use crate::curve::{Point, Positions};
+use crate::curve::{Point, Positions, larger, smaller};
 use nalgebra::{Matrix3, Vector3};
 
 /// Number of points to which a rigid motion is fitted.
@@ -65,7 +65,13 @@ impl Rigid {
         }
     }
 
+    /// Returns the rotation, unless nothing turns.
+    pub fn rotation(&self) -> Option<Matrix3<f64>> {
+        (self.spin > 0.0).then(|| self.turn + Matrix3::identity())
+    }
+
     /// Returns the displacement of a point.
+    #[inline(always)]
     pub fn displacement(&self, point: Point) -> Point {
         let d = match self.spin {
             0.0 => self.shift,
@@ -75,71 +81,81 @@ impl Rigid {
     }
 }
 
-/// Box of the displacements of some points.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shifts {
-    lo: Point,
-    hi: Point,
+/// A floating-point type of coordinates.
+pub(super) trait Real:
+    Copy + Send + Sync + std::ops::Sub<Output = Self> + PartialOrd
+{
+    /// The largest number.
+    const MOST: Self;
+    /// The smallest number.
+    const LEAST: Self;
+    fn wide(self) -> f64;
 }
 
-impl Shifts {
-    pub const EMPTY: Shifts = Shifts {
-        lo: [f64::INFINITY; 3],
-        hi: [f64::NEG_INFINITY; 3],
+impl Real for f32 {
+    const MOST: f32 = f32::MAX;
+    const LEAST: f32 = f32::MIN;
+    #[inline(always)]
+    fn wide(self) -> f64 {
+        self.into()
+    }
+}
+
+impl Real for f64 {
+    const MOST: f64 = f64::MAX;
+    const LEAST: f64 = f64::MIN;
+    #[inline(always)]
+    fn wide(self) -> f64 {
+        self
+    }
+}
+
+/// Box of the displacements of some points, in the precision of their coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shifts<T> {
+    lo: [T; 3],
+    hi: [T; 3],
+}
+
+impl<T: Real> Shifts<T> {
+    pub const EMPTY: Shifts<T> = Shifts {
+        lo: [T::MOST; 3],
+        hi: [T::LEAST; 3],
     };
 
-    /// Adds the displacements of a range of points.
-    pub fn add(&mut self, [before, after]: [Positions<'_>; 2], points: std::ops::Range<usize>) {
-        match (before, after) {
-            (Positions::F32(q), Positions::F32(p)) => self.add_all(q, p, points),
-            (Positions::F64(q), Positions::F64(p)) => self.add_all(q, p, points),
-            _ => unreachable!("frames of the same curves have the same precision"),
-        }
-    }
-
+    /// Adds the displacements of points from one frame to the next.
     #[inline(always)]
-    fn add_all<T>(&mut self, q: &[T], p: &[T], points: std::ops::Range<usize>)
-    where
-        T: Copy + std::ops::Sub<Output = T> + PartialOrd + Into<f64>,
-    {
-        let range = 3 * points.start..3 * points.end;
-        let (q, p) = (&q[range.clone()], &p[range]);
-        let mut rest = 0;
+    pub fn add(&mut self, q: &[T], p: &[T]) {
+        let ((eights_q, q), (eights_p, p)) = (q.as_chunks::<24>(), p.as_chunks::<24>());
         // Eight points at once: minima and maxima of halves, in vectors.
-        for (q, p) in q.as_chunks::<24>().0.iter().zip(p.as_chunks::<24>().0) {
+        for (q, p) in eights_q.iter().zip(eights_p) {
             let d: [T; 24] = std::array::from_fn(|k| p[k] - q[k]);
-            let least = |a: T, b: T| if a < b { a } else { b };
-            let most = |a: T, b: T| if a > b { a } else { b };
-            let lo: [T; 12] = std::array::from_fn(|k| least(d[k], d[k + 12]));
-            let hi: [T; 12] = std::array::from_fn(|k| most(d[k], d[k + 12]));
-            let lo: [T; 6] = std::array::from_fn(|k| least(lo[k], lo[k + 6]));
-            let hi: [T; 6] = std::array::from_fn(|k| most(hi[k], hi[k + 6]));
+            let lo: [T; 12] = std::array::from_fn(|k| smaller(d[k], d[k + 12]));
+            let hi: [T; 12] = std::array::from_fn(|k| larger(d[k], d[k + 12]));
+            let lo: [T; 6] = std::array::from_fn(|k| smaller(lo[k], lo[k + 6]));
+            let hi: [T; 6] = std::array::from_fn(|k| larger(hi[k], hi[k + 6]));
             for x in 0..3 {
-                self.lo[x] = self.lo[x].min(least(lo[x], lo[x + 3]).into());
-                self.hi[x] = self.hi[x].max(most(hi[x], hi[x + 3]).into());
+                self.lo[x] = smaller(self.lo[x], smaller(lo[x], lo[x + 3]));
+                self.hi[x] = larger(self.hi[x], larger(hi[x], hi[x + 3]));
             }
-            rest += 24;
         }
-        for (q, p) in q[rest..]
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .zip(p[rest..].as_chunks::<3>().0)
-        {
+        for (q, p) in q.as_chunks::<3>().0.iter().zip(p.as_chunks::<3>().0) {
             for x in 0..3 {
-                let d = (p[x] - q[x]).into();
-                self.lo[x] = self.lo[x].min(d);
-                self.hi[x] = self.hi[x].max(d);
+                let d = p[x] - q[x];
+                self.lo[x] = smaller(self.lo[x], d);
+                self.hi[x] = larger(self.hi[x], d);
             }
         }
     }
 
     /// Returns an upper bound of the differences between the displacements and `shift`. Covers the
     /// rounding of the displacements to the precision of the coordinates.
+    #[inline(always)]
     pub fn largest_from(&self, shift: Point) -> f64 {
         let most = [0, 1, 2].map(|x| {
-            let far = (self.hi[x] - shift[x]).max(shift[x] - self.lo[x]);
-            far + 1e-7 * (self.hi[x].abs() + self.lo[x].abs() + shift[x].abs())
+            let (lo, hi) = (self.lo[x].wide(), self.hi[x].wide());
+            let far = larger(hi - shift[x], shift[x] - lo);
+            far + 1e-7 * (hi.abs() + lo.abs() + shift[x].abs())
         });
         (most[0] * most[0] + most[1] * most[1] + most[2] * most[2]).sqrt() * (1.0 + 1e-9)
     }
@@ -164,7 +180,7 @@ mod tests {
             let rigid = Rigid::fit(frames);
             for (k, &q) in points.iter().enumerate() {
                 let mut shifts = Shifts::EMPTY;
-                shifts.add(frames, k..k + 1);
+                shifts.add(&points[k], &moved[k]);
                 let rest = shifts.largest_from(rigid.displacement(q));
                 assert!(rest < 1e-5, "{rest:e}");
             }
@@ -178,9 +194,8 @@ mod tests {
             let mut point = || [0.0; 3].map(|_: f64| random.between(-1.0, 1.0) as f32);
             let before: Vec<[f32; 3]> = (0..n).map(|_| point()).collect();
             let after: Vec<[f32; 3]> = (0..n).map(|_| point()).collect();
-            let frames = [&before, &after].map(|p| Positions::F32(p.as_flattened()));
             let mut shifts = Shifts::EMPTY;
-            shifts.add(frames, 0..n);
+            shifts.add(before.as_flattened(), after.as_flattened());
             let shift = [0.25, -0.5, 0.125];
             let far = |(q, p): (&[f32; 3], &[f32; 3])| {
                 let d = [0, 1, 2].map(|x| f64::from(p[x]) - f64::from(q[x]) - shift[x]);

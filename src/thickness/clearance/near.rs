@@ -1,17 +1,16 @@
 //! Near pairs of blocks, and how long each may be left alone.
 
 use super::CloseBlock;
-use super::motion::{Rigid, Shifts};
+use super::motion::{Real, Rigid, Shifts};
 use super::strands::{Arcs, Measured};
-use crate::curve::vector::distance;
-use crate::curve::{Basis, Box3, CurveSet, Positions, above, below, pow2};
-use crate::pairs::{AllCurves, LinkSearch, MOST_NEAR, Trees, near_leaves};
-use crate::simd::LANES;
+use crate::cancel::PairLimit;
+use crate::curve::vector::{distance, norm, sub};
+use crate::curve::{Basis, Box3, CurveSet, Point, Positions, above, below, larger, pow2};
+use crate::pairs::LinkSearch;
+use crate::simd::{LANES, dispatch};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-use std::cmp;
-use std::f64::consts::PI;
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of blocks per task.
 const GRAIN: usize = 4096;
@@ -19,10 +18,14 @@ const GRAIN: usize = 4096;
 /// Margin of a bound, in diameters, that covers all rounding to single precision.
 const MARGIN: f64 = 1e-6;
 
+/// Maximum number of near pairs of blocks, of which each needs up to 60 bytes. Yarn has about ten
+/// per block.
+pub(super) const MOST_NEAR: usize = 1 << 24;
+
 /// Distance up to which pairs are listed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
-    /// Clearance up to which strands are close.
+    /// Clearance below which the list is complete.
     pub ratio: f64,
     /// Travel up to which the list is complete.
     pub skin: f64,
@@ -31,6 +34,8 @@ pub(super) struct Reach {
 /// A block of eight segments of a curve.
 #[derive(Clone, Debug)]
 struct Block {
+    /// Number, counted over all curves.
+    number: u32,
     curve: u32,
     /// Points that it depends on, counted over all curves: a range, and another one if it wraps
     /// around the end of a closed curve.
@@ -44,36 +49,85 @@ struct Block {
 #[derive(Clone, Copy, Debug)]
 struct NearPair {
     blocks: [u32; 2],
-    /// Travel of the blocks when the pair was measured.
-    travel: [f32; 2],
-    /// Lower bound of the clearance at that time.
-    bound: f32,
-    /// Clearance at that time; infinite if it is unknown.
-    ratio: f32,
     radii: f32,
+    /// Clearance when the pair was measured; infinite if it never was.
+    ratio: f32,
+    /// Lower bound of the clearance for these travels of the blocks.
+    bound: f32,
+    travel: [f32; 2],
+    /// What is known from the time when the pair was measured, or listed.
+    anchor: Anchor,
+}
+
+/// A lower bound of the clearance of a pair, and how its blocks were placed then.
+#[derive(Clone, Copy, Debug)]
+struct Anchor {
+    bound: f32,
+    /// Vector between the first points of the blocks, turned back to the orientation that the scene
+    /// had when the list was built.
+    between: [f32; 3],
+    /// Sum of the deformations of the blocks.
+    deformation: f32,
 }
 
 impl NearPair {
     /// Returns the travel of one of the blocks up to which the pair is above a level.
+    #[inline(always)]
     fn due(&self, side: usize, level: f64) -> f32 {
         let slack = 0.5 * (f64::from(self.bound) - level) * f64::from(self.radii);
         below(f64::from(self.travel[side]) + slack)
     }
+}
 
-    /// Returns the lower bound of the clearance for these travels.
-    fn bound_at(&self, travel: [f32; 2]) -> f64 {
-        let [a, b] = [0, 1].map(|k| f64::from(travel[k]) - f64::from(self.travel[k]));
-        f64::from(self.bound) - (a + b) / f64::from(self.radii) * (1.0 + 1e-9)
-    }
+/// Motion from one frame to the next.
+struct Step {
+    rigid: Rigid,
+    stretch: f64,
+}
 
-    /// Returns the order of the pairs in the list: by curves, then by blocks.
-    fn order(&self, other: &NearPair, blocks: &[Block]) -> cmp::Ordering {
-        let key = |pair: &NearPair| {
-            let [i, j] = pair.blocks.map(|block| blocks[block as usize].curve);
-            (i, j, pair.blocks)
-        };
-        key(self).cmp(&key(other))
+impl Step {
+    /// Adds the motion of some blocks. Returns their largest travel.
+    #[inline(always)]
+    fn advance<T: Real>(&self, [q, p]: [&[T]; 2], blocks: &[Block], paths: &mut [Path]) -> f32 {
+        let mut farthest = 0.0_f32;
+        for (block, path) in blocks.iter().zip(paths) {
+            let own = 3 * block.points.start as usize..3 * block.points.end as usize;
+            let (q_own, p_own) = (&q[own.clone()], &p[own]);
+            let mut shifts = Shifts::EMPTY;
+            shifts.add(q_own, p_own);
+            if !block.wrapped.is_empty() {
+                let rest = 3 * block.wrapped.start as usize..3 * block.wrapped.end as usize;
+                shifts.add(&q[rest.clone()], &p[rest]);
+            }
+            let from = [0, 1, 2].map(|x| q_own[x].wide());
+            let shift = [0, 1, 2].map(|x| p_own[x].wide() - from[x]);
+            let size = f64::from(block.size) + 2.0 * f64::from(path.deformation);
+            let deformed = shifts.largest_from(shift) + self.rigid.spin * size;
+            let traveled = norm(sub(shift, self.rigid.displacement(from))) + deformed;
+            path.travel = up(path.travel, self.stretch * traveled);
+            path.deformation = up(path.deformation, self.stretch * deformed);
+            farthest = larger(farthest, path.travel);
+        }
+        farthest
     }
+}
+
+/// Returns the sum of two numbers that are not negative, rounded up.
+#[inline(always)]
+fn up(x: f32, by: f64) -> f32 {
+    ((f64::from(x) + by) * (1.0 + 2.0 * f64::from(f32::EPSILON))) as f32
+}
+
+/// State of a block.
+#[derive(Clone, Copy, Debug, Default)]
+struct Path {
+    /// Sum, over all frames since the list was built, of the largest distance that one of its
+    /// points moved relative to the rigid motion of the scene.
+    travel: f32,
+    /// The same, relative to the motion of its first point, but for the rotation of the scene.
+    deformation: f32,
+    /// Travel up to which no pair of the block is due.
+    due: f32,
 }
 
 /// The near pairs of a frame, kept up to date in later ones.
@@ -82,16 +136,16 @@ pub(super) struct NearList {
     blocks: Vec<Block>,
     /// First block of each curve.
     first: Vec<u32>,
-    /// Travel of each block since the list was built.
-    travel: Vec<f32>,
-    /// Travel of each block up to which no pair of it is due.
-    due: Vec<f32>,
+    paths: Vec<Path>,
     pairs: Vec<NearPair>,
     /// First pair of each block in `of`, and the number of all.
     starts: Vec<u32>,
     of: Vec<u32>,
     /// Bound of the motion of curves if their control points move by 1.
     stretch: f64,
+    /// Rotation of the scene since the list was built.
+    rotation: Matrix3<f64>,
+    reach: Reach,
     farthest: f32,
     age: u32,
 }
@@ -103,74 +157,70 @@ impl NearList {
         (radii, arcs): (&[f64], &Arcs),
         reach: Reach,
         level: f64,
-        old: Option<NearList>,
+        old: Option<&NearList>,
     ) -> Option<NearList> {
-        let mut trees = Trees::default();
-        trees.refit(AllCurves(set));
+        let first = &arcs.first;
+        let blocks = blocks(set, first);
         // Rounding of single-precision boxes.
         let rounding = set.max_abs() * pow2(-22);
-        let range = |i: usize| above(reach.ratio * radii[i] + reach.skin + rounding);
-        let boxes = trees.roots().iter().enumerate();
-        let boxes: Vec<Box3> = boxes.map(|(i, b)| b.dilated(range(i))).collect();
-        let mut search = LinkSearch::default();
-        let curves = search.find(&boxes);
-        let itself = |i: &u32| {
-            let (length, radius) = (f64::from(arcs.lengths[*i as usize]), radii[*i as usize]);
-            length > PI * radius
+        let bounds = |block: &Block| {
+            let number = block.number - first[block.curve as usize];
+            set.leaf_boxes(block.curve as usize, number as usize)
+                .bounds()
         };
-        curves.extend((0..set.len() as u32).filter(itself).map(|i| (i, i)));
-        curves.sort();
-        let first = &arcs.first;
-        let size = curves
-            .len()
-            .div_ceil(8 * rayon::current_num_threads())
-            .max(1);
-        let count = AtomicUsize::new(0);
-        let found: Vec<Vec<NearPair>> = curves
-            .par_chunks(size)
-            .map(|curves| {
-                let mut all: Vec<NearPair> = Vec::new();
-                for &(i, j) in curves {
-                    let (i, j) = (i as usize, j as usize);
-                    let sum = radii[i] + radii[j];
-                    let begin = all.len();
-                    let both = [i, j].map(|i| trees.of(set, i));
-                    let within = above(f64::from(range(i)) + f64::from(range(j)));
-                    let curve = set.curve(i);
-                    near_leaves(both, within, |a, b, gap| {
-                        let is_pair = match i == j {
-                            true => a <= b && arcs.are_apart(i, &curve, [a, b], radii[i]),
-                            false => true,
-                        };
-                        if is_pair {
-                            let gap = (f64::from(gap) - rounding).max(0.0);
-                            all.push(NearPair {
-                                blocks: [first[i] + a, first[j] + b],
-                                travel: [0.0; 2],
-                                bound: below(gap / sum - MARGIN),
-                                ratio: f32::INFINITY,
-                                radii: sum as f32,
-                            });
-                        }
-                        all.len() - begin <= MOST_NEAR
-                    });
-                    all[begin..].sort_unstable_by_key(|pair| pair.blocks);
-                    let new = all.len() - begin;
-                    if count.fetch_add(new, Ordering::Relaxed) + new > MOST_NEAR {
-                        return Vec::new();
-                    }
-                }
-                all
-            })
-            .collect();
-        if count.into_inner() > MOST_NEAR {
+        let boxes: Vec<Box3> = blocks.par_iter().with_min_len(GRAIN).map(bounds).collect();
+        let dilated = boxes.iter().zip(&blocks).map(|(b, block)| {
+            let radius = radii[block.curve as usize];
+            b.dilated(above(reach.ratio * radius + reach.skin + rounding))
+        });
+        let dilated: Vec<Box3> = dilated.collect();
+        let mut search = LinkSearch::default();
+        let limit = PairLimit::default();
+        limit.begin(MOST_NEAR);
+        search.limit_to(limit.clone());
+        let found = search.find(&dilated);
+        if limit.is_exceeded() {
             return None;
         }
-        let pairs = found.concat();
-        let blocks = blocks(set, first);
+        let itself = blocks.iter().map(|block| (block.number, block.number));
+        found.extend(itself);
+        found.sort();
+        let positions = set.positions();
+        let positions = positions.as_positions();
+        let listed = |&(a, b): &(u32, u32)| {
+            let [p, q] = [a, b].map(|k| &blocks[k as usize]);
+            let [i, j] = [p, q].map(|block| block.curve as usize);
+            let pair = [a, b].map(|k| k - first[i]);
+            if i == j && !arcs.are_apart(i, &set.curve(i), pair, radii[i]) {
+                return None;
+            }
+            let sum = radii[i] + radii[j];
+            let gap = boxes[a as usize].dist_sq_below(&boxes[b as usize]).sqrt();
+            let bound = below((gap - 2.0 * rounding).max(0.0) / sum - MARGIN);
+            let [x, y] = [p, q].map(|block| positions.point(block.points.start as usize));
+            Some(NearPair {
+                blocks: [a, b],
+                radii: sum as f32,
+                ratio: f32::INFINITY,
+                bound,
+                travel: [0.0; 2],
+                anchor: Anchor {
+                    bound,
+                    between: sub(y, x).map(|d| d as f32),
+                    deformation: 0.0,
+                },
+            })
+        };
+        let pairs: Vec<NearPair> = match found.len() {
+            ..GRAIN => found.iter().filter_map(listed).collect(),
+            _ => found
+                .par_iter()
+                .with_min_len(GRAIN)
+                .filter_map(listed)
+                .collect(),
+        };
         let mut list = NearList {
-            travel: vec![0.0; blocks.len()],
-            due: vec![f32::INFINITY; blocks.len()],
+            paths: vec![Path::default(); blocks.len()],
             starts: vec![0; blocks.len() + 1],
             of: Vec::new(),
             first: first.clone(),
@@ -180,12 +230,14 @@ impl NearList {
                 Basis::CatmullRom => 4.0 / 3.0,
                 Basis::Polyline | Basis::Bezier | Basis::BSpline => 1.0,
             },
+            rotation: Matrix3::identity(),
+            reach,
             farthest: 0.0,
             age: 0,
         };
         list.index();
         if let Some(old) = old {
-            list.inherit(&old);
+            list.inherit(old, positions);
         }
         list.set_level(level);
         Some(list)
@@ -216,23 +268,17 @@ impl NearList {
 
     /// Takes over what an older list knows about the pairs of this one, so that they need not be
     /// measured again.
-    fn inherit(&mut self, old: &NearList) {
-        if old.first != self.first {
-            return;
-        }
+    fn inherit(&mut self, old: &NearList, positions: Positions<'_>) {
         let mut known = old.pairs.iter().peekable();
         for pair in &mut self.pairs {
-            while known
-                .next_if(|k| k.order(pair, &self.blocks) == cmp::Ordering::Less)
-                .is_some()
-            {}
+            while known.next_if(|k| k.blocks < pair.blocks).is_some() {}
             let Some(same) = known.next_if(|k| k.blocks == pair.blocks) else {
                 continue;
             };
-            let travel = same.blocks.map(|block| old.travel[block as usize]);
-            let bound = same.bound_at(travel);
+            let bound = old.bound_now(same, positions);
             if bound > f64::from(pair.bound) {
                 pair.bound = below(bound);
+                pair.anchor.bound = pair.bound;
             }
             pair.ratio = same.ratio;
         }
@@ -240,38 +286,55 @@ impl NearList {
 
     /// Returns the list for the next frame, in which the blocks have moved.
     pub fn moved(mut self, frames: [Positions<'_>; 2]) -> NearList {
-        let (rigid, stretch) = (Rigid::fit(frames), self.stretch);
-        let advance = |blocks: &[Block], travel: &mut [f32]| -> f32 {
-            let mut farthest = 0.0_f32;
-            for (block, travel) in blocks.iter().zip(travel) {
-                let shift = rigid.displacement(frames[0].point(block.points.start as usize));
-                let mut shifts = Shifts::EMPTY;
-                for range in [&block.points, &block.wrapped] {
-                    shifts.add(frames, range.start as usize..range.end as usize);
-                }
-                let size = f64::from(block.size) + 2.0 * f64::from(*travel);
-                let step = shifts.largest_from(shift) + rigid.spin * size;
-                *travel = above(f64::from(*travel) + stretch * step);
-                farthest = farthest.max(*travel);
-            }
-            farthest
+        let step = Step {
+            rigid: Rigid::fit(frames),
+            stretch: self.stretch,
         };
-        let NearList { blocks, travel, .. } = &mut self;
-        self.farthest = match blocks.len() {
-            ..GRAIN => advance(blocks, travel),
-            _ => blocks
-                .par_chunks(GRAIN)
-                .zip(travel.par_chunks_mut(GRAIN))
-                .map(|(blocks, travel)| advance(blocks, travel))
-                .reduce(|| 0.0, f32::max),
+        self.farthest = match frames {
+            [Positions::F32(q), Positions::F32(p)] => self.advance(&step, [q, p]),
+            [Positions::F64(q), Positions::F64(p)] => self.advance(&step, [q, p]),
+            _ => unreachable!("frames of the same curves have the same precision"),
         };
+        if let Some(turn) = step.rigid.rotation() {
+            self.rotation = turn * self.rotation;
+        }
         self.age += 1;
         self
     }
 
-    /// Returns the largest travel of a block.
-    pub fn farthest(&self) -> f64 {
-        self.farthest.into()
+    /// Adds the motion of all blocks. Returns the largest travel.
+    fn advance<T: Real>(&mut self, step: &Step, frames: [&[T]; 2]) -> f32 {
+        let NearList { blocks, paths, .. } = self;
+        let chunks = blocks.chunks(GRAIN).zip(paths.chunks_mut(GRAIN));
+        let run = |(blocks, paths): (&[Block], &mut [Path])| -> f32 {
+            dispatch!(Step::advance(step, frames, blocks, paths))
+        };
+        match chunks.len() {
+            ..2 => chunks.map(run).fold(0.0, f32::max),
+            _ => chunks.par_bridge().map(run).reduce(|| 0.0, f32::max),
+        }
+    }
+
+    /// Returns a lower bound of the clearance of a pair in the current frame: its blocks have moved
+    /// relative to one another by the change of the vector between their first points, and by their
+    /// deformations.
+    fn bound_now(&self, pair: &NearPair, positions: Positions<'_>) -> f64 {
+        let [a, b] = pair.blocks.map(|block| block as usize);
+        let [x, y] = [a, b].map(|k| positions.point(self.blocks[k].points.start as usize));
+        let between = self.rotation.tr_mul(&Vector3::from(sub(y, x)));
+        let before = Vector3::from(pair.anchor.between.map(f64::from));
+        // Rounding of the vector, also of its components far from the origin.
+        let rounding = 1e-7 * (before.amax() + between.amax());
+        let deformation = f64::from(self.paths[a].deformation)
+            + f64::from(self.paths[b].deformation)
+            - f64::from(pair.anchor.deformation);
+        let moved = (between - before).norm() + 4.0 * rounding + deformation;
+        f64::from(pair.anchor.bound) - moved / f64::from(pair.radii) * (1.0 + 1e-9)
+    }
+
+    /// Returns true if the list is complete up to a level in the current frame.
+    pub fn covers(&self, level: f64) -> bool {
+        f64::from(self.farthest) <= self.reach.skin && level <= self.reach.ratio
     }
 
     /// Returns the number of frames since the list was built.
@@ -288,83 +351,100 @@ impl NearList {
     }
 
     /// Returns the pairs that may be below a level: the one for which the list was prepared, or a
-    /// lower one.
-    pub fn due(&self, level: f64) -> Vec<u32> {
+    /// lower one. `positions` are those of the current frame.
+    pub fn due(&mut self, positions: Positions<'_>, level: f64) -> Vec<u32> {
         let mut due = Vec::new();
-        let blocks = self.travel.iter().zip(&self.due).enumerate();
-        for (block, _) in blocks.filter(|(_, (travel, due))| travel >= due) {
-            for &k in self.pairs_of(block) {
-                let pair = &self.pairs[k as usize];
-                let sides = 0..2;
-                let is_due =
-                    |side: usize| self.travel[pair.blocks[side] as usize] >= pair.due(side, level);
-                if sides.into_iter().any(is_due) {
-                    due.push(k);
+        for block in 0..self.blocks.len() {
+            if self.paths[block].travel < self.paths[block].due {
+                continue;
+            }
+            let mut next = f32::INFINITY;
+            for at in self.starts[block]..self.starts[block + 1] {
+                let k = self.of[at as usize];
+                let mut pair = self.pairs[k as usize];
+                let travel = pair.blocks.map(|block| self.paths[block as usize].travel);
+                if (0..2).any(|side| travel[side] >= pair.due(side, level)) {
+                    let bound = self.bound_now(&pair, positions);
+                    pair.bound = below(bound);
+                    pair.travel = travel;
+                    self.pairs[k as usize] = pair;
+                    if bound <= level {
+                        due.push(k);
+                        continue;
+                    }
+                    for side in 0..2 {
+                        let due = &mut self.paths[pair.blocks[side] as usize].due;
+                        *due = due.min(pair.due(side, level));
+                    }
+                }
+                for side in 0..2 {
+                    if pair.blocks[side] as usize == block {
+                        next = next.min(pair.due(side, level));
+                    }
                 }
             }
+            self.paths[block].due = next;
         }
+        due.sort_unstable();
+        due.dedup();
         due
     }
 
-    fn pairs_of(&self, block: usize) -> &[u32] {
-        let [from, to] = [block, block + 1].map(|k| self.starts[k] as usize);
-        &self.of[from..to]
-    }
-
     /// Records the distance of a pair in the current frame.
-    pub fn update(&mut self, pair: u32, measured: &Measured) {
-        let pair = &mut self.pairs[pair as usize];
-        pair.travel = pair.blocks.map(|block| self.travel[block as usize]);
+    pub fn update(&mut self, pair: u32, measured: &Measured, positions: Positions<'_>, level: f64) {
+        let NearList {
+            blocks,
+            paths,
+            pairs,
+            rotation,
+            ..
+        } = self;
+        let pair = &mut pairs[pair as usize];
+        let [a, b] = pair.blocks.map(|block| block as usize);
+        let [x, y] = [a, b].map(|k| positions.point(blocks[k].points.start as usize));
+        let between = rotation.tr_mul(&Vector3::from(sub(y, x)));
         pair.bound = below(measured.bound.min(f64::from(f32::MAX)) - MARGIN);
         pair.ratio = measured.ratio() as f32;
+        pair.travel = [a, b].map(|k| paths[k].travel);
+        pair.anchor = Anchor {
+            bound: pair.bound,
+            between: Point::from(between).map(|d| d as f32),
+            deformation: below(f64::from(paths[a].deformation) + f64::from(paths[b].deformation)),
+        };
+        for side in 0..2 {
+            let due = &mut paths[pair.blocks[side] as usize].due;
+            *due = due.min(pair.due(side, level));
+        }
     }
 
-    /// Computes again up to which travel blocks that were due, and those of updated pairs, may be
-    /// left alone.
-    pub fn update_due(&mut self, pairs: &[u32], level: f64) {
-        for block in 0..self.blocks.len() {
-            if self.travel[block] >= self.due[block] {
-                self.due[block] = self.due_of(block, level);
-            }
-        }
-        for &k in pairs {
-            let pair = &self.pairs[k as usize];
-            for (side, &block) in pair.blocks.iter().enumerate() {
-                let due = &mut self.due[block as usize];
+    /// Prepares the list for a level.
+    pub fn set_level(&mut self, level: f64) {
+        self.paths
+            .iter_mut()
+            .for_each(|path| path.due = f32::INFINITY);
+        for pair in &self.pairs {
+            for side in 0..2 {
+                let due = &mut self.paths[pair.blocks[side] as usize].due;
                 *due = due.min(pair.due(side, level));
             }
         }
     }
 
-    fn due_of(&self, block: usize, level: f64) -> f32 {
-        let pairs = self.pairs_of(block).iter();
-        let due = pairs.flat_map(|&k| {
-            let pair = &self.pairs[k as usize];
-            let sides = (0..2).filter(move |&side| pair.blocks[side] as usize == block);
-            sides.map(move |side| pair.due(side, level))
-        });
-        due.fold(f32::INFINITY, f32::min)
-    }
-
-    /// Prepares the list for a level.
-    pub fn set_level(&mut self, level: f64) {
-        for block in 0..self.blocks.len() {
-            self.due[block] = self.due_of(block, level);
-        }
-    }
-
     /// Returns all blocks whose last measured clearance was below a limit.
     pub fn close_blocks(&self, limit: f64) -> Vec<CloseBlock> {
-        let close = (0..self.blocks.len()).filter_map(|block| {
-            let pairs = self.pairs_of(block).iter();
-            let ratios = pairs.map(|&k| f64::from(self.pairs[k as usize].ratio));
-            let ratio = ratios.fold(f64::INFINITY, f64::min);
-            let curve = self.blocks[block].curve;
-            let first = (block as u32 - self.first[curve as usize]) * LANES as u32;
-            (ratio < limit).then_some(CloseBlock {
-                curve,
+        let mut ratios = vec![f32::INFINITY; self.blocks.len()];
+        for pair in &self.pairs {
+            for block in pair.blocks {
+                let ratio = &mut ratios[block as usize];
+                *ratio = ratio.min(pair.ratio);
+            }
+        }
+        let close = self.blocks.iter().zip(ratios).filter_map(|(block, ratio)| {
+            let first = (block.number - self.first[block.curve as usize]) * LANES as u32;
+            (f64::from(ratio) < limit).then_some(CloseBlock {
+                curve: block.curve,
                 first,
-                ratio,
+                ratio: ratio.into(),
             })
         });
         close.collect()
@@ -398,6 +478,7 @@ fn blocks(set: &CurveSet, first: &[u32]) -> Vec<Block> {
             let all = own.clone().chain(wrapped.clone());
             let far = all.map(|k| distance(positions.point(k as usize), start));
             blocks.push(Block {
+                number: blocks.len() as u32,
                 curve: i as u32,
                 size: above(far.fold(0.0, f64::max)),
                 points: own,

@@ -1,15 +1,15 @@
 //! Blocks of eight segments, and the distance between two of them.
 
 use super::REACH;
-use crate::curve::vector::{add_scaled, distance, mix, norm, sub};
+use crate::curve::vector::{add_scaled, distance, norm, sub};
 use crate::curve::{Curve, CurveSet, Point, Positions, point_at};
-use crate::pairs::{first_blocks, nearest};
+use crate::pairs::nearest;
 use crate::simd::LANES;
 use crate::verdict::CloseStrands;
 use std::f64::consts::PI;
 
 /// Deviation of the chords of a spline, as a share of its radius, up to which they are not divided.
-const DEVIATION: f64 = 0.005;
+const DEVIATION: f64 = 0.02;
 
 /// Maximum number of chords of a segment.
 const CHORDS: usize = 8;
@@ -28,7 +28,14 @@ pub(super) struct Arcs {
 impl Arcs {
     /// Measures the chords of all segments.
     pub fn new(set: &CurveSet) -> Arcs {
-        let first = first_blocks(set);
+        let mut first = vec![0];
+        for curve in set.curves() {
+            first.push(
+                first
+                    .last()
+                    .map_or(0, |k| k + curve.segments.div_ceil(LANES as u32)),
+            );
+        }
         let blocks = *first.last().expect("the number of all blocks") as usize;
         let mut starts = vec![0.0; blocks * LANES];
         let mut lengths = Vec::with_capacity(set.len());
@@ -104,22 +111,16 @@ impl Measured {
     }
 }
 
-/// A segment, and a sphere around it.
-#[derive(Clone, Copy)]
-struct Segment {
-    middle: Point,
-    radius: f64,
-    /// Upper bound of the distance from its chord.
-    deviation: f64,
-    hull: [Point; 4],
-}
-
-/// A part of a curve.
+/// A part of a curve: its segments, and a sphere around each.
 struct Block {
     curve: usize,
     first: u32,
-    segments: [Segment; LANES],
     count: usize,
+    middles: [[f64; LANES]; 3],
+    radii: [f64; LANES],
+    /// Upper bounds of the distances of the segments from their chords.
+    deviations: [f64; LANES],
+    hulls: [[Point; 4]; LANES],
 }
 
 /// All strands of a frame.
@@ -152,48 +153,86 @@ impl<'a> Strands<'a> {
         self.set.segments()
     }
 
-    /// Measures the distance of two blocks, each given by its curve and its number.
-    pub fn measure(&self, [(i, a), (j, b)]: [(u32, u32); 2]) -> Measured {
+    /// Returns the positions of all control points.
+    pub fn positions(&self) -> Positions<'a> {
+        self.positions
+    }
+
+    /// Measures the distance of two blocks, each given by its curve and its number. Splines are
+    /// measured more precisely if their chords alone would not show that they are above the level.
+    #[inline(always)]
+    pub fn measure(&self, [(i, a), (j, b)]: [(u32, u32); 2], level: f64) -> Measured {
         let (i, j) = (i as usize, j as usize);
         let radii = self.radii[i] + self.radii[j];
         let [a, b] = [self.block(i, a), self.block(j, b)];
-        let mut bounds = [[f64::INFINITY; LANES]; LANES];
-        let mut least = (f64::INFINITY, 0, 0);
-        for (k, bounds) in bounds.iter_mut().enumerate().take(a.count) {
-            let one = &a.segments[k];
-            for (l, bound) in bounds.iter_mut().enumerate().take(b.count) {
-                let other = &b.segments[l];
-                let apart = distance(one.middle, other.middle);
-                *bound = apart * (1.0 - 1e-12) - one.radius - other.radius;
+        let mut squares = [[f64::INFINITY; LANES]; LANES];
+        for (k, squares) in squares.iter_mut().enumerate().take(a.count) {
+            let middle = [0, 1, 2].map(|x| a.middles[x][k]);
+            for (l, square) in squares.iter_mut().enumerate() {
+                let d = [0, 1, 2].map(|x| b.middles[x][l] - middle[x]);
+                *square = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) * (1.0 - 1e-12);
             }
         }
         if i == j {
-            self.exclude(&a, &b, &mut bounds);
+            self.exclude(&a, &b, &mut squares);
         }
-        for (k, row) in bounds.iter().enumerate() {
-            for (l, &bound) in row.iter().enumerate() {
-                if bound < least.0 {
-                    least = (bound, k, l);
+        let mut found = [(0, 0); LANES * LANES];
+        let (mut count, mut least) = (0, f64::INFINITY);
+        for k in 0..a.count {
+            let near = REACH * radii + a.radii[k];
+            for l in 0..b.count {
+                let most = near + b.radii[l];
+                least = least.min(squares[k][l]);
+                if squares[k][l] < most * most {
+                    found[count] = (k, l);
+                    count += 1;
                 }
             }
         }
-        if least.0 >= REACH * radii {
-            return Measured {
-                bound: least.0 / radii,
-                closest: None,
-            };
+        let largest = |block: &Block| block.radii.iter().fold(0.0, |m: f64, &r| m.max(r));
+        let beyond = (least.sqrt() - largest(&a) - largest(&b)).max(REACH * radii);
+        let none = Measured {
+            bound: beyond / radii,
+            closest: None,
+        };
+        let found = &mut found[..count];
+        // The closest spheres first.
+        if let Some(k) = (0..count).min_by(|&p, &q| {
+            let square = |k: usize| squares[found[k].0][found[k].1];
+            square(p).total_cmp(&square(q))
+        }) {
+            found.swap(0, k);
         }
-        let mut closest = self.closest([&a, &b], [least.1, least.2], radii);
-        let mut bound = closest.ratio - closest.error;
-        for (k, row) in bounds.iter().enumerate() {
-            for (l, &lower) in row.iter().enumerate() {
-                if lower >= closest.distance || (k, l) == (least.1, least.2) {
+        let mut rough = [0.0; LANES * LANES];
+        let (mut closest, mut bound) = (None::<CloseStrands>, f64::INFINITY);
+        for (&mut (k, l), rough) in found.iter_mut().zip(&mut rough) {
+            let best = closest.map_or(f64::INFINITY, |c| c.distance);
+            let most = best + a.radii[k] + b.radii[l];
+            if squares[k][l] >= most * most {
+                *rough = f64::INFINITY;
+                continue;
+            }
+            let strands = self.closest([&a, &b], [k, l], radii, false);
+            *rough = strands.distance - strands.error * radii;
+            bound = bound.min(strands.ratio - strands.error);
+            if strands.distance < best {
+                closest = Some(strands);
+            }
+        }
+        let Some(mut closest) = closest else {
+            return none;
+        };
+        if !self.set.basis().is_polyline() && bound < level.max(0.5 * (level + closest.ratio)) {
+            bound = f64::INFINITY;
+            closest.distance = f64::INFINITY;
+            for (&mut (k, l), &rough) in found.iter_mut().zip(&rough) {
+                if rough >= closest.distance {
                     continue;
                 }
-                let found = self.closest([&a, &b], [k, l], radii);
-                bound = bound.min(found.ratio - found.error);
-                if found.distance < closest.distance {
-                    closest = found;
+                let strands = self.closest([&a, &b], [k, l], radii, true);
+                bound = bound.min(strands.ratio - strands.error);
+                if strands.distance < closest.distance {
+                    closest = strands;
                 }
             }
         }
@@ -204,7 +243,7 @@ impl<'a> Strands<'a> {
     }
 
     /// Excludes pairs of segments of one curve that are near one another along it.
-    fn exclude(&self, a: &Block, b: &Block, bounds: &mut [[f64; LANES]; LANES]) {
+    fn exclude(&self, a: &Block, b: &Block, squares: &mut [[f64; LANES]; LANES]) {
         let i = a.curve;
         let curve = self.set.curve(i);
         let apart = PI * self.radii[i];
@@ -213,47 +252,31 @@ impl<'a> Strands<'a> {
                 let (s, t) = (a.first + k as u32, b.first + l as u32);
                 let near = || self.arcs.between(i, &curve, s, t) < apart;
                 if s >= t || curve.adjacent(s, t) || near() {
-                    bounds[k][l] = f64::INFINITY;
+                    squares[k][l] = f64::INFINITY;
                 }
             }
         }
     }
 
-    /// Returns the closest points of two segments.
-    fn closest(&self, [a, b]: [&Block; 2], [k, l]: [usize; 2], radii: f64) -> CloseStrands {
-        let (one, other) = (&a.segments[k], &b.segments[l]);
-        let mut best = (f64::INFINITY, [[0.0; 3]; 2]);
-        let mut error = 0.0;
-        if self.set.basis().is_polyline() {
-            best = closest_of_chords([one.hull[0], one.hull[3]], [other.hull[0], other.hull[3]]);
+    /// Returns the closest points of two segments: of their chords, or, if `precise` is set, of
+    /// several chords of each.
+    #[inline(always)]
+    fn closest(
+        &self,
+        [a, b]: [&Block; 2],
+        [k, l]: [usize; 2],
+        radii: f64,
+        precise: bool,
+    ) -> CloseStrands {
+        let (one, other) = (&a.hulls[k], &b.hulls[l]);
+        let mut error = a.deviations[k] + b.deviations[l];
+        let (distance, points) = if precise {
+            let found = self.closest_of_chords([a, b], [k, l]);
+            error = found.1;
+            found.0
         } else {
-            let chords = [(a.curve, one), (b.curve, other)].map(|(i, segment)| {
-                let parts = (segment.deviation / (DEVIATION * self.radii[i])).sqrt();
-                (parts.ceil() as usize).clamp(1, CHORDS)
-            });
-            for (segment, n) in [one, other].iter().zip(chords) {
-                error += segment.deviation / (n * n) as f64;
-            }
-            let [m, n] = chords;
-            let point = |segment: &Segment, k: usize, n: usize| match k {
-                0 => segment.hull[0],
-                k if k == n => segment.hull[3],
-                k => point_at(&segment.hull, k as f64 / n as f64),
-            };
-            let ends: [Point; CHORDS + 1] = std::array::from_fn(|q| point(other, q.min(n), n));
-            let mut start = one.hull[0];
-            for p in 1..=m {
-                let end = point(one, p, m);
-                for q in 0..n {
-                    let found = closest_of_chords([start, end], [ends[q], ends[q + 1]]);
-                    if found.0 < best.0 {
-                        best = found;
-                    }
-                }
-                start = end;
-            }
-        }
-        let (distance, points) = best;
+            closest_of_edges([one[0], one[3]], [other[0], other[3]])
+        };
         CloseStrands {
             ratio: distance / radii,
             error: error / radii,
@@ -265,7 +288,42 @@ impl<'a> Strands<'a> {
         }
     }
 
+    /// Returns the closest points of two splines, on as many chords as needed, and the bound of the
+    /// error of their distance.
+    fn closest_of_chords(
+        &self,
+        [a, b]: [&Block; 2],
+        [k, l]: [usize; 2],
+    ) -> ((f64, [Point; 2]), f64) {
+        let sides = [(a, k), (b, l)];
+        let [m, n] = sides.map(|(block, k)| {
+            let parts = block.deviations[k] / (DEVIATION * self.radii[block.curve]);
+            (parts.sqrt().ceil() as usize).clamp(1, CHORDS)
+        });
+        let [one, other] = [(a, k, m), (b, l, n)].map(|(block, k, n)| {
+            let hull = &block.hulls[k];
+            let point = |q: usize| match q {
+                0 => hull[0],
+                q if q >= n => hull[3],
+                q => point_at(hull, q as f64 / n as f64),
+            };
+            std::array::from_fn::<Point, { CHORDS + 1 }, _>(point)
+        });
+        let error = a.deviations[k] / (m * m) as f64 + b.deviations[l] / (n * n) as f64;
+        let mut best = (f64::INFINITY, [[0.0; 3]; 2]);
+        for p in 0..m {
+            for q in 0..n {
+                let found = closest_of_edges([one[p], one[p + 1]], [other[q], other[q + 1]]);
+                if found.0 < best.0 {
+                    best = found;
+                }
+            }
+        }
+        (best, error)
+    }
+
     /// Reads a block of a curve.
+    #[inline(always)]
     fn block(&self, i: usize, block: u32) -> Block {
         let curve = self.set.curve(i);
         let basis = self.set.basis();
@@ -275,39 +333,43 @@ impl<'a> Strands<'a> {
         let (n, lead) = (points.len(), basis.lead(curve.closed));
         let control = |s: usize, k: usize| {
             let at = s * basis.stride() + k + n - lead;
-            self.positions.point(points.start + at % n)
+            // Rarely a division.
+            let at = match at {
+                at if at < n => at,
+                at if at < 2 * n => at - n,
+                at => at % n,
+            };
+            self.positions.point(points.start + at)
         };
-        let mut segments = [Segment {
-            middle: [0.0; 3],
-            radius: 0.0,
-            deviation: 0.0,
-            hull: [[0.0; 3]; 4],
-        }; LANES];
-        let mut last: Option<Point> = None;
-        for (k, segment) in segments.iter_mut().enumerate().take(count) {
+        let mut out = Block {
+            curve: i,
+            first,
+            count,
+            middles: [[0.0; LANES]; 3],
+            radii: [0.0; LANES],
+            deviations: [0.0; LANES],
+            hulls: [[[0.0; 3]; 4]; LANES],
+        };
+        let mut last = control(first as usize, 0);
+        for k in 0..count {
             let s = first as usize + k;
             if basis.is_polyline() {
-                let from = last.unwrap_or_else(|| control(s, 0));
                 let to = control(s, 1);
-                segment.hull = [from, from, to, to];
-                last = Some(to);
+                out.hulls[k] = [last, last, to, to];
+                last = to;
             } else {
                 let q = [0, 1, 2, 3].map(|k| control(s, k));
                 let axes = [0, 1, 2].map(|x| basis.hull([q[0][x], q[1][x], q[2][x], q[3][x]]));
-                let hull = [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| axes[x][k]));
-                segment.deviation = deviation(&hull);
-                segment.hull = hull;
+                out.hulls[k] = [0, 1, 2, 3].map(|k| [0, 1, 2].map(|x| axes[x][k]));
+                out.deviations[k] = deviation(&out.hulls[k]);
             }
-            let [from, .., to] = segment.hull;
-            segment.middle = mix(from, to, 0.5);
-            segment.radius = (0.5 * distance(from, to)) * (1.0 + 1e-12) + segment.deviation;
+            let [from, .., to] = out.hulls[k];
+            for x in 0..3 {
+                out.middles[x][k] = 0.5 * (from[x] + to[x]);
+            }
+            out.radii[k] = (0.5 * distance(from, to)) * (1.0 + 1e-12) + out.deviations[k];
         }
-        Block {
-            curve: i,
-            first,
-            segments,
-            count,
-        }
+        out
     }
 }
 
@@ -320,7 +382,8 @@ pub(super) fn deviation([a, b, c, d]: &[Point; 4]) -> f64 {
 }
 
 /// Returns the distance of two straight segments, and their nearest points.
-fn closest_of_chords([p0, p1]: [Point; 2], [q0, q1]: [Point; 2]) -> (f64, [Point; 2]) {
+#[inline(always)]
+fn closest_of_edges([p0, p1]: [Point; 2], [q0, q1]: [Point; 2]) -> (f64, [Point; 2]) {
     let (d, e) = (sub(p1, p0), sub(q1, q0));
     let near = nearest([p0, d], [q0, e]);
     let points = [add_scaled(p0, near.s, d), add_scaled(q0, near.t, e)];
