@@ -378,9 +378,9 @@ impl Replay {
     }
 }
 
-/// Returns true if a report equals a recorded one. Work counters and clearance are not compared. Motions and the
-/// state to roll back to are not compared if the recording has none, as in earlier versions. The
-/// last intact frame may be one that the recording lacks.
+/// Returns true if a report equals a recorded one. Work counters and clearance are not compared.
+/// Motions and the state to roll back to are not compared if the recording has none, as in earlier
+/// versions. The last intact frame may be one that the recording lacks.
 fn alike(found: &Report, recorded: &Report) -> bool {
     let mut found = found.clone();
     found.stats = recorded.stats;

@@ -67,8 +67,8 @@ pub struct Args {
         value_parser = amplitude
     )]
     amplitudes: Vec<f64>,
-    /// Measure the clearance of strands of this radius as well, in units of the model: its time, and
-    /// the share of a full run
+    /// Measure the clearance of strands of this radius as well, in units of the model: its time,
+    /// and the share of a full run
     #[arg(long, value_name = "R", value_parser = positive)]
     thickness: Option<f64>,
     #[command(flatten)]

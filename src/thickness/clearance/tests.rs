@@ -12,8 +12,8 @@ use std::f64::consts::{PI, TAU};
 const CHORDS: usize = 16;
 
 /// Returns the smallest distance of two strands, as a share of the sum of their radii, by a
-/// comparison of all pairs of segments, and its error. `first` is the set whose lengths separate the
-/// strands of a curve.
+/// comparison of all pairs of segments, and its error. `first` is the set whose lengths separate
+/// the strands of a curve.
 fn smallest(set: &CurveSet, first: &CurveSet, radii: &[f64]) -> [f64; 2] {
     let chords = match set.basis() {
         Basis::Polyline => 1,
