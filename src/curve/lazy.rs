@@ -16,6 +16,15 @@ pub(crate) enum Received {
     F64(Vec<f64>),
 }
 
+impl From<Positions<'_>> for Received {
+    fn from(positions: Positions<'_>) -> Received {
+        match positions {
+            Positions::F32(v) => Received::F32(v.to_vec()),
+            Positions::F64(v) => Received::F64(v.to_vec()),
+        }
+    }
+}
+
 impl Received {
     fn new(precision: Precision) -> Received {
         match precision {

@@ -264,10 +264,12 @@ impl Verifier {
         }
     }
 
-    /// Returns the clearance of the parts of all curves that are close to others, for display.
-    pub fn close_blocks(&self) -> Vec<CloseBlock> {
+    /// Returns the clearance of the parts of all curves that are close to others in a frame, the
+    /// last verified one or a similar one, for display. Empty if clearance is not measured. This
+    /// takes longer than to verify a frame.
+    pub fn close_blocks(&self, set: &CurveSet) -> Vec<CloseBlock> {
         let clearance = self.clearance.as_ref();
-        clearance.map_or_else(Vec::new, ClearanceMonitor::close_blocks)
+        clearance.map_or_else(Vec::new, |clearance| clearance.close_blocks(set))
     }
 
     /// Returns the reason why clearance is not measured, although the options ask for it.
@@ -645,8 +647,7 @@ impl Verifier {
     fn measure_clearance(&mut self, seq: u64, set: &CurveSet) -> Option<Clearance> {
         let monitor = self.clearance.as_mut()?;
         let start = Instant::now();
-        let (before, keeps) = (self.steps.before(), self.steps.keeps_frames());
-        let measured = monitor.measure(before, set, seq, keeps);
+        let measured = monitor.measure(set, seq);
         self.full.timings.clearance = start.elapsed();
         match measured {
             Ok(clearance) => Some(clearance),

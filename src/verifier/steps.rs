@@ -105,7 +105,7 @@ impl Steps {
     }
 
     /// Returns true if frames are kept for the next step.
-    pub fn keeps_frames(&self) -> bool {
+    fn keeps_frames(&self) -> bool {
         self.incremental || self.events != Events::Off
     }
 

@@ -3,21 +3,26 @@
 //!
 //! # Proof: strands that are left alone are no closer than the level
 //!
-//! The strands are blocks of eight segments. All pairs of blocks within a range are listed
-//! ([`near`]). A rigid motion of the whole scene changes no distance, so only the motion relative
-//! to one counts ([`motion`]). The travel of a block is the sum, over all frames, of the largest
-//! distance that one of its points moved relative to that motion. Two blocks at a distance `d`
-//! whose travels have grown by `a` and `b` since then are at least `d - a - b` apart. As long as
-//! this is above the level, the pair is not measured. Blocks that are not listed are further apart
-//! than the range, until a block has traveled half of what the range has beyond the reach.
+//! The strands are blocks of eight segments ([`blocks`]). All pairs of blocks within a range are
+//! listed ([`near`]), with a lower bound of their clearance in a reference frame. A rigid motion of
+//! the whole scene changes no distance, so only the motion relative to one counts ([`motion`]). Two
+//! blocks at a distance `d` that moved by `a` and `b` since the reference frame are at least
+//! `d - a - b` apart, so each block may move half of what its nearest neighbour has above the level
+//! until its pairs are compared. Then the motion of both blocks of a pair relative to one another
+//! counts, and pairs that may have come below the level are measured. Blocks that are not listed
+//! are further apart than the reach, until a block has moved half of what the range has beyond it:
+//! then the pairs are listed anew.
 //!
 //! # Level
 //!
 //! All strands below the level are measured in each frame, so that a clearance below it is that of
-//! the closest strands. The level is never below that of the warning. Above it, it is the last
-//! clearance less a tolerance, which grows if many pairs have to be measured, and shrinks if few
-//! have: the work depends on the motion, not on the number of strands in contact.
+//! the closest strands. The level is never below that of the warning. Above it, it is the clearance
+//! of the reference frame less a tolerance. The current frame becomes the reference frame when the
+//! comparisons since the last time have cost as much as that does; the tolerance grows if that
+//! happens often, and shrinks if it happens rarely. In a motion that is too violent for all this,
+//! each frame is searched for the closest strands alone.
 
+mod blocks;
 mod motion;
 mod near;
 mod strands;
@@ -25,14 +30,15 @@ mod strands;
 mod tests;
 mod trend;
 
-use self::near::{NearList, Reach};
+use self::blocks::Blocks;
+use self::near::{Moved, NearList, Reach};
 use self::strands::{Arcs, Measured, Strands};
 use self::trend::Trend;
-use crate::curve::{CurveSet, Positions, Received, Shape};
+use crate::curve::{CurveSet, Positions, Shape};
 use crate::error::{Error, Result};
-use crate::simd::dispatch;
-use crate::verdict::Clearance;
-use rayon::prelude::*;
+use crate::pairs::LinkSearch;
+use crate::simd::LANES;
+use crate::verdict::{Clearance, CloseStrands};
 
 /// Clearance up to which strands are close. Parts of a straight strand that are `pi` radii apart
 /// along it have 1.57.
@@ -41,18 +47,28 @@ pub(crate) const REACH: f64 = 1.5;
 /// Clearance below which a warning is due, unless another one is given.
 const LOW: f64 = 0.5;
 
-/// Smallest and largest tolerance: shares of a diameter.
-const TOLERANCES: (f64, f64) = (0.01, 0.5);
+/// Smallest and largest tolerance, and that of the first frame: shares of a diameter.
+const TOLERANCES: [f64; 3] = [0.05, 0.5, 0.25];
 
-/// Number of segments per pair of blocks that may be measured in a frame without a larger
-/// tolerance.
-const SEGMENTS_PER_PAIR: usize = 64;
+/// Smallest and largest distance that blocks may move until the pairs are listed anew, and that of
+/// the first frame: in radii.
+const SKINS: [f64; 3] = [0.5, 4.0, 1.0];
+
+/// Numbers of frames for which a list should last: below the first one, it is not worth its cost.
+const LASTS: [f64; 2] = [4.0, 16.0];
 
 /// Number of closest pairs of blocks that are measured in every frame.
-const CLOSEST: usize = 16;
+const CLOSEST: usize = 4;
 
-/// Number of pairs of blocks from which on several threads measure them.
-const MANY: usize = 1024;
+/// Number of comparisons of pairs that cost as much as one measurement.
+const MEASUREMENT: usize = 16;
+
+/// Motion that is as good as none: a share of a radius.
+const SMALL: f64 = 0.05;
+
+/// Largest number of doublings of the work after which the current frame becomes the reference
+/// frame.
+const PATIENCE: u32 = 5;
 
 /// Number of segments from which on a frame is measured by several threads.
 const LARGE: usize = 1 << 15;
@@ -109,7 +125,7 @@ pub struct CloseBlock {
     pub curve: u32,
     /// First of at most eight segments.
     pub first: u32,
-    /// Clearance from its closest strand when it was last measured.
+    /// Clearance from its closest strand.
     pub ratio: f64,
 }
 
@@ -119,20 +135,63 @@ pub(crate) struct ClearanceMonitor {
     options: ClearanceOptions,
     /// Radii of the curves; empty until they are known.
     radii: Vec<f64>,
-    /// Positions along the curves in the first frame, and the curves.
-    arcs: Option<(Shape, Arcs)>,
+    layout: Option<Layout>,
     list: Option<NearList>,
-    /// Number of the contents of the last frame.
-    seen: Option<u64>,
-    /// Positions of the last frame, if nobody else keeps them.
-    own: Option<Received>,
-    level: f64,
+    search: LinkSearch,
     tolerance: f64,
-    /// Travel after which the list is built again.
-    skin: f64,
+    /// Numbers of frames since the list and since the reference frame.
+    ages: [u32; 2],
+    /// Work since the reference frame, in comparisons of pairs.
+    work: usize,
+    /// Doublings of the work after which the current frame becomes the reference frame.
+    patience: u32,
     /// Pairs that are measured in every frame.
-    closest: Vec<u32>,
+    closest: Vec<[u32; 2]>,
     trend: Trend,
+}
+
+/// What depends on the curves of the first frame only.
+#[derive(Debug)]
+struct Layout {
+    shape: Shape,
+    arcs: Arcs,
+    blocks: Blocks,
+}
+
+/// What was measured in a frame.
+struct Found {
+    pairs: Vec<([u32; 2], Measured)>,
+    closest: Option<CloseStrands>,
+}
+
+impl Found {
+    fn add(&mut self, pairs: Vec<[u32; 2]>, measured: Vec<Measured>) {
+        let close = measured
+            .iter()
+            .filter_map(|m| m.closest)
+            .chain(self.closest);
+        let closest = close.min_by(|a, b| a.ratio.total_cmp(&b.ratio));
+        self.closest = closest.filter(|c| c.ratio < REACH);
+        self.pairs.extend(pairs.into_iter().zip(measured));
+    }
+
+    /// Returns the clearance of the closest strands, up to the reach.
+    fn ratio(&self) -> f64 {
+        self.closest.map_or(REACH, |c| c.ratio)
+    }
+
+    /// Returns the closest pairs.
+    fn closest_pairs(mut self) -> Vec<[u32; 2]> {
+        let order = |(a, p): &([u32; 2], Measured), (b, q): &([u32; 2], Measured)| {
+            p.ratio().total_cmp(&q.ratio()).then(a.cmp(b))
+        };
+        self.pairs.retain(|(_, measured)| measured.ratio() < REACH);
+        if self.pairs.len() > CLOSEST {
+            self.pairs.select_nth_unstable_by(CLOSEST, order);
+            self.pairs.truncate(CLOSEST);
+        }
+        self.pairs.into_iter().map(|(pair, _)| pair).collect()
+    }
 }
 
 impl ClearanceMonitor {
@@ -140,13 +199,13 @@ impl ClearanceMonitor {
         ClearanceMonitor {
             options,
             radii: Vec::new(),
-            arcs: None,
+            layout: None,
             list: None,
-            seen: None,
-            own: None,
-            level: REACH,
-            tolerance: TOLERANCES.0,
-            skin: 0.0,
+            search: LinkSearch::default(),
+            tolerance: TOLERANCES[2],
+            ages: [0; 2],
+            work: 0,
+            patience: 0,
             closest: Vec::new(),
             trend: Trend::default(),
         }
@@ -187,34 +246,40 @@ impl ClearanceMonitor {
         };
     }
 
-    /// Measures a frame. `before` is the previous one, if it is kept, and `keeps` is true if this
-    /// frame will be.
+    /// Measures a frame.
     ///
     /// Errors: [`Error::Usage`] if the radii of the curves are unknown; [`Error::Unsupported`] if
     /// coordinates are too large, or too many strands are close.
-    pub fn measure(
-        &mut self,
-        before: Option<&CurveSet>,
-        set: &CurveSet,
-        seq: u64,
-        keeps: bool,
-    ) -> Result<Clearance> {
+    pub fn measure(&mut self, set: &CurveSet, seq: u64) -> Result<Clearance> {
         match set.segments() {
-            ..LARGE => self.measure_here(before, set, seq, keeps),
+            ..LARGE => self.measure_here(set, seq),
             // Once, so that the parallel parts need not each wake a thread.
-            _ => rayon::scope(|_| self.measure_here(before, set, seq, keeps)),
+            _ => rayon::scope(|_| self.measure_here(set, seq)),
         }
     }
 
-    fn measure_here(
-        &mut self,
-        before: Option<&CurveSet>,
-        set: &CurveSet,
-        seq: u64,
-        keeps: bool,
-    ) -> Result<Clearance> {
-        let other = |(shape, _): &(Shape, Arcs)| *shape != set.shape();
-        if self.arcs.as_ref().is_some_and(other) {
+    fn measure_here(&mut self, set: &CurveSet, seq: u64) -> Result<Clearance> {
+        let layout = self.prepare(set)?;
+        let radii = std::mem::take(&mut self.radii);
+        let positions = set.positions();
+        let strands = layout.strands(set, positions.as_positions(), &radii);
+        let measured = self.measure_strands(&strands);
+        self.layout = Some(layout);
+        self.radii = radii;
+        let (at_least, closest) = measured?;
+        let ratio = closest.map(|c| c.ratio);
+        Ok(Clearance {
+            at_least,
+            closest,
+            low: ratio.is_some_and(|ratio| ratio < self.options.low),
+            frames_left: self.trend.frames_left(seq, ratio),
+        })
+    }
+
+    /// Returns what depends on the curves only, and checks their radii.
+    fn prepare(&mut self, set: &CurveSet) -> Result<Layout> {
+        let shape = set.shape();
+        if self.layout.as_ref().is_some_and(|l| l.shape != shape) {
             self.forget();
         }
         if let Some(radius) = self.options.radius {
@@ -224,163 +289,206 @@ impl ClearanceMonitor {
             let what = "clearance needs the radii of the curves: the frames have none";
             return Err(Error::Usage(what.into()));
         }
-        let positions = set.positions();
-        let positions = positions.as_positions();
-        let last = before.filter(|before| Some(before.contents()) == self.seen);
-        let list = self.list.take();
-        let moved = match (last, &self.own) {
-            (Some(last), _) => {
-                let last = last.positions();
-                list.map(|list| list.moved([last.as_positions(), positions]))
+        Ok(self.layout.take().unwrap_or_else(|| Layout::new(set)))
+    }
+
+    /// Measures a frame. Returns a lower bound of the clearance of all strands, and the closest
+    /// ones.
+    fn measure_strands(&mut self, strands: &Strands<'_>) -> Result<(f64, Option<CloseStrands>)> {
+        let mut found = Found {
+            pairs: Vec::new(),
+            closest: None,
+        };
+        let closest = std::mem::take(&mut self.closest);
+        let measured = strands.measure(&closest, REACH);
+        found.add(closest, measured);
+        let (blocks, positions) = (strands.blocks, strands.positions);
+        let smallest = strands.radii.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+        let small = SMALL * smallest;
+        let old = self.list.take().map(|list| {
+            let moved = list.moved(blocks, positions, small);
+            (list, moved)
+        });
+        self.ages = self.ages.map(|age| age + 1);
+        let (list, at_least) = match old {
+            Some((mut list, mut moved)) if list.is_complete(&moved) => {
+                let limit = list.level.min(found.ratio());
+                let (due, compared) = list.due(&mut moved, (blocks, positions), limit);
+                self.work += compared + MEASUREMENT * due.len();
+                let measured = strands.measure(&due, limit);
+                found.add(due, measured);
+                // Each of two blocks moved by so much.
+                let least = list.least - moved.farthest / smallest;
+                let at_least = least.max(list.level.min(found.ratio()));
+                if self.work > (list.len() + CLOSEST * MEASUREMENT) << self.patience {
+                    self.adapt();
+                    list.rebase(moved, (blocks, positions), small);
+                    self.settle(&mut list, strands, &mut found);
+                }
+                (list, at_least)
             }
-            (None, Some(own)) => list.map(|list| list.moved([own.positions(), positions])),
-            (None, None) => None,
-        };
-        self.seen = Some(set.contents());
-        match keeps {
-            true => self.own = None,
-            false => self.keep(positions),
-        }
-        let (_, arcs) = match self.arcs.take() {
-            Some(known) => self.arcs.insert(known),
-            None => self.arcs.insert((set.shape(), Arcs::new(set))),
-        };
-        let mut list = match moved {
-            Some(list) if list.covers(self.level) => list,
             old => {
-                self.skin = next_skin(self.skin, &self.radii, old.as_ref());
-                self.closest.clear();
-                let reach = Reach {
-                    ratio: (self.level + 2.0 * self.tolerance).min(REACH),
-                    skin: self.skin,
-                };
-                build(set, (&self.radii, arcs), (reach, self.level), old.as_ref())?
+                let mut list = self.build(strands, old, found.ratio())?;
+                self.settle(&mut list, strands, &mut found);
+                let at_least = list.least;
+                (list, at_least)
             }
         };
-        let strands = Strands::new(set, positions, &self.radii, arcs);
-        let (measured, count) = measure_due(&mut list, &strands, (self.level, &mut self.closest));
-        let budget = strands.segments() / SEGMENTS_PER_PAIR + CLOSEST;
-        let (least, most) = TOLERANCES;
-        if count > budget {
-            self.tolerance = (1.5 * self.tolerance).min(most);
-        } else if count < budget / 4 {
-            self.tolerance = (0.9 * self.tolerance).max(least);
-        }
-        let bounds = measured.iter().map(|m| m.bound);
-        let closest = measured.iter().filter_map(|m| m.closest);
-        let closest = closest.min_by(|a, b| a.ratio.total_cmp(&b.ratio));
-        let closest = closest.filter(|c| c.ratio < REACH);
-        let ratio = closest.map(|c| c.ratio);
-        let clearance = Clearance {
-            at_least: bounds.fold(self.level, f64::min).max(0.0),
-            closest,
-            low: ratio.is_some_and(|ratio| ratio < self.options.low),
-            frames_left: self.trend.frames_left(seq, ratio),
-        };
-        self.adapt(&mut list, ratio.unwrap_or(REACH));
         self.list = Some(list);
-        Ok(clearance)
+        let bounds = found.pairs.iter().map(|(_, measured)| measured.bound);
+        let at_least = bounds.fold(at_least, f64::min).max(0.0);
+        let closest = found.closest;
+        self.closest = found.closest_pairs();
+        Ok((at_least, closest))
     }
 
-    /// Returns the clearance of all blocks that are close, when they were last measured.
-    pub fn close_blocks(&self) -> Vec<CloseBlock> {
-        let list = self.list.as_ref();
-        list.map_or_else(Vec::new, |list| list.close_blocks(REACH))
+    /// Returns the tolerance, which is none if the list is made for one frame, and the level for
+    /// strands of this clearance.
+    fn level(&self, skin: f64, ratio: f64) -> [f64; 2] {
+        let tolerance = if skin > 0.0 { self.tolerance } else { 0.0 };
+        [tolerance, (ratio - tolerance).max(self.options.low)]
     }
 
-    fn keep(&mut self, positions: Positions<'_>) {
-        match &mut self.own {
-            Some(own) if own.positions().precision() == positions.precision() => {
-                own.copy_from(positions);
+    /// Lists the near pairs of a frame. Keeps what an old list knows about them.
+    fn build(
+        &mut self,
+        strands: &Strands<'_>,
+        old: Option<(NearList, Moved)>,
+        ratio: f64,
+    ) -> Result<NearList> {
+        let refuse = |what: String| Error::Unsupported {
+            format: "clearance",
+            what,
+        };
+        if strands.set.max_abs() > LARGEST {
+            return Err(refuse(format!("of coordinates above {LARGEST:e}")));
+        }
+        let largest = strands.radii.iter().fold(0.0, |a: f64, &b| a.max(b));
+        let [least, most, first] = SKINS.map(|skin| skin * largest);
+        let skin = match &old {
+            None => first,
+            Some((list, moved)) => {
+                let speed = list.traveled(moved) / f64::from(self.ages[0]);
+                let [short, long] = LASTS.map(|frames| frames * speed);
+                if short > most {
+                    0.0
+                } else {
+                    long.clamp(least, most)
+                }
             }
-            own => {
-                *own = Some(match positions {
-                    Positions::F32(v) => Received::F32(v.to_vec()),
-                    Positions::F64(v) => Received::F64(v.to_vec()),
-                });
+        };
+        let reach = Reach {
+            ratio: match skin {
+                0.0 => self.level(skin, ratio)[1],
+                _ => REACH,
+            },
+            skin,
+        };
+        let list = NearList::build(strands, reach, &mut self.search);
+        let mut list = list.ok_or_else(|| {
+            refuse(format!(
+                "of more than {} pairs of close strands; is the radius too large?",
+                near::MOST_NEAR
+            ))
+        })?;
+        if let Some((mut old, moved)) = old.filter(|_| skin > 0.0) {
+            old.rebase(moved, (strands.blocks, strands.positions), 0.0);
+            list.inherit(&old);
+        }
+        self.ages = [0; 2];
+        self.work = 0;
+        Ok(list)
+    }
+
+    /// Measures the pairs that may be close to the level in the reference frame, which is the
+    /// current one, and chooses the level.
+    fn settle(&mut self, list: &mut NearList, strands: &Strands<'_>, found: &mut Found) {
+        let [tolerance, level] = self.level(list.reach.skin, found.ratio());
+        let due = list.below((level + tolerance).min(REACH));
+        let pairs: Vec<[u32; 2]> = due.iter().map(|&k| list.blocks_of(k)).collect();
+        let limit = (level + 2.0 * tolerance).min(REACH);
+        let measured = strands.measure(&pairs, limit);
+        list.improve(due.into_iter().zip(&measured));
+        found.add(pairs, measured);
+        let [_, level] = self.level(list.reach.skin, found.ratio());
+        list.set_level(level, strands.blocks);
+    }
+
+    /// Adapts to how long the reference frame lasted.
+    fn adapt(&mut self) {
+        let [least, most, _] = TOLERANCES;
+        match self.ages[1] {
+            ..16 => {
+                self.tolerance = (2.0 * self.tolerance).min(most);
+                self.patience = (self.patience + 1).min(PATIENCE);
+            }
+            256.. => {
+                self.tolerance = (0.5 * self.tolerance).max(least);
+                self.patience = 0;
+            }
+            _ => self.patience = self.patience.saturating_sub(1),
+        }
+        self.ages[1] = 0;
+        self.work = 0;
+    }
+
+    /// Measures the clearance of all blocks that are close in a frame, the last one that was
+    /// measured or a similar one: all of them, so it takes longer than a measurement.
+    pub fn close_blocks(&self, set: &CurveSet) -> Vec<CloseBlock> {
+        let Some(layout) = self.layout.as_ref().filter(|l| l.shape == set.shape()) else {
+            return Vec::new();
+        };
+        let positions = set.positions();
+        let strands = layout.strands(set, positions.as_positions(), &self.radii);
+        let reach = Reach {
+            ratio: REACH,
+            skin: 0.0,
+        };
+        let Some(list) = NearList::build(&strands, reach, &mut LinkSearch::default()) else {
+            return Vec::new();
+        };
+        let pairs = list.below(REACH).into_iter().map(|k| list.blocks_of(k));
+        let pairs: Vec<[u32; 2]> = pairs.collect();
+        let mut ratios = vec![f64::INFINITY; layout.blocks.len()];
+        for (pair, measured) in pairs.iter().zip(strands.measure(&pairs, REACH)) {
+            for block in pair.map(|block| block as usize) {
+                ratios[block] = ratios[block].min(measured.ratio());
             }
         }
+        let close = (0..).zip(ratios).filter(|(_, ratio)| *ratio < REACH);
+        let close = close.map(|(block, ratio)| {
+            let (curve, number) = layout.blocks.place(block);
+            CloseBlock {
+                curve,
+                first: number * LANES as u32,
+                ratio,
+            }
+        });
+        close.collect()
     }
+}
 
-    /// Chooses the level of the next frame.
-    fn adapt(&mut self, list: &mut NearList, ratio: f64) {
-        let level = (ratio - self.tolerance).max(self.options.low);
-        // To raise it, all pairs are visited, and sometimes a list with more pairs is built.
-        let raise = level - self.level > 0.5 * self.tolerance && list.age() % 8 == 7;
-        if level < self.level || raise {
-            self.level = level;
+impl Layout {
+    fn new(set: &CurveSet) -> Layout {
+        Layout {
+            shape: set.shape(),
+            arcs: Arcs::new(set),
+            blocks: Blocks::new(set),
         }
-        if raise {
-            list.set_level(level);
+    }
+
+    fn strands<'a>(
+        &'a self,
+        set: &'a CurveSet,
+        positions: Positions<'a>,
+        radii: &'a [f64],
+    ) -> Strands<'a> {
+        Strands {
+            set,
+            positions,
+            radii,
+            arcs: &self.arcs,
+            blocks: &self.blocks,
         }
     }
-}
-
-/// Returns the travel after which the next list is built again. A list that lasts long costs more
-/// to build and to keep.
-fn next_skin(skin: f64, radii: &[f64], old: Option<&NearList>) -> f64 {
-    let largest = radii.iter().fold(0.0, |a: f64, &b| a.max(b));
-    match old.map(NearList::age) {
-        None => 2.0 * largest,
-        Some(..8) => (2.0 * skin).min(8.0 * largest),
-        Some(256..) => (0.5 * skin).max(largest),
-        Some(_) => skin,
-    }
-}
-
-/// Lists the near pairs of a frame. Keeps what an old list knows about its pairs.
-fn build(
-    set: &CurveSet,
-    strands: (&[f64], &Arcs),
-    (reach, level): (Reach, f64),
-    old: Option<&NearList>,
-) -> Result<NearList> {
-    let refuse = |what: String| Error::Unsupported {
-        format: "clearance",
-        what,
-    };
-    if set.max_abs() > LARGEST {
-        return Err(refuse(format!("of coordinates above {LARGEST:e}")));
-    }
-    NearList::build(set, strands, reach, level, old).ok_or_else(|| {
-        refuse(format!(
-            "of more than {} pairs of close strands; is the radius too large?",
-            near::MOST_NEAR
-        ))
-    })
-}
-
-/// Measures the pairs that may be below the level, and those that were closest, which are replaced
-/// by those that are closest now. Returns what was measured, and the number of pairs that may have
-/// been below the level.
-fn measure_due(
-    list: &mut NearList,
-    strands: &Strands<'_>,
-    (level, closest): (f64, &mut Vec<u32>),
-) -> (Vec<Measured>, usize) {
-    let mut due = list.due(strands.positions(), level);
-    let count = due.len();
-    due.append(closest);
-    due.sort_unstable();
-    due.dedup();
-    let measure = |&k: &u32| dispatch!(Strands::measure(strands, list.pair(k), level));
-    let measured: Vec<Measured> = match due.len() {
-        ..MANY => due.iter().map(measure).collect(),
-        _ => due.par_iter().with_min_len(MANY / 4).map(measure).collect(),
-    };
-    for (&k, measured) in due.iter().zip(&measured) {
-        list.update(k, measured, strands.positions(), level);
-    }
-    let close = (0..due.len()).filter(|&k| measured[k].ratio() < REACH);
-    let mut close: Vec<usize> = close.collect();
-    let order = |&a: &usize, &b: &usize| {
-        let [p, q] = [a, b].map(|k| measured[k].ratio());
-        p.total_cmp(&q).then(a.cmp(&b))
-    };
-    if close.len() > CLOSEST {
-        close.select_nth_unstable_by(CLOSEST, order);
-        close.truncate(CLOSEST);
-    }
-    closest.extend(close.into_iter().map(|k| due[k]));
-    (measured, count)
 }

@@ -1,26 +1,26 @@
-//! Motion of a scene from one frame to the next: a rigid motion, and what remains.
+//! Motion of a scene since a reference frame: a rigid motion, and what remains of each part.
 
 use crate::curve::{Point, Positions, larger, smaller};
 use nalgebra::{Matrix3, Vector3};
 
 /// Number of points to which a rigid motion is fitted.
-const SAMPLES: usize = 128;
+const SAMPLES: usize = 64;
 
-/// A rigid motion `q -> q + (R - 1) (q - center) + shift`. It changes no distance.
+/// A rigid motion `q -> q + shift`, of a scene that was turned back by `turn_back`. It changes no
+/// distance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rigid {
-    /// `R - 1`, for a rotation `R`.
-    turn: Matrix3<f64>,
+    /// Inverse of the rotation about `center`; `None` if the scene only moves.
+    turn_back: Option<Matrix3<f64>>,
     center: Vector3<f64>,
-    shift: Vector3<f64>,
-    /// Upper bound of the norm of `R - 1`.
-    pub spin: f64,
+    shift: Point,
 }
 
 impl Rigid {
-    /// Fits a motion to some of the points of two frames: the rotation is that of Kabsch (1976). A
-    /// poor fit only makes points travel further.
-    pub fn fit([before, after]: [Positions<'_>; 2]) -> Rigid {
+    /// Fits a motion to some of the points of two frames. The rotation is that of Kabsch (1976). It
+    /// is looked for if some points differ by more than `small` without it, and kept if that halves
+    /// the difference. A poor fit only makes points travel further.
+    pub fn fit([before, after]: [Positions<'_>; 2], small: f64) -> Rigid {
         let count = before.len() / 3;
         let step = (count / SAMPLES).max(1);
         let points = || (0..count).step_by(step);
@@ -31,11 +31,21 @@ impl Rigid {
         };
         let (center, to) = (mean(before), mean(after));
         let still = Rigid {
-            turn: Matrix3::zeros(),
+            turn_back: None,
             center,
-            shift: to - center,
-            spin: 0.0,
+            shift: (to - center).into(),
         };
+        let farthest = |rotation: &Matrix3<f64>| {
+            let far = points().map(|k| {
+                let q = rotation * (Vector3::from(before.point(k)) - center);
+                (Vector3::from(after.point(k)) - to - q).norm()
+            });
+            far.fold(0.0, f64::max)
+        };
+        let rest = farthest(&Matrix3::identity());
+        if rest <= small {
+            return still;
+        }
         let products = points().map(|k| {
             let q = Vector3::from(before.point(k)) - center;
             let p = Vector3::from(after.point(k)) - to;
@@ -52,39 +62,131 @@ impl Rigid {
         };
         let mut proper = Matrix3::identity();
         proper[(2, 2)] = (u.determinant() * v.determinant()).signum();
-        let turn = u * proper * v - Matrix3::identity();
-        let spin = turn.norm() * (1.0 + 1e-9);
-        // Nothing turns: rounding errors must not move points.
-        match spin < 1e-12 {
-            true => still,
-            false => Rigid {
-                turn,
-                spin,
-                ..still
+        let rotation = u * proper * v;
+        match farthest(&rotation) < 0.5 * rest {
+            true => Rigid {
+                turn_back: Some(rotation.transpose()),
+                // The points are turned back about the center of the reference frame.
+                shift: (rotation.transpose() * (to - center)).into(),
+                center,
             },
+            false => still,
         }
     }
 
-    /// Returns the rotation, unless nothing turns.
-    pub fn rotation(&self) -> Option<Matrix3<f64>> {
-        (self.spin > 0.0).then(|| self.turn + Matrix3::identity())
+    /// Returns an upper bound of the distances between the motion of some points and this one.
+    pub fn largest_from(&self, moved: &Displacements) -> f64 {
+        let most = [0, 1, 2].map(|x| {
+            let (lo, hi, shift) = (moved.lo[x], moved.hi[x], self.shift[x]);
+            larger(hi - shift, shift - lo) + 1e-15 * shift.abs()
+        });
+        (most[0] * most[0] + most[1] * most[1] + most[2] * most[2]).sqrt() * (1.0 + 1e-9)
+    }
+}
+
+/// Ranges of points, counted over all curves. Most parts have one, others wrap around the ends of
+/// closed curves.
+pub(super) type Ranges = [[u32; 2]; 3];
+
+/// Box of the displacements of all points of a part of the curves.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Displacements {
+    lo: Point,
+    hi: Point,
+}
+
+impl Displacements {
+    /// Returns an upper bound of the distance by which points of two parts moved relative to one
+    /// another.
+    #[inline(always)]
+    pub fn largest_between(&self, other: &Displacements) -> f64 {
+        let most = [0, 1, 2].map(|x| larger(self.hi[x] - other.lo[x], other.hi[x] - self.lo[x]));
+        (most[0] * most[0] + most[1] * most[1] + most[2] * most[2]).sqrt() * (1.0 + 1e-9)
+    }
+}
+
+/// Two frames, and the rigid motion between them.
+#[derive(Clone, Copy)]
+pub(super) struct Step<'a> {
+    pub frames: [Positions<'a>; 2],
+    pub rigid: Rigid,
+    /// Share of the size of a box by which curves leave that of their control points, on each side.
+    pub widen: f64,
+}
+
+impl Step<'_> {
+    /// Returns the displacements of parts, turned back if the scene turned. They cover the rounding
+    /// to the precision of the coordinates.
+    #[inline(always)]
+    pub fn displacements(&self, parts: &[Ranges], out: &mut [Displacements]) {
+        for (ranges, out) in parts.iter().zip(out) {
+            *out = match (self.frames, self.rigid.turn_back) {
+                ([Positions::F32(q), Positions::F32(p)], None) => {
+                    self.moved(ranges, |box_, range| box_.add(&q[range.clone()], &p[range]))
+                }
+                ([Positions::F64(q), Positions::F64(p)], None) => {
+                    self.moved(ranges, |box_, range| box_.add(&q[range.clone()], &p[range]))
+                }
+                (frames, Some(turn)) => self.turned_back(ranges, frames, &turn),
+                _ => unreachable!("frames of the same curves have the same precision"),
+            };
+        }
     }
 
-    /// Returns the displacement of a point.
     #[inline(always)]
-    pub fn displacement(&self, point: Point) -> Point {
-        let d = match self.spin {
-            0.0 => self.shift,
-            _ => self.turn * (Vector3::from(point) - self.center) + self.shift,
-        };
-        d.into()
+    fn moved<T: Real>(
+        &self,
+        ranges: &Ranges,
+        add: impl Fn(&mut Extremes<T>, std::ops::Range<usize>),
+    ) -> Displacements {
+        let mut extremes = Extremes::EMPTY;
+        for [from, to] in ranges {
+            if from < to {
+                add(&mut extremes, 3 * *from as usize..3 * *to as usize);
+            }
+        }
+        self.widened(extremes.bounds(), 0.0)
+    }
+
+    #[inline(always)]
+    fn turned_back(
+        &self,
+        ranges: &Ranges,
+        [before, after]: [Positions<'_>; 2],
+        turn: &Matrix3<f64>,
+    ) -> Displacements {
+        let center = self.rigid.center;
+        let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        let mut magnitude = 0.0;
+        for k in ranges.iter().flat_map(|&[from, to]| from..to) {
+            let q = Vector3::from(before.point(k as usize)) - center;
+            let p = Vector3::from(after.point(k as usize)) - center;
+            let d: Point = (turn * p - q).into();
+            magnitude = larger(magnitude, q.amax() + p.amax());
+            for x in 0..3 {
+                lo[x] = smaller(lo[x], d[x]);
+                hi[x] = larger(hi[x], d[x]);
+            }
+        }
+        // Rounding of the rotation, also that it is none exactly, and of the center.
+        let rounding = 1e-14 * (magnitude + center.amax());
+        self.widened([lo, hi], rounding)
+    }
+
+    #[inline(always)]
+    fn widened(&self, [lo, hi]: [Point; 2], rounding: f64) -> Displacements {
+        let by = [0, 1, 2].map(|x| {
+            self.widen * (hi[x] - lo[x]) + 1.3e-7 * larger(hi[x].abs(), lo[x].abs()) + rounding
+        });
+        Displacements {
+            lo: [0, 1, 2].map(|x| lo[x] - by[x]),
+            hi: [0, 1, 2].map(|x| hi[x] + by[x]),
+        }
     }
 }
 
 /// A floating-point type of coordinates.
-pub(super) trait Real:
-    Copy + Send + Sync + std::ops::Sub<Output = Self> + PartialOrd
-{
+trait Real: Copy + std::ops::Sub<Output = Self> + PartialOrd {
     /// The largest number.
     const MOST: Self;
     /// The smallest number.
@@ -110,62 +212,68 @@ impl Real for f64 {
     }
 }
 
-/// Box of the displacements of some points, in the precision of their coordinates.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shifts<T> {
-    lo: [T; 3],
-    hi: [T; 3],
+/// Smallest and largest differences of coordinates, those of eight points side by side.
+struct Extremes<T> {
+    lo: [T; 24],
+    hi: [T; 24],
 }
 
-impl<T: Real> Shifts<T> {
-    pub const EMPTY: Shifts<T> = Shifts {
-        lo: [T::MOST; 3],
-        hi: [T::LEAST; 3],
+impl<T: Real> Extremes<T> {
+    const EMPTY: Extremes<T> = Extremes {
+        lo: [T::MOST; 24],
+        hi: [T::LEAST; 24],
     };
 
-    /// Adds the displacements of points from one frame to the next.
     #[inline(always)]
-    pub fn add(&mut self, q: &[T], p: &[T]) {
+    fn add(&mut self, q: &[T], p: &[T]) {
         let ((eights_q, q), (eights_p, p)) = (q.as_chunks::<24>(), p.as_chunks::<24>());
-        // Eight points at once: minima and maxima of halves, in vectors.
         for (q, p) in eights_q.iter().zip(eights_p) {
-            let d: [T; 24] = std::array::from_fn(|k| p[k] - q[k]);
-            let lo: [T; 12] = std::array::from_fn(|k| smaller(d[k], d[k + 12]));
-            let hi: [T; 12] = std::array::from_fn(|k| larger(d[k], d[k + 12]));
-            let lo: [T; 6] = std::array::from_fn(|k| smaller(lo[k], lo[k + 6]));
-            let hi: [T; 6] = std::array::from_fn(|k| larger(hi[k], hi[k + 6]));
-            for x in 0..3 {
-                self.lo[x] = smaller(self.lo[x], smaller(lo[x], lo[x + 3]));
-                self.hi[x] = larger(self.hi[x], larger(hi[x], hi[x + 3]));
+            for k in 0..24 {
+                let d = p[k] - q[k];
+                self.lo[k] = smaller(self.lo[k], d);
+                self.hi[k] = larger(self.hi[k], d);
             }
         }
-        for (q, p) in q.as_chunks::<3>().0.iter().zip(p.as_chunks::<3>().0) {
-            for x in 0..3 {
-                let d = p[x] - q[x];
-                self.lo[x] = smaller(self.lo[x], d);
-                self.hi[x] = larger(self.hi[x], d);
-            }
+        for (k, (&q, &p)) in q.iter().zip(p).enumerate() {
+            let d = p - q;
+            self.lo[k] = smaller(self.lo[k], d);
+            self.hi[k] = larger(self.hi[k], d);
         }
     }
 
-    /// Returns an upper bound of the differences between the displacements and `shift`. Covers the
-    /// rounding of the displacements to the precision of the coordinates.
     #[inline(always)]
-    pub fn largest_from(&self, shift: Point) -> f64 {
-        let most = [0, 1, 2].map(|x| {
-            let (lo, hi) = (self.lo[x].wide(), self.hi[x].wide());
-            let far = larger(hi - shift[x], shift[x] - lo);
-            far + 1e-7 * (hi.abs() + lo.abs() + shift[x].abs())
-        });
-        (most[0] * most[0] + most[1] * most[1] + most[2] * most[2]).sqrt() * (1.0 + 1e-9)
+    fn bounds(&self) -> [Point; 2] {
+        let lo: [T; 12] = std::array::from_fn(|k| smaller(self.lo[k], self.lo[k + 12]));
+        let hi: [T; 12] = std::array::from_fn(|k| larger(self.hi[k], self.hi[k + 12]));
+        let lo: [T; 6] = std::array::from_fn(|k| smaller(lo[k], lo[k + 6]));
+        let hi: [T; 6] = std::array::from_fn(|k| larger(hi[k], hi[k + 6]));
+        [
+            [0, 1, 2].map(|x| smaller(lo[x], lo[x + 3]).wide()),
+            [0, 1, 2].map(|x| larger(hi[x], hi[x + 3]).wide()),
+        ]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::vector::{norm, sub};
     use crate::random::Random;
     use nalgebra::Rotation3;
+
+    fn step<'a>(frames: [Positions<'a>; 2], small: f64) -> Step<'a> {
+        Step {
+            frames,
+            rigid: Rigid::fit(frames, small),
+            widen: 0.0,
+        }
+    }
+
+    fn displacements(step: &Step<'_>, ranges: Ranges) -> Displacements {
+        let mut out = [Displacements::default()];
+        step.displacements(&[ranges], &mut out);
+        out[0]
+    }
 
     #[test]
     fn a_rigid_motion_leaves_nothing() {
@@ -177,33 +285,46 @@ mod tests {
             let moved = points.iter().map(|&p| rotation * Vector3::from(p) + shift);
             let moved: Vec<Point> = moved.map(Point::from).collect();
             let frames = [&points, &moved].map(|p| Positions::F64(p.as_flattened()));
-            let rigid = Rigid::fit(frames);
-            for (k, &q) in points.iter().enumerate() {
-                let mut shifts = Shifts::EMPTY;
-                shifts.add(&points[k], &moved[k]);
-                let rest = shifts.largest_from(rigid.displacement(q));
-                assert!(rest < 1e-5, "{rest:e}");
-            }
+            let step = step(frames, 1e-12);
+            let moved = displacements(&step, [[0, 50], [0; 2], [0; 2]]);
+            let rest = step.rigid.largest_from(&moved);
+            assert!(rest < 1e-5, "{rest:e}");
         }
     }
 
     #[test]
-    fn shifts_bound_all_displacements() {
+    fn displacements_bound_all_motions() {
         let mut random = Random::new(3);
-        for n in [1, 7, 8, 9, 11, 24, 40] {
+        for n in [2, 7, 8, 9, 11, 24, 40] {
             let mut point = || [0.0; 3].map(|_: f64| random.between(-1.0, 1.0) as f32);
             let before: Vec<[f32; 3]> = (0..n).map(|_| point()).collect();
             let after: Vec<[f32; 3]> = (0..n).map(|_| point()).collect();
-            let mut shifts = Shifts::EMPTY;
-            shifts.add(before.as_flattened(), after.as_flattened());
-            let shift = [0.25, -0.5, 0.125];
-            let far = |(q, p): (&[f32; 3], &[f32; 3])| {
-                let d = [0, 1, 2].map(|x| f64::from(p[x]) - f64::from(q[x]) - shift[x]);
-                crate::curve::vector::norm(d)
+            let frames = [&before, &after].map(|p| Positions::F32(p.as_flattened()));
+            // No rotation.
+            let step = step(frames, 10.0);
+            let half = n / 2;
+            let [a, b] = [
+                [[0, half], [0; 2], [0; 2]],
+                [[half, n - 1], [n - 1, n], [0; 2]],
+            ]
+            .map(|ranges| displacements(&step, ranges));
+            let moved = |k: u32| {
+                let [q, p] = frames.map(|f| f.point(k as usize));
+                sub(p, q)
             };
-            let farthest = before.iter().zip(&after).map(far).fold(0.0, f64::max);
-            let bound = shifts.largest_from(shift);
-            assert!(farthest <= bound && bound < 2.0 * farthest + 1e-6);
+            let mut farthest = 0.0_f64;
+            for x in 0..half {
+                for y in half..n {
+                    farthest = farthest.max(norm(sub(moved(x), moved(y))));
+                }
+            }
+            let bound = a.largest_between(&b);
+            assert!(
+                farthest <= bound && bound < 2.5 * farthest,
+                "{farthest} {bound}"
+            );
+            let own = (0..half).map(|k| norm(sub(moved(k), step.rigid.shift)));
+            assert!(own.fold(0.0, f64::max) <= step.rigid.largest_from(&a));
         }
     }
 }

@@ -1,19 +1,19 @@
-//! Near pairs of blocks, and how long each may be left alone.
+//! Pairs of near blocks, and how far they may move before they must be measured again.
 
-use super::CloseBlock;
-use super::motion::{Real, Rigid, Shifts};
-use super::strands::{Arcs, Measured};
+use super::blocks::{Blocks, CHUNK};
+use super::motion::{Displacements, Rigid, Step};
+use super::strands::{Measured, Strands};
 use crate::cancel::PairLimit;
-use crate::curve::vector::{distance, norm, sub};
-use crate::curve::{Basis, Box3, CurveSet, Point, Positions, above, below, larger, pow2};
+use crate::curve::{Box3, Positions, Received, above, below, larger, pow2};
 use crate::pairs::LinkSearch;
-use crate::simd::{LANES, dispatch};
-use nalgebra::{Matrix3, Vector3};
+use crate::simd::dispatch;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Number of blocks per task.
 const GRAIN: usize = 4096;
+
+/// Number of chunks per task.
+const CHUNKS_PER_TASK: usize = 32;
 
 /// Margin of a bound, in diameters, that covers all rounding to single precision.
 const MARGIN: f64 = 1e-6;
@@ -25,156 +25,127 @@ pub(super) const MOST_NEAR: usize = 1 << 24;
 /// Distance up to which pairs are listed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
-    /// Clearance below which the list is complete.
+    /// Clearance up to which the list is complete.
     pub ratio: f64,
-    /// Travel up to which the list is complete.
+    /// Distance by which each block may move, relative to a rigid motion, until the list is not.
     pub skin: f64,
-}
-
-/// A block of eight segments of a curve.
-#[derive(Clone, Debug)]
-struct Block {
-    /// Number, counted over all curves.
-    number: u32,
-    curve: u32,
-    /// Points that it depends on, counted over all curves: a range, and another one if it wraps
-    /// around the end of a closed curve.
-    points: Range<u32>,
-    wrapped: Range<u32>,
-    /// Upper bound of the distance of its points from the first one when the list was built.
-    size: f32,
 }
 
 /// A pair of near blocks.
 #[derive(Clone, Copy, Debug)]
 struct NearPair {
     blocks: [u32; 2],
+    /// Sum of the radii.
     radii: f32,
-    /// Clearance when the pair was measured; infinite if it never was.
-    ratio: f32,
-    /// Lower bound of the clearance for these travels of the blocks.
+    /// Lower bound of the clearance in the reference frame.
     bound: f32,
-    travel: [f32; 2],
-    /// What is known from the time when the pair was measured, or listed.
-    anchor: Anchor,
 }
 
-/// A lower bound of the clearance of a pair, and how its blocks were placed then.
-#[derive(Clone, Copy, Debug)]
-struct Anchor {
-    bound: f32,
-    /// Vector between the first points of the blocks, turned back to the orientation that the scene
-    /// had when the list was built.
-    between: [f32; 3],
-    /// Sum of the deformations of the blocks.
-    deformation: f32,
-}
-
-impl NearPair {
-    /// Returns the travel of one of the blocks up to which the pair is above a level.
-    #[inline(always)]
-    fn due(&self, side: usize, level: f64) -> f32 {
-        let slack = 0.5 * (f64::from(self.bound) - level) * f64::from(self.radii);
-        below(f64::from(self.travel[side]) + slack)
-    }
-}
-
-/// Motion from one frame to the next.
-struct Step {
-    rigid: Rigid,
-    stretch: f64,
-}
-
-impl Step {
-    /// Adds the motion of some blocks. Returns their largest travel.
-    #[inline(always)]
-    fn advance<T: Real>(&self, [q, p]: [&[T]; 2], blocks: &[Block], paths: &mut [Path]) -> f32 {
-        let mut farthest = 0.0_f32;
-        for (block, path) in blocks.iter().zip(paths) {
-            let own = 3 * block.points.start as usize..3 * block.points.end as usize;
-            let (q_own, p_own) = (&q[own.clone()], &p[own]);
-            let mut shifts = Shifts::EMPTY;
-            shifts.add(q_own, p_own);
-            if !block.wrapped.is_empty() {
-                let rest = 3 * block.wrapped.start as usize..3 * block.wrapped.end as usize;
-                shifts.add(&q[rest.clone()], &p[rest]);
-            }
-            let from = [0, 1, 2].map(|x| q_own[x].wide());
-            let shift = [0, 1, 2].map(|x| p_own[x].wide() - from[x]);
-            let size = f64::from(block.size) + 2.0 * f64::from(path.deformation);
-            let deformed = shifts.largest_from(shift) + self.rigid.spin * size;
-            let traveled = norm(sub(shift, self.rigid.displacement(from))) + deformed;
-            path.travel = up(path.travel, self.stretch * traveled);
-            path.deformation = up(path.deformation, self.stretch * deformed);
-            farthest = larger(farthest, path.travel);
-        }
-        farthest
-    }
-}
-
-/// Returns the sum of two numbers that are not negative, rounded up.
-#[inline(always)]
-fn up(x: f32, by: f64) -> f32 {
-    ((f64::from(x) + by) * (1.0 + 2.0 * f64::from(f32::EPSILON))) as f32
-}
-
-/// State of a block.
-#[derive(Clone, Copy, Debug, Default)]
-struct Path {
-    /// Sum, over all frames since the list was built, of the largest distance that one of its
-    /// points moved relative to the rigid motion of the scene.
-    travel: f32,
-    /// The same, relative to the motion of its first point, but for the rotation of the scene.
-    deformation: f32,
-    /// Travel up to which no pair of the block is due.
-    due: f32,
-}
-
-/// The near pairs of a frame, kept up to date in later ones.
+/// The near pairs of a reference frame.
 #[derive(Debug)]
 pub(super) struct NearList {
-    blocks: Vec<Block>,
-    /// First block of each curve.
-    first: Vec<u32>,
-    paths: Vec<Path>,
+    /// Sorted.
     pairs: Vec<NearPair>,
     /// First pair of each block in `of`, and the number of all.
     starts: Vec<u32>,
     of: Vec<u32>,
-    /// Bound of the motion of curves if their control points move by 1.
-    stretch: f64,
-    /// Rotation of the scene since the list was built.
-    rotation: Matrix3<f64>,
-    reach: Reach,
-    farthest: f32,
-    age: u32,
+    /// Positions of the reference frame.
+    reference: Received,
+    pub reach: Reach,
+    /// Largest distance that a block moved from the frame of the list to the reference frame.
+    traveled: f64,
+    /// No pair of blocks that moved less than they are allowed comes below this level.
+    pub level: f64,
+    /// Distance that each block may move from the reference frame, and the least of each chunk.
+    allowances: Vec<f32>,
+    chunk_allowances: Vec<f32>,
+    /// Lower bound of the clearance of all strands in the reference frame.
+    pub least: f64,
+}
+
+/// Motion of all blocks from the reference frame to the current one.
+pub(super) struct Moved {
+    rigid: Rigid,
+    chunks: Vec<Displacements>,
+    /// Upper bound of the largest motion of a block.
+    pub farthest: f64,
+    /// First of the blocks of a chunk in `blocks`, if they are distinguished.
+    starts: Vec<Option<u32>>,
+    blocks: Vec<Displacements>,
+}
+
+impl Moved {
+    /// Distinguishes the blocks of these chunks.
+    fn divide(&mut self, step: &Step<'_>, blocks: &Blocks, chunks: &[usize]) {
+        let known = self.blocks.len();
+        for &chunk in chunks {
+            let count = blocks.len().min((chunk + 1) * CHUNK) - chunk * CHUNK;
+            self.starts[chunk] = Some(self.blocks.len() as u32);
+            let whole = self.chunks[chunk];
+            self.blocks.extend(std::iter::repeat_n(whole, count));
+        }
+        let fill = |(&chunk, out): (&usize, &mut [Displacements])| {
+            let from = chunk * CHUNK;
+            let parts = &blocks.points[from..from + out.len()];
+            dispatch!(Step::displacements(step, parts, out));
+        };
+        // Only the last chunk may be smaller.
+        let new = &mut self.blocks[known..];
+        match chunks.len() {
+            ..CHUNKS_PER_TASK => chunks.iter().zip(new.chunks_mut(CHUNK)).for_each(fill),
+            _ => {
+                let parts = chunks.par_iter().zip(new.par_chunks_mut(CHUNK));
+                parts.for_each(fill);
+            }
+        }
+    }
+
+    /// Returns the displacements of a block, or those of its chunk.
+    #[inline(always)]
+    fn of(&self, block: u32) -> &Displacements {
+        let block = block as usize;
+        match self.starts[block / CHUNK] {
+            Some(start) => &self.blocks[start as usize + block % CHUNK],
+            None => &self.chunks[block / CHUNK],
+        }
+    }
+
+    /// Returns a lower bound of the current clearance of a pair.
+    #[inline(always)]
+    fn bound(&self, pair: &NearPair) -> f64 {
+        let [a, b] = pair.blocks.map(|block| self.of(block));
+        f64::from(pair.bound) - a.largest_between(b) / f64::from(pair.radii)
+    }
 }
 
 impl NearList {
-    /// Lists the near pairs of a frame. Returns `None` if there are too many.
-    pub fn build(
-        set: &CurveSet,
-        (radii, arcs): (&[f64], &Arcs),
-        reach: Reach,
-        level: f64,
-        old: Option<&NearList>,
-    ) -> Option<NearList> {
-        let first = &arcs.first;
-        let blocks = blocks(set, first);
+    /// Lists the near pairs of a frame, which becomes the reference frame. Returns `None` if there
+    /// are too many.
+    pub fn build(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Option<NearList> {
+        let Strands {
+            set, radii, blocks, ..
+        } = *strands;
         // Rounding of single-precision boxes.
         let rounding = set.max_abs() * pow2(-22);
-        let bounds = |block: &Block| {
-            let number = block.number - first[block.curve as usize];
-            set.leaf_boxes(block.curve as usize, number as usize)
-                .bounds()
+        let bounds = |block: u32| {
+            let (curve, number) = blocks.place(block);
+            set.leaf_boxes(curve as usize, number as usize).bounds()
         };
-        let boxes: Vec<Box3> = blocks.par_iter().with_min_len(GRAIN).map(bounds).collect();
-        let dilated = boxes.iter().zip(&blocks).map(|(b, block)| {
-            let radius = radii[block.curve as usize];
-            b.dilated(above(reach.ratio * radius + reach.skin + rounding))
+        let count = blocks.len() as u32;
+        let boxes: Vec<Box3> = match blocks.len() {
+            ..GRAIN => (0..count).map(bounds).collect(),
+            _ => (0..count)
+                .into_par_iter()
+                .with_min_len(GRAIN / 4)
+                .map(bounds)
+                .collect(),
+        };
+        let dilated = boxes.iter().zip(&blocks.curves).map(|(b, &curve)| {
+            b.dilated(above(
+                reach.ratio * radii[curve as usize] + reach.skin + rounding,
+            ))
         });
         let dilated: Vec<Box3> = dilated.collect();
-        let mut search = LinkSearch::default();
         let limit = PairLimit::default();
         limit.begin(MOST_NEAR);
         search.limit_to(limit.clone());
@@ -182,33 +153,19 @@ impl NearList {
         if limit.is_exceeded() {
             return None;
         }
-        let itself = blocks.iter().map(|block| (block.number, block.number));
-        found.extend(itself);
-        found.sort();
-        let positions = set.positions();
-        let positions = positions.as_positions();
+        found.extend((0..count).map(|block| (block, block)));
+        found.sort_unstable();
         let listed = |&(a, b): &(u32, u32)| {
-            let [p, q] = [a, b].map(|k| &blocks[k as usize]);
-            let [i, j] = [p, q].map(|block| block.curve as usize);
-            let pair = [a, b].map(|k| k - first[i]);
-            if i == j && !arcs.are_apart(i, &set.curve(i), pair, radii[i]) {
+            let [i, j] = [a, b].map(|k| blocks.curves[k as usize] as usize);
+            if i == j && !strands.are_apart(i, [a, b].map(|k| k - blocks.first[i])) {
                 return None;
             }
             let sum = radii[i] + radii[j];
             let gap = boxes[a as usize].dist_sq_below(&boxes[b as usize]).sqrt();
-            let bound = below((gap - 2.0 * rounding).max(0.0) / sum - MARGIN);
-            let [x, y] = [p, q].map(|block| positions.point(block.points.start as usize));
             Some(NearPair {
                 blocks: [a, b],
-                radii: sum as f32,
-                ratio: f32::INFINITY,
-                bound,
-                travel: [0.0; 2],
-                anchor: Anchor {
-                    bound,
-                    between: sub(y, x).map(|d| d as f32),
-                    deformation: 0.0,
-                },
+                radii: below(sum),
+                bound: below((gap - 2.0 * rounding).max(0.0) / sum - MARGIN),
             })
         };
         let pairs: Vec<NearPair> = match found.len() {
@@ -219,36 +176,210 @@ impl NearList {
                 .filter_map(listed)
                 .collect(),
         };
-        let mut list = NearList {
-            paths: vec![Path::default(); blocks.len()],
-            starts: vec![0; blocks.len() + 1],
-            of: Vec::new(),
-            first: first.clone(),
-            blocks,
+        Some(NearList {
             pairs,
-            stretch: match set.basis() {
-                Basis::CatmullRom => 4.0 / 3.0,
-                Basis::Polyline | Basis::Bezier | Basis::BSpline => 1.0,
-            },
-            rotation: Matrix3::identity(),
+            starts: Vec::new(),
+            of: Vec::new(),
+            reference: Received::from(strands.positions),
             reach,
-            farthest: 0.0,
-            age: 0,
-        };
-        list.index();
-        if let Some(old) = old {
-            list.inherit(old, positions);
+            traveled: 0.0,
+            level: 0.0,
+            allowances: Vec::new(),
+            chunk_allowances: Vec::new(),
+            least: 0.0,
+        })
+    }
+
+    /// Takes over what an older list with the same reference frame knows about the pairs of this
+    /// one, so that they need not be measured again.
+    pub fn inherit(&mut self, old: &NearList) {
+        let mut known = old.pairs.iter().peekable();
+        for pair in &mut self.pairs {
+            while known.next_if(|k| k.blocks < pair.blocks).is_some() {}
+            if let Some(same) = known.next_if(|k| k.blocks == pair.blocks) {
+                pair.bound = larger(pair.bound, same.bound);
+            }
         }
-        list.set_level(level);
-        Some(list)
+    }
+
+    fn step<'a>(&'a self, blocks: &Blocks, rigid: Rigid, positions: Positions<'a>) -> Step<'a> {
+        Step {
+            frames: [self.reference.positions(), positions],
+            rigid,
+            widen: blocks.widen,
+        }
+    }
+
+    /// Returns how the blocks moved from the reference frame to one with these positions. A motion
+    /// of less than `small` is as good as none.
+    pub fn moved(&self, blocks: &Blocks, positions: Positions<'_>, small: f64) -> Moved {
+        let rigid = Rigid::fit([self.reference.positions(), positions], small);
+        let step = self.step(blocks, rigid, positions);
+        let mut chunks = vec![Displacements::default(); blocks.chunks.len()];
+        let (parts, step) = (&blocks.chunks[..], &step);
+        match parts.len() {
+            ..CHUNKS_PER_TASK => {
+                let out = &mut chunks[..];
+                dispatch!(Step::displacements(step, parts, out));
+            }
+            _ => {
+                let outs = chunks.par_chunks_mut(CHUNKS_PER_TASK);
+                let tasks = parts.par_chunks(CHUNKS_PER_TASK).zip(outs);
+                tasks.for_each(|(parts, out)| {
+                    dispatch!(Step::displacements(step, parts, out));
+                });
+            }
+        }
+        let far = chunks.iter().map(|moved| rigid.largest_from(moved));
+        Moved {
+            rigid,
+            farthest: far.fold(0.0, f64::max),
+            starts: vec![None; chunks.len()],
+            chunks,
+            blocks: Vec::new(),
+        }
+    }
+
+    /// Returns an upper bound of the distance that a block moved since the list was made.
+    pub fn traveled(&self, moved: &Moved) -> f64 {
+        self.traveled + moved.farthest
+    }
+
+    /// Returns true if all strands that are not listed are beyond the reach after this motion.
+    pub fn is_complete(&self, moved: &Moved) -> bool {
+        self.reach.skin > 0.0 && self.traveled(moved) <= self.reach.skin
+    }
+
+    /// Returns the number of pairs.
+    pub fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Returns the pairs of blocks that may be closer than `limit` in a frame with these positions,
+    /// and the number of pairs that were compared. `limit` is at most the level.
+    pub fn due(
+        &self,
+        moved: &mut Moved,
+        (blocks, positions): (&Blocks, Positions<'_>),
+        limit: f64,
+    ) -> (Vec<[u32; 2]>, usize) {
+        let rigid = moved.rigid;
+        let beyond = |moved: &Displacements, most: f32| rigid.largest_from(moved) > f64::from(most);
+        let far = (0..moved.chunks.len())
+            .filter(|&chunk| beyond(&moved.chunks[chunk], self.chunk_allowances[chunk]));
+        let far: Vec<usize> = far.collect();
+        if far.is_empty() {
+            return Default::default();
+        }
+        moved.divide(&self.step(blocks, rigid, positions), blocks, &far);
+        let moved = &*moved;
+        let look = |&chunk: &usize| {
+            let (mut due, mut compared) = (Vec::new(), 0);
+            for block in chunk * CHUNK..blocks.len().min((chunk + 1) * CHUNK) {
+                if !beyond(moved.of(block as u32), self.allowances[block]) {
+                    continue;
+                }
+                let of = self.starts[block] as usize..self.starts[block + 1] as usize;
+                compared += of.len();
+                let pairs = self.of[of].iter().map(|&k| &self.pairs[k as usize]);
+                let close = pairs.filter(|pair| moved.bound(pair) <= limit);
+                due.extend(close.map(|pair| pair.blocks));
+            }
+            (due, compared)
+        };
+        let join = |(mut due, count): (Vec<[u32; 2]>, usize), (more, compared)| {
+            due.extend::<Vec<[u32; 2]>>(more);
+            (due, count + compared)
+        };
+        let (mut due, compared) = match far.len() {
+            ..CHUNKS_PER_TASK => far.iter().map(look).fold(Default::default(), join),
+            _ => far.par_iter().map(look).reduce(Default::default, join),
+        };
+        due.sort_unstable();
+        due.dedup();
+        (due, compared)
+    }
+
+    /// Makes a frame with these positions the reference frame.
+    pub fn rebase(
+        &mut self,
+        mut moved: Moved,
+        (blocks, positions): (&Blocks, Positions<'_>),
+        small: f64,
+    ) {
+        let far = (0..moved.chunks.len()).filter(|&chunk| {
+            let whole = moved.starts[chunk].is_none();
+            whole && moved.rigid.largest_from(&moved.chunks[chunk]) > small
+        });
+        let far: Vec<usize> = far.collect();
+        moved.divide(&self.step(blocks, moved.rigid, positions), blocks, &far);
+        let lower = |pair: &mut NearPair| pair.bound = below(moved.bound(pair));
+        match self.pairs.len() {
+            ..GRAIN => self.pairs.iter_mut().for_each(lower),
+            _ => self
+                .pairs
+                .par_iter_mut()
+                .with_min_len(GRAIN)
+                .for_each(lower),
+        }
+        self.traveled = self.traveled(&moved);
+        self.reference.copy_from(positions);
+    }
+
+    /// Returns the pairs whose bound in the reference frame is at most this clearance.
+    pub fn below(&self, ratio: f64) -> Vec<u32> {
+        let pairs = self.pairs.iter().zip(0..);
+        let close = pairs.filter(|(pair, _)| f64::from(pair.bound) <= ratio);
+        close.map(|(_, k)| k).collect()
+    }
+
+    /// Returns the blocks of a pair.
+    pub fn blocks_of(&self, pair: u32) -> [u32; 2] {
+        self.pairs[pair as usize].blocks
+    }
+
+    /// Records lower bounds of the clearance in the reference frame.
+    pub fn improve<'a>(&mut self, found: impl Iterator<Item = (u32, &'a Measured)>) {
+        for (pair, measured) in found {
+            let bound = &mut self.pairs[pair as usize].bound;
+            let known = below(measured.bound.min(f64::from(f32::MAX)) - MARGIN);
+            *bound = larger(*bound, known);
+        }
+    }
+
+    /// Chooses the level, and with it how far each block may move.
+    pub fn set_level(&mut self, level: f64, blocks: &Blocks) {
+        self.level = level;
+        let bounds = self.pairs.iter().map(|pair| f64::from(pair.bound));
+        self.least = bounds.fold(self.reach.ratio, f64::min);
+        if self.reach.skin == 0.0 {
+            return;
+        }
+        if self.starts.is_empty() {
+            self.index(blocks.len());
+        }
+        self.allowances.clear();
+        self.allowances.resize(blocks.len(), f32::MAX);
+        for pair in &self.pairs {
+            let slack = (f64::from(pair.bound) - level) * f64::from(pair.radii);
+            let allowance = below(0.5 * slack);
+            for block in pair.blocks {
+                let least = &mut self.allowances[block as usize];
+                *least = least.min(allowance);
+            }
+        }
+        let chunks = self.allowances.chunks(CHUNK);
+        let least = chunks.map(|chunk| chunk.iter().fold(f32::MAX, |a, &b| a.min(b)));
+        self.chunk_allowances = least.collect();
     }
 
     /// Sorts the pairs by their blocks.
-    fn index(&mut self) {
+    fn index(&mut self, blocks: usize) {
         let sides = |pair: &NearPair| {
             let [a, b] = pair.blocks;
             [a, b].into_iter().take(if a == b { 1 } else { 2 })
         };
+        self.starts = vec![0; blocks + 1];
         for block in self.pairs.iter().flat_map(sides) {
             self.starts[block as usize + 1] += 1;
         }
@@ -265,226 +396,4 @@ impl NearList {
             }
         }
     }
-
-    /// Takes over what an older list knows about the pairs of this one, so that they need not be
-    /// measured again.
-    fn inherit(&mut self, old: &NearList, positions: Positions<'_>) {
-        let mut known = old.pairs.iter().peekable();
-        for pair in &mut self.pairs {
-            while known.next_if(|k| k.blocks < pair.blocks).is_some() {}
-            let Some(same) = known.next_if(|k| k.blocks == pair.blocks) else {
-                continue;
-            };
-            let bound = old.bound_now(same, positions);
-            if bound > f64::from(pair.bound) {
-                pair.bound = below(bound);
-                pair.anchor.bound = pair.bound;
-            }
-            pair.ratio = same.ratio;
-        }
-    }
-
-    /// Returns the list for the next frame, in which the blocks have moved.
-    pub fn moved(mut self, frames: [Positions<'_>; 2]) -> NearList {
-        let step = Step {
-            rigid: Rigid::fit(frames),
-            stretch: self.stretch,
-        };
-        self.farthest = match frames {
-            [Positions::F32(q), Positions::F32(p)] => self.advance(&step, [q, p]),
-            [Positions::F64(q), Positions::F64(p)] => self.advance(&step, [q, p]),
-            _ => unreachable!("frames of the same curves have the same precision"),
-        };
-        if let Some(turn) = step.rigid.rotation() {
-            self.rotation = turn * self.rotation;
-        }
-        self.age += 1;
-        self
-    }
-
-    /// Adds the motion of all blocks. Returns the largest travel.
-    fn advance<T: Real>(&mut self, step: &Step, frames: [&[T]; 2]) -> f32 {
-        let NearList { blocks, paths, .. } = self;
-        let chunks = blocks.chunks(GRAIN).zip(paths.chunks_mut(GRAIN));
-        let run = |(blocks, paths): (&[Block], &mut [Path])| -> f32 {
-            dispatch!(Step::advance(step, frames, blocks, paths))
-        };
-        match chunks.len() {
-            ..2 => chunks.map(run).fold(0.0, f32::max),
-            _ => chunks.par_bridge().map(run).reduce(|| 0.0, f32::max),
-        }
-    }
-
-    /// Returns a lower bound of the clearance of a pair in the current frame: its blocks have moved
-    /// relative to one another by the change of the vector between their first points, and by their
-    /// deformations.
-    fn bound_now(&self, pair: &NearPair, positions: Positions<'_>) -> f64 {
-        let [a, b] = pair.blocks.map(|block| block as usize);
-        let [x, y] = [a, b].map(|k| positions.point(self.blocks[k].points.start as usize));
-        let between = self.rotation.tr_mul(&Vector3::from(sub(y, x)));
-        let before = Vector3::from(pair.anchor.between.map(f64::from));
-        // Rounding of the vector, also of its components far from the origin.
-        let rounding = 1e-7 * (before.amax() + between.amax());
-        let deformation = f64::from(self.paths[a].deformation)
-            + f64::from(self.paths[b].deformation)
-            - f64::from(pair.anchor.deformation);
-        let moved = (between - before).norm() + 4.0 * rounding + deformation;
-        f64::from(pair.anchor.bound) - moved / f64::from(pair.radii) * (1.0 + 1e-9)
-    }
-
-    /// Returns true if the list is complete up to a level in the current frame.
-    pub fn covers(&self, level: f64) -> bool {
-        f64::from(self.farthest) <= self.reach.skin && level <= self.reach.ratio
-    }
-
-    /// Returns the number of frames since the list was built.
-    pub fn age(&self) -> u32 {
-        self.age
-    }
-
-    /// Returns curve and number of both blocks of a pair.
-    pub fn pair(&self, pair: u32) -> [(u32, u32); 2] {
-        self.pairs[pair as usize].blocks.map(|block| {
-            let curve = self.blocks[block as usize].curve;
-            (curve, block - self.first[curve as usize])
-        })
-    }
-
-    /// Returns the pairs that may be below a level: the one for which the list was prepared, or a
-    /// lower one. `positions` are those of the current frame.
-    pub fn due(&mut self, positions: Positions<'_>, level: f64) -> Vec<u32> {
-        let mut due = Vec::new();
-        for block in 0..self.blocks.len() {
-            if self.paths[block].travel < self.paths[block].due {
-                continue;
-            }
-            let mut next = f32::INFINITY;
-            for at in self.starts[block]..self.starts[block + 1] {
-                let k = self.of[at as usize];
-                let mut pair = self.pairs[k as usize];
-                let travel = pair.blocks.map(|block| self.paths[block as usize].travel);
-                if (0..2).any(|side| travel[side] >= pair.due(side, level)) {
-                    let bound = self.bound_now(&pair, positions);
-                    pair.bound = below(bound);
-                    pair.travel = travel;
-                    self.pairs[k as usize] = pair;
-                    if bound <= level {
-                        due.push(k);
-                        continue;
-                    }
-                    for side in 0..2 {
-                        let due = &mut self.paths[pair.blocks[side] as usize].due;
-                        *due = due.min(pair.due(side, level));
-                    }
-                }
-                for side in 0..2 {
-                    if pair.blocks[side] as usize == block {
-                        next = next.min(pair.due(side, level));
-                    }
-                }
-            }
-            self.paths[block].due = next;
-        }
-        due.sort_unstable();
-        due.dedup();
-        due
-    }
-
-    /// Records the distance of a pair in the current frame.
-    pub fn update(&mut self, pair: u32, measured: &Measured, positions: Positions<'_>, level: f64) {
-        let NearList {
-            blocks,
-            paths,
-            pairs,
-            rotation,
-            ..
-        } = self;
-        let pair = &mut pairs[pair as usize];
-        let [a, b] = pair.blocks.map(|block| block as usize);
-        let [x, y] = [a, b].map(|k| positions.point(blocks[k].points.start as usize));
-        let between = rotation.tr_mul(&Vector3::from(sub(y, x)));
-        pair.bound = below(measured.bound.min(f64::from(f32::MAX)) - MARGIN);
-        pair.ratio = measured.ratio() as f32;
-        pair.travel = [a, b].map(|k| paths[k].travel);
-        pair.anchor = Anchor {
-            bound: pair.bound,
-            between: Point::from(between).map(|d| d as f32),
-            deformation: below(f64::from(paths[a].deformation) + f64::from(paths[b].deformation)),
-        };
-        for side in 0..2 {
-            let due = &mut paths[pair.blocks[side] as usize].due;
-            *due = due.min(pair.due(side, level));
-        }
-    }
-
-    /// Prepares the list for a level.
-    pub fn set_level(&mut self, level: f64) {
-        self.paths
-            .iter_mut()
-            .for_each(|path| path.due = f32::INFINITY);
-        for pair in &self.pairs {
-            for side in 0..2 {
-                let due = &mut self.paths[pair.blocks[side] as usize].due;
-                *due = due.min(pair.due(side, level));
-            }
-        }
-    }
-
-    /// Returns all blocks whose last measured clearance was below a limit.
-    pub fn close_blocks(&self, limit: f64) -> Vec<CloseBlock> {
-        let mut ratios = vec![f32::INFINITY; self.blocks.len()];
-        for pair in &self.pairs {
-            for block in pair.blocks {
-                let ratio = &mut ratios[block as usize];
-                *ratio = ratio.min(pair.ratio);
-            }
-        }
-        let close = self.blocks.iter().zip(ratios).filter_map(|(block, ratio)| {
-            let first = (block.number - self.first[block.curve as usize]) * LANES as u32;
-            (f64::from(ratio) < limit).then_some(CloseBlock {
-                curve: block.curve,
-                first,
-                ratio: ratio.into(),
-            })
-        });
-        close.collect()
-    }
-}
-
-/// Returns the blocks of all curves, with the points that they depend on.
-fn blocks(set: &CurveSet, first: &[u32]) -> Vec<Block> {
-    let positions = set.positions();
-    let positions = positions.as_positions();
-    let basis = set.basis();
-    let (stride, window) = (basis.stride(), basis.window());
-    let mut blocks = Vec::with_capacity(*first.last().expect("the number of blocks") as usize);
-    for (i, curve) in set.curves().iter().enumerate() {
-        let points = set.points_of(i);
-        let lead = basis.lead(curve.closed);
-        for block in 0..first[i + 1] - first[i] {
-            let from = block as usize * LANES;
-            let last = (from + LANES).min(curve.segments as usize) - 1;
-            // Places in the curve, with the point before the first one as the last one.
-            let (from, to) = (from * stride, last * stride + window);
-            let n = points.len();
-            let own = (from.max(lead) - lead).min(n)..(to - lead).min(n);
-            let before = if from < lead { n - 1..n } else { 0..0 };
-            let after = 0..(to - lead).saturating_sub(n).min(n);
-            let wrapped = if before.is_empty() { after } else { before };
-            let shifted =
-                |r: Range<usize>| (points.start + r.start) as u32..(points.start + r.end) as u32;
-            let (own, wrapped) = (shifted(own), shifted(wrapped));
-            let start = positions.point(own.start as usize);
-            let all = own.clone().chain(wrapped.clone());
-            let far = all.map(|k| distance(positions.point(k as usize), start));
-            blocks.push(Block {
-                number: blocks.len() as u32,
-                curve: i as u32,
-                size: above(far.fold(0.0, f64::max)),
-                points: own,
-                wrapped,
-            });
-        }
-    }
-    blocks
 }

@@ -1,11 +1,12 @@
 //! Blocks of eight segments, and the distance between two of them.
 
-use super::REACH;
+use super::blocks::Blocks;
 use crate::curve::vector::{add_scaled, distance, norm, sub};
 use crate::curve::{Curve, CurveSet, Point, Positions, point_at};
 use crate::pairs::nearest;
-use crate::simd::LANES;
+use crate::simd::{LANES, dispatch};
 use crate::verdict::CloseStrands;
+use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Deviation of the chords of a spline, as a share of its radius, up to which they are not divided.
@@ -14,36 +15,30 @@ const DEVIATION: f64 = 0.02;
 /// Maximum number of chords of a segment.
 const CHORDS: usize = 8;
 
+/// Number of pairs of blocks from which on several threads measure them.
+const MANY: usize = 512;
+
 /// Positions along the curves.
 #[derive(Debug)]
 pub(super) struct Arcs {
-    /// First block of each curve, and the number of all blocks.
-    pub first: Vec<u32>,
-    /// Length of the curve up to the start of each segment, eight per block.
+    /// First segment of each curve, counted over all curves.
+    first: Vec<usize>,
+    /// Length of the curve up to the start of each segment.
     starts: Vec<f32>,
     /// Length of each curve.
-    pub lengths: Vec<f32>,
+    lengths: Vec<f32>,
 }
 
 impl Arcs {
     /// Measures the chords of all segments.
     pub fn new(set: &CurveSet) -> Arcs {
-        let mut first = vec![0];
-        for curve in set.curves() {
-            first.push(
-                first
-                    .last()
-                    .map_or(0, |k| k + curve.segments.div_ceil(LANES as u32)),
-            );
-        }
-        let blocks = *first.last().expect("the number of all blocks") as usize;
-        let mut starts = vec![0.0; blocks * LANES];
-        let mut lengths = Vec::with_capacity(set.len());
+        let (mut first, mut lengths) = (Vec::new(), Vec::new());
+        let mut starts = Vec::with_capacity(set.segments());
         for (i, curve) in set.curves().iter().enumerate() {
-            let own = &mut starts[first[i] as usize * LANES..];
+            first.push(starts.len());
             let (mut length, mut from) = (0.0, set.knot(i, 0));
             for s in 0..curve.segments as usize {
-                own[s] = length as f32;
+                starts.push(length as f32);
                 let to = set.knot(i, s + 1);
                 length += distance(from, to);
                 from = to;
@@ -59,7 +54,7 @@ impl Arcs {
 
     /// Returns the start and the end of a segment along its curve.
     fn of(&self, i: usize, curve: &Curve, s: u32) -> [f64; 2] {
-        let at = self.first[i] as usize * LANES + s as usize;
+        let at = self.first[i] + s as usize;
         let end = match s + 1 < curve.segments {
             true => self.starts[at + 1],
             false => self.lengths[i],
@@ -79,18 +74,24 @@ impl Arcs {
         }
     }
 
-    /// Returns true if some segments of two blocks of curve `i` may be far enough from one another
-    /// along it to be two strands.
-    pub fn are_apart(&self, i: usize, curve: &Curve, [a, b]: [u32; 2], radius: f64) -> bool {
+    /// Returns the smallest and the largest length along curve `i` between segments of two blocks,
+    /// `a` not after `b`.
+    fn between_blocks(&self, i: usize, curve: &Curve, [a, b]: [u32; 2]) -> [f64; 2] {
         let ends = |block: u32| {
             let first = block * LANES as u32;
-            let last = (first + LANES as u32).min(curve.segments) - 1;
-            [first, last].map(|s| self.of(i, curve, s))
+            [first, (first + LANES as u32).min(curve.segments) - 1]
         };
         let ([s, last_s], [t, last_t]) = (ends(a), ends(b));
-        let forward = last_t[0] - s[1];
-        let around = last_s[0] + f64::from(self.lengths[i]) - t[1];
-        forward.min(if curve.closed { around } else { forward }) >= PI * radius
+        let lengths = |s: u32, t: u32| {
+            let [s, t] = [s, t].map(|s| self.of(i, curve, s));
+            [t[0] - s[1], s[0] + f64::from(self.lengths[i]) - t[1]]
+        };
+        let [near, far_around] = lengths(last_s, t);
+        let [far, near_around] = lengths(s, last_t);
+        match curve.closed {
+            true => [near.min(near_around), far.min(far_around)],
+            false => [near, far],
+        }
     }
 }
 
@@ -99,13 +100,13 @@ impl Arcs {
 pub(super) struct Measured {
     /// Lower bound of the distance, as a share of the sum of the radii.
     pub bound: f64,
-    /// Closest segments, if they were compared: they are not if all are beyond the reach.
+    /// Closest segments, if they were compared: they are not if all are beyond the limit.
     pub closest: Option<CloseStrands>,
 }
 
 impl Measured {
     /// Returns the distance as a share of the sum of the radii, or a lower bound if it is beyond
-    /// the reach.
+    /// the limit.
     pub fn ratio(&self) -> f64 {
         self.closest.map_or(self.bound, |c| c.ratio)
     }
@@ -125,46 +126,55 @@ struct Block {
 
 /// All strands of a frame.
 pub(super) struct Strands<'a> {
-    set: &'a CurveSet,
-    positions: Positions<'a>,
-    radii: &'a [f64],
-    arcs: &'a Arcs,
+    /// Only asked for its curves, so that a frame that was only compared stays as received.
+    pub set: &'a CurveSet,
+    pub positions: Positions<'a>,
+    /// Radius of each curve.
+    pub radii: &'a [f64],
+    pub arcs: &'a Arcs,
+    pub blocks: &'a Blocks,
 }
 
-impl<'a> Strands<'a> {
-    /// `set` is only asked for its curves, so that a frame that was only compared stays as
-    /// received; `positions` are its positions.
-    pub fn new(
-        set: &'a CurveSet,
-        positions: Positions<'a>,
-        radii: &'a [f64],
-        arcs: &'a Arcs,
-    ) -> Strands<'a> {
-        Strands {
-            set,
-            positions,
-            radii,
-            arcs,
+impl Strands<'_> {
+    /// Returns true if some segments of two blocks of curve `i` may be far enough from one another
+    /// along it to be two strands.
+    pub fn are_apart(&self, i: usize, blocks: [u32; 2]) -> bool {
+        let [_, most] = self.arcs.between_blocks(i, &self.set.curve(i), blocks);
+        most >= PI * self.radii[i]
+    }
+
+    /// Measures the distances of pairs of blocks: precisely up to `limit`, a share of the sum of
+    /// the radii.
+    pub fn measure(&self, pairs: &[[u32; 2]], limit: f64) -> Vec<Measured> {
+        let run = |pairs: &[[u32; 2]]| dispatch!(Strands::measure_run(self, pairs, limit));
+        match pairs.len() {
+            ..MANY => run(pairs),
+            _ => {
+                let runs = pairs.par_chunks(MANY / 4).map(run);
+                runs.flatten_iter().collect()
+            }
         }
     }
 
-    /// Returns the number of segments.
-    pub fn segments(&self) -> usize {
-        self.set.segments()
-    }
-
-    /// Returns the positions of all control points.
-    pub fn positions(&self) -> Positions<'a> {
-        self.positions
-    }
-
-    /// Measures the distance of two blocks, each given by its curve and its number. Splines are
-    /// measured more precisely if their chords alone would not show that they are above the level.
     #[inline(always)]
-    pub fn measure(&self, [(i, a), (j, b)]: [(u32, u32); 2], level: f64) -> Measured {
-        let (i, j) = (i as usize, j as usize);
+    fn measure_run(&self, pairs: &[[u32; 2]], limit: f64) -> Vec<Measured> {
+        let mut last = None;
+        let measure = |&[a, b]: &[u32; 2]| {
+            let one = match last.take() {
+                Some((known, block)) if known == a => block,
+                _ => self.block(a),
+            };
+            let measured = self.measure_pair([a, b], [&one, &self.block(b)], limit);
+            last = Some((a, one));
+            measured
+        };
+        pairs.iter().map(measure).collect()
+    }
+
+    #[inline(always)]
+    fn measure_pair(&self, numbers: [u32; 2], [a, b]: [&Block; 2], limit: f64) -> Measured {
+        let (i, j) = (a.curve, b.curve);
         let radii = self.radii[i] + self.radii[j];
-        let [a, b] = [self.block(i, a), self.block(j, b)];
         let mut squares = [[f64::INFINITY; LANES]; LANES];
         for (k, squares) in squares.iter_mut().enumerate().take(a.count) {
             let middle = [0, 1, 2].map(|x| a.middles[x][k]);
@@ -174,27 +184,25 @@ impl<'a> Strands<'a> {
             }
         }
         if i == j {
-            self.exclude(&a, &b, &mut squares);
+            self.exclude(numbers, [a, b], &mut squares);
         }
         let mut found = [(0, 0); LANES * LANES];
         let (mut count, mut least) = (0, f64::INFINITY);
-        for k in 0..a.count {
-            let near = REACH * radii + a.radii[k];
-            for l in 0..b.count {
+        for (k, squares) in squares.iter().enumerate().take(a.count) {
+            let near = limit * radii + a.radii[k];
+            for (l, &square) in squares.iter().enumerate().take(b.count) {
                 let most = near + b.radii[l];
-                least = least.min(squares[k][l]);
-                if squares[k][l] < most * most {
+                if square < most * most {
                     found[count] = (k, l);
                     count += 1;
+                } else {
+                    least = least.min(square);
                 }
             }
         }
         let largest = |block: &Block| block.radii.iter().fold(0.0, |m: f64, &r| m.max(r));
-        let beyond = (least.sqrt() - largest(&a) - largest(&b)).max(REACH * radii);
-        let none = Measured {
-            bound: beyond / radii,
-            closest: None,
-        };
+        // The bound of those that are not measured.
+        let beyond = (least.sqrt() - largest(a) - largest(b)).max(limit * radii) / radii;
         let found = &mut found[..count];
         // The closest spheres first.
         if let Some(k) = (0..count).min_by(|&p, &q| {
@@ -204,7 +212,7 @@ impl<'a> Strands<'a> {
             found.swap(0, k);
         }
         let mut rough = [0.0; LANES * LANES];
-        let (mut closest, mut bound) = (None::<CloseStrands>, f64::INFINITY);
+        let (mut closest, mut bound) = (None::<CloseStrands>, beyond);
         for (&mut (k, l), rough) in found.iter_mut().zip(&mut rough) {
             let best = closest.map_or(f64::INFINITY, |c| c.distance);
             let most = best + a.radii[k] + b.radii[l];
@@ -212,7 +220,7 @@ impl<'a> Strands<'a> {
                 *rough = f64::INFINITY;
                 continue;
             }
-            let strands = self.closest([&a, &b], [k, l], radii, false);
+            let strands = self.closest([a, b], [k, l], radii, false);
             *rough = strands.distance - strands.error * radii;
             bound = bound.min(strands.ratio - strands.error);
             if strands.distance < best {
@@ -220,16 +228,19 @@ impl<'a> Strands<'a> {
             }
         }
         let Some(mut closest) = closest else {
-            return none;
+            return Measured {
+                bound,
+                closest: None,
+            };
         };
-        if !self.set.basis().is_polyline() && bound < level.max(0.5 * (level + closest.ratio)) {
-            bound = f64::INFINITY;
+        if !self.set.basis().is_polyline() && bound <= limit {
+            bound = beyond;
             closest.distance = f64::INFINITY;
             for (&mut (k, l), &rough) in found.iter_mut().zip(&rough) {
                 if rough >= closest.distance {
                     continue;
                 }
-                let strands = self.closest([&a, &b], [k, l], radii, true);
+                let strands = self.closest([a, b], [k, l], radii, true);
                 bound = bound.min(strands.ratio - strands.error);
                 if strands.distance < closest.distance {
                     closest = strands;
@@ -243,16 +254,21 @@ impl<'a> Strands<'a> {
     }
 
     /// Excludes pairs of segments of one curve that are near one another along it.
-    fn exclude(&self, a: &Block, b: &Block, squares: &mut [[f64; LANES]; LANES]) {
+    fn exclude(&self, numbers: [u32; 2], [a, b]: [&Block; 2], squares: &mut [[f64; LANES]; LANES]) {
         let i = a.curve;
         let curve = self.set.curve(i);
         let apart = PI * self.radii[i];
-        for k in 0..a.count {
-            for l in 0..b.count {
-                let (s, t) = (a.first + k as u32, b.first + l as u32);
+        let [least, _] =
+            self.arcs
+                .between_blocks(i, &curve, numbers.map(|k| self.blocks.place(k).1));
+        if least >= apart {
+            return;
+        }
+        for (s, squares) in (a.first..).zip(squares) {
+            for (t, square) in (b.first..).zip(squares) {
                 let near = || self.arcs.between(i, &curve, s, t) < apart;
-                if s >= t || curve.adjacent(s, t) || near() {
-                    squares[k][l] = f64::INFINITY;
+                if t >= curve.segments || s >= t || curve.adjacent(s, t) || near() {
+                    *square = f64::INFINITY;
                 }
             }
         }
@@ -310,9 +326,21 @@ impl<'a> Strands<'a> {
             std::array::from_fn::<Point, { CHORDS + 1 }, _>(point)
         });
         let error = a.deviations[k] / (m * m) as f64 + b.deviations[l] / (n * n) as f64;
+        // Middle and half the length of each chord.
+        let [around_one, around_other] = [&one, &other].map(|points| {
+            std::array::from_fn::<(Point, f64), CHORDS, _>(|q| {
+                let [from, to] = [points[q], points[q + 1]];
+                let middle = [0, 1, 2].map(|x| 0.5 * (from[x] + to[x]));
+                (middle, 0.5 * distance(from, to))
+            })
+        });
         let mut best = (f64::INFINITY, [[0.0; 3]; 2]);
         for p in 0..m {
             for q in 0..n {
+                let ((x, r), (y, s)) = (around_one[p], around_other[q]);
+                if distance(x, y) * (1.0 + 1e-12) - r - s >= best.0 {
+                    continue;
+                }
                 let found = closest_of_edges([one[p], one[p + 1]], [other[q], other[q + 1]]);
                 if found.0 < best.0 {
                     best = found;
@@ -324,7 +352,9 @@ impl<'a> Strands<'a> {
 
     /// Reads a block of a curve.
     #[inline(always)]
-    fn block(&self, i: usize, block: u32) -> Block {
+    fn block(&self, number: u32) -> Block {
+        let (i, block) = self.blocks.place(number);
+        let i = i as usize;
         let curve = self.set.curve(i);
         let basis = self.set.basis();
         let first = block * LANES as u32;

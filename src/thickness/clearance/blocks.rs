@@ -1,0 +1,138 @@
+//! Blocks of eight segments, and chunks of blocks: what moves together.
+
+use super::motion::Ranges;
+use crate::curve::{Basis, CurveSet};
+use crate::simd::LANES;
+use std::ops::Range;
+
+/// Number of blocks in a chunk.
+pub(super) const CHUNK: usize = 64;
+
+/// The blocks of all curves, counted over all of them.
+#[derive(Debug)]
+pub(super) struct Blocks {
+    /// First block of each curve, and the number of all.
+    pub first: Vec<u32>,
+    /// Curve of each block.
+    pub curves: Vec<u32>,
+    /// Points that each block depends on.
+    pub points: Vec<Ranges>,
+    /// Points that each chunk of [`CHUNK`] blocks depends on.
+    pub chunks: Vec<Ranges>,
+    /// Share of the size of a box by which curves leave that of their control points, on each side.
+    pub widen: f64,
+}
+
+impl Blocks {
+    pub fn new(set: &CurveSet) -> Blocks {
+        let basis = set.basis();
+        let mut blocks = Blocks {
+            first: vec![0],
+            curves: Vec::new(),
+            points: Vec::new(),
+            chunks: Vec::new(),
+            widen: match basis {
+                // Weights of control points from -1/6 to 7/6.
+                Basis::CatmullRom => 1.0 / 6.0,
+                Basis::Polyline | Basis::Bezier | Basis::BSpline => 0.0,
+            },
+        };
+        let (stride, window) = (basis.stride(), basis.window());
+        for (i, curve) in set.curves().iter().enumerate() {
+            let points = set.points_of(i);
+            let (n, lead) = (points.len(), basis.lead(curve.closed));
+            let shifted = |range: Range<usize>| {
+                [range.start, range.end].map(|point| (points.start + point) as u32)
+            };
+            for from in (0..curve.segments as usize).step_by(LANES) {
+                let last = (from + LANES).min(curve.segments as usize) - 1;
+                // Places in the curve, with `lead` points of its end before the first one.
+                let (from, to) = (from * stride, last * stride + window);
+                let own = (from.max(lead) - lead).min(n)..(to - lead).min(n);
+                let before = n - (lead - from.min(lead))..n;
+                let after = 0..(to - lead).saturating_sub(n).min(n);
+                blocks.curves.push(i as u32);
+                blocks.points.push([own, before, after].map(shifted));
+            }
+            blocks.first.push(blocks.curves.len() as u32);
+        }
+        blocks.chunks = blocks.points.chunks(CHUNK).map(joined).collect();
+        blocks
+    }
+
+    /// Returns curve of a block, and its number there.
+    pub fn place(&self, block: u32) -> (u32, u32) {
+        let curve = self.curves[block as usize];
+        (curve, block - self.first[curve as usize])
+    }
+
+    /// Returns the number of blocks.
+    pub fn len(&self) -> usize {
+        self.curves.len()
+    }
+}
+
+/// Returns the points of successive blocks: those from the first one to the last one, and what
+/// wraps around the ends of curves that are not contained.
+fn joined(blocks: &[Ranges]) -> Ranges {
+    let from = blocks[0][0][0];
+    let to = blocks.iter().map(|[own, ..]| own[1]).max();
+    let mut out = [[from, to.expect("at least one block")], [0; 2], [0; 2]];
+    let mut extra = 0;
+    for &[first, end] in blocks.iter().flat_map(|[_, before, after]| [before, after]) {
+        let [from, to] = out[0];
+        if first == end || (from <= first && end <= to) {
+            continue;
+        }
+        // The last two blocks of a curve may depend on its first points.
+        if extra == 0 || out[extra][0] != first {
+            extra += 1;
+        }
+        out[extra] = [first, end];
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::{Point, Positions};
+    use crate::random::Random;
+
+    #[test]
+    fn chunks_contain_the_points_of_their_blocks_and_blocks_those_of_their_segments() {
+        let mut random = Random::new(11);
+        for basis in Basis::ALL {
+            for _ in 0..20 {
+                let counts: Vec<i32> = (0..1 + random.below(40_usize))
+                    .map(|_| -3 * (2 + random.below(400_usize) as i32))
+                    .collect();
+                let n: usize = counts.iter().map(|c| c.unsigned_abs() as usize).sum();
+                let points: Vec<Point> = (0..n).map(|_| random.point(1.0)).collect();
+                let positions = Positions::F64(points.as_flattened());
+                let set = CurveSet::from_counts(basis, &counts, positions).unwrap();
+                let blocks = Blocks::new(&set);
+                let has = |ranges: &Ranges, point: u32| {
+                    ranges.iter().any(|&[from, to]| (from..to).contains(&point))
+                };
+                for (k, ranges) in blocks.points.iter().enumerate() {
+                    for point in ranges.iter().flat_map(|&[from, to]| from..to) {
+                        assert!(has(&blocks.chunks[k / CHUNK], point));
+                    }
+                }
+                for i in 0..set.len() {
+                    let own = set.points_of(i);
+                    let (start, n) = (own.start, own.len());
+                    let (stride, lead) = (basis.stride(), basis.lead(true));
+                    for s in 0..set.curve(i).segments as usize {
+                        let block = blocks.first[i] as usize + s / LANES;
+                        for k in 0..basis.window() {
+                            let point = start + (s * stride + k + n - lead) % n;
+                            assert!(has(&blocks.points[block], point as u32));
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
