@@ -27,14 +27,14 @@ fn smallest(set: &CurveSet, first: &CurveSet, radii: &[f64]) -> [f64; 2] {
     let mut all = Vec::new();
     let mut error = 0.0_f64;
     let mut starts: Vec<Vec<f64>> = Vec::new();
-    for i in 0..set.len() {
+    for (i, radius) in radii.iter().enumerate() {
         let segments = set.curve(i).segments as usize;
         let mut arcs = vec![0.0];
         for s in 0..segments {
             let length = distance(first.knot(i, s), first.knot(i, s + 1));
             arcs.push(arcs[s] + length);
             let deviation = strands::deviation(&set.segment(i, s)) / (chords * chords) as f64;
-            error = error.max(deviation / radii[i]);
+            error = error.max(deviation / radius);
             for k in 0..chords {
                 let at = |k: usize| match (set.basis(), k) {
                     (Basis::Polyline, 0) => set.knot(i, s),
@@ -200,7 +200,7 @@ fn check(seed: u64, frames: u64) {
 
 #[test]
 fn the_clearance_of_moving_strands_is_that_of_all_pairs() {
-    for seed in 0..50 {
+    for seed in 0..25 {
         check(seed, 40);
     }
 }
@@ -208,7 +208,7 @@ fn the_clearance_of_moving_strands_is_that_of_all_pairs() {
 #[test]
 #[ignore = "takes minutes"]
 fn the_clearance_of_many_moving_strands_is_that_of_all_pairs() {
-    for seed in 1000..4000 {
+    for seed in 1000..2000 {
         check(seed, 128);
     }
 }
