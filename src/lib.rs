@@ -196,7 +196,9 @@ pub use sinks::{
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};
 #[cfg(feature = "verify")]
-pub use thickness::{ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, struts};
+pub use thickness::{
+    ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks, struts,
+};
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Link, Place,
     PullThrough, Report, Stats, Verdict,

@@ -1,6 +1,7 @@
 //! `linkwatch check`: compares models with a certificate, or with the first of them.
 
 use super::Outcome;
+use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::files::{Content, write_text};
 use super::kernel::KernelArgs;
@@ -77,6 +78,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         baseline: args.against.clone(),
         abort_on: Some(AbortOn::Never),
         event_args: args.event_args,
+        clearance_args: ClearanceArgs::default(),
         kernel: args.kernel.clone(),
         paranoid: false,
         // The models are files of the user, and no simulator runs on.
@@ -105,6 +107,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         models: true,
         baseline: None,
         recorded_events: None,
+        recorded_clearance: None,
         title: &format!("check of {}", models[0].display()),
         metadata: BTreeMap::from([("models".to_owned(), models.len().to_string())]),
         overflow: Overflow::WaitForProgress(PATIENCE),

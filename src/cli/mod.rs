@@ -3,6 +3,7 @@
 
 mod certify;
 mod check;
+mod clearance_args;
 mod completions;
 mod devices;
 mod event_args;

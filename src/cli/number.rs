@@ -34,7 +34,6 @@ pub fn seconds(text: &str) -> Result<Duration, String> {
 }
 
 /// Parses a share: `0.05` or `5%`.
-#[cfg(feature = "bus")]
 pub fn share(text: &str) -> Result<f64, String> {
     let (number, unit) = match text.strip_suffix('%') {
         Some(number) => (number.trim_end(), 100.0),

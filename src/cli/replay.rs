@@ -1,11 +1,11 @@
 //! `linkwatch replay`: verifies a recording again.
 
-use super::Outcome;
 use super::kernel::KernelArgs;
 use super::output::{self, count, plural};
 use super::session::{
     FrameCounts, Ingested, Judge, Judged, JunitArgs, MOTION_LIMIT, Run, Session, Sinks,
 };
+use super::{Outcome, clearance_args};
 use linkwatch::{
     AbortOn, Ending, Error, Events, FrameInfo, Overflow, RecordedItem, RecordedVerdict,
     RecordingReader, Report, Result, Verdict,
@@ -70,6 +70,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     // Earlier versions had no limit.
     let limit = reader.metadata().get(MOTION_LIMIT);
     let limit: f64 = limit.and_then(|l| l.parse().ok()).unwrap_or(f64::INFINITY);
+    let recorded_clearance = clearance_args::read(reader.metadata());
+    let clearance = args.judge.clearance_args.options(recorded_clearance)?;
     let judge = Judge {
         abort_on: args.judge.abort_on.or(recorded),
         kernel: args.kernel.clone(),
@@ -94,6 +96,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             "--motion-limit",
             judge.event_args.motion_limit.is_some_and(|l| l != limit),
         ),
+        (
+            "--thickness or --min-clearance",
+            judge.abort_on == Some(AbortOn::Clearance) && clearance != recorded_clearance,
+        ),
     ];
     let differing = settings.iter().filter(|(_, differs)| *differs);
     let mut replay = Replay {
@@ -106,6 +112,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             models: false,
             baseline,
             recorded_events: Some((recorded_events, limit)),
+            recorded_clearance,
             title: &title,
             metadata,
             overflow,
@@ -356,6 +363,7 @@ impl Replay {
                 self.count(report.verdict);
                 let judged = Judged {
                     latency: None,
+                    clearance: None,
                     report: Arc::new(report),
                     times: progress.times,
                     work: progress.work,

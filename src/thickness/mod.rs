@@ -14,7 +14,9 @@ mod tests;
 mod words;
 
 pub(crate) use self::clearance::ClearanceMonitor;
-pub use self::clearance::{ClearanceOptions, CloseBlock};
+#[cfg(feature = "rerun")]
+pub(crate) use self::clearance::REACH;
+pub use self::clearance::{ClearanceOptions, CloseBlock, close_blocks};
 use self::edges::{Edges, Found};
 use self::octree::Octree;
 use crate::curve::{CurveSet, Point};

@@ -1,6 +1,9 @@
 //! Messages about verdicts, which the command, the log and the viewer print.
 
-use super::{Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict};
+use super::{
+    Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Place, PullThrough, Report,
+    Verdict,
+};
 use crate::curve::{Notation, significant, words_of_change, words_of_curve};
 use std::fmt;
 
@@ -120,6 +123,55 @@ impl Defect {
 impl fmt::Display for Defect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.sentence(0.0))
+    }
+}
+
+impl CloseStrands {
+    /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
+    /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown. `names` are those
+    /// of all curves, or empty.
+    pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
+        let CloseStrands {
+            ratio,
+            segments: [s, t],
+            points: [p, q],
+            distance,
+            ..
+        } = *self;
+        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
+        let strands = match self.i == self.j {
+            true => format!("parts of curve {i}"),
+            false => format!("curves {i} and {j}"),
+        };
+        let middle = [0, 1, 2].map(|x| p[x] + 0.5 * (q[x] - p[x]));
+        let notation = Notation::of_scene(extent, middle);
+        let (point, distance) = (notation.point(middle), notation.length(distance));
+        format!(
+            "the center lines of {strands} are {distance} apart, {:.1} % of their diameter, near \
+             {point}, segments {s} and {t}",
+            100.0 * ratio
+        )
+    }
+}
+
+impl Clearance {
+    /// Returns a sentence about the closest strands, if some are close, and their trend. See
+    /// [`CloseStrands::sentence_named`].
+    pub fn sentence_named(&self, extent: f64, names: &[String]) -> Option<String> {
+        let closest = self.closest?;
+        let mut text = closest.sentence_named(extent, names);
+        if let Some(left) = self.frames_left {
+            let what = match closest.ratio > 1.0 {
+                true => "contact",
+                false => "they meet",
+            };
+            let frames = match left.round() {
+                ..2.0 => "in the next frame".to_owned(),
+                left => format!("in about {left} frames"),
+            };
+            text += &format!("; {what} {frames} at this rate");
+        }
+        Some(text)
     }
 }
 

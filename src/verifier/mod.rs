@@ -30,7 +30,7 @@ use crate::ingest::{RawFrame, ingest};
 use crate::kernels::{DeviceInfo, GpuUse, Method, Offload, segment_pairs};
 use crate::pairs::{Pair, Share, closest_approach};
 use crate::pool;
-use crate::thickness::{ClearanceMonitor, CloseBlock};
+use crate::thickness::ClearanceMonitor;
 use crate::verdict::{AbortOn, Clearance, Defect, DefectKind, PullThrough, Report, Stats, Verdict};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -256,20 +256,16 @@ impl Verifier {
     /// Sets the radius of each curve, in the units of the simulation, if clearance is measured with
     /// the radii of the curves ([`ClearanceOptions`](crate::ClearanceOptions)).
     ///
-    /// Errors: [`Error::Usage`] if a radius is not a positive length.
+    /// Errors: [`Error::Usage`] if a radius is not a positive length. Clearance is not measured from
+    /// then on.
     pub fn set_radii(&mut self, radii: &[f32]) -> Result<()> {
-        match &mut self.clearance {
-            Some(clearance) => clearance.set_radii(radii),
-            None => Ok(()),
-        }
-    }
-
-    /// Returns the clearance of the parts of all curves that are close to others in a frame, the
-    /// last verified one or a similar one, for display. Empty if clearance is not measured. This
-    /// takes longer than to verify a frame.
-    pub fn close_blocks(&self, set: &CurveSet) -> Vec<CloseBlock> {
-        let clearance = self.clearance.as_ref();
-        clearance.map_or_else(Vec::new, |clearance| clearance.close_blocks(set))
+        let Some(clearance) = &mut self.clearance else {
+            return Ok(());
+        };
+        clearance.set_radii(radii).inspect_err(|e| {
+            self.unmeasured = Some(e.to_string());
+            self.clearance = None;
+        })
     }
 
     /// Returns the reason why clearance is not measured, although the options ask for it.

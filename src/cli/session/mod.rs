@@ -1,5 +1,6 @@
 //! Verification of frames and output to sinks, shared by `watch`, `replay` and `check`.
 
+mod clearance;
 mod junit;
 mod news;
 #[cfg(feature = "bus")]
@@ -18,11 +19,13 @@ pub use shards::{SharedLeader, locked};
 pub use sinks::Sinks;
 pub use summary::FrameCounts;
 
+use self::clearance::ClearanceLog;
 use self::junit::Junit;
 use self::news::{New, News};
 use self::summary::Unresolved;
 use self::times::{RunTimes, to_json};
 use super::Outcome;
+use super::clearance_args::{self, ClearanceArgs};
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
 use super::kernel::KernelArgs;
@@ -32,9 +35,9 @@ use super::metrics::SessionMetrics;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, CurveSet, Error, Events, FrameInfo, FrameRecord,
-    FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary, Strategy,
-    Verdict, Verifier, VerifierOptions, Work,
+    AbortOn, BaselineRecord, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo,
+    FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary,
+    Strategy, Verdict, Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -67,12 +70,15 @@ pub struct Judge {
     /// replay: as recorded]
     #[arg(long, value_name = "first-frame|CERT")]
     pub baseline: Option<Baseline>,
-    /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected or
-    /// never [default: any; replay: as recorded]
+    /// Findings that ask the simulator to stop: any, lost, gained, contact, event, rejected,
+    /// clearance (any, or strands that come too close, with --thickness) or never [default: any;
+    /// replay: as recorded]
     #[arg(long, value_name = "WHAT")]
     pub abort_on: Option<AbortOn>,
     #[command(flatten)]
     pub event_args: EventArgs,
+    #[command(flatten)]
+    pub clearance_args: ClearanceArgs,
     /// Reject frames in which the boxes of more pairs of curves overlap: the memory for them, up to
     /// 200 bytes each, may not be there [default: 33554432]
     #[arg(long, value_name = "N", hide_short_help = true)]
@@ -154,6 +160,8 @@ pub struct Judged {
     pub model: Option<String>,
     /// Time from the receipt of the frame until its verdict was sent, if it is live.
     pub latency: Option<Duration>,
+    /// Part of the time of the verification in which the clearance was measured, if it was.
+    pub clearance: Option<Duration>,
 }
 
 /// Inputs of a [`Session`]: baseline, settings and outputs.
@@ -171,6 +179,8 @@ pub struct Run<'a> {
     pub baseline: Option<(Certificate, String)>,
     /// Events and motion limit of a recording. They apply if the user gives none.
     pub recorded_events: Option<(Events, f64)>,
+    /// Clearance of a recording. It applies if the user gives none.
+    pub recorded_clearance: Option<ClearanceOptions>,
     /// Names the run in the viewer.
     pub title: &'a str,
     /// Metadata of the run, for a recording.
@@ -205,6 +215,8 @@ pub struct Session {
     outcome: Outcome,
     news: News,
     unresolved: Unresolved,
+    /// What is measured of the clearance, and its figures.
+    clearance: Option<(ClearanceOptions, ClearanceLog)>,
     tally: FrameCounts,
     /// Frames that another process verified before this one. Its outputs have them.
     before: FrameCounts,
@@ -260,12 +272,21 @@ impl Session {
         let given_limit = judge.event_args.motion_limit;
         let limit = given_limit.unwrap_or(default_limit);
         metadata.insert(MOTION_LIMIT.into(), limit.to_string());
+        let clearance = judge.clearance_args.options(run.recorded_clearance)?;
+        if let Some(clearance) = &clearance {
+            clearance_args::write(clearance, &mut metadata);
+        } else if abort_on == AbortOn::Clearance {
+            return Err(Error::Usage(
+                "--abort-on clearance needs --thickness".into(),
+            ));
+        }
         let (certificate, origin) = baseline.unzip();
         let options = VerifierOptions {
             abort_on,
             baseline: certificate,
             strategy: run.strategy,
             events,
+            clearance,
             max_pairs: judge.max_pairs.unwrap_or(VerifierOptions::MAX_PAIRS),
             motion_limit: match (events, run.recorded_events) {
                 // The limit of a replay may differ from the recorded one without any effect.
@@ -282,7 +303,7 @@ impl Session {
             last: None,
             origin,
             events,
-            queues: sinks.open(run.title, &metadata, run.overflow)?,
+            queues: sinks.open(run.title, &metadata, (clearance, run.overflow))?,
             begun: false,
             #[cfg(any(feature = "bus", feature = "mcap"))]
             pool: linkwatch::FramePool::default(),
@@ -297,6 +318,7 @@ impl Session {
                 limit,
                 ..Unresolved::default()
             },
+            clearance: clearance.map(|options| (options, ClearanceLog::default())),
             tally: FrameCounts::default(),
             before: FrameCounts::default(),
             times: RunTimes::default(),
@@ -410,6 +432,8 @@ impl Session {
             let report = self.step(seq, time, &info, &set)?;
             Ok((report, Some(set)))
         });
+        let measured = outcome.is_ok().then(|| self.verifier.timings().clearance);
+        let measured = measured.filter(|_| self.clearance.is_some());
         let (report, curves) = match outcome {
             Ok(verified) => verified,
             Err(Error::CertificateMismatch { certificate, model }) if self.origin.is_none() => {
@@ -456,6 +480,7 @@ impl Session {
             info,
             model: None,
             latency: None,
+            clearance: measured,
         })
     }
 
@@ -464,6 +489,7 @@ impl Session {
     /// Errors: those of [`FrameInfo::change_since`].
     fn continue_with(&mut self, seq: u64, info: &FrameInfo) -> Result<()> {
         let last = self.last.as_ref().unwrap_or(info);
+        let changed = self.last.is_none() || last.layout != info.layout;
         if let Some(change) = info.change_since(last)? {
             self.verifier.change_curves(change);
             #[cfg(feature = "bus")]
@@ -481,6 +507,9 @@ impl Session {
             self.shards.iter_mut().for_each(|s| s.cut());
         }
         self.last = Some(info.clone());
+        if changed && let Err(e) = self.verifier.set_radii(&info.labels.radii) {
+            tracing::warn!("clearance is not measured from frame {seq} on: {e}");
+        }
         Ok(())
     }
 
@@ -601,7 +630,7 @@ impl Session {
             let mut line = serde_json::json!({
                 "report": **report,
                 "ms": times.check().as_secs_f64() * 1e3,
-                "times_ms": to_json(times),
+                "times_ms": to_json(times, judged.clearance),
                 "work": work,
                 "offload": offload,
                 "verified": self.tally.verified,
@@ -618,11 +647,26 @@ impl Session {
         }
         self.unresolved.add(report);
         let news = self.news.of(report, names, model.as_deref());
+        let violation = self.news.first_violation.as_ref();
+        let low = match &mut self.clearance {
+            Some((_, log)) => log.add(report, names, violation),
+            None => None,
+        };
         match model {
             _ if self.json => {}
             Some(model) => print_model(model, report, &news),
             None if news.notable => print_frame(&self.label, report, times.check(), &news),
             None => {}
+        }
+        if let Some(low) = low.filter(|_| !self.json) {
+            match model {
+                Some(_) => output::line(format_args!("  {low}")),
+                None => self.label.line(low),
+            }
+            if report.abort && !news.notable {
+                self.label
+                    .line("  abort sent: the simulator is asked to stop");
+            }
         }
         if model.is_none() {
             self.live.status(format_args!(
@@ -682,7 +726,7 @@ impl Session {
         }
         let own = tally.since(self.before);
         self.metrics.count(own, summaries.iter().cloned());
-        if tally.verified == 0 {
+        if tally.verified == 0 || self.verifier.unmeasured_clearance().is_some() {
             self.data_lost();
         }
         if let Some(junit) = self.junit.take()
@@ -729,6 +773,8 @@ impl Session {
                     "sinks": sinks,
                     "recorded_verdicts": self.comparison.as_ref().map(|(_, json)| json),
                     "unresolved": self.unresolved,
+                    "clearance": self.clearance.as_ref().and_then(|(_, log)| log.to_json()),
+                    "unmeasured_clearance": self.verifier.unmeasured_clearance(),
                 }
             }));
             return;
@@ -749,6 +795,16 @@ impl Session {
             Some(first) if self.models => line += &format!("\nfirst violation: {}", first.name),
             Some(first) => line += &format!("\nfirst violation: {first}"),
             None => {}
+        }
+        if let Some(words) = self
+            .clearance
+            .as_ref()
+            .and_then(|(o, log)| log.words(o.low))
+        {
+            line += &format!("\n{words}");
+        }
+        if let Some(why) = self.verifier.unmeasured_clearance() {
+            line += &format!("\nclearance was not measured in all frames: {why}");
         }
         if self.unresolved.pull_throughs > 0 {
             line += &format!("\n{}", self.unresolved.words());

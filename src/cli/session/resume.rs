@@ -74,6 +74,7 @@ impl Session {
             info: FrameInfo::default(),
             model: None,
             latency: None,
+            clearance: None,
         }
     }
 }

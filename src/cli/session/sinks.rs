@@ -5,9 +5,9 @@ use crate::cli::files::with_suffix;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
 use crate::cli::files::{Content, claim};
 use crate::cli::files::{Files, Overwrite};
-use linkwatch::{Overflow, Result, SinkQueue};
+use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 #[cfg(feature = "rerun")]
-use linkwatch::{ViewerSink, ViewerTarget};
+use linkwatch::{Sink, ViewerSink, ViewerTarget};
 use std::collections::BTreeMap;
 #[cfg(feature = "bus")]
 use std::path::Path;
@@ -132,16 +132,17 @@ impl Sinks {
         files.iter().flatten().copied().collect()
     }
 
-    /// Opens the sinks. Files are created at the first frame. `title` names the run in the viewer.
+    /// Opens the sinks. Files are created at the first frame. `title` names the run in the viewer,
+    /// which shows the clearance if it is measured.
     pub fn open(
         &self,
         title: &str,
         metadata: &BTreeMap<String, String>,
-        overflow: Overflow,
+        (clearance, overflow): (Option<ClearanceOptions>, Overflow),
     ) -> Result<Vec<SinkQueue>> {
         let queues = [
             self.open_recording(metadata, overflow)?,
-            self.open_viewer(title, overflow)?,
+            self.open_viewer(title, clearance, overflow)?,
         ];
         Ok(queues.into_iter().flatten().collect())
     }
@@ -175,15 +176,25 @@ impl Sinks {
     }
 
     #[cfg(feature = "rerun")]
-    fn open_viewer(&self, title: &str, overflow: Overflow) -> Result<Option<SinkQueue>> {
+    fn open_viewer(
+        &self,
+        title: &str,
+        clearance: Option<ClearanceOptions>,
+        overflow: Overflow,
+    ) -> Result<Option<SinkQueue>> {
         let (title, overwrite) = (title.to_owned(), self.overwrite);
+        let open = move |target: &ViewerTarget| {
+            let sink = ViewerSink::open(target, &title)?;
+            let sink = match clearance {
+                Some(clearance) => sink.with_clearance(clearance)?,
+                None => sink,
+            };
+            Ok(Box::new(sink) as Box<dyn Sink>)
+        };
         if let Some(path) = self.rrd.clone() {
             let queue = SinkQueue::spawn("viewer", WAITING, overflow, move || {
                 claim(&path, overwrite)?;
-                Ok(Box::new(ViewerSink::open(
-                    &ViewerTarget::File(path),
-                    &title,
-                )?))
+                open(&ViewerTarget::File(path))
             });
             return Ok(Some(queue?.with_points(WAITING_POINTS)));
         }
@@ -194,7 +205,7 @@ impl Sinks {
         };
         // A file must be complete, because a gap would mislead; a live viewer may miss a frame.
         let queue = SinkQueue::spawn("viewer", WAITING, Overflow::DropOldest, move || {
-            Ok(Box::new(ViewerSink::open(&target, &title)?))
+            open(&target)
         })?;
         if !self.view_later {
             // If the viewer cannot be reached, the command fails at once, not at its first frame.
@@ -204,7 +215,12 @@ impl Sinks {
     }
 
     #[cfg(not(feature = "rerun"))]
-    fn open_viewer(&self, _: &str, _: Overflow) -> Result<Option<SinkQueue>> {
+    fn open_viewer(
+        &self,
+        _: &str,
+        _: Option<ClearanceOptions>,
+        _: Overflow,
+    ) -> Result<Option<SinkQueue>> {
         Ok(None)
     }
 }

@@ -6,12 +6,15 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Returns the times of a frame in milliseconds.
-pub fn to_json(times: &FrameTimes) -> Value {
+/// Returns the times of a frame in milliseconds. `clearance` is a part of the verification.
+pub fn to_json(times: &FrameTimes, clearance: Option<Duration>) -> Value {
     let mut out = json!({
         "ingest": ms(times.ingest),
         "verification": ms(times.verification),
     });
+    if let Some(clearance) = clearance {
+        out["clearance"] = ms(clearance).into();
+    }
     if let Some(live) = times.live {
         out["wait"] = ms(live.wait).into();
         out["send"] = ms(live.send).into();

@@ -88,6 +88,7 @@ impl Follower<'_> {
             models: false,
             baseline: None,
             recorded_events: None,
+            recorded_clearance: None,
             title: &title,
             metadata: BTreeMap::from([("service".to_owned(), self.service.to_owned())]),
             overflow: Overflow::Wait(PATIENCE),

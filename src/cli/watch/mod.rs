@@ -118,6 +118,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let what = "--shard takes one --service: start a watch for each";
         return Err(Error::Usage(what.into()));
     }
+    if args.shard.is_some() && args.judge.clearance_args.are_given() {
+        let what = "--thickness with --shard: clearance is not shared; start a watch of its own \
+                    with --observe --thickness";
+        return Err(Error::Usage(what.into()));
+    }
     if args.supervise && args.shard.is_some_and(|shard| shard.number == 1) {
         let what = "--supervise with shard 1: the other shards would have to start again, too";
         return Err(Error::Usage(what.into()));

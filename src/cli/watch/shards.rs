@@ -204,6 +204,7 @@ impl Follower<'_> {
             models: false,
             baseline: None,
             recorded_events: None,
+            recorded_clearance: None,
             title: self.service,
             metadata: BTreeMap::new(),
             overflow: Overflow::Wait(PATIENCE),

@@ -28,6 +28,12 @@ curves are closest
 **Check** red: full; orange: partial; green: quiet
 ";
 
+/// Legend of the clearance, if it is shown.
+pub(super) const CLEARANCE_KEY: &str = "\
+**Clearance** blue-green: strands come near; yellow: they touch; red: below the warning; dots: \
+the closest places
+";
+
 /// Dark and uniform, so that muted curves are visible and red ones stand out.
 const BACKGROUND: u32 = 0x0f1318ff;
 
@@ -37,12 +43,14 @@ pub(super) fn send(
     rec: &RecordingStream,
     timeline: &str,
     eye: Option<&EyeControls3D>,
+    clearance: bool,
 ) -> RecordingStreamResult<()> {
     let scene = Spatial3DView::new("curves").with_contents(["/curves/**"]);
     let status = TextDocumentView::new("status").with_origin(entity::STATUS);
     let key = TextDocumentView::new("colours").with_origin(entity::KEY);
     let log = TextLogView::new("log").with_origin(entity::LOG);
     let links = TimeSeriesView::new("links and pull-throughs").with_contents(["/links/**"]);
+    let close = TimeSeriesView::new("clearance, diameters").with_contents(["/clearance/**"]);
     let check = TimeSeriesView::new("check, ms").with_contents(["/check/**"]);
     let times =
         TimeSeriesView::new("ingest, verification, sending, ms").with_contents(["/times/**"]);
@@ -85,7 +93,7 @@ pub(super) fn send(
         let path = format!("{}/TextLogColumns", view.blueprint_path());
         properties.push((path.into(), Box::new(columns)));
     }
-    let plots = [links, check, wait, marked, recomputed, skipped].map(ContainerLike::from);
+    let plots = [links, close, check, wait, marked, recomputed, skipped].map(ContainerLike::from);
     for plot in &plots {
         if let ContainerLike::View(view) = plot {
             let legend = PlotLegend::new().with_visible(false);
@@ -93,7 +101,11 @@ pub(super) fn send(
             properties.push((path.into(), Box::new(legend)));
         }
     }
-    let [links, check, wait, marked, recomputed, skipped] = plots;
+    let [links, close, check, wait, marked, recomputed, skipped] = plots;
+    let links = match clearance {
+        true => Vertical::new([close, links]).into(),
+        false => links,
+    };
     let words = Vertical::new([status.into(), key.into()]).with_row_shares([2.4, 1.0]);
     let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
     // Work counters, one above the other, because counts of frames and pairs share no axis.

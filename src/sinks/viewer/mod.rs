@@ -15,6 +15,7 @@
 //!
 //! Only this module knows the crate `rerun`.
 
+mod clearance;
 mod layout;
 mod local;
 mod log;
@@ -40,6 +41,7 @@ use self::view::View;
 use crate::curve::{CurveSet, Point};
 use crate::error::Result;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
+use crate::thickness::ClearanceOptions;
 use crate::verdict::Verdict;
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
@@ -72,6 +74,8 @@ pub struct ViewerSink {
     /// True if a frame with times of a live run was logged.
     live: bool,
     first: Option<First>,
+    /// What is shown of the clearance, and whether that of the last frame was low.
+    clearance: Option<(ClearanceOptions, bool)>,
 }
 
 /// The first violation.
@@ -106,12 +110,42 @@ impl ViewerSink {
             scale: None,
             status: String::new(),
             first: None,
+            clearance: None,
         };
         sink.layout(FRAME, None)?;
         let key = TextDocument::from_markdown(layout::KEY);
         log_static(&sink.rec, entity::KEY, &key)?;
         plots::describe(&sink.rec)?;
         Ok(sink)
+    }
+
+    /// Also shows the clearance of strands, if the frames have it.
+    pub fn with_clearance(mut self, options: ClearanceOptions) -> Result<ViewerSink> {
+        self.clearance = Some((options, false));
+        self.layout(FRAME, None)?;
+        let key = format!("{}\n{}", layout::KEY, layout::CLEARANCE_KEY);
+        log_static(&self.rec, entity::KEY, &TextDocument::from_markdown(key))?;
+        clearance::describe(&self.rec)?;
+        Ok(self)
+    }
+
+    /// Shows the clearance of a frame, and logs a line if it becomes low.
+    fn add_clearance(&mut self, record: &FrameRecord) -> Result<()> {
+        let (Some((options, was_low)), Some(found)) =
+            (&mut self.clearance, &record.report.clearance)
+        else {
+            return Ok(());
+        };
+        clearance::add(&self.rec, record, options)?;
+        let turned = std::mem::replace(was_low, found.low) != found.low;
+        let (extent, names) = (record.report.stats.extent, &record.info.labels.names);
+        match found.sentence_named(extent, names) {
+            Some(text) if turned && found.low => {
+                let text = format!("low clearance: {text}");
+                self.log_line(&line(Verdict::Undecided, text))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Logs a line. In a file, the lines of later frames are also at the end of the timeline of the
@@ -129,7 +163,8 @@ impl ViewerSink {
     }
 
     fn layout(&self, timeline: &str, eye: Option<&EyeControls3D>) -> Result<()> {
-        layout::send(&self.rec, timeline, eye).map_err(failed)
+        let clearance = self.clearance.is_some();
+        layout::send(&self.rec, timeline, eye, clearance).map_err(failed)
     }
 
     /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
@@ -249,6 +284,7 @@ impl Sink for ViewerSink {
             plots::describe_live(&self.rec)?;
         }
         plots::add(&self.rec, record)?;
+        self.add_clearance(record)?;
         let news = self
             .log
             .news(report, &record.info.labels.names, &self.passed);

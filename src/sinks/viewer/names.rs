@@ -23,6 +23,10 @@ pub(super) mod entity {
     pub const EVENTS: &str = "curves/pull-throughs/now";
     pub const STARS: &str = "curves/pull-throughs/stars";
     pub const PASSED: &str = "curves/pull-throughs/before";
+    pub const CLOSE: &str = "curves/clearance/strands";
+    pub const CLOSEST: &str = "curves/clearance/places";
+    pub const CLOSEST_LINES: &str = "curves/clearance/places/lines";
+    pub const CLOSEST_LABEL: &str = "curves/clearance/places/label";
     pub const LOG: &str = "log";
     pub const STATUS: &str = "status";
     pub const KEY: &str = "key";
@@ -30,6 +34,8 @@ pub(super) mod entity {
     pub const GAINED: &str = "links/gained";
     pub const CHANGED: &str = "links/changed";
     pub const EVENT_COUNT: &str = "links/pull-throughs";
+    pub const CLEARANCE: &str = "clearance/closest";
+    pub const CLEARANCE_LOW: &str = "clearance/warning";
     pub const CHECK: &str = "check/time";
     /// In the order of [`crate::Route::ALL`].
     pub const ROUTES: [&str; 3] = ["check/full", "check/quiet", "check/partial"];

@@ -12,6 +12,7 @@ pub(super) const ORANGE: u32 = 0xff9f0aff;
 /// readable.
 pub(super) const PALE_RED: u32 = 0xffe3dfff;
 pub(super) const PALE_ORANGE: u32 = 0xfff0d2ff;
+pub(super) const YELLOW: u32 = 0xffd60aff;
 pub(super) const VIOLET: u32 = 0xbf5af2ff;
 pub(super) const GREEN: u32 = 0x30d158ff;
 pub(super) const CYAN: u32 = 0x40d8ffff;

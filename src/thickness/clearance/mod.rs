@@ -125,8 +125,93 @@ pub struct CloseBlock {
     pub curve: u32,
     /// First of at most eight segments.
     pub first: u32,
-    /// Clearance from its closest strand.
-    pub ratio: f64,
+    /// The segment that is closest to another strand, and that strand.
+    pub closest: CloseStrands,
+}
+
+/// Measures all parts of curves that are closer to another strand than one and a half times the sum
+/// of their radii. `radii` has a radius for each curve, in the units of the simulation. This takes
+/// longer than to verify a frame; [`Report::clearance`](crate::Report::clearance) has the closest
+/// strands of each frame.
+///
+/// Errors: [`Error::Usage`] if a curve has no radius, or one that is not a positive length;
+/// [`Error::Unsupported`] if coordinates are too large, or too many strands are close.
+///
+/// ```
+/// use linkwatch::{Basis, CurveSet, Positions, close_blocks};
+///
+/// // Two lines, 0.3 apart.
+/// let points = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.3, 0.0, 1.0, 0.3, 0.0];
+/// let set = CurveSet::from_counts(Basis::Polyline, &[2, 2], Positions::F64(&points))?;
+/// let blocks = close_blocks(&set, &[0.2, 0.2])?;
+/// assert_eq!(blocks.len(), 2);
+/// assert!((blocks[0].closest.ratio - 0.75).abs() < 1e-9);
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+pub fn close_blocks(set: &CurveSet, radii: &[f64]) -> Result<Vec<CloseBlock>> {
+    if radii.len() != set.len() {
+        let what = format!("{} radii for {} curves", radii.len(), set.len());
+        return Err(Error::Usage(what));
+    }
+    check_radii(radii.iter().copied())?;
+    let layout = Layout::new(set);
+    let positions = set.positions();
+    let strands = layout.strands(set, positions.as_positions(), radii);
+    let reach = Reach {
+        ratio: REACH,
+        skin: 0.0,
+    };
+    let list = list_pairs(&strands, reach, &mut LinkSearch::default())?;
+    let pairs = list.below(REACH).into_iter().map(|k| list.blocks_of(k));
+    let pairs: Vec<[u32; 2]> = pairs.collect();
+    let mut closest: Vec<Option<CloseStrands>> = vec![None; layout.blocks.len()];
+    for (pair, measured) in pairs.iter().zip(strands.measure(&pairs, REACH)) {
+        let Some(found) = measured.closest.filter(|found| found.ratio < REACH) else {
+            continue;
+        };
+        for number in pair {
+            let block = &mut closest[*number as usize];
+            if block.is_none_or(|known| found.ratio < known.ratio) {
+                *block = Some(found);
+            }
+        }
+    }
+    let close = (0..).zip(closest).filter_map(|(block, closest)| {
+        let (curve, number) = layout.blocks.place(block);
+        Some(CloseBlock {
+            curve,
+            first: number * LANES as u32,
+            closest: closest?,
+        })
+    });
+    Ok(close.collect())
+}
+
+/// Checks the radii of all curves.
+fn check_radii(mut radii: impl Iterator<Item = f64>) -> Result<()> {
+    match radii.by_ref().enumerate().find(|(_, r)| !is_radius(*r)) {
+        None => Ok(()),
+        Some((i, radius)) => Err(Error::Usage(format!(
+            "clearance needs a positive radius of each curve; that of curve {i} is {radius}"
+        ))),
+    }
+}
+
+/// Lists the near pairs of a frame.
+fn list_pairs(strands: &Strands<'_>, reach: Reach, search: &mut LinkSearch) -> Result<NearList> {
+    let refuse = |what: String| Error::Unsupported {
+        format: "clearance",
+        what,
+    };
+    if strands.set.max_abs() > LARGEST {
+        return Err(refuse(format!("of coordinates above {LARGEST:e}")));
+    }
+    NearList::build(strands, reach, search).ok_or_else(|| {
+        refuse(format!(
+            "of more than {} pairs of close strands; is the radius too large?",
+            near::MOST_NEAR
+        ))
+    })
 }
 
 /// Measures the clearance of successive frames.
@@ -218,13 +303,7 @@ impl ClearanceMonitor {
         if self.options.radius.is_some() {
             return Ok(());
         }
-        if let Some(i) = radii.iter().position(|&r| !is_radius(r.into())) {
-            let what = format!(
-                "clearance needs a positive radius of each curve; that of curve {i} is {}",
-                radii[i]
-            );
-            return Err(Error::Usage(what));
-        }
+        check_radii(radii.iter().map(|&r| r.into()))?;
         let same = |(a, b): (&f64, &f32)| *a == f64::from(*b);
         if self.radii.len() != radii.len() || !self.radii.iter().zip(radii).all(same) {
             self.forget();
@@ -356,13 +435,6 @@ impl ClearanceMonitor {
         old: Option<(NearList, Moved)>,
         ratio: f64,
     ) -> Result<NearList> {
-        let refuse = |what: String| Error::Unsupported {
-            format: "clearance",
-            what,
-        };
-        if strands.set.max_abs() > LARGEST {
-            return Err(refuse(format!("of coordinates above {LARGEST:e}")));
-        }
         let largest = strands.radii.iter().fold(0.0, |a: f64, &b| a.max(b));
         let [least, most, first] = SKINS.map(|skin| skin * largest);
         let skin = match &old {
@@ -384,13 +456,7 @@ impl ClearanceMonitor {
             },
             skin,
         };
-        let list = NearList::build(strands, reach, &mut self.search);
-        let mut list = list.ok_or_else(|| {
-            refuse(format!(
-                "of more than {} pairs of close strands; is the radius too large?",
-                near::MOST_NEAR
-            ))
-        })?;
+        let mut list = list_pairs(strands, reach, &mut self.search)?;
         if let Some((mut old, moved)) = old.filter(|_| skin > 0.0) {
             old.rebase(moved, (strands.blocks, strands.positions), 0.0);
             list.inherit(&old);
@@ -430,41 +496,6 @@ impl ClearanceMonitor {
         }
         self.ages[1] = 0;
         self.work = 0;
-    }
-
-    /// Measures the clearance of all blocks that are close in a frame, the last one that was
-    /// measured or a similar one: all of them, so it takes longer than a measurement.
-    pub fn close_blocks(&self, set: &CurveSet) -> Vec<CloseBlock> {
-        let Some(layout) = self.layout.as_ref().filter(|l| l.shape == set.shape()) else {
-            return Vec::new();
-        };
-        let positions = set.positions();
-        let strands = layout.strands(set, positions.as_positions(), &self.radii);
-        let reach = Reach {
-            ratio: REACH,
-            skin: 0.0,
-        };
-        let Some(list) = NearList::build(&strands, reach, &mut LinkSearch::default()) else {
-            return Vec::new();
-        };
-        let pairs = list.below(REACH).into_iter().map(|k| list.blocks_of(k));
-        let pairs: Vec<[u32; 2]> = pairs.collect();
-        let mut ratios = vec![f64::INFINITY; layout.blocks.len()];
-        for (pair, measured) in pairs.iter().zip(strands.measure(&pairs, REACH)) {
-            for block in pair.map(|block| block as usize) {
-                ratios[block] = ratios[block].min(measured.ratio());
-            }
-        }
-        let close = (0..).zip(ratios).filter(|(_, ratio)| *ratio < REACH);
-        let close = close.map(|(block, ratio)| {
-            let (curve, number) = layout.blocks.place(block);
-            CloseBlock {
-                curve,
-                first: number * LANES as u32,
-                ratio,
-            }
-        });
-        close.collect()
     }
 }
 

@@ -1,0 +1,114 @@
+//! Clearance of the frames of a run: warnings, and a summary.
+
+use linkwatch::{CloseStrands, Report};
+
+use super::news::Violation;
+use crate::cli::output::{count, percent, plural};
+
+/// Clearance of all frames so far.
+#[derive(Default)]
+pub struct ClearanceLog {
+    /// Number of frames that were measured.
+    measured: u64,
+    /// Number of frames with a low clearance, and the first one: its number among the measured
+    /// ones, its sequence number and its words.
+    low: u64,
+    first_low: Option<(u64, u64, String)>,
+    /// The closest strands of all frames, and their frame.
+    lowest: Option<(u64, String, CloseStrands)>,
+    /// Clearance of the last warning, while it stays low.
+    warned: Option<f64>,
+    /// Number of frames that were measured before the first violation.
+    before_violation: Option<u64>,
+}
+
+impl ClearanceLog {
+    /// Adds a frame. Returns a warning if its clearance is low, unless the last frames were as low.
+    /// `violation` is the first violation so far.
+    pub fn add(
+        &mut self,
+        report: &Report,
+        names: &[String],
+        violation: Option<&Violation>,
+    ) -> Option<String> {
+        let clearance = report.clearance.as_ref()?;
+        self.measured += 1;
+        if violation.is_some() {
+            self.before_violation.get_or_insert(self.measured);
+        }
+        if let Some(closest) = clearance.closest
+            && self
+                .lowest
+                .as_ref()
+                .is_none_or(|(.., lowest)| closest.ratio < lowest.ratio)
+        {
+            self.lowest = Some((report.seq, report.frame(), closest));
+        }
+        let closest = clearance.closest.filter(|_| clearance.low);
+        let Some(closest) = closest else {
+            self.warned = None;
+            return None;
+        };
+        self.low += 1;
+        self.first_low
+            .get_or_insert_with(|| (self.measured, report.seq, report.frame()));
+        // Again at half the clearance.
+        if self
+            .warned
+            .is_some_and(|warned| closest.ratio > 0.5 * warned)
+        {
+            return None;
+        }
+        self.warned = Some(closest.ratio);
+        let sentence = clearance.sentence_named(report.stats.extent, names)?;
+        Some(format!("{}: low clearance: {sentence}", report.frame()))
+    }
+
+    /// Returns the number of frames by which the first low clearance came before the first
+    /// violation; 0 if it came later.
+    fn lead(&self) -> Option<u64> {
+        let (first, ..) = self.first_low.as_ref()?;
+        Some(self.before_violation?.saturating_sub(*first))
+    }
+
+    /// Returns the summary in words, if a frame was measured. `low` is the level of the warning.
+    pub fn words(&self, low: f64) -> Option<String> {
+        if self.measured == 0 {
+            return None;
+        }
+        let Some((_, frame, closest)) = &self.lowest else {
+            return Some("clearance: no strands are close".into());
+        };
+        let lowest = percent(closest.ratio);
+        let mut text = format!("clearance: at least {lowest} of the diameter, in {frame}");
+        if let Some((_, _, first)) = &self.first_low {
+            text += &format!(
+                "; below {} in {}, first in {first}",
+                percent(low),
+                plural(self.low, "frame"),
+            );
+        }
+        match (self.lead(), self.before_violation) {
+            (Some(1), _) => text += ", 1 frame before the first violation",
+            (Some(lead), _) if lead > 0 => {
+                text += &format!(", {} frames before the first violation", count(lead));
+            }
+            (_, Some(_)) => text += ", not before the first violation",
+            (_, None) => {}
+        }
+        Some(text)
+    }
+
+    /// Returns the summary, if a frame was measured.
+    pub fn to_json(&self) -> Option<serde_json::Value> {
+        (self.measured > 0).then(|| {
+            serde_json::json!({
+                "lowest": self.lowest.as_ref().map(|(.., closest)| closest),
+                "lowest_frame": self.lowest.as_ref().map(|(seq, ..)| seq),
+                "low_frames": self.low,
+                "first_low_frame": self.first_low.as_ref().map(|(_, seq, _)| seq),
+                "frames_before_violation": self.lead(),
+            })
+        })
+    }
+}
