@@ -7,7 +7,8 @@ use super::wire::{
 use crate::curve::words_of_change;
 use crate::error::{Error, Result};
 use crate::verdict::{
-    Change, ChangeKind, Defect, DefectKind, Place, PullThrough, Report, Verdict, words_of_roll_back,
+    Change, ChangeKind, Clearance, Defect, DefectKind, Place, PullThrough, Report, Verdict,
+    words_of_roll_back,
 };
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -100,8 +101,8 @@ pub struct VerdictMessage {
     pub first: Option<Finding>,
     /// Extent of the scene ([`Stats::extent`](crate::Stats::extent)).
     pub extent: f64,
-    /// Reason if the frame was rejected or pairs were not verified, or which curves appeared and
-    /// are gone.
+    /// Reason if the frame was rejected or pairs were not verified, which curves appeared and are
+    /// gone, or which strands came too close ([`Report::clearance`]).
     pub reason: Option<String>,
     /// Counters of the session up to this message.
     pub counters: Counters,
@@ -270,7 +271,9 @@ impl VerdictWire {
             wire.set_place(Some(defect.place));
         }
         let curves = words_of_change(&report.appeared, &report.gone);
-        let mut reasons = report.rejected.iter().chain(&report.missing).chain(&curves);
+        let close = report.clearance.as_ref().and_then(Clearance::reason);
+        let reasons = report.rejected.iter().chain(&report.missing);
+        let mut reasons = reasons.chain(&curves).chain(&close);
         if let Some(reason) = reasons.next() {
             let n = reason.floor_char_boundary(wire.reason.len());
             wire.reason[..n].copy_from_slice(&reason.as_bytes()[..n]);

@@ -25,9 +25,9 @@ pub struct ClearanceArgs {
     min_clearance: Option<f64>,
 }
 
-/// Radius of strands.
+/// Radius of strands: that of all, or those that a simulator publishes.
 #[derive(Clone, Copy, Debug)]
-enum StrandRadius {
+pub enum StrandRadius {
     Of(f64),
     Published,
 }

@@ -1,32 +1,40 @@
 //! `linkwatch thickness`: measures how sharply curves bend and how close they come.
 
+use super::clearance_args::StrandRadius;
 use super::number::positive;
 use super::output::{self, percent, plural};
 use super::{Outcome, input};
-use linkwatch::{Result, Strut, Thickness, struts};
+use linkwatch::{CurveSet, Error, MinRad, Result, Strut, Thickness, struts};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Maximum number of struts or overlaps that are printed; the rest is counted.
 const SENTENCES: usize = 20;
 
-/// Measure thickness and ropelength of polylines: how sharply they bend, and how close they come
+/// Measure thickness and ropelength of curves: how sharply they bend, and how close they come
 ///
 /// The thickness is the diameter of the thickest tube around all curves that neither bends too
 /// sharply nor overlaps: min{2 minRad, POCA}, as in Ashton and Cantarella 2005. liboctrope returns
-/// its radius, half of that. The ropelength is the length divided by the thickness.
+/// its radius, half of that. The ropelength is the length divided by the thickness. Values of splines
+/// have bounds of their errors.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models (.bcc, .obj lines or .vect), or scenes as `linkwatch generate` takes them
+    /// Models (.bcc, .obj lines or .vect), recordings (.mcap), or scenes as `linkwatch generate`
+    /// takes them
     #[arg(required = true, value_name = "MODEL|SCENE")]
     models: Vec<PathBuf>,
     /// List the struts (places of closest approach) that are longer than the shortest one by at
     /// most this share, for example 0.01
     #[arg(long, value_name = "F", value_parser = positive)]
     struts: Option<f64>,
-    /// Radius of the strands: list the places where two of them, or one and itself, overlap
-    #[arg(long, value_name = "R", value_parser = positive)]
-    radius: Option<f64>,
+    /// Radius of the strands, or `published`: those of the curves of a recording. Lists the places
+    /// where two strands, or one and itself, overlap
+    #[arg(long, value_name = "R|published")]
+    radius: Option<StrandRadius>,
+    /// Sequence number of the frame of a recording [default: that of the last one]
+    #[cfg(feature = "mcap")]
+    #[arg(long, value_name = "SEQ")]
+    frame: Option<u64>,
     /// Stiffness of the tube: 2 minRad is divided by it
     #[arg(long, value_name = "LAMBDA", default_value_t = 1.0, value_parser = positive)]
     stiffness: f64,
@@ -38,8 +46,10 @@ struct Measured {
     extent: f64,
     /// Struts of --struts.
     struts: Option<Vec<Strut>>,
-    /// Struts that are shorter than the diameter of --radius.
-    overlaps: Option<Vec<Strut>>,
+    /// Struts that are shorter than the sum of the radii of their curves, and these sums.
+    overlaps: Option<Vec<(Strut, f64)>>,
+    /// Radii of the curves.
+    radii: Vec<f64>,
 }
 
 /// Runs the command.
@@ -55,22 +65,78 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 }
 
 fn measure(path: &Path, args: &Args) -> Result<Measured> {
-    let set = input::read(path)?;
+    let (set, published) = read(path, args)?;
+    let radii = match args.radius {
+        None => Vec::new(),
+        Some(StrandRadius::Of(radius)) => vec![radius; set.len()],
+        Some(StrandRadius::Published) if published.len() == set.len() => published,
+        Some(StrandRadius::Published) => {
+            let what = format!("{}: the curves have no radii", path.display());
+            return Err(Error::Usage(what));
+        }
+    };
     let found = Thickness::of(&set)?;
     let shortest = found.poca.map(|strut| strut.length);
     let listed = args.struts.zip(shortest);
     let listed = listed.map(|(share, shortest)| struts(&set, (1.0 + share) * shortest));
-    let overlaps = args.radius.map(|radius| {
-        let mut all = struts(&set, 2.0 * radius)?;
-        all.retain(|strut| strut.length < 2.0 * radius);
-        Ok::<_, linkwatch::Error>(all)
+    let largest = radii.iter().copied().reduce(f64::max);
+    let overlaps = largest.map(|radius| {
+        let reach = |strut: &Strut| {
+            let [a, b] = strut.ends.map(|end| radii[end.curve as usize]);
+            a + b
+        };
+        let all = struts(&set, 2.0 * radius)?.into_iter();
+        let all = all.map(|strut| (strut, reach(&strut)));
+        let mut all: Vec<(Strut, f64)> = all.filter(|(s, sum)| s.length < *sum).collect();
+        all.sort_by(|(a, p), (b, q)| (a.length / p).total_cmp(&(b.length / q)));
+        Ok::<_, Error>(all)
     });
     Ok(Measured {
         found,
         extent: set.extent(),
         struts: listed.transpose()?,
         overlaps: overlaps.transpose()?,
+        radii,
     })
+}
+
+/// Reads the curves of an argument, and their radii if they have some.
+fn read(path: &Path, args: &Args) -> Result<(CurveSet, Vec<f64>)> {
+    #[cfg(feature = "mcap")]
+    if path
+        .extension()
+        .is_some_and(|extension| extension == "mcap")
+    {
+        return read_frame(path, args.frame).map_err(|e| e.in_file(path));
+    }
+    #[cfg(not(feature = "mcap"))]
+    let _ = args;
+    Ok((input::read(path)?, Vec::new()))
+}
+
+/// Reads the frame of a recording with a sequence number, or the last one.
+#[cfg(feature = "mcap")]
+fn read_frame(path: &Path, seq: Option<u64>) -> Result<(CurveSet, Vec<f64>)> {
+    let mut reader = linkwatch::RecordingReader::open(path)?;
+    let mut found = None;
+    while let Some(item) = reader.next_item()? {
+        if let linkwatch::RecordedItem::Frame(frame) = item
+            && seq.is_none_or(|seq| seq == frame.seq)
+        {
+            found = Some(frame);
+        }
+    }
+    let Some(frame) = found else {
+        let what = match seq {
+            Some(seq) => format!("the recording has no frame {seq}"),
+            None => "the recording has no frame".into(),
+        };
+        return Err(Error::Usage(what));
+    };
+    let mut set = None;
+    frame.ingest(&mut set)?;
+    let radii = frame.info.labels.radii.iter().map(|&r| r.into());
+    Ok((set.expect("set by a frame without errors"), radii.collect()))
 }
 
 fn print(path: &Path, measured: &Measured, args: &Args) {
@@ -93,18 +159,25 @@ fn print(path: &Path, measured: &Measured, args: &Args) {
         output::line(format_args!("  {}", plural(struts.len() as u64, "strut")));
         list(struts, |strut| strut.sentence(*extent));
     }
-    if let (Some(overlaps), Some(radius)) = (&measured.overlaps, args.radius) {
+    if let Some(overlaps) = &measured.overlaps {
         let places = plural(overlaps.len() as u64, "overlap");
-        output::line(format_args!("  {places} of strands of radius {radius}"));
-        list(overlaps, |strut| {
-            let depth = 2.0 * radius - strut.length;
-            let share = percent(depth / (2.0 * radius));
+        match args.radius {
+            Some(StrandRadius::Of(radius)) => {
+                output::line(format_args!("  {places} of strands of radius {radius}"));
+            }
+            _ => output::line(format_args!(
+                "  {places} of strands with the published radii"
+            )),
+        }
+        list(overlaps, |(strut, sum)| {
+            let share = percent((sum - strut.length) / sum);
             format!("{share} of the diameter: {}", strut.sentence(*extent))
         });
-        if let Some(bend) = found.min_rad.filter(|bend| bend.radius < radius) {
-            let share = bend.radius / radius;
+        let radius = |bend: &MinRad| measured.radii[bend.curve as usize];
+        if let Some(bend) = found.min_rad.filter(|bend| bend.radius < radius(bend)) {
+            let share = bend.radius / radius(&bend);
             output::line(format_args!(
-                "  the sharpest bend has {} of the radius of the strands",
+                "  the sharpest bend has {} of the radius of its strand",
                 percent(share)
             ));
         }
@@ -112,7 +185,7 @@ fn print(path: &Path, measured: &Measured, args: &Args) {
 }
 
 /// Prints sentences about struts.
-fn list(struts: &[Strut], sentence: impl Fn(&Strut) -> String) {
+fn list<T>(struts: &[T], sentence: impl Fn(&T) -> String) {
     for strut in struts.iter().take(SENTENCES) {
         output::line(format_args!("    {}", sentence(strut)));
     }
@@ -137,17 +210,19 @@ fn to_json(path: &Path, measured: &Measured, args: &Args) -> Value {
         "thickness": found.thickness(args.stiffness),
         "ropelength": found.ropelength(args.stiffness),
         "stiffness": args.stiffness,
+        // Upper bounds of the errors.
+        "min_rad_error": found.min_rad.map(|m| m.error),
+        "poca_error": found.poca.map(|strut| strut.error),
         "min_rad_at": found.min_rad,
         "poca_at": found.poca,
     });
     if let Some(struts) = struts {
         line["struts"] = json!(struts);
     }
-    if let (Some(overlaps), Some(radius)) = (overlaps, args.radius) {
-        let depth = |strut: &Strut| 2.0 * radius - strut.length;
+    if let Some(overlaps) = overlaps {
         let overlaps = overlaps
             .iter()
-            .map(|s| json!({ "depth": depth(s), "strut": s }));
+            .map(|(strut, sum)| json!({ "depth": sum - strut.length, "strut": strut }));
         line["overlaps"] = overlaps.collect();
     }
     line

@@ -139,8 +139,10 @@ impl Edges {
         let edge = self.get(k);
         Some(MinRad {
             radius: self.scale.undo(radius),
+            error: 0.0,
             curve: edge.curve,
             vertex: edge.segment,
+            t: 0.0,
             point: self.unscaled(edge.start),
         })
     }
@@ -204,6 +206,7 @@ impl Edges {
         Strut {
             ends: [end(0), end(1)],
             length: self.scale.undo(found.distance_sq.sqrt()),
+            error: 0.0,
         }
     }
 

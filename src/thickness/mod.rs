@@ -9,6 +9,7 @@ mod brute;
 mod clearance;
 mod edges;
 mod octree;
+mod splines;
 #[cfg(test)]
 mod tests;
 mod words;
@@ -19,8 +20,9 @@ pub(crate) use self::clearance::REACH;
 pub use self::clearance::{ClearanceOptions, CloseBlock, close_blocks};
 use self::edges::{Edges, Found};
 use self::octree::Octree;
+use self::splines::Chords;
 use crate::curve::{CurveSet, Point};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use serde::Serialize;
 
 /// Number of edges from which the octree is faster than comparing all pairs.
@@ -50,11 +52,14 @@ pub struct Strut {
     pub ends: [CurvePoint; 2],
     /// Their distance.
     pub length: f64,
+    /// Upper bound of the error of `length`: 0 for polylines, whose error is that of rounding. For
+    /// splines, the length of the local minimum near these points is at most this much less.
+    pub error: f64,
 }
 
 impl Strut {
-    /// Returns the derivatives of the length with respect to the positions of the vertices of the
-    /// segments of both ends: start and end of the first segment, then of the second. `None` if the
+    /// Returns the derivatives of the length of a strut of polylines with respect to the positions
+    /// of the vertices of the segments of both ends: start and end of the first segment, then of the second. `None` if the
     /// length is 0, where there is no derivative.
     ///
     /// The gradient is that of the distance between two points that stay at their places on the
@@ -89,18 +94,24 @@ impl Strut {
     }
 }
 
-/// Radius of curvature at the vertex that bends most sharply: half of the shorter edge at the
-/// vertex, divided by the tangent of half the turning angle (section 1, Definition 1).
+/// Radius of curvature where a curve bends most sharply. For polylines, at a vertex: half of the
+/// shorter edge at the vertex, divided by the tangent of half the turning angle (section 1,
+/// Definition 1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct MinRad {
-    /// Radius. 0 if the curve reverses its direction.
+    /// Radius. 0 if the curve reverses its direction, or if segments of a spline meet in a corner.
     pub radius: f64,
+    /// Upper bound of the error of `radius`: 0 for polylines. No bend of a spline has a smaller
+    /// radius than `radius - error`.
+    pub error: f64,
     /// Curve.
     pub curve: u32,
-    /// Vertex of the curve.
+    /// Vertex of the curve: the start of the segment with this number.
     pub vertex: u32,
-    /// Position of the vertex.
+    /// Place on this segment, from 0 to 1: 0 for polylines.
+    pub t: f64,
+    /// Position.
     pub point: Point,
 }
 
@@ -120,7 +131,7 @@ pub struct MinRad {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Thickness {
-    /// Length of all curves.
+    /// Length of all curves; that of splines is measured along the chords.
     pub length: f64,
     /// Sharpest bend; `None` if no curve bends.
     pub min_rad: Option<MinRad>,
@@ -129,11 +140,14 @@ pub struct Thickness {
 }
 
 impl Thickness {
-    /// Measures polylines, open or closed. Repeated vertices count once.
+    /// Measures curves, open or closed. Repeated vertices of polylines count once. Splines are
+    /// measured by their curvature, and by the distances of chords that deviate from them by less
+    /// than a ten-thousandth of their distance, if 128 chords per segment are enough for that; the
+    /// results have the bounds of their errors.
     ///
     /// Cost: `O(n log n)` for `n` edges, of which few come close; at most `O(n^2 log n)`.
     ///
-    /// Errors: [`Error::Unsupported`] for splines.
+    /// Errors: [`Error::Unsupported`] for splines with too many segments.
     pub fn of(set: &CurveSet) -> Result<Thickness> {
         Thickness::measure(set, |edges| match edges.len() < MANY_EDGES {
             true => brute::shortest(edges),
@@ -144,20 +158,30 @@ impl Thickness {
     /// [`Thickness::of`] by a comparison of all pairs of edges (Algorithm 1), for measurements and
     /// as its oracle.
     ///
-    /// Errors: [`Error::Unsupported`] for splines.
+    /// Errors: [`Error::Unsupported`] for splines with too many segments.
     pub fn by_all_pairs(set: &CurveSet) -> Result<Thickness> {
         Thickness::measure(set, brute::shortest)
     }
 
-    fn measure(
-        set: &CurveSet,
-        shortest: impl FnOnce(&Edges) -> Option<Found>,
-    ) -> Result<Thickness> {
-        let edges = edges(set)?;
+    fn measure(set: &CurveSet, shortest: impl Fn(&Edges) -> Option<Found>) -> Result<Thickness> {
+        let poca = |edges: &Edges| shortest(edges).map(|found| edges.strut(&found));
+        if set.basis().is_polyline() {
+            let edges = Edges::of(set);
+            return Ok(Thickness {
+                length: edges.length(),
+                min_rad: edges.min_rad(),
+                poca: poca(&edges),
+            });
+        }
+        // Few chords tell how many are needed.
+        let rough = Edges::of(&Chords::new(set, None)?.polylines);
+        let distance = poca(&rough).map(|strut| strut.length);
+        let chords = Chords::new(set, distance)?;
+        let edges = Edges::of(&chords.polylines);
         Ok(Thickness {
             length: edges.length(),
-            min_rad: edges.min_rad(),
-            poca: shortest(&edges).map(|found| edges.strut(&found)),
+            min_rad: splines::min_rad(set),
+            poca: poca(&edges).map(|strut| chords.on_splines(set, &strut)),
         })
     }
 
@@ -179,26 +203,23 @@ impl Thickness {
     }
 }
 
-/// Returns all struts up to a length, shortest first.
+/// Returns all struts up to a length, shortest first. Those of splines are measured on chords that
+/// deviate from them by less than a ten-thousandth of this length, if 128 chords per segment are
+/// enough for that.
 ///
-/// Errors: [`Error::Unsupported`] for splines.
+/// Errors: [`Error::Unsupported`] for splines with too many segments.
 pub fn struts(set: &CurveSet, longest: f64) -> Result<Vec<Strut>> {
-    let edges = edges(set)?;
+    if !set.basis().is_polyline() {
+        let chords = Chords::new(set, Some(longest))?;
+        let found = struts(&chords.polylines, longest)?;
+        let on_splines = found.iter().map(|strut| chords.on_splines(set, strut));
+        return Ok(on_splines.collect());
+    }
+    let edges = Edges::of(set);
     let mut found = match edges.len() < MANY_EDGES {
         true => brute::up_to(&edges, longest),
         false => Octree::new(&edges).up_to(&edges, longest),
     };
     found.sort_by(Found::order);
     Ok(found.iter().map(|found| edges.strut(found)).collect())
-}
-
-/// Returns the edges of polylines.
-fn edges(set: &CurveSet) -> Result<Edges> {
-    match set.basis().is_polyline() {
-        true => Ok(Edges::of(set)),
-        false => Err(Error::Unsupported {
-            format: "thickness",
-            what: "of splines; it is measured on polylines".into(),
-        }),
-    }
 }

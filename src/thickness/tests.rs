@@ -1,6 +1,7 @@
 //! The octree against all pairs, and both against known values.
 
 use super::*;
+use crate::curve::vector::norm;
 use crate::curve::{Basis, Positions};
 use crate::random::Random;
 use std::f64::consts::{PI, TAU};
@@ -120,7 +121,7 @@ fn the_octree_finds_what_all_pairs_find() {
     for seed in 0..400 {
         let mut random = Random::new(seed);
         let scene = random_scene(&mut random);
-        let edges = edges(&scene).unwrap();
+        let edges = Edges::of(&scene);
         let tree = Octree::new(&edges);
         let wanted = brute::shortest(&edges);
         assert_eq!(tree.shortest(&edges), wanted, "seed {seed}");
@@ -320,10 +321,97 @@ fn the_gradient_is_the_derivative_of_the_length() {
     }
 }
 
+/// Two linked circles of radius 2 as splines.
+fn spline_hopf(basis: Basis, n: u32, size: f64) -> CurveSet {
+    let points: Vec<f64> = {
+        let ring = |place: fn(f64, f64) -> Point| {
+            (0..n).flat_map(move |k| {
+                let at = TAU * f64::from(k) / f64::from(n);
+                place(2.0 * at.cos(), 2.0 * at.sin()).map(|x| size * x)
+            })
+        };
+        let first = ring(|x, y| [x, y, 0.0]);
+        first.chain(ring(|x, y| [x + 2.0, 0.0, y])).collect()
+    };
+    CurveSet::from_counts(basis, &[-(n as i32); 2], Positions::F64(&points)).unwrap()
+}
+
 #[test]
-fn refuses_splines() {
-    let xyz: Vec<f64> = (0..12).map(f64::from).collect();
-    let spline = CurveSet::from_counts(Basis::CatmullRom, &[-4], Positions::F64(&xyz)).unwrap();
-    let e = Thickness::of(&spline).unwrap_err().to_string();
-    assert!(e.contains("thickness") && e.contains("polylines"), "{e}");
+fn splines_of_linked_circles_have_their_thickness() {
+    for basis in [Basis::CatmullRom, Basis::BSpline] {
+        for size in [1e-80, 1.0, 1e80] {
+            let found = Thickness::of(&spline_hopf(basis, 96, size)).unwrap();
+            let (bend, strut) = (found.min_rad.unwrap(), found.poca.unwrap());
+            // The splines differ from the circles by about (2 pi / 96)^2 / 6.
+            assert!((bend.radius / size - 2.0).abs() < 0.01, "{bend:?}");
+            assert!((strut.length / size - 2.0).abs() < 0.01, "{strut:?}");
+            assert!(bend.error < 2e-4 * bend.radius && strut.error < 2e-4 * strut.length);
+            assert!((found.length / size / (8.0 * PI) - 1.0).abs() < 0.01);
+        }
+    }
+}
+
+#[test]
+fn a_parabola_bends_to_half_its_parameter() {
+    let third = 1.0 / 3.0;
+    let xyz = [
+        -1.0, 1.0, 0.0, -third, -third, 0.0, third, -third, 0.0, 1.0, 1.0, 0.0,
+    ];
+    let set = CurveSet::from_counts(Basis::Bezier, &[4], Positions::F64(&xyz)).unwrap();
+    let bend = Thickness::of(&set).unwrap().min_rad.unwrap();
+    assert!(
+        (bend.radius - 0.5).abs() < 1e-4 && bend.t == 0.5,
+        "{bend:?}"
+    );
+    // Another one that begins in another direction.
+    let two = [&xyz[..], &[2.0, 1.0, 0.0, 3.0, 1.0, 0.0, 4.0, 1.0, 0.0]].concat();
+    let set = CurveSet::from_counts(Basis::Bezier, &[7], Positions::F64(&two)).unwrap();
+    let bend = Thickness::of(&set).unwrap().min_rad.unwrap();
+    assert_eq!((bend.radius, bend.vertex, bend.t), (0.0, 1, 0.0));
+}
+
+#[test]
+fn bends_and_distances_of_random_splines_are_within_their_bounds() {
+    for seed in 0..60 {
+        let mut random = Random::new(seed);
+        let basis = random.pick(&[Basis::CatmullRom, Basis::BSpline]);
+        let n = 4 + random.below(12_usize);
+        let closed = random.one_in(2);
+        let points: Vec<Point> = (0..n).map(|_| random.point(1.0)).collect();
+        let count = if closed { -(n as i32) } else { n as i32 };
+        let set = CurveSet::from_counts(basis, &[count], Positions::F64(points.as_flattened()));
+        let set = set.unwrap();
+        let found = Thickness::of(&set).unwrap();
+        // Radii of curvature by differences, at many places.
+        let h = 1e-4;
+        let mut least = f64::INFINITY;
+        for s in 0..set.curve(0).segments as usize {
+            for k in 0..200 {
+                let t = (f64::from(k) + 0.5) / 200.0;
+                let [a, b, c] = [t - h, t, t + h].map(|t| set.eval(0, s, t));
+                let first = [0, 1, 2].map(|x| (c[x] - a[x]) / (2.0 * h));
+                let second = [0, 1, 2].map(|x| (a[x] - 2.0 * b[x] + c[x]) / (h * h));
+                let turn = norm(crate::curve::vector::cross(first, second));
+                least = least.min(norm(first).powi(3) / turn);
+            }
+        }
+        let bend = found.min_rad.unwrap();
+        let context = format!("seed {seed}: {bend:?}, sampled {least}");
+        assert!(bend.radius <= 1.01 * least, "{context}");
+        assert!(bend.radius - bend.error <= 1.001 * least, "{context}");
+        // No strut is shorter than the shortest one of much finer chords, less the error.
+        let fine = Chords::new(&set, Some(1e-9)).unwrap();
+        let fine = Edges::of(&fine.polylines);
+        let shortest = brute::shortest(&fine).map(|found| fine.strut(&found).length);
+        if let (Some(strut), Some(shortest)) = (found.poca, shortest) {
+            assert!(
+                strut.length >= shortest - strut.error,
+                "seed {seed}: {strut:?}"
+            );
+            assert!(
+                strut.length - strut.error <= shortest + 1e-3,
+                "seed {seed}: {strut:?}"
+            );
+        }
+    }
 }

@@ -4,6 +4,14 @@ use super::{MinRad, Strut};
 use crate::curve::Notation;
 use std::fmt;
 
+/// Returns the bound of an error in words, if there is one.
+fn error(error: f64) -> String {
+    match error {
+        0.0 => String::new(),
+        error => format!(" (or less by at most {})", format_args!("{error:.1e}")),
+    }
+}
+
 impl Strut {
     /// Returns a sentence. Coordinates have six significant digits of `extent`, the extent of the
     /// scene ([`CurveSet::extent`](crate::CurveSet::extent)); 0 if it is unknown.
@@ -17,8 +25,10 @@ impl Strut {
         };
         let length = notation.length(self.length);
         format!(
-            "{curves} {length} apart, from {from} to {to}, segments {} and {}",
-            a.segment, b.segment
+            "{curves} {length} apart{}, from {from} to {to}, segments {} and {}",
+            error(self.error),
+            a.segment,
+            b.segment
         )
     }
 }
@@ -35,10 +45,12 @@ impl MinRad {
     pub fn sentence(&self, extent: f64) -> String {
         let notation = Notation::of_scene(extent, self.point);
         format!(
-            "curve {} bends to a radius of {}, at {}, vertex {}",
+            "curve {} bends to a radius of {}{}, at {}, {} {}",
             self.curve,
             notation.length(self.radius),
+            error(self.error),
             notation.point(self.point),
+            if self.t == 0.0 { "vertex" } else { "segment" },
             self.vertex
         )
     }

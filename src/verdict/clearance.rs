@@ -12,8 +12,7 @@ use crate::curve::Point;
 pub struct Clearance {
     /// Lower bound of the clearance of all strands. Below the level of the warning it is the
     /// clearance of the closest ones, less the error of splines. Above it, strands may be closer
-    /// than the closest that were measured, by a tolerance of 0.01 to 0.5 which depends on the
-    /// motion.
+    /// than the closest that were measured, by at most half of the sum of their radii.
     pub at_least: f64,
     /// Closest strands that were measured, if they are closer than one and a half times the sum of
     /// their radii.

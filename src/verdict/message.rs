@@ -159,19 +159,32 @@ impl Clearance {
     /// [`CloseStrands::sentence_named`].
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> Option<String> {
         let closest = self.closest?;
-        let mut text = closest.sentence_named(extent, names);
-        if let Some(left) = self.frames_left {
-            let what = match closest.ratio > 1.0 {
-                true => "contact",
-                false => "they meet",
-            };
-            let frames = match left.round() {
-                ..2.0 => "in the next frame".to_owned(),
-                left => format!("in about {left} frames"),
-            };
-            text += &format!("; {what} {frames} at this rate");
+        Some(closest.sentence_named(extent, names) + &self.trend(closest.ratio))
+    }
+
+    /// Returns the curves of a low clearance and their trend in a few words.
+    #[cfg(feature = "bus")]
+    pub(crate) fn reason(&self) -> Option<String> {
+        let CloseStrands { i, j, ratio, .. } = self.closest.filter(|_| self.low)?;
+        let (share, trend) = (100.0 * ratio, self.trend(ratio));
+        Some(format!(
+            "low clearance of curves {i} and {j}, {share:.1} % of their diameter{trend}"
+        ))
+    }
+
+    /// Returns the end of a sentence about strands of this clearance.
+    fn trend(&self, ratio: f64) -> String {
+        let Some(left) = self.frames_left else {
+            return String::new();
+        };
+        let what = match ratio > 1.0 {
+            true => "contact",
+            false => "they meet",
+        };
+        match left.round() {
+            ..2.0 => format!("; {what} in the next frame at this rate"),
+            left => format!("; {what} in about {left} frames at this rate"),
         }
-        Some(text)
     }
 }
 

@@ -13,8 +13,8 @@ mod scene;
 mod sidecar;
 
 use clap::Parser;
-use linkwatch::{Basis, Client, ClientOptions, Outcome, Precision, Result};
-use scene::{FRAME_DT, FRAMES, Options, Sheet};
+use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Outcome, Precision, Result};
+use scene::{FRAME_DT, FRAMES, Options, Sheet, WIRE_RADIUS};
 use sidecar::Sidecar;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -100,7 +100,9 @@ fn run(args: &Args) -> Result<ExitCode> {
     let mut client = Client::open(&args.service, &options)?;
     // The count is negative, because every ring is a closed polygon.
     let counts = vec![-(Sheet::vertices_per_ring() as i32); sheet.rings()];
-    client.describe(Basis::Polyline, Precision::F32, &counts)?;
+    // With the radii of the rings, a watcher can measure how close they come.
+    let radii = CurveLabels::default().with_radii(vec![WIRE_RADIUS; sheet.rings()]);
+    client.describe_labelled(Basis::Polyline, Precision::F32, &counts, radii)?;
     if !wait_for_watcher(args, &mut client, sidecar.as_mut())? {
         println!("simulator: no watcher connected; running without verification");
     }

@@ -48,7 +48,11 @@ pub(crate) const REACH: f64 = 1.5;
 const LOW: f64 = 0.5;
 
 /// Smallest and largest tolerance, and that of the first frame: shares of a diameter.
-const TOLERANCES: [f64; 3] = [0.05, 0.5, 0.25];
+const TOLERANCES: [f64; 3] = [0.05, 0.4, 0.25];
+
+/// Largest difference between the closest strands that were measured and the level: when others
+/// have moved away, the level is chosen anew.
+const MOST_SLACK: f64 = 0.5;
 
 /// Smallest and largest distance that blocks may move until the pairs are listed anew, and that of
 /// the first frame: in radii.
@@ -398,11 +402,16 @@ impl ClearanceMonitor {
                 found.add(due, measured);
                 // Each of two blocks moved by so much.
                 let least = list.least - moved.farthest / smallest;
-                let at_least = least.max(list.level.min(found.ratio()));
-                if self.work > (list.len() + CLOSEST * MEASUREMENT) << self.patience {
+                let mut at_least = least.max(list.level.min(found.ratio()));
+                let costly = self.work > (list.len() + CLOSEST * MEASUREMENT) << self.patience;
+                if costly {
                     self.adapt();
+                }
+                if costly || found.ratio() - list.level > MOST_SLACK {
                     list.rebase(moved, (blocks, positions), small);
                     self.settle(&mut list, strands, &mut found);
+                    (self.ages[1], self.work) = (0, 0);
+                    at_least = list.least;
                 }
                 (list, at_least)
             }
@@ -494,8 +503,6 @@ impl ClearanceMonitor {
             }
             _ => self.patience = self.patience.saturating_sub(1),
         }
-        self.ages[1] = 0;
-        self.work = 0;
     }
 }
 

@@ -1,10 +1,11 @@
 //! Blocks of eight segments, and the distance between two of them.
 
 use super::blocks::Blocks;
-use crate::curve::vector::{add_scaled, distance, norm, sub};
+use crate::curve::vector::{add_scaled, distance, sub};
 use crate::curve::{Curve, CurveSet, Point, Positions, point_at};
 use crate::pairs::nearest;
 use crate::simd::{LANES, dispatch};
+use crate::thickness::splines::deviation;
 use crate::verdict::CloseStrands;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -401,14 +402,6 @@ impl Strands<'_> {
         }
         out
     }
-}
-
-/// Returns an upper bound of the distance between a cubic segment and its chord, both at the same
-/// parameter: an eighth of the largest second derivative, which is a combination of the second
-/// differences of the control points with weights of 6 in all.
-pub(super) fn deviation([a, b, c, d]: &[Point; 4]) -> f64 {
-    let second = |p: &Point, q: &Point, r: &Point| norm(sub(sub(*r, *q), sub(*q, *p)));
-    0.75 * second(a, b, c).max(second(b, c, d)) * (1.0 + 1e-9)
 }
 
 /// Returns the distance of two straight segments, and their nearest points.

@@ -5,6 +5,7 @@ use crate::curve::vector::{add, distance, norm, sub};
 use crate::curve::{Basis, Point};
 use crate::pairs::nearest;
 use crate::random::Random;
+use crate::thickness::splines::deviation;
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::{PI, TAU};
 
@@ -33,7 +34,7 @@ fn smallest(set: &CurveSet, first: &CurveSet, radii: &[f64]) -> [f64; 2] {
         for s in 0..segments {
             let length = distance(first.knot(i, s), first.knot(i, s + 1));
             arcs.push(arcs[s] + length);
-            let deviation = strands::deviation(&set.segment(i, s)) / (chords * chords) as f64;
+            let deviation = deviation(&set.segment(i, s)) / (chords * chords) as f64;
             error = error.max(deviation / radius);
             for k in 0..chords {
                 let at = |k: usize| match (set.basis(), k) {
@@ -194,13 +195,13 @@ fn check(seed: u64, frames: u64) {
             assert!(found.low && closest <= expected + error, "{context}");
         }
         let slack = closest - expected.min(REACH);
-        assert!(slack <= TOLERANCES[1] + error, "{context}");
+        assert!(slack <= MOST_SLACK + error, "{context}");
     }
 }
 
 #[test]
 fn the_clearance_of_moving_strands_is_that_of_all_pairs() {
-    for seed in 0..25 {
+    for seed in (0..25).chain([1174]) {
         check(seed, 40);
     }
 }

@@ -1,0 +1,163 @@
+//! Clearance of a live simulation: the warning before a pull-through.
+
+use super::*;
+use linkwatch::CurveLabels;
+
+/// Radius of the squares. The closest edges of two of them are `1 - shift` apart.
+const RADIUS: f32 = 0.1;
+
+/// Motion of a frame.
+const SPEED: f32 = 0.02;
+
+fn shift(frame: u64) -> f32 {
+    0.705 + SPEED * frame as f32
+}
+
+/// Returns the clearance of the squares in a frame.
+fn expected(frame: u64) -> f64 {
+    f64::from(1.0 - shift(frame)) / f64::from(2.0 * RADIUS)
+}
+
+fn thick_client(service: &str, radii: &[f32]) -> Client {
+    let mut client = Client::open(service, &ClientOptions::lockstep()).unwrap();
+    let labels = CurveLabels::default().with_radii(radii.iter().copied());
+    client
+        .describe_labelled(Basis::Polyline, Precision::F32, &[-4, -4], labels)
+        .unwrap();
+    assert!(client.wait_for_watcher(PATIENCE).unwrap());
+    client
+}
+
+#[test]
+fn a_low_clearance_stops_a_simulator_before_the_pull_through() {
+    let folder = TempDir::new().unwrap();
+    let service = service("clearance");
+    let recording = folder.path().join("run.mcap");
+    let record = recording.to_str().unwrap();
+    let policy = ["--thickness", "published", "--abort-on", "clearance"];
+    let args = [&policy[..], &["--record", record]].concat();
+    let watch = Watch::start(folder.path(), "watch", &service, &args);
+    let mut sim = thick_client(&service, &[RADIUS; 2]);
+    let mut warned = None;
+    for frame in 0..20 {
+        let verdict = step(&mut sim, frame, shift(frame));
+        let broken = shift(frame) > 1.0;
+        assert_eq!(verdict == Verdict::Changed, broken, "frame {frame}");
+        if let Some(abort) = sim.aborted() {
+            warned.get_or_insert((frame, abort.to_string()));
+        }
+    }
+    sim.finish().unwrap();
+    let (first, abort) = warned.expect("an abort");
+    assert!(
+        expected(first) < 0.5 && expected(first - 1) >= 0.5,
+        "{first}"
+    );
+    let words = "intact: low clearance of curves 0 and 1, 4";
+    assert!(abort.contains(words), "{abort}");
+    let live = watch.end();
+    assert_eq!(live.code, Some(1), "{}", live.stderr);
+    for (frame, report) in live.reports().into_iter().enumerate() {
+        let frame = frame as u64;
+        if shift(frame) > 1.0 {
+            break;
+        }
+        let closest = &report["clearance"]["closest"];
+        let ratio = closest["ratio"].as_f64().unwrap();
+        assert!(
+            (ratio - expected(frame)).abs() < 1e-5,
+            "frame {frame}: {closest}"
+        );
+        assert_eq!(report["abort"], frame >= first, "frame {frame}");
+        if frame >= first {
+            let left = report["clearance"]["frames_left"].as_f64().unwrap();
+            let exact = expected(frame) * f64::from(2.0 * RADIUS) / f64::from(SPEED);
+            assert!((left - exact).abs() < 0.01, "frame {frame}: {left} {exact}");
+        }
+    }
+    let summary = &live.summary()["clearance"];
+    assert_eq!(summary["first_low_frame"], first);
+    assert_eq!(summary["frames_before_violation"], 5, "{summary}");
+
+    // The settings are those of the recording.
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(1), "{}", replayed.stderr);
+    assert_eq!(replayed.reports(), live.reports());
+    replayed.assert_recorded_verdicts();
+    let (code, text) = printed(&[
+        "replay",
+        record,
+        "--thickness",
+        "0.2",
+        "--min-clearance",
+        "25%",
+    ]);
+    assert_eq!(code, Some(1));
+    for words in [
+        "low clearance: the center lines of curves 0 and 1 are",
+        "they meet in about 5 frames at this rate",
+        "below 25.00 % in",
+        "frames before the first violation",
+        "another --thickness or --min-clearance",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+#[test]
+fn a_clearance_that_cannot_be_measured_makes_a_run_incomplete() {
+    for (radii, why) in [
+        (&[][..], "the frames have none"),
+        (&[0.1, 0.0], "that of curve 1 is 0"),
+    ] {
+        let folder = TempDir::new().unwrap();
+        let service = service(&format!("no-radii-{}", radii.len()));
+        let args = ["--thickness", "published"];
+        let watch = Watch::start(folder.path(), "watch", &service, &args);
+        let mut sim = thick_client(&service, radii);
+        for frame in 0..3 {
+            assert_eq!(step(&mut sim, frame, 0.0), Verdict::Intact);
+        }
+        sim.finish().unwrap();
+        let live = watch.end();
+        assert_eq!(live.code, Some(3), "{}", live.stderr);
+        assert!(live.stderr.contains(why), "{}", live.stderr);
+        let unmeasured = live.summary()["unmeasured_clearance"].as_str().unwrap();
+        assert!(unmeasured.contains(why), "{unmeasured}");
+    }
+}
+
+#[test]
+fn options_of_clearance_that_contradict_one_another_are_refused() {
+    let watch = |args: &[&str]| printed(&[&["watch", "--wait", "1"], args].concat());
+    for (args, why) in [
+        (
+            &["--min-clearance", "0.5"][..],
+            "--min-clearance needs --thickness",
+        ),
+        (
+            &["--abort-on", "clearance"],
+            "--abort-on clearance needs --thickness",
+        ),
+        (
+            &["--thickness", "0"],
+            "expected a number above 0, or `published`",
+        ),
+        (
+            &["--thickness", "1e99"],
+            "expected a length of 1e-30 to 1e30",
+        ),
+        (
+            &["--thickness", "1", "--min-clearance", "150%"],
+            "from 0% to 100%",
+        ),
+        (
+            &["--thickness", "1", "--shard", "1/2"],
+            "clearance is not shared",
+        ),
+    ] {
+        let (code, text) = watch(args);
+        assert_eq!(code, Some(2), "{args:?}: {text}");
+        assert!(text.contains(why), "{args:?}: {text}");
+    }
+}
