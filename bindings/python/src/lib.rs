@@ -5,6 +5,7 @@ mod client;
 mod findings;
 mod frame;
 mod report;
+mod strands;
 mod verifier;
 
 use pyo3::prelude::*;
@@ -20,9 +21,14 @@ fn _linkwatch(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<findings::Defect>()?;
     module.add_class::<report::Report>()?;
     module.add_class::<report::Certificate>()?;
+    module.add_class::<strands::Strut>()?;
+    module.add_class::<strands::Thickness>()?;
+    module.add_class::<strands::Clearance>()?;
     module.add_class::<verifier::Verifier>()?;
     module.add_class::<client::Client>()?;
     module.add_class::<client::Message>()?;
+    module.add_function(wrap_pyfunction!(strands::thickness, module)?)?;
+    module.add_function(wrap_pyfunction!(strands::struts, module)?)?;
     module.add_function(wrap_pyfunction!(command, module)?)?;
     Ok(())
 }

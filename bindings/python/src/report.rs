@@ -2,6 +2,7 @@
 
 use crate::exception;
 use crate::findings::{Change, Defect, PullThrough};
+use crate::strands::Clearance;
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -82,6 +83,12 @@ impl Report {
     #[getter]
     fn safe_fraction(&self) -> Option<f64> {
         self.0.safe_fraction
+    }
+
+    /// Clearance of the strands; None if it is not measured.
+    #[getter]
+    fn clearance(&self) -> Option<Clearance> {
+        self.0.clearance.map(Clearance)
     }
 
     /// Reason why the frame was rejected.

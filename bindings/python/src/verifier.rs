@@ -3,7 +3,9 @@
 use crate::exception;
 use crate::frame::{Points, basis};
 use crate::report::{Certificate, Report};
-use linkwatch::{Basis, CurveSet, Error, FramePool, RawFrame, Strategy, VerifierOptions};
+use linkwatch::{
+    Basis, ClearanceOptions, CurveSet, Error, FramePool, RawFrame, Strategy, VerifierOptions,
+};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::Mutex;
@@ -25,7 +27,9 @@ struct State {
 #[pymethods]
 impl Verifier {
     #[new]
-    #[pyo3(signature = (*, basis_name, baseline, events, abort_on, incremental, motion_limit))]
+    #[pyo3(signature = (
+        *, basis_name, baseline, events, abort_on, incremental, motion_limit, clearance, radii
+    ))]
     fn new(
         basis_name: &str,
         baseline: Option<Certificate>,
@@ -33,22 +37,31 @@ impl Verifier {
         abort_on: &str,
         incremental: bool,
         motion_limit: Option<f64>,
+        clearance: Option<(Option<f64>, f64)>,
+        radii: Vec<f32>,
     ) -> PyResult<Verifier> {
         let options = VerifierOptions {
             baseline: baseline.map(|b| b.0),
             events: events.parse().map_err(option("events"))?,
             abort_on: abort_on.parse().map_err(option("abort_on"))?,
             motion_limit,
+            clearance: clearance.map(|(radius, low)| {
+                let mut options = ClearanceOptions::new(radius);
+                options.low = low;
+                options
+            }),
             strategy: match incremental {
                 true => Strategy::Incremental,
                 false => Strategy::Full,
             },
             ..VerifierOptions::default()
         };
+        let mut verifier = linkwatch::Verifier::new(options).map_err(exception)?;
+        verifier.set_radii(&radii).map_err(exception)?;
         Ok(Verifier {
             basis: basis(basis_name)?,
             state: Mutex::new(State {
-                verifier: linkwatch::Verifier::new(options).map_err(exception)?,
+                verifier,
                 seq: 0,
                 pool: FramePool::default(),
             }),
@@ -89,6 +102,10 @@ impl Verifier {
 
     fn cut(&self, py: Python<'_>) -> PyResult<()> {
         py.detach(|| self.with(|state| state.verifier.cut()))
+    }
+
+    fn unmeasured_clearance(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        py.detach(|| self.with(|s| s.verifier.unmeasured_clearance().map(str::to_owned)))
     }
 
     fn baseline(&self, py: Python<'_>) -> PyResult<Option<Certificate>> {

@@ -221,3 +221,57 @@ def test_the_import_is_quick():
     code = "import time; s = time.process_time(); import linkwatch; print(time.process_time() - s)"
     run = lambda: float(subprocess.check_output([sys.executable, "-c", code]))
     assert min(run() for _ in range(5)) < 0.05
+
+
+def test_clearance_warns_before_a_pull_through():
+    for thickness in (0.1, [0.1, 0.1]):
+        verifier = linkwatch.Verifier(thickness=thickness, abort_on="clearance")
+        for k in range(16):
+            out = 0.705 + 0.02 * k
+            report = verifier.step(linked(out))
+            clearance = report.clearance
+            if out > 1:
+                break
+            assert report.intact
+            assert clearance.ratio == pytest.approx((1 - out) / 0.2)
+            assert clearance.low == report.abort == (out > 0.9)
+            assert (clearance.curves, clearance.error) == ((0, 1), 0)
+        assert report.verdict == "changed"
+        assert "curves 0 and 1" in str(clearance)
+    assert linkwatch.Verifier().step(linked()).clearance is None
+    far = linkwatch.Verifier(thickness=0.01).step(linked()).clearance
+    assert (far.ratio, far.at_least >= 1, str(far)) == (None, True, "no strands are close")
+    with pytest.raises(ValueError, match="radius"):
+        linkwatch.Verifier(thickness=[0.1, 0.0])
+    with pytest.raises(ValueError, match="thickness"):
+        linkwatch.Verifier(abort_on="clearance")
+    with pytest.raises(ValueError, match="radii"):
+        linkwatch.Verifier(thickness=[0.1]).step(linked())
+
+
+@pytest.mark.parametrize("basis", ["polyline", "catmull-rom", "b-spline"])
+def test_thickness_of_linked_circles(basis):
+    circles = [circle(96, [0, 0, 0], [[2, 0, 0], [0, 2, 0]]),
+               circle(96, [2, 0, 0], [[2, 0, 0], [0, 0, 2]])]
+    found = linkwatch.thickness(circles, basis=basis)
+    assert found.thickness() == pytest.approx(2, rel=1e-2)
+    assert found.ropelength() == pytest.approx(4 * np.pi, rel=1e-2)
+    assert found.poca.error <= 2e-4 * found.poca.length
+
+
+def test_the_gradient_of_a_strut_is_the_derivative_of_its_length():
+    # Without symmetry, one strut is the shortest.
+    axes = np.eye(3)
+    curves = [circle(24, [0, 0, 0], axes[[0, 1]]), circle(24, [1.1, 0.07, 0.1], axes[[0, 2]])]
+    strut = linkwatch.struts(curves, 1.0)[0]
+    assert strut.curves == (0, 1)
+    i, s = strut.curves[1], strut.segments[1]
+    for vertex in (0, 1):
+        for axis in range(3):
+            moved = [curve.copy() for curve in curves]
+            moved[i][(s + vertex) % 24, axis] += 1e-6
+            length = linkwatch.struts(moved, 1.0)[0].length
+            derivative = (length - strut.length) / 1e-6
+            assert strut.gradient[1][vertex][axis] == pytest.approx(derivative, abs=1e-4)
+    spline = linkwatch.struts(curves, 1.0, basis="catmull-rom")[0]
+    assert spline.gradient is None and spline.error > 0

@@ -23,10 +23,13 @@ from __future__ import annotations
 import operator
 from typing import TYPE_CHECKING
 
-from ._linkwatch import Certificate, Change, Defect, Message, Place, PullThrough, Report
+from ._linkwatch import Certificate, Change, Clearance, Defect, Message, Place, PullThrough, Report
+from ._linkwatch import Strut, Thickness
 from ._linkwatch import Client as _Client
 from ._linkwatch import Verifier as _Verifier
 from ._linkwatch import __version__
+from ._linkwatch import struts as _struts
+from ._linkwatch import thickness as _thickness
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -42,18 +45,23 @@ if TYPE_CHECKING:
 __all__ = [
     "Certificate",
     "Change",
+    "Clearance",
     "Client",
     "Defect",
     "Message",
     "Place",
     "PullThrough",
     "Report",
+    "Strut",
+    "Thickness",
     "UndecidedError",
     "Verifier",
     "assert_intact",
     "certify",
     "pull_throughs",
     "safe_fraction",
+    "struts",
+    "thickness",
 ]
 
 
@@ -118,10 +126,15 @@ class Verifier:
         events: pull-throughs to search for from frame to frame: ``"between"`` different curves,
             ``"all"`` (also of a curve through itself) or ``"off"``.
         abort_on: findings that set ``Report.abort``: ``"any"``, ``"lost"``, ``"gained"``,
-            ``"contact"``, ``"event"``, ``"rejected"`` or ``"never"``.
+            ``"contact"``, ``"event"``, ``"rejected"``, ``"clearance"`` (any, or strands that come
+            too close) or ``"never"``.
         incremental: compute only linking numbers that may have changed. The verdicts are the same.
         motion_limit: motion between two frames, in segment lengths, up to which pull-throughs that
             cancel count as real.
+        thickness: radius of the strands, or of each curve: ``Report.clearance`` says how close they
+            come.
+        min_clearance: distance of center lines, as a share of the sum of the radii, below which
+            ``Report.clearance.low`` is set.
 
     Raises:
         ValueError: an option has an invalid value, or has no effect.
@@ -138,7 +151,17 @@ class Verifier:
         abort_on: str = "any",
         incremental: bool = True,
         motion_limit: float | None = None,
+        thickness: float | Sequence[float] | npt.NDArray[Any] | None = None,
+        min_clearance: float = 0.5,
     ) -> None:
+        radii: list[float] = []
+        clearance: tuple[float | None, float] | None = None
+        if thickness is not None:
+            import numpy as np
+
+            given = np.asarray(thickness, np.float64)
+            radii = given.ravel().tolist()
+            clearance = (float(given) if given.ndim == 0 else None, min_clearance)
         self._counts = None if counts is None else _integers(counts)
         self._closed = closed
         self._verifier = _Verifier(
@@ -148,7 +171,10 @@ class Verifier:
             abort_on=abort_on,
             incremental=incremental,
             motion_limit=motion_limit,
+            clearance=clearance,
+            radii=radii,
         )
+        self._clearance = clearance is not None
 
     def step(self, curves: Frame, time: float = 0.0) -> Report:
         """Verifies the next frame, and returns its :class:`Report`.
@@ -157,9 +183,13 @@ class Verifier:
         than before) has the verdict ``"rejected"``.
 
         Raises:
-            ValueError: the frame does not have one of the two forms, or does not fit the baseline.
+            ValueError: the frame does not have one of the two forms, does not fit the baseline, or
+                its clearance cannot be measured.
         """
-        return self._verifier.step(*_frame(curves, self._counts, self._closed), time)
+        report = self._verifier.step(*_frame(curves, self._counts, self._closed), time)
+        if self._clearance and (why := self._verifier.unmeasured_clearance()) is not None:
+            raise ValueError(why)
+        return report
 
     def cut(self) -> None:
         """Marks the next frame as not continuing the previous one: after a roll back or a jump."""
@@ -429,6 +459,46 @@ def safe_fraction(
     """
     share = _step(x0, x1, counts, closed, basis, events)[1].safe_fraction
     return 0.0 if share is None else share
+
+
+def thickness(
+    curves: Frame,
+    counts: Counts | None = None,
+    *,
+    closed: Closed = True,
+    basis: str = "polyline",
+) -> Thickness:
+    """Measures how sharply curves bend and how close they come (Ashton and Cantarella 2005).
+
+    >>> import linkwatch
+    >>> square = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
+    >>> found = linkwatch.thickness([square])
+    >>> round(found.thickness(), 12), round(found.ropelength(), 12)
+    (2.0, 4.0)
+
+    Raises:
+        ValueError: a coordinate is not finite, or a curve has too few points.
+    """
+    return _thickness(*_frame(curves, counts, closed), basis)
+
+
+def struts(
+    curves: Frame,
+    longest: float,
+    counts: Counts | None = None,
+    *,
+    closed: Closed = True,
+    basis: str = "polyline",
+) -> list[Strut]:
+    """Finds all pairs of points whose distance is a local minimum of at most ``longest``.
+
+    Returns:
+        list[Strut]: the shortest first, those of polylines with the gradient of their length.
+
+    Raises:
+        ValueError: a coordinate is not finite, or a curve has too few points.
+    """
+    return _struts(*_frame(curves, counts, closed), basis, longest)
 
 
 def assert_intact(

@@ -36,6 +36,39 @@ class Defect:
     kind: str
     place: Place
 
+Point = tuple[float, float, float]
+
+class Strut:
+    curves: tuple[int, int]
+    segments: tuple[int, int]
+    t: tuple[float, float]
+    points: tuple[Point, Point]
+    length: float
+    error: float
+    gradient: list[list[list[float]]] | None
+
+class Thickness:
+    length: float
+    min_rad: float | None
+    poca: Strut | None
+    def thickness(self, stiffness: float = 1.0) -> float: ...
+    def ropelength(self, stiffness: float = 1.0) -> float: ...
+
+class Clearance:
+    at_least: float
+    ratio: float | None
+    error: float | None
+    curves: tuple[int, int] | None
+    segments: list[int] | None
+    points: list[list[float]] | None
+    low: bool
+    frames_left: float | None
+
+def thickness(points: npt.NDArray[Any], counts: list[int], basis_name: str) -> Thickness: ...
+def struts(
+    points: npt.NDArray[Any], counts: list[int], basis_name: str, longest: float
+) -> list[Strut]: ...
+
 class Report:
     seq: int
     time: float
@@ -48,6 +81,7 @@ class Report:
     defects: list[Defect]
     last_intact: int | None
     safe_fraction: float | None
+    clearance: Clearance | None
     rejected: str | None
     findings: list[str]
 
@@ -112,7 +146,10 @@ class Verifier:
         abort_on: str,
         incremental: bool,
         motion_limit: float | None,
+        clearance: tuple[float | None, float] | None,
+        radii: list[float],
     ) -> None: ...
+    def unmeasured_clearance(self) -> str | None: ...
     def step(self, points: npt.NDArray[Any], counts: list[int], time: float) -> Report: ...
     def certify(self, points: npt.NDArray[Any], counts: list[int]) -> Certificate: ...
     def cut(self) -> None: ...

@@ -1,0 +1,220 @@
+//! Thickness, struts and clearance, as Python objects.
+
+use crate::exception;
+use crate::frame::{Points, basis};
+use linkwatch::{CurveSet, Error};
+use pyo3::prelude::*;
+
+type Point = [f64; 3];
+
+/// Two points of curves whose distance is a local minimum.
+#[pyclass(frozen, eq, module = "linkwatch")]
+#[derive(Clone, PartialEq)]
+pub struct Strut(linkwatch::Strut, bool);
+
+#[pymethods]
+impl Strut {
+    /// Curve of each end, from 0.
+    #[getter]
+    fn curves(&self) -> (u32, u32) {
+        let [a, b] = self.0.ends;
+        (a.curve, b.curve)
+    }
+
+    /// Segment of each end, from 0.
+    #[getter]
+    fn segments(&self) -> (u32, u32) {
+        let [a, b] = self.0.ends;
+        (a.segment, b.segment)
+    }
+
+    /// Place of each end on its segment, from 0 to 1.
+    #[getter]
+    fn t(&self) -> (f64, f64) {
+        let [a, b] = self.0.ends;
+        (a.t, b.t)
+    }
+
+    /// Both ends.
+    #[getter]
+    fn points(&self) -> (Point, Point) {
+        let [a, b] = self.0.ends;
+        (a.point, b.point)
+    }
+
+    /// Distance of the ends.
+    #[getter]
+    fn length(&self) -> f64 {
+        self.0.length
+    }
+
+    /// Upper bound of the error of the length: 0 for polylines.
+    #[getter]
+    fn error(&self) -> f64 {
+        self.0.error
+    }
+
+    /// Derivatives of the length with respect to the start and the end of the first segment, and of
+    /// the second one. None for splines, and if the length is 0.
+    #[getter]
+    fn gradient(&self) -> Option<[[Point; 2]; 2]> {
+        self.0.gradient().filter(|_| self.1)
+    }
+
+    fn __str__(&self) -> String {
+        self.0.to_string()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Strut: {}>", self.0)
+    }
+}
+
+/// How sharply curves bend, and how close they come.
+#[pyclass(frozen, eq, module = "linkwatch")]
+#[derive(Clone, PartialEq)]
+pub struct Thickness(linkwatch::Thickness, bool);
+
+#[pymethods]
+impl Thickness {
+    /// Length of all curves.
+    #[getter]
+    fn length(&self) -> f64 {
+        self.0.length
+    }
+
+    /// Radius of the sharpest bend; None if no curve bends.
+    #[getter]
+    fn min_rad(&self) -> Option<f64> {
+        self.0.min_rad.map(|bend| bend.radius)
+    }
+
+    /// Shortest strut; None if there is none.
+    #[getter]
+    fn poca(&self) -> Option<Strut> {
+        self.0.poca.map(|strut| Strut(strut, self.1))
+    }
+
+    /// Diameter of the thickest tube around all curves that neither bends too sharply nor overlaps.
+    #[pyo3(signature = (stiffness = 1.0))]
+    fn thickness(&self, stiffness: f64) -> f64 {
+        self.0.thickness(stiffness)
+    }
+
+    /// Length divided by thickness.
+    #[pyo3(signature = (stiffness = 1.0))]
+    fn ropelength(&self, stiffness: f64) -> f64 {
+        self.0.ropelength(stiffness)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Thickness: {}>", self.0.thickness(1.0))
+    }
+}
+
+/// Clearance of a frame.
+#[pyclass(frozen, eq, module = "linkwatch")]
+#[derive(Clone, PartialEq)]
+pub struct Clearance(pub linkwatch::Clearance);
+
+#[pymethods]
+impl Clearance {
+    /// Lower bound of the clearance of all strands.
+    #[getter]
+    fn at_least(&self) -> f64 {
+        self.0.at_least
+    }
+
+    /// Distance of the closest center lines, as a share of the sum of their radii; None if no
+    /// strands are close.
+    #[getter]
+    fn ratio(&self) -> Option<f64> {
+        self.0.closest.map(|c| c.ratio)
+    }
+
+    /// Upper bound of the error of the ratio: 0 for polylines.
+    #[getter]
+    fn error(&self) -> Option<f64> {
+        self.0.closest.map(|c| c.error)
+    }
+
+    /// Curves of the closest strands: the same one twice for two parts of a curve.
+    #[getter]
+    fn curves(&self) -> Option<(u32, u32)> {
+        self.0.closest.map(|c| (c.i, c.j))
+    }
+
+    /// Their segments.
+    #[getter]
+    fn segments(&self) -> Option<[u32; 2]> {
+        self.0.closest.map(|c| c.segments)
+    }
+
+    /// Their nearest points.
+    #[getter]
+    fn points(&self) -> Option<[Point; 2]> {
+        self.0.closest.map(|c| c.points)
+    }
+
+    /// True if the clearance is below the level of the warning.
+    #[getter]
+    fn low(&self) -> bool {
+        self.0.low
+    }
+
+    /// Frames until the surfaces touch, or, if they do, until the center lines meet; None if the
+    /// clearance does not shrink.
+    #[getter]
+    fn frames_left(&self) -> Option<f64> {
+        self.0.frames_left
+    }
+
+    fn __str__(&self) -> String {
+        let sentence = self.0.sentence_named(0.0, &[]);
+        sentence.unwrap_or_else(|| "no strands are close".into())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Clearance: {}>", self.__str__())
+    }
+}
+
+/// Runs a measurement of the curves of a frame, without the interpreter lock.
+fn measure<T: Send>(
+    py: Python<'_>,
+    (points, counts): (&Points<'_>, &[i32]),
+    basis_name: &str,
+    run: impl FnOnce(&CurveSet) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    let (basis, positions) = (basis(basis_name)?, points.positions()?);
+    let measured = py.detach(|| run(&CurveSet::from_counts(basis, counts, positions)?));
+    measured.map_err(exception)
+}
+
+/// Measures bends and the shortest strut.
+#[pyfunction]
+pub fn thickness(
+    py: Python<'_>,
+    points: Points<'_>,
+    counts: Vec<i32>,
+    basis_name: &str,
+) -> PyResult<Thickness> {
+    let measured = measure(py, (&points, &counts), basis_name, linkwatch::Thickness::of)?;
+    Ok(Thickness(measured, basis_name == "polyline"))
+}
+
+/// Finds all struts up to a length.
+#[pyfunction]
+pub fn struts(
+    py: Python<'_>,
+    points: Points<'_>,
+    counts: Vec<i32>,
+    basis_name: &str,
+    longest: f64,
+) -> PyResult<Vec<Strut>> {
+    let found = measure(py, (&points, &counts), basis_name, |set| {
+        linkwatch::struts(set, longest)
+    })?;
+    let exact = basis_name == "polyline";
+    Ok(found.into_iter().map(|strut| Strut(strut, exact)).collect())
+}
