@@ -34,11 +34,19 @@ int in_process() {
     std::cout << "linking number of curves " << link.i << " and " << link.j << ": " << link.lambda
               << '\n';
 
-  linkwatch::Verifier verifier(counts);
+  const std::vector<lw_strut> struts = linkwatch::struts(counts, rings(1), 2.0);
+  std::cout << "shortest distance of the rings: " << struts.front().length << '\n';
+
+  // With the radius of the strands, the clearance warns before the pull-through.
+  lw_verifier_options options{};
+  options.thickness = 0.2;
+  linkwatch::Verifier verifier(counts, linkwatch::Basis::Polyline, options);
   linkwatch::Verdict verdict;
   for (int frame = 0; frame <= 4; frame++) {
     verdict = verifier.step(rings(1 + 0.3 * frame));
     std::cout << verdict.words() << '\n';
+    if (const auto clearance = verifier.clearance(); clearance && clearance->low)
+      std::cout << "low clearance: " << 100 * clearance->ratio << " % of the diameter\n";
     if (verdict.abort) break;
   }
   std::cout << "safe fraction of the step: " << verdict.safe_share().value_or(0) << ", "

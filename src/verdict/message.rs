@@ -163,7 +163,7 @@ impl Clearance {
     }
 
     /// Returns the curves of a low clearance and their trend in a few words.
-    #[cfg(feature = "bus")]
+    #[cfg(feature = "client")]
     pub(crate) fn reason(&self) -> Option<String> {
         let CloseStrands { i, j, ratio, .. } = self.closest.filter(|_| self.low)?;
         let (share, trend) = (100.0 * ratio, self.trend(ratio));

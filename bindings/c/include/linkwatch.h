@@ -201,12 +201,22 @@ typedef struct lw_verifier_options {
   struct lw_certificate *baseline;
   // LW_EVENTS_ALL, LW_EVENTS_BETWEEN or LW_EVENTS_OFF.
   uint32_t events;
-  // Findings that set `lw_verdict.abort`: any, lost, gained, contact, event, rejected or never.
-  // Null: any.
+  // Findings that set `lw_verdict.abort`: any, lost, gained, contact, event, rejected, clearance
+  // (any, or strands that come too close) or never. Null: any.
   const char *abort_on;
   // Motion between two frames, in segment lengths, up to which pull-throughs that cancel count
   // as real. 0: the default, 1.5.
   double motion_limit;
+  // Radius of all strands, to measure how close they come: see lw_verifier_clearance. 0: not
+  // measured, unless there are `radii`.
+  double thickness;
+  // Radius of each of `curves` curves, which are copied. Null: `thickness` is that of all.
+  const float *radii;
+  // Number of `radii`.
+  size_t curves;
+  // Distance of center lines, as a share of the sum of the radii, below which `lw_clearance.low`
+  // is set. 0: the default, 0.5.
+  double min_clearance;
 } lw_verifier_options;
 
 // The function succeeded.

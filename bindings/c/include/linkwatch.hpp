@@ -249,6 +249,30 @@ double safe_fraction(const std::vector<std::int32_t> &counts, const std::vector<
   return share;
 }
 
+// Measures how sharply curves bend and how close they come.
+template <class T>
+lw_thickness_values thickness(const std::vector<std::int32_t> &counts,
+                              const std::vector<T> &positions, Basis basis = Basis::Polyline,
+                              double stiffness = 1) {
+  const lw_frame frame = detail::frame(basis, counts, positions);
+  lw_thickness_values values{};
+  detail::check(lw_thickness(&frame, stiffness, &values));
+  return values;
+}
+
+// Returns all struts up to a length, the shortest first.
+template <class T>
+std::vector<lw_strut> struts(const std::vector<std::int32_t> &counts,
+                             const std::vector<T> &positions, double longest,
+                             Basis basis = Basis::Polyline) {
+  const lw_frame frame = detail::frame(basis, counts, positions);
+  const detail::Owned<lw_struts, lw_struts_free> found(
+      detail::check(lw_struts_up_to(&frame, longest)));
+  std::size_t count = 0;
+  const lw_strut *first = lw_struts_list(found.get(), &count);
+  return std::vector<lw_strut>(first, first + count);
+}
+
 // Verifies successive frames in process, against the first one or against a baseline.
 class Verifier {
 public:
@@ -263,6 +287,13 @@ public:
     Verdict verdict;
     detail::check(lw_verifier_step(verifier.get(), &frame, time, &verdict));
     return verdict;
+  }
+
+  // Returns the clearance of the last verified frame, if it is measured.
+  std::optional<lw_clearance> clearance() const {
+    lw_clearance found{};
+    if (detail::check(lw_verifier_clearance(verifier.get(), &found)) != LW_OK) return std::nullopt;
+    return found;
   }
 
   // Marks the next frame as not continuing the previous one.

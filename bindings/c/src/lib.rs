@@ -9,12 +9,14 @@
 mod client;
 mod curves;
 mod error;
+mod strands;
 mod verdict;
 mod verifier;
 
 pub use client::*;
 pub use curves::*;
 pub use error::*;
+pub use strands::*;
 pub use verdict::*;
 pub use verifier::*;
 

@@ -173,6 +173,10 @@ fn bad_arguments_are_errors_with_words() {
             events: LW_EVENTS_ALL,
             abort_on: word.as_ptr(),
             motion_limit: 0.0,
+            thickness: 0.0,
+            radii: null(),
+            curves: 0,
+            min_clearance: 0.0,
         };
         assert!(lw_verifier_new(&options).is_null());
         assert!(
@@ -333,5 +337,75 @@ fn a_second_simulator_on_one_name_is_refused() {
         let again = lw_open(name.as_ptr(), null());
         assert!(!again.is_null(), "{}", last_error());
         lw_close(again);
+    }
+}
+
+#[test]
+fn struts_have_their_gradient_and_clearance_warns_before_a_pull_through() {
+    let mut clearance = lw_clearance {
+        at_least: 0.0,
+        ratio: 0.0,
+        error: 0.0,
+        curves: [0; 2],
+        segments: [0; 2],
+        points: [[0.0; 3]; 2],
+        low: false,
+        frames_left: 0.0,
+    };
+    let mut verdict = empty_verdict();
+    let radii = [0.1_f32; 2];
+    let mut options = lw_verifier_options {
+        baseline: null_mut(),
+        events: LW_EVENTS_ALL,
+        abort_on: c"clearance".as_ptr(),
+        motion_limit: 0.0,
+        thickness: 0.0,
+        radii: radii.as_ptr(),
+        curves: 2,
+        min_clearance: 0.8,
+    };
+    // SAFETY: all pointers are valid.
+    unsafe {
+        let verifier = lw_verifier_new(&options);
+        assert_eq!(lw_verifier_clearance(verifier, &mut clearance), LW_NOTHING);
+        let mut warned = false;
+        for k in 0..30 {
+            let positions = rings(1.7 + 0.02 * f64::from(k));
+            lw_verifier_step(verifier, &frame(&positions), 0.0, &mut verdict);
+            if verdict.verdict == LW_CHANGED {
+                break;
+            }
+            assert_eq!(verdict.verdict, LW_INTACT, "{}", text(&verdict));
+            assert_eq!(lw_verifier_clearance(verifier, &mut clearance), LW_OK);
+            // The gradient of a motion of the whole scene is 0.
+            let struts = lw_struts_up_to(&frame(&positions), 1.0);
+            let mut count = 0;
+            let shortest = *lw_struts_list(struts, &mut count);
+            assert!(count > 0 && (shortest.length - 0.2 * clearance.ratio).abs() < 1e-7);
+            let total: f64 = shortest.gradient.iter().flatten().map(|g| g[0]).sum();
+            assert!(total.abs() < 1e-12, "{total}");
+            lw_struts_free(struts);
+            assert_eq!(verdict.abort, clearance.ratio < 0.8);
+            warned |= clearance.low;
+        }
+        assert!(warned && verdict.verdict == LW_CHANGED);
+        lw_verifier_free(verifier);
+
+        options.curves = 1;
+        let verifier = lw_verifier_new(&options);
+        let positions = rings(1.0);
+        lw_verifier_step(verifier, &frame(&positions), 0.0, &mut verdict);
+        assert_eq!(lw_verifier_clearance(verifier, &mut clearance), LW_ERROR);
+        assert!(last_error().contains("radii"), "{}", last_error());
+        lw_verifier_free(verifier);
+        (options.radii, options.thickness) = (null(), -1.0);
+        assert!(lw_verifier_new(&options).is_null());
+        assert!(last_error().contains("radius of -1"), "{}", last_error());
+
+        let mut values = std::mem::zeroed();
+        assert_eq!(lw_thickness(&frame(&positions), 1.0, &mut values), LW_OK);
+        assert!(values.min_rad > 0.9 && values.poca < 1.0 && values.thickness == values.poca);
+        assert_eq!(lw_thickness(&frame(&positions), 0.0, &mut values), LW_ERROR);
+        assert!(lw_struts_up_to(null(), 1.0).is_null());
     }
 }

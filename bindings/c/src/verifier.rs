@@ -1,11 +1,11 @@
 //! Verification in process.
 
-use crate::curves::{lw_frame, raw};
+use crate::curves::{lw_frame, raw, values};
 use crate::error::{LW_ERROR, LW_OK, free, give, given, guard, lw_status, string, words};
 use crate::verdict::lw_verdict;
 use linkwatch::{
-    AbortOn, Certificate, CurveSet, Events, FramePool, RawFrame, Strategy, Verdict, Verifier,
-    VerifierOptions,
+    AbortOn, Certificate, Clearance, ClearanceOptions, CurveSet, Events, FramePool, RawFrame,
+    Strategy, Verdict, Verifier, VerifierOptions,
 };
 use std::ffi::c_char;
 use std::path::Path;
@@ -166,12 +166,22 @@ pub struct lw_verifier_options {
     pub baseline: *mut lw_certificate,
     /// LW_EVENTS_ALL, LW_EVENTS_BETWEEN or LW_EVENTS_OFF.
     pub events: u32,
-    /// Findings that set `lw_verdict.abort`: any, lost, gained, contact, event, rejected or never.
-    /// Null: any.
+    /// Findings that set `lw_verdict.abort`: any, lost, gained, contact, event, rejected, clearance
+    /// (any, or strands that come too close) or never. Null: any.
     pub abort_on: *const c_char,
     /// Motion between two frames, in segment lengths, up to which pull-throughs that cancel count
     /// as real. 0: the default, 1.5.
     pub motion_limit: f64,
+    /// Radius of all strands, to measure how close they come: see lw_verifier_clearance. 0: not
+    /// measured, unless there are `radii`.
+    pub thickness: f64,
+    /// Radius of each of `curves` curves, which are copied. Null: `thickness` is that of all.
+    pub radii: *const f32,
+    /// Number of `radii`.
+    pub curves: usize,
+    /// Distance of center lines, as a share of the sum of the radii, below which `lw_clearance.low`
+    /// is set. 0: the default, 0.5.
+    pub min_clearance: f64,
 }
 
 /// Verifies successive frames against a baseline. Not thread-safe: use it in one thread at a time.
@@ -180,6 +190,7 @@ pub struct lw_verifier {
     /// Number of the next frame.
     seq: u64,
     pool: FramePool,
+    clearance: Option<Clearance>,
     /// True during a call. If it is true before a call, an earlier call panicked: the baseline may
     /// be lost then, and later verdicts would be wrong.
     busy: bool,
@@ -191,6 +202,7 @@ impl lw_verifier {
             verifier: Verifier::new(options).map_err(words)?,
             seq: 0,
             pool: FramePool::default(),
+            clearance: None,
             busy: false,
         })
     }
@@ -206,7 +218,16 @@ impl lw_verifier {
         };
         self.seq += 1;
         self.busy = false;
+        self.clearance = report.as_ref().ok().and_then(|report| report.clearance);
         report
+    }
+
+    /// Returns the clearance of the last frame, if it is measured.
+    pub(crate) fn clearance(&self) -> Result<Option<Clearance>, String> {
+        match self.verifier.unmeasured_clearance() {
+            Some(why) => Err(why.to_owned()),
+            None => Ok(self.clearance),
+        }
     }
 }
 
@@ -223,6 +244,7 @@ pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) ->
             strategy: Strategy::Incremental,
             ..VerifierOptions::default()
         };
+        let mut radii: &[f32] = &[];
         // SAFETY: as promised by the caller.
         if let Some(options) = unsafe { options.as_ref() } {
             // SAFETY: as promised by the caller.
@@ -244,8 +266,22 @@ pub unsafe extern "C" fn lw_verifier_new(options: *const lw_verifier_options) ->
             if options.motion_limit != 0.0 {
                 chosen.motion_limit = Some(options.motion_limit);
             }
+            if !options.radii.is_null() {
+                // SAFETY: as promised by the caller.
+                radii = unsafe { values(options.radii, options.curves, "radii") }?;
+                chosen.clearance = Some(ClearanceOptions::new(None));
+            } else if options.thickness != 0.0 {
+                chosen.clearance = Some(ClearanceOptions::new(Some(options.thickness)));
+            }
+            if options.min_clearance != 0.0
+                && let Some(clearance) = &mut chosen.clearance
+            {
+                clearance.low = options.min_clearance;
+            }
         }
-        lw_verifier::new(chosen)
+        let mut made = lw_verifier::new(chosen)?;
+        made.verifier.set_radii(radii).map_err(words)?;
+        Ok(made)
     })
 }
 

@@ -1,0 +1,226 @@
+//! Thickness, struts and clearance.
+
+use crate::curves::{lw_frame, raw};
+use crate::error::{LW_ERROR, LW_NOTHING, LW_OK, free, give, given, guard, lw_status, words};
+use crate::verifier::lw_verifier;
+use linkwatch::{CurveSet, RawFrame, Thickness, struts};
+use std::ptr;
+
+/// How sharply curves bend, and how close they come.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct lw_thickness_values {
+    /// Length of all curves.
+    pub length: f64,
+    /// Radius of the sharpest bend; infinite if no curve bends.
+    pub min_rad: f64,
+    /// Length of the shortest strut; infinite if there is none.
+    pub poca: f64,
+    /// Diameter of the thickest tube around all curves that neither bends too sharply nor overlaps.
+    pub thickness: f64,
+    /// Length divided by thickness.
+    pub ropelength: f64,
+}
+
+/// Two points of curves whose distance is a local minimum.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct lw_strut {
+    /// Curve of each end, from 0.
+    pub curves: [u32; 2],
+    /// Segment of each end, from 0.
+    pub segments: [u32; 2],
+    /// Place of each end on its segment, from 0 to 1.
+    pub t: [f64; 2],
+    /// Both ends.
+    pub points: [[f64; 3]; 2],
+    /// Distance of the ends.
+    pub length: f64,
+    /// Upper bound of the error of the length: 0 for polylines.
+    pub error: f64,
+    /// Derivatives of the length with respect to the start and the end of the first segment, and of
+    /// the second one. NaN for splines, and if the length is 0.
+    pub gradient: [[[f64; 3]; 2]; 2],
+}
+
+/// Struts of a frame.
+pub struct lw_struts {
+    struts: Vec<lw_strut>,
+}
+
+/// Clearance of a frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct lw_clearance {
+    /// Lower bound of the clearance of all strands.
+    pub at_least: f64,
+    /// Distance of the closest center lines, as a share of the sum of their radii. Infinite if no
+    /// strands are close; the members about them are 0 then.
+    pub ratio: f64,
+    /// Upper bound of the error of the ratio: 0 for polylines.
+    pub error: f64,
+    /// Curves of the closest strands: the same one twice for two parts of a curve.
+    pub curves: [u32; 2],
+    /// Their segments.
+    pub segments: [u32; 2],
+    /// Their nearest points.
+    pub points: [[f64; 3]; 2],
+    /// True if the clearance is below the level of the warning.
+    pub low: bool,
+    /// Frames until the surfaces touch, or, if they do, until the center lines meet. NaN if the
+    /// clearance does not shrink.
+    pub frames_left: f64,
+}
+
+/// Returns the curves of a frame.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid, or `frame` is null.
+unsafe fn curves(frame: *const lw_frame) -> Result<CurveSet, String> {
+    // SAFETY: as promised by the caller.
+    let RawFrame {
+        basis,
+        counts,
+        positions,
+    } = unsafe { raw(frame, "frame") }?;
+    CurveSet::from_counts(basis, counts, positions).map_err(words)
+}
+
+/// Measures how sharply curves bend and how close they come. `stiffness` divides the radius of the
+/// sharpest bend; it is 1 in Ashton and Cantarella 2005.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid. `values` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_thickness(
+    frame: *const lw_frame,
+    stiffness: f64,
+    values: *mut lw_thickness_values,
+) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let (to, set) = unsafe { (given(values, "values")?, curves(frame)?) };
+        if !(stiffness > 0.0 && stiffness.is_finite()) {
+            return Err(format!(
+                "a stiffness of {stiffness}, expected a number above 0"
+            ));
+        }
+        let found = Thickness::of(&set).map_err(words)?;
+        *to = lw_thickness_values {
+            length: found.length,
+            min_rad: found.min_rad.map_or(f64::INFINITY, |bend| bend.radius),
+            poca: found.poca.map_or(f64::INFINITY, |strut| strut.length),
+            thickness: found.thickness(stiffness),
+            ropelength: found.ropelength(stiffness),
+        };
+        Ok(LW_OK)
+    })
+}
+
+/// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free. Returns
+/// null after an error.
+///
+/// # Safety
+///
+/// `frame` and its arrays are valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_struts_up_to(frame: *const lw_frame, longest: f64) -> *mut lw_struts {
+    give(|| {
+        // SAFETY: as promised by the caller.
+        let set = unsafe { curves(frame) }?;
+        let exact = set.basis().is_polyline();
+        let found = struts(&set, longest).map_err(words)?;
+        let converted = found.iter().map(|strut| {
+            let [a, b] = strut.ends;
+            lw_strut {
+                curves: [a.curve, b.curve],
+                segments: [a.segment, b.segment],
+                t: [a.t, b.t],
+                points: [a.point, b.point],
+                length: strut.length,
+                error: strut.error,
+                gradient: match strut.gradient().filter(|_| exact) {
+                    Some(gradient) => gradient,
+                    None => [[[f64::NAN; 3]; 2]; 2],
+                },
+            }
+        });
+        Ok(lw_struts {
+            struts: converted.collect(),
+        })
+    })
+}
+
+/// Returns the struts, and writes their number to `count`. They are valid until they are freed.
+/// Returns null if there are none.
+///
+/// # Safety
+///
+/// `struts` comes from this library. `count` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_struts_list(
+    struts: *mut lw_struts,
+    count: *mut usize,
+) -> *const lw_strut {
+    guard(ptr::null(), || {
+        // SAFETY: as promised by the caller.
+        let (this, count) = unsafe { (given(struts, "struts")?, given(count, "count")?) };
+        *count = this.struts.len();
+        Ok(match this.struts.is_empty() {
+            true => ptr::null(),
+            false => this.struts.as_ptr(),
+        })
+    })
+}
+
+/// Frees struts. Does nothing if the pointer is null.
+///
+/// # Safety
+///
+/// `struts` is null, or comes from this library and is not used afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_struts_free(struts: *mut lw_struts) {
+    // SAFETY: as promised by the caller.
+    unsafe { free(struts) }
+}
+
+/// Writes the clearance of the last frame that lw_verifier_step verified to `clearance`. Returns
+/// LW_OK; LW_NOTHING if there is none: clearance is not measured, or the frame was rejected; or
+/// LW_ERROR if it cannot be measured.
+///
+/// # Safety
+///
+/// `verifier` comes from lw_verifier_new. `clearance` is valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn lw_verifier_clearance(
+    verifier: *mut lw_verifier,
+    clearance: *mut lw_clearance,
+) -> lw_status {
+    guard(LW_ERROR, || {
+        // SAFETY: as promised by the caller.
+        let (this, to) = unsafe { (given(verifier, "verifier")?, given(clearance, "clearance")?) };
+        let Some(found) = this.clearance()? else {
+            return Ok(LW_NOTHING);
+        };
+        *to = lw_clearance {
+            at_least: found.at_least,
+            ratio: f64::INFINITY,
+            error: 0.0,
+            curves: [0; 2],
+            segments: [0; 2],
+            points: [[0.0; 3]; 2],
+            low: found.low,
+            frames_left: found.frames_left.unwrap_or(f64::NAN),
+        };
+        if let Some(closest) = found.closest {
+            to.ratio = closest.ratio;
+            to.error = closest.error;
+            to.curves = [closest.i, closest.j];
+            to.segments = closest.segments;
+            to.points = closest.points;
+        }
+        Ok(LW_OK)
+    })
+}
