@@ -96,6 +96,9 @@ typedef struct lw_certificate lw_certificate;
 // Simulator's end of the bus. Not thread-safe: use it in one thread at a time.
 typedef struct lw_client lw_client;
 
+// Struts of a frame.
+typedef struct lw_struts lw_struts;
+
 // Verifies successive frames against a baseline. Not thread-safe: use it in one thread at a time.
 typedef struct lw_verifier lw_verifier;
 
@@ -218,6 +221,61 @@ typedef struct lw_verifier_options {
   // is set. 0: the default, 0.5.
   double min_clearance;
 } lw_verifier_options;
+
+// How sharply curves bend, and how close they come.
+typedef struct lw_thickness_values {
+  // Length of all curves.
+  double length;
+  // Radius of the sharpest bend; infinite if no curve bends.
+  double min_rad;
+  // Length of the shortest strut; infinite if there is none.
+  double poca;
+  // Diameter of the thickest tube around all curves that neither bends too sharply nor overlaps.
+  double thickness;
+  // Length divided by thickness.
+  double ropelength;
+} lw_thickness_values;
+
+// Two points of curves whose distance is a local minimum.
+typedef struct lw_strut {
+  // Curve of each end, from 0.
+  uint32_t curves[2];
+  // Segment of each end, from 0.
+  uint32_t segments[2];
+  // Place of each end on its segment, from 0 to 1.
+  double t[2];
+  // Both ends.
+  double points[2][3];
+  // Distance of the ends.
+  double length;
+  // Upper bound of the error of the length: 0 for polylines.
+  double error;
+  // Derivatives of the length with respect to the start and the end of the first segment, and of
+  // the second one. NaN for splines, and if the length is 0.
+  double gradient[2][2][3];
+} lw_strut;
+
+// Clearance of a frame.
+typedef struct lw_clearance {
+  // Lower bound of the clearance of all strands.
+  double at_least;
+  // Distance of the closest center lines, as a share of the sum of their radii. Infinite if no
+  // strands are close; the members about them are 0 then.
+  double ratio;
+  // Upper bound of the error of the ratio: 0 for polylines.
+  double error;
+  // Curves of the closest strands: the same one twice for two parts of a curve.
+  uint32_t curves[2];
+  // Their segments.
+  uint32_t segments[2];
+  // Their nearest points.
+  double points[2][3];
+  // True if the clearance is below the level of the warning.
+  bool low;
+  // Frames until the surfaces touch, or, if they do, until the center lines meet. NaN if the
+  // clearance does not shrink.
+  double frames_left;
+} lw_clearance;
 
 // The function succeeded.
 #define LW_OK 0
@@ -487,6 +545,48 @@ void lw_verifier_free(struct lw_verifier *verifier);
 //
 // Both frames and their arrays are valid.
 double lw_safe_fraction(const struct lw_frame *before, const struct lw_frame *after);
+
+// Measures how sharply curves bend and how close they come. `stiffness` divides the radius of the
+// sharpest bend; it is 1 in Ashton and Cantarella 2005.
+//
+// # Safety
+//
+// `frame` and its arrays are valid. `values` is valid.
+lw_status lw_thickness(const struct lw_frame *frame,
+                       double stiffness,
+                       struct lw_thickness_values *values);
+
+// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free. Returns
+// null after an error.
+//
+// # Safety
+//
+// `frame` and its arrays are valid.
+struct lw_struts *lw_struts_up_to(const struct lw_frame *frame, double longest);
+
+// Returns the struts, and writes their number to `count`. They are valid until they are freed.
+// Returns null if there are none.
+//
+// # Safety
+//
+// `struts` comes from this library. `count` is valid.
+const struct lw_strut *lw_struts_list(struct lw_struts *struts, size_t *count);
+
+// Frees struts. Does nothing if the pointer is null.
+//
+// # Safety
+//
+// `struts` is null, or comes from this library and is not used afterwards.
+void lw_struts_free(struct lw_struts *struts);
+
+// Writes the clearance of the last frame that lw_verifier_step verified to `clearance`. Returns
+// LW_OK; LW_NOTHING if there is none: clearance is not measured, or the frame was rejected; or
+// LW_ERROR if it cannot be measured.
+//
+// # Safety
+//
+// `verifier` comes from lw_verifier_new. `clearance` is valid.
+lw_status lw_verifier_clearance(struct lw_verifier *verifier, struct lw_clearance *clearance);
 
 #ifdef __cplusplus
 }  // extern "C"
