@@ -59,7 +59,7 @@ const MOST_SLACK: f64 = 0.5;
 const SKINS: [f64; 3] = [0.5, 4.0, 1.0];
 
 /// Numbers of frames for which a list should last: below the first one, it is not worth its cost.
-const LASTS: [f64; 2] = [4.0, 16.0];
+const LASTS: [f64; 2] = [2.0, 8.0];
 
 /// Number of closest pairs of blocks that are measured in every frame.
 const CLOSEST: usize = 4;
@@ -459,9 +459,9 @@ impl ClearanceMonitor {
             }
         };
         let reach = Reach {
-            ratio: match skin {
-                0.0 => self.level(skin, ratio)[1],
-                _ => REACH,
+            ratio: match self.level(skin, ratio) {
+                [_, level] if skin == 0.0 => level,
+                [tolerance, level] => (level + tolerance).clamp(REACH - MOST_SLACK, REACH),
             },
             skin,
         };
@@ -479,14 +479,14 @@ impl ClearanceMonitor {
     /// current one, and chooses the level.
     fn settle(&mut self, list: &mut NearList, strands: &Strands<'_>, found: &mut Found) {
         let [tolerance, level] = self.level(list.reach.skin, found.ratio());
-        let due = list.below((level + tolerance).min(REACH));
+        let due = list.below((level + tolerance).min(list.reach.ratio));
         let pairs: Vec<[u32; 2]> = due.iter().map(|&k| list.blocks_of(k)).collect();
         let limit = (level + 2.0 * tolerance).min(REACH);
         let measured = strands.measure(&pairs, limit);
         list.improve(due.into_iter().zip(&measured));
         found.add(pairs, measured);
         let [_, level] = self.level(list.reach.skin, found.ratio());
-        list.set_level(level, strands.blocks);
+        list.set_level(level.min(list.reach.ratio), strands.blocks);
     }
 
     /// Adapts to how long the reference frame lasted.
