@@ -86,7 +86,10 @@ fn options_of_watch_have_headings() {
             "Simulation:",
             &["--service", "--wait", "--keep-watching", "--observe"][..],
         ),
-        ("Comparison:", &["--baseline", "--abort-on", "--events"]),
+        (
+            "Comparison:",
+            &["--baseline", "--abort-on", "--events", "--thickness"],
+        ),
         ("Output:", &["--record", "--force"]),
         ("Kernels:", &["--kernel", "--device"]),
         ("General:", &["--json", "--quiet", "--threads", "--help"]),

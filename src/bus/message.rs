@@ -271,7 +271,12 @@ impl VerdictWire {
             wire.set_place(Some(defect.place));
         }
         let curves = words_of_change(&report.appeared, &report.gone);
-        let close = report.clearance.as_ref().and_then(Clearance::reason);
+        // A finding says more.
+        let close = report
+            .clearance
+            .as_ref()
+            .filter(|_| wire.finding == FINDING_NONE);
+        let close = close.and_then(Clearance::reason);
         let reasons = report.rejected.iter().chain(&report.missing);
         let mut reasons = reasons.chain(&curves).chain(&close);
         if let Some(reason) = reasons.next() {

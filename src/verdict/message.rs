@@ -167,8 +167,12 @@ impl Clearance {
     pub(crate) fn reason(&self) -> Option<String> {
         let CloseStrands { i, j, ratio, .. } = self.closest.filter(|_| self.low)?;
         let (share, trend) = (100.0 * ratio, self.trend(ratio));
+        let strands = match i == j {
+            true => format!("parts of curve {i}"),
+            false => format!("curves {i} and {j}"),
+        };
         Some(format!(
-            "low clearance of curves {i} and {j}, {share:.1} % of their diameter{trend}"
+            "low clearance of {strands}, {share:.1} % of their diameter{trend}"
         ))
     }
 

@@ -107,7 +107,7 @@ pub(super) fn send(
         false => links,
     };
     let words = Vertical::new([status.into(), key.into()])
-        .with_row_shares([if clearance { 1.6 } else { 2.4 }, 1.0]);
+        .with_row_shares([if clearance { 1.3 } else { 2.4 }, 1.0]);
     let top = Horizontal::new([scene, words.into()]).with_column_shares([4.0, 1.1]);
     // Work counters, one above the other, because counts of frames and pairs share no axis.
     let work = Vertical::new([marked, recomputed]).with_name("work");

@@ -213,3 +213,37 @@ fn the_clearance_of_many_moving_strands_is_that_of_all_pairs() {
         check(seed, 128);
     }
 }
+
+#[test]
+fn a_radius_that_makes_all_strands_close_is_refused() {
+    let mut random = Random::new(5);
+    let count = 6000;
+    let points: Vec<Point> = (0..3 * count).map(|_| random.point(1.0)).collect();
+    let scene = set(Basis::Polyline, &vec![-3; count], &points, false);
+    let mut monitor = ClearanceMonitor::new(ClearanceOptions::new(Some(10.0)));
+    let why = monitor.measure(&scene, 0).unwrap_err().to_string();
+    assert!(why.contains("is the radius too large"), "{why}");
+    let why = close_blocks(&scene, &vec![10.0; count]).unwrap_err();
+    assert!(why.to_string().contains("is the radius too large"), "{why}");
+    assert!(close_blocks(&scene, &[10.0]).is_err());
+}
+
+#[test]
+fn close_blocks_are_the_parts_of_the_closest_strands() {
+    for seed in 0..20 {
+        let mut random = Random::new(seed);
+        let basis = random.pick(&Basis::ALL);
+        let (counts, points) = scene(&mut random, basis);
+        let now = set(basis, &counts, &points, false);
+        let radii = vec![0.1; counts.len()];
+        let [expected, error] = smallest(&now, &now, &radii);
+        let blocks = close_blocks(&now, &radii).unwrap();
+        let least = blocks.iter().map(|b| b.closest.ratio).fold(REACH, f64::min);
+        let errors = blocks.iter().map(|b| b.closest.error).fold(error, f64::max);
+        let difference = (least - expected.min(REACH)).abs();
+        assert!(
+            difference <= errors,
+            "seed {seed}: {least}, expected {expected}"
+        );
+    }
+}

@@ -224,7 +224,8 @@ class Client:
         service: the name given to ``linkwatch watch --service``.
         counts: number of points of each curve, negative if the curve is closed.
         names: name of each curve. Curves with names can be described again (:meth:`describe`).
-        radii: radius of each curve, in the units of the points, for the recording.
+        radii: radius of each curve, in the units of the points, for the recording and for ``linkwatch
+            watch --thickness published``.
         time_step: time step of the simulator in seconds, for the recording; 0 if unknown.
         dtype: ``float32`` or ``float64``.
         basis: rule that turns points into curves.
