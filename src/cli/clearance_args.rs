@@ -1,4 +1,4 @@
-//! The options `--thickness` and `--min-clearance` of every command that verifies successive frames.
+//! The options `--thickness` and `--min-clearance` of commands that verify successive frames.
 
 use super::number::{positive, share};
 use linkwatch::{ClearanceOptions, Error, Result};

@@ -15,8 +15,8 @@ const SENTENCES: usize = 20;
 ///
 /// The thickness is the diameter of the thickest tube around all curves that neither bends too
 /// sharply nor overlaps: min{2 minRad, POCA}, as in Ashton and Cantarella 2005. liboctrope returns
-/// its radius, half of that. The ropelength is the length divided by the thickness. Values of splines
-/// have bounds of their errors.
+/// its radius, half of that. The ropelength is the length divided by the thickness. Values of
+/// splines have bounds of their errors.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Models (.bcc, .obj lines or .vect), recordings (.mcap), or scenes as `linkwatch generate`

@@ -59,8 +59,8 @@ pub struct Strut {
 
 impl Strut {
     /// Returns the derivatives of the length of a strut of polylines with respect to the positions
-    /// of the vertices of the segments of both ends: start and end of the first segment, then of the second. `None` if the
-    /// length is 0, where there is no derivative.
+    /// of the vertices of the segments of both ends: start and end of the first segment, then of
+    /// the second. `None` if the length is 0, where there is no derivative.
     ///
     /// The gradient is that of the distance between two points that stay at their places on the
     /// segments. It is the gradient of the minimum as well, because to first order the distance
@@ -147,7 +147,8 @@ impl Thickness {
     ///
     /// Cost: `O(n log n)` for `n` edges, of which few come close; at most `O(n^2 log n)`.
     ///
-    /// Errors: [`Error::Unsupported`] for splines with too many segments.
+    /// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many
+    /// segments.
     pub fn of(set: &CurveSet) -> Result<Thickness> {
         Thickness::measure(set, |edges| match edges.len() < MANY_EDGES {
             true => brute::shortest(edges),
@@ -158,7 +159,8 @@ impl Thickness {
     /// [`Thickness::of`] by a comparison of all pairs of edges (Algorithm 1), for measurements and
     /// as its oracle.
     ///
-    /// Errors: [`Error::Unsupported`] for splines with too many segments.
+    /// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many
+    /// segments.
     pub fn by_all_pairs(set: &CurveSet) -> Result<Thickness> {
         Thickness::measure(set, brute::shortest)
     }
@@ -207,7 +209,7 @@ impl Thickness {
 /// deviate from them by less than a ten-thousandth of this length, if 128 chords per segment are
 /// enough for that.
 ///
-/// Errors: [`Error::Unsupported`] for splines with too many segments.
+/// Errors: [`Error::Unsupported`](crate::Error::Unsupported) for splines with too many segments.
 pub fn struts(set: &CurveSet, longest: f64) -> Result<Vec<Strut>> {
     if !set.basis().is_polyline() {
         let chords = Chords::new(set, Some(longest))?;

@@ -256,8 +256,8 @@ impl Verifier {
     /// Sets the radius of each curve, in the units of the simulation, if clearance is measured with
     /// the radii of the curves ([`ClearanceOptions`](crate::ClearanceOptions)).
     ///
-    /// Errors: [`Error::Usage`] if a radius is not a positive length. Clearance is not measured from
-    /// then on.
+    /// Errors: [`Error::Usage`] if a radius is not a positive length. Clearance is not measured
+    /// from then on.
     pub fn set_radii(&mut self, radii: &[f32]) -> Result<()> {
         let Some(clearance) = &mut self.clearance else {
             return Ok(());

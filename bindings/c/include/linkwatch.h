@@ -556,8 +556,8 @@ lw_status lw_thickness(const struct lw_frame *frame,
                        double stiffness,
                        struct lw_thickness_values *values);
 
-// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free. Returns
-// null after an error.
+// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free.
+// Returns null after an error.
 //
 // # Safety
 //

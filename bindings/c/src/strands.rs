@@ -119,8 +119,8 @@ pub unsafe extern "C" fn lw_thickness(
     })
 }
 
-/// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free. Returns
-/// null after an error.
+/// Finds all struts up to a length, the shortest first. Free the result with lw_struts_free.
+/// Returns null after an error.
 ///
 /// # Safety
 ///
@@ -134,6 +134,7 @@ pub unsafe extern "C" fn lw_struts_up_to(frame: *const lw_frame, longest: f64) -
         let found = struts(&set, longest).map_err(words)?;
         let converted = found.iter().map(|strut| {
             let [a, b] = strut.ends;
+            let gradient = strut.gradient().filter(|_| exact);
             lw_strut {
                 curves: [a.curve, b.curve],
                 segments: [a.segment, b.segment],
@@ -141,10 +142,7 @@ pub unsafe extern "C" fn lw_struts_up_to(frame: *const lw_frame, longest: f64) -
                 points: [a.point, b.point],
                 length: strut.length,
                 error: strut.error,
-                gradient: match strut.gradient().filter(|_| exact) {
-                    Some(gradient) => gradient,
-                    None => [[[f64::NAN; 3]; 2]; 2],
-                },
+                gradient: gradient.unwrap_or([[[f64::NAN; 3]; 2]; 2]),
             }
         });
         Ok(lw_struts {

@@ -10,6 +10,10 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::Mutex;
 
+/// Radius of all strands, or `None` if each curve has its own; the level of the warning; and the
+/// radii of all curves.
+type Strands = (Option<f64>, f64, Vec<f32>);
+
 /// Verifies successive frames against a baseline.
 #[pyclass(frozen, module = "linkwatch")]
 pub struct Verifier {
@@ -28,7 +32,7 @@ struct State {
 impl Verifier {
     #[new]
     #[pyo3(signature = (
-        *, basis_name, baseline, events, abort_on, incremental, motion_limit, clearance, radii
+        *, basis_name, baseline, events, abort_on, incremental, motion_limit, strands
     ))]
     fn new(
         basis_name: &str,
@@ -37,17 +41,16 @@ impl Verifier {
         abort_on: &str,
         incremental: bool,
         motion_limit: Option<f64>,
-        clearance: Option<(Option<f64>, f64)>,
-        radii: Vec<f32>,
+        strands: Option<Strands>,
     ) -> PyResult<Verifier> {
         let options = VerifierOptions {
             baseline: baseline.map(|b| b.0),
             events: events.parse().map_err(option("events"))?,
             abort_on: abort_on.parse().map_err(option("abort_on"))?,
             motion_limit,
-            clearance: clearance.map(|(radius, low)| {
-                let mut options = ClearanceOptions::new(radius);
-                options.low = low;
+            clearance: strands.as_ref().map(|(radius, low, _)| {
+                let mut options = ClearanceOptions::new(*radius);
+                options.low = *low;
                 options
             }),
             strategy: match incremental {
@@ -57,6 +60,7 @@ impl Verifier {
             ..VerifierOptions::default()
         };
         let mut verifier = linkwatch::Verifier::new(options).map_err(exception)?;
+        let (.., radii) = strands.unwrap_or_default();
         verifier.set_radii(&radii).map_err(exception)?;
         Ok(Verifier {
             basis: basis(basis_name)?,

@@ -154,14 +154,13 @@ class Verifier:
         thickness: float | Sequence[float] | npt.NDArray[Any] | None = None,
         min_clearance: float = 0.5,
     ) -> None:
-        radii: list[float] = []
-        clearance: tuple[float | None, float] | None = None
+        strands: tuple[float | None, float, list[float]] | None = None
         if thickness is not None:
             import numpy as np
 
             given = np.asarray(thickness, np.float64)
-            radii = given.ravel().tolist()
-            clearance = (float(given) if given.ndim == 0 else None, min_clearance)
+            radius = float(given) if given.ndim == 0 else None
+            strands = (radius, min_clearance, given.ravel().tolist())
         self._counts = None if counts is None else _integers(counts)
         self._closed = closed
         self._verifier = _Verifier(
@@ -171,10 +170,9 @@ class Verifier:
             abort_on=abort_on,
             incremental=incremental,
             motion_limit=motion_limit,
-            clearance=clearance,
-            radii=radii,
+            strands=strands,
         )
-        self._clearance = clearance is not None
+        self._clearance = strands is not None
 
     def step(self, curves: Frame, time: float = 0.0) -> Report:
         """Verifies the next frame, and returns its :class:`Report`.
@@ -224,8 +222,8 @@ class Client:
         service: the name given to ``linkwatch watch --service``.
         counts: number of points of each curve, negative if the curve is closed.
         names: name of each curve. Curves with names can be described again (:meth:`describe`).
-        radii: radius of each curve, in the units of the points, for the recording and for ``linkwatch
-            watch --thickness published``.
+        radii: radius of each curve, in the units of the points, for the recording and for
+            ``linkwatch watch --thickness published``.
         time_step: time step of the simulator in seconds, for the recording; 0 if unknown.
         dtype: ``float32`` or ``float64``.
         basis: rule that turns points into curves.

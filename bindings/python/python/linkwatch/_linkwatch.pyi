@@ -146,8 +146,7 @@ class Verifier:
         abort_on: str,
         incremental: bool,
         motion_limit: float | None,
-        clearance: tuple[float | None, float] | None,
-        radii: list[float],
+        strands: tuple[float | None, float, list[float]] | None,
     ) -> None: ...
     def unmeasured_clearance(self) -> str | None: ...
     def step(self, points: npt.NDArray[Any], counts: list[int], time: float) -> Report: ...
