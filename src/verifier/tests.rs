@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::curve::{Basis, CurveLabels, Point, Positions};
+use crate::thickness::ClearanceOptions;
 
 /// A square, another one through it, moved by `out`, and a wide ring that stands still.
 fn squares(out: f64) -> CurveSet {
@@ -186,10 +187,11 @@ fn a_rejected_frame_follows_the_policy() {
         let verifier = Verifier::new(VerifierOptions {
             abort_on: policy,
             events: Events::Between,
+            clearance: Some(ClearanceOptions::new(Some(0.1))),
             ..VerifierOptions::default()
         });
         let report = verifier.unwrap().reject(3, 0.5, &nan);
-        let stops = [AbortOn::Any, AbortOn::Rejected].contains(&policy);
+        let stops = [AbortOn::Any, AbortOn::Rejected, AbortOn::Clearance].contains(&policy);
         assert_eq!(report.abort, stops, "{policy}");
         assert_eq!(report.rejected.as_deref(), Some("coordinate x is NaN"));
     }
