@@ -12,6 +12,7 @@ use linkwatch::{
 };
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,6 +30,12 @@ pub struct Args {
     /// A recording, as written by `linkwatch watch --record`
     #[arg(value_name = "FILE.mcap")]
     recording: PathBuf,
+    /// Verify only the frames from this sequence number on
+    #[arg(long, value_name = "SEQ")]
+    from: Option<u64>,
+    /// Verify only the frames up to this sequence number
+    #[arg(long, value_name = "SEQ")]
+    to: Option<u64>,
     #[command(flatten)]
     judge: Judge,
     #[command(flatten)]
@@ -41,6 +48,11 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let range = args.from.unwrap_or(0)..=args.to.unwrap_or(u64::MAX);
+    if range.is_empty() {
+        let what = format!("--from {} is after --to {}", range.start(), range.end());
+        return Err(Error::Usage(what));
+    }
     let in_recording = |e: Error| e.in_file(&args.recording);
     let mut reader = RecordingReader::open(&args.recording).map_err(in_recording)?;
     let title = format!("replay of {}", args.recording.display());
@@ -129,6 +141,9 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         answered: 0,
         missing: 0,
         motion: recorded_events != Events::Off,
+        range,
+        left_out: false,
+        ended: false,
     };
     replay
         .session
@@ -140,12 +155,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         for item in before {
             replay.take(item)?;
         }
-        loop {
+        while !replay.ended {
             match reader.next_item().map_err(in_recording) {
                 Ok(Some(item)) => replay.take(item)?,
                 Ok(None) => break,
                 // The frames before the error still get their verdicts.
-                Err(e) => break read = Some(e),
+                Err(e) => {
+                    read = Some(e);
+                    break;
+                }
             }
         }
         replay.finish_waiting()
@@ -279,12 +297,26 @@ struct Replay {
     missing: u64,
     /// True if the recorded verdicts depend on the previous frame.
     motion: bool,
+    /// Frames to verify.
+    range: RangeInclusive<u64>,
+    /// True if frames just before the next one were left out.
+    left_out: bool,
+    /// True if all later frames are left out.
+    ended: bool,
 }
 
 impl Replay {
     fn take(&mut self, item: RecordedItem) -> Result<()> {
         match item {
             RecordedItem::Baseline(_) => {}
+            RecordedItem::Frame(recorded) if !self.range.contains(&recorded.seq) => {
+                self.left_out |= recorded.seq < *self.range.start();
+                self.ended |= recorded.seq > *self.range.end();
+            }
+            RecordedItem::Verdict(recorded) if !self.range.contains(&recorded.report.seq) => {
+                let progress = &recorded.progress;
+                self.answered = progress.verified + progress.rejected;
+            }
             RecordedItem::Frame(recorded) => {
                 let info = Ok(recorded.info.clone());
                 let frame = self.session.ingest(info, |receive| recorded.read(receive));
@@ -341,7 +373,7 @@ impl Replay {
         self.answered = answered;
         self.missing += gap;
         // The recorder dropped frames, so the motion to this frame differs from the recorded one.
-        let moved = gap > 0 && self.motion;
+        let moved = (gap > 0 || std::mem::take(&mut self.left_out)) && self.motion;
         match self.last.take().filter(|r| r.seq == report.seq) {
             Some(_) if !self.comparison.differing.is_empty() => {}
             Some(_) if !report.missing.is_empty() => self.comparison.incomplete += 1,

@@ -356,3 +356,42 @@ fn counts_verdicts_that_differ_from_the_recorded_ones() {
         "{all}"
     );
 }
+
+#[test]
+fn a_replay_of_some_frames_gives_their_recorded_verdicts() {
+    let flight = recordings().join("flight.mcap");
+    let seqs = |run: &Ended| -> Vec<u64> {
+        let reports = run.reports().into_iter();
+        reports.map(|r| r["seq"].as_u64().unwrap()).collect()
+    };
+    let all = replay(&flight);
+    let some = replay_with(&flight, &["--from", "2", "--to", "3"]);
+    assert_eq!(seqs(&some), [2, 3]);
+    assert_eq!(some.reports()[1]["events"], all.reports()[3]["events"]);
+    // The motion to the first frame is unknown.
+    let compared = &some.summary()["recorded_verdicts"];
+    assert_eq!(
+        (&compared["equal"], &compared["unlike"]),
+        (&1.into(), &0.into())
+    );
+    assert_eq!(compared["after_missing"], 1, "{compared}");
+    assert_eq!(some.code, Some(1), "{}", some.stderr);
+    let before = replay_with(&flight, &["--to", "2"]);
+    assert_eq!((seqs(&before), before.code), (vec![0, 1, 2], Some(0)));
+
+    // The links of the recorded baseline are expected, not those of the first frame.
+    let squares = recordings().join("squares.mcap");
+    let late = replay_with(&squares, &["--from", "12"]);
+    assert_eq!(seqs(&late)[0], 12);
+    assert_eq!(late.reports()[0]["changes"].as_array().unwrap().len(), 1);
+    assert_eq!(late.summary()["recorded_verdicts"]["unlike"], 0);
+    let none = replay_with(&squares, &["--from", "1000"]);
+    assert_eq!((seqs(&none), none.code), (vec![], Some(3)));
+    let wrong = replay_with(&squares, &["--from", "5", "--to", "3"]);
+    assert_eq!(wrong.code, Some(2));
+    assert!(
+        wrong.stderr.contains("--from 5 is after --to 3"),
+        "{}",
+        wrong.stderr
+    );
+}
