@@ -23,6 +23,8 @@ mod number;
 mod order;
 mod output;
 mod plan;
+#[cfg(feature = "mcap")]
+mod repair;
 #[cfg(feature = "lab")]
 mod repeat;
 #[cfg(feature = "mcap")]
@@ -106,6 +108,8 @@ enum Command {
     Services(services::Args),
     #[cfg(feature = "mcap")]
     Replay(replay::Args),
+    #[cfg(feature = "mcap")]
+    Repair(repair::Args),
     Certify(certify::Args),
     Check(check::Args),
     Generate(generate::Args),
@@ -211,6 +215,8 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]
         Command::Replay(args) => replay::run(args, cli.json),
+        #[cfg(feature = "mcap")]
+        Command::Repair(args) => repair::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Services(_) => services::run(cli.json),
         Command::Completions(args) => completions::run(args),

@@ -395,3 +395,52 @@ fn a_replay_of_some_frames_gives_their_recorded_verdicts() {
         wrong.stderr
     );
 }
+
+#[test]
+fn a_repaired_recording_has_all_complete_frames_of_one_that_was_cut_off() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let whole = std::fs::read(recordings().join("chainmail.mcap")).unwrap();
+    let (cut, repaired) = (at("cut.mcap"), at("repaired.mcap"));
+    let repair = |from: &Path, args: &[&str]| {
+        let mut command = command();
+        command.args(["repair", "--json"]).args([from, &repaired]);
+        let run = command.args(args).output().unwrap();
+        let lines = json_lines(&String::from_utf8(run.stdout).unwrap());
+        (
+            run.status.code(),
+            lines,
+            String::from_utf8(run.stderr).unwrap(),
+        )
+    };
+    let mut most = 0;
+    for share in [0.3, 0.77, 0.97, 1.0] {
+        let length = (share * whole.len() as f64) as usize;
+        std::fs::write(&cut, &whole[..length]).unwrap();
+        let (code, lines, stderr) = repair(&cut, &["--force"]);
+        assert_eq!(code, Some(0), "{stderr}");
+        let frames = lines[0]["frames"].as_u64().unwrap();
+        assert!(frames >= most, "{frames}");
+        most = frames;
+        assert_eq!(lines[0]["cut"], share < 1.0);
+        // The frames are those of the recording, and the repaired one is finished.
+        let (before, after) = (replay(&cut), replay(&repaired));
+        let frames = usize::try_from(frames).unwrap();
+        assert_eq!(after.reports(), before.reports()[..frames]);
+        after.assert_recorded_verdicts();
+        assert_eq!(after.code, Some(0), "{}", after.stderr);
+    }
+    assert_eq!(most, 60);
+    // A file is not overwritten by accident, nor by itself.
+    let (code, _, stderr) = repair(&cut, &[]);
+    assert_eq!(code, Some(2), "{stderr}");
+    let (code, _, stderr) = repair(&repaired, &["--force"]);
+    assert_eq!(code, Some(2), "{stderr}");
+    // Damaged in the middle: the frames before that are kept.
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 2] ^= 1;
+    std::fs::write(&cut, damaged).unwrap();
+    let (code, lines, stderr) = repair(&cut, &["--force"]);
+    assert_eq!(code, Some(3), "{stderr}");
+    assert!(lines[0]["frames"].as_u64().unwrap() < 60 && lines[0]["damaged"].is_string());
+}

@@ -56,6 +56,8 @@ pub struct RecordedProgress {
     pub times: FrameTimes,
     /// Work of the verification.
     pub work: Work,
+    /// Time at which the frame arrived, in nanoseconds since 1970.
+    pub received_ns: u64,
 }
 
 /// Curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
@@ -252,10 +254,11 @@ impl<R: Read + Seek> RecordingReader<R> {
                 }
                 op::MESSAGE => {
                     let id = body.try_get_u16_le().ok();
-                    // Sequence number, time logged and time published: the message has its own.
+                    // Sequence number, time logged and time published.
                     let Some(id) = id.filter(|_| body.len() >= 20) else {
                         return Err(bad("a message without a header"));
                     };
+                    let time = (&body[4..12]).get_u64_le();
                     body.advance(20);
                     let channel = self.channels.get(&id).copied();
                     let channel = channel.ok_or_else(|| bad("a message of an unknown channel"))?;
@@ -264,7 +267,7 @@ impl<R: Read + Seek> RecordingReader<R> {
                         self.labels = Arc::new(labels);
                         continue;
                     }
-                    let item = item(channel, body, &self.labels);
+                    let item = item(channel, body, (&self.labels, time));
                     if let Some(item) = item.map_err(|e| invalid(&place, e))? {
                         return Ok(Some(item));
                     }
@@ -326,7 +329,11 @@ fn labels(body: Bytes) -> Result<CurveLabels> {
 }
 
 /// Decodes a message. `None` if it is not an item.
-fn item(channel: Channel, body: Bytes, labels: &Arc<CurveLabels>) -> Result<Option<RecordedItem>> {
+fn item(
+    channel: Channel,
+    body: Bytes,
+    (labels, received_ns): (&Arc<CurveLabels>, u64),
+) -> Result<Option<RecordedItem>> {
     Ok(Some(match channel {
         Channel::Foreign | Channel::Labels => return Ok(None),
         Channel::Baseline => {
@@ -371,6 +378,7 @@ fn item(channel: Channel, body: Bytes, labels: &Arc<CurveLabels>) -> Result<Opti
                     ),
                     // Recordings of earlier versions lack it.
                     work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
+                    received_ns,
                 },
             }))
         }

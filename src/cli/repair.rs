@@ -1,0 +1,139 @@
+//! `linkwatch repair`: rewrites a recording that was cut off.
+
+use super::Outcome;
+use super::files::{Content, Files, Overwrite, write_whole};
+use super::output::{self, count, plural};
+use linkwatch::{
+    Ending, Error, FrameInfo, FrameRecord, RecordedFrame, RecordedItem, RecordedVerdict,
+    RecordingReader, RecordingSink, Result, Sink,
+};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+/// Rewrite a recording that was cut off, by a kill or a full disk, with all of its complete frames
+///
+/// Other tools then open it: a recording that was cut off has no index, and may end within a frame.
+/// `linkwatch replay` reads it without a repair.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The recording
+    #[arg(value_name = "IN.mcap")]
+    input: PathBuf,
+    /// The repaired recording
+    #[arg(value_name = "OUT.mcap")]
+    output: PathBuf,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+/// Frames of a recording.
+#[derive(Default)]
+struct Copied {
+    frames: u64,
+    /// Frames without a verdict, and verdicts without their frame.
+    left_out: u64,
+    ending: Option<Ending>,
+    /// Reason why the recording is read no further.
+    damaged: Option<Error>,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let mut files = Files::new(args.overwrite);
+    files.reads(&args.input);
+    files.writes("OUT.mcap", &args.output, Content::Recording)?;
+    let mut copied = Copied::default();
+    write_whole(&args.output, args.overwrite, |path| {
+        copied = copy(&args.input, path)?;
+        Ok(())
+    })?;
+    let input = args.input.display();
+    let what = match (&copied.damaged, &copied.ending) {
+        (Some(why), _) => format!("{input} is damaged: {why}"),
+        (None, Some(Ending::Cut { at, what })) => {
+            format!("{input} was cut off at byte {}, in {what}", count(*at))
+        }
+        _ => format!("{input} was complete"),
+    };
+    if json {
+        output::json(&serde_json::json!({
+            "input": args.input,
+            "output": args.output,
+            "frames": copied.frames,
+            "left_out": copied.left_out,
+            "damaged": copied.damaged.as_ref().map(Error::to_string),
+            "cut": matches!(copied.ending, Some(Ending::Cut { .. })),
+        }));
+    } else {
+        let frames = plural(copied.frames, "frame");
+        output::line(format_args!("{}: {frames}; {what}", args.output.display()));
+        if copied.left_out > 0 {
+            let frames = plural(copied.left_out, "frame");
+            output::line(format_args!("  left out: {frames} without a verdict"));
+        }
+    }
+    Ok(match copied.damaged {
+        Some(_) => Outcome::Undecided,
+        None => Outcome::Fine,
+    })
+}
+
+/// Copies all complete frames of a recording to a new one.
+fn copy(from: &Path, to: &Path) -> Result<Copied> {
+    let in_recording = |e: Error| e.in_file(from);
+    let mut reader = RecordingReader::open(from).map_err(in_recording)?;
+    let mut copied = Copied::default();
+    // The metadata is complete once the first item was read.
+    let mut next = reader.next_item();
+    let mut metadata = reader.metadata().clone();
+    metadata.insert("repaired_from".into(), from.display().to_string());
+    let mut sink = Box::new(RecordingSink::create(to, &metadata)?);
+    let mut waiting = None;
+    loop {
+        match next {
+            Ok(Some(RecordedItem::Baseline(baseline))) => sink.begin(&baseline)?,
+            Ok(Some(RecordedItem::Frame(frame))) => {
+                copied.left_out += u64::from(waiting.replace(frame).is_some());
+            }
+            Ok(Some(RecordedItem::Verdict(verdict))) => {
+                let seq = verdict.report.seq;
+                let frame = waiting.take_if(|frame| frame.seq == seq);
+                sink.frame(&record(*verdict, frame).map_err(in_recording)?)?;
+                copied.frames += 1;
+            }
+            Ok(None) => break,
+            Err(why) => {
+                copied.damaged = Some(why);
+                break;
+            }
+        }
+        next = reader.next_item();
+    }
+    copied.left_out += u64::from(waiting.is_some());
+    copied.ending = reader.ending().cloned();
+    sink.finish()?;
+    Ok(copied)
+}
+
+/// Returns what was recorded about a frame.
+fn record(verdict: RecordedVerdict, frame: Option<RecordedFrame>) -> Result<FrameRecord> {
+    let RecordedVerdict { report, progress } = verdict;
+    let mut curves = None;
+    let mut info = FrameInfo::default();
+    if let Some(frame) = frame {
+        frame.ingest(&mut curves)?;
+        info = frame.info;
+    }
+    Ok(FrameRecord {
+        curves: curves.map(Arc::new),
+        info,
+        report: Arc::new(report),
+        verified: progress.verified,
+        skipped: progress.skipped,
+        rejected: progress.rejected,
+        times: progress.times,
+        work: progress.work,
+        received: SystemTime::UNIX_EPOCH + Duration::from_nanos(progress.received_ns),
+    })
+}
