@@ -13,15 +13,22 @@
 
 mod bcc;
 mod chains;
+mod frames;
 mod obj;
 mod vect;
+mod write;
 
 pub use bcc::write_bcc;
+pub use frames::{Frames, ModelFrame, ReadOptions};
+pub use write::FrameWriter;
+
+use self::frames::{FrameSource, Single};
+use self::write::{BccFile, FrameSink};
 
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{BufReader, ErrorKind, Read};
+use std::io::{BufReader, ErrorKind, Read, Take};
 use std::path::Path;
 
 /// Reads the curves of a model file. The extension (in upper or lower case) determines the format.
@@ -43,19 +50,16 @@ use std::path::Path;
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 pub fn read(path: &Path) -> Result<CurveSet> {
-    if path.is_dir() {
-        let advice = advice_on(path);
-        let path = path.into();
-        return Err(Error::Folder { path, advice });
+    let mut frames = Frames::open(path, &ReadOptions::default())?;
+    match frames.next() {
+        Some(frame) => frame?.curves.map_err(|e| e.in_file(path)),
+        None => Err(Error::unsupported("model", "a file without frames").in_file(path)),
     }
-    if path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
-    {
-        let why = "a recording (.mcap), which `linkwatch replay` verifies";
-        return Err(Error::unsupported("model", why).in_file(path));
-    }
-    let format = Format::of(path)?;
+}
+
+/// Opens a regular file for reading, and returns its length. The reader is limited to this length,
+/// so that checks against it stay valid if the file grows meanwhile.
+fn open(path: &Path) -> Result<(BufReader<Take<File>>, u64)> {
     // Read before opening the file, because opening a pipe would wait for its writer.
     let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
     if !metadata.is_file() {
@@ -64,18 +68,11 @@ pub fn read(path: &Path) -> Result<CurveSet> {
         return Err(Error::file(path)(source));
     }
     let len = metadata.len();
-    // Limited to this length, so that checks against it stay valid if the file grows meanwhile.
     let file = File::open(path).map_err(Error::file(path))?.take(len);
-    let input = BufReader::with_capacity(1 << 16, file);
-    match format {
-        Format::Bcc => bcc::read(input, len),
-        Format::Obj => obj::read(input),
-        Format::Vect => vect::read(input, len),
-    }
-    .map_err(|e| e.in_file(path))
+    Ok((BufReader::with_capacity(1 << 16, file), len))
 }
 
-/// Formats that [`read`] knows.
+/// Known formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Bcc,
@@ -88,7 +85,7 @@ fn advice_on(folder: &Path) -> String {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let models = files
         .map(|file| file.path())
-        .filter(|path| Format::of(path).is_ok());
+        .filter(|path| Format::named(path).is_some());
     match models.min() {
         Some(model) => {
             let extension = model.extension().unwrap_or_default();
@@ -100,8 +97,29 @@ fn advice_on(folder: &Path) -> String {
 }
 
 impl Format {
+    /// Returns the format of a file by its extension.
+    ///
+    /// Errors: [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for a
+    /// recording.
     fn of(path: &Path) -> Result<Format> {
-        let extension = path.extension().unwrap_or_default();
+        if path.is_dir() {
+            let advice = advice_on(path);
+            let path = path.into();
+            return Err(Error::Folder { path, advice });
+        }
+        if path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
+        {
+            let why = "a recording (.mcap), which `linkwatch replay` verifies";
+            return Err(Error::unsupported("model", why).in_file(path));
+        }
+        Format::named(path).ok_or_else(|| Error::UnknownModel { path: path.into() })
+    }
+
+    /// Returns the format that the name of a file suggests.
+    fn named(path: &Path) -> Option<Format> {
+        let extension = path.extension()?;
         [
             ("bcc", Format::Bcc),
             ("obj", Format::Obj),
@@ -110,7 +128,41 @@ impl Format {
         .into_iter()
         .find(|(name, _)| extension.eq_ignore_ascii_case(name))
         .map(|(_, format)| format)
-        .ok_or_else(|| Error::UnknownModel { path: path.into() })
+    }
+
+    /// Opens a file of this format. Errors name the file.
+    fn open(self, path: &Path, _options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
+        let (input, len) = open(path)?;
+        let curves = match self {
+            Format::Bcc => bcc::read(input, len),
+            Format::Obj => obj::read(input),
+            Format::Vect => vect::read(input, len),
+        };
+        let curves = curves.map_err(|e| e.in_file(path))?;
+        Ok(Box::new(Single::new(curves)))
+    }
+
+    /// Creates a file of this format.
+    fn create(self, path: &Path) -> Result<Box<dyn FrameSink>> {
+        match self {
+            Format::Bcc => Ok(Box::new(BccFile::new(path))),
+            Format::Obj | Format::Vect => Err(Error::unsupported("model", "not written yet")),
+        }
+    }
+
+    /// Returns true if a file can hold more than one frame.
+    fn holds_frames(self) -> bool {
+        match self {
+            Format::Bcc | Format::Obj | Format::Vect => false,
+        }
+    }
+
+    /// Returns true if a file can hold splines.
+    fn holds_splines(self) -> bool {
+        match self {
+            Format::Bcc => true,
+            Format::Obj | Format::Vect => false,
+        }
     }
 }
 

@@ -1,0 +1,103 @@
+//! Writes frames to model files.
+
+use super::frames::ModelFrame;
+use super::{Format, write_bcc};
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// A writer of one format.
+pub(super) trait FrameSink {
+    /// Writes a frame whose curves are valid.
+    ///
+    /// Errors: the format cannot hold these curves (the message says what it can hold), the frame
+    /// has other curves than the first one where the format does not allow it, or the disk is full.
+    fn frame(&mut self, frame: &ModelFrame) -> Result<()>;
+
+    /// Completes the file.
+    fn finish(self: Box<Self>) -> Result<()>;
+}
+
+/// Writes the frames of a motion to one model file.
+pub struct FrameWriter {
+    path: PathBuf,
+    sink: Box<dyn FrameSink>,
+}
+
+impl FrameWriter {
+    /// Creates a model file, or truncates it. The extension of `path` determines the format.
+    ///
+    /// Errors: [`Error::UnknownModel`]; [`Error::Unsupported`] for formats that are only read.
+    pub fn create(path: &Path) -> Result<FrameWriter> {
+        Ok(FrameWriter {
+            path: path.into(),
+            sink: Format::of(path)?.create(path)?,
+        })
+    }
+
+    /// Returns true if a file of this name can hold more than one frame.
+    pub fn holds_frames(path: &Path) -> Result<bool> {
+        Ok(Format::of(path)?.holds_frames())
+    }
+
+    /// Returns true if a file of this name can hold splines.
+    pub fn holds_splines(path: &Path) -> Result<bool> {
+        Ok(Format::of(path)?.holds_splines())
+    }
+
+    /// Writes a frame.
+    ///
+    /// Errors: that of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
+    /// hold them, or no second frame; [`Error::File`].
+    pub fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
+        self.sink.frame(frame).map_err(|e| named(e, &self.path))
+    }
+
+    /// Completes the file. Without this call it may be incomplete.
+    pub fn finish(self) -> Result<()> {
+        self.sink.finish().map_err(|e| named(e, &self.path))
+    }
+}
+
+fn named(error: Error, path: &Path) -> Error {
+    match error {
+        named @ (Error::File { .. } | Error::InFile { .. }) => named,
+        other => other.in_file(path),
+    }
+}
+
+/// A BCC file. Holds one frame.
+pub(super) struct BccFile {
+    path: PathBuf,
+    written: bool,
+}
+
+impl BccFile {
+    pub(super) fn new(path: &Path) -> BccFile {
+        BccFile {
+            path: path.into(),
+            written: false,
+        }
+    }
+}
+
+impl FrameSink for BccFile {
+    fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
+        only_one("BCC", &mut self.written)?;
+        match &frame.curves {
+            Ok(curves) => write_bcc(&self.path, curves),
+            Err(e) => Err(Error::unsupported("BCC", e)),
+        }
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Rejects a second frame in a file of a format that holds one.
+pub(super) fn only_one(format: &'static str, written: &mut bool) -> Result<()> {
+    match std::mem::replace(written, true) {
+        true => Err(Error::unsupported(format, "a second frame in one file")),
+        false => Ok(()),
+    }
+}
