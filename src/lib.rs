@@ -174,7 +174,7 @@ pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]
-pub use discretize::{Polylines, homotopic_polylines};
+pub use discretize::{Polylines, chords, homotopic_polylines};
 pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Events, Route, Work};

@@ -1,11 +1,12 @@
 //! `linkwatch certify`: computes the certificates of models.
 
 use super::files::{Content, Files, Overwrite, write_text};
+use super::input::{self, FormatArgs, Pick};
 use super::kernel::KernelArgs;
 use super::output::{self, count, millis, percent, plural, plural_of};
 #[cfg(feature = "lab")]
 use super::repeat;
-use super::{Outcome, input, output::with_progress};
+use super::{Outcome, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::{Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines};
@@ -15,9 +16,14 @@ use std::time::Duration;
 /// Compute the linking numbers of all pairs of curves: the certificate of a model's topology
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models (.bcc, .obj lines or .vect), or scenes as `linkwatch generate` takes them
+    /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
     #[arg(required = true, value_name = "MODEL|SCENE")]
     models: Vec<PathBuf>,
+    /// Frame to certify, by its number, of files with several frames [default: the first one]
+    #[arg(long, value_name = "SEQ")]
+    frame: Option<u64>,
+    #[command(flatten)]
+    format: FormatArgs,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
     output: Option<PathBuf>,
@@ -60,6 +66,8 @@ enum Discretize {
 
 /// A model with its certificate.
 struct Certified {
+    /// Number of the frame, if the file may have several.
+    frame: Option<u64>,
     set: CurveSet,
     certificate: Certificate,
     stats: Stats,
@@ -72,8 +80,13 @@ struct Certified {
 
 /// Reads a model and computes its certificate.
 fn certify(path: &Path, args: &Args) -> Result<Certified> {
-    let set = input::read(path)?;
-    let name = path.display().to_string();
+    let pick = args.frame.map_or(Pick::First, Pick::Number);
+    let picked = input::read_frame(path, &args.format, pick)?;
+    let set = picked.curves;
+    let mut name = path.display().to_string();
+    if let Some(number) = picked.number {
+        name += &format!(", frame {number}");
+    }
     let start = std::time::Instant::now();
     let mut verifier = Verifier::new(args.kernel.options()?)?;
     let (certificate, stats) =
@@ -120,6 +133,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         }
     }
     Ok(Certified {
+        frame: picked.number,
         set,
         certificate,
         stats,
@@ -131,20 +145,22 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    if args.output.is_some() && args.models.len() > 1 {
+    let models = input::expand(&args.models, true)?;
+    if args.output.is_some() && models.len() > 1 {
         return Err(linkwatch::Error::Usage(format!(
             "-o writes the certificate of one model; {} models were given",
-            args.models.len()
+            models.len()
         )));
     }
     let mut files = Files::new(args.overwrite);
-    args.models.iter().for_each(|path| files.reads(path));
+    let inputs = models.iter().chain(args.format.files());
+    inputs.for_each(|path| files.reads(path));
     if let Some(file) = &args.output {
         files.writes("-o", file, Content::Text)?;
     }
     let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
     let mut outcome = Outcome::Fine;
-    for path in &args.models {
+    for path in &models {
         #[cfg(feature = "lab")]
         if let Some(n) = args.repeat {
             outcome = outcome.max(repeat::run(path, n, &args.kernel.device, json)?);
@@ -189,6 +205,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         if json {
             output::json(&serde_json::json!({
                 "model": path,
+                "frame": c.frame,
                 "offload": c.offload,
                 "basis": c.set.basis(),
                 "certificate": c.certificate,
@@ -205,7 +222,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 tracing::info!("{}: written", file.display());
             }
             None if json => {}
-            None if args.models.len() == 1 => output::line(c.certificate.to_string().trim_end()),
+            None if models.len() == 1 => output::line(c.certificate.to_string().trim_end()),
             None => output::line(format_args!("{}: {}", path.display(), summary(&c))),
         }
     }

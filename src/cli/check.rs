@@ -4,14 +4,14 @@ use super::Outcome;
 use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::files::{Content, write_text};
+use super::input::{self, FormatArgs, Frame, Sequence};
 use super::kernel::KernelArgs;
-use super::order;
 use super::output::with_progress;
-use super::session::{Baseline, FrameCounts, Ingested, Judge, JunitArgs, Run, Session, Sinks};
+use super::session::{Baseline, FrameCounts, Judge, JunitArgs, Run, Session, Sinks};
 use linkwatch::kernels::Device;
-use linkwatch::{AbortOn, CurveSet, Error, Overflow, Result, Strategy, Verdict, model};
+use linkwatch::{AbortOn, Error, Overflow, Result, Strategy, Verdict};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Maximum wait for a blocked sink. After that, frames are dropped and counted.
@@ -20,13 +20,15 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Compare the topology of models with a certificate, or with the first model
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models: .bcc, .obj (lines) or .vect; several are frames of one motion, and sorted by number
-    /// if their names differ in numbers only
+    /// Models, folders of them, or files with several frames; all are frames of one motion, and
+    /// files are sorted by number if their names differ in numbers only
     #[arg(required = true, value_name = "MODEL")]
     models: Vec<PathBuf>,
     /// Keep the order in which the models are given
     #[arg(long)]
     keep_order: bool,
+    #[command(flatten)]
+    format: FormatArgs,
     /// Expected linking numbers: those of the first model, or a certificate as `linkwatch certify
     /// -o` writes it [default: first-frame]
     #[arg(long, value_name = "first-frame|CERT", help_heading = super::COMPARE)]
@@ -55,20 +57,11 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let mut models = args.models.clone();
-    if !args.keep_order && order::sort(&mut models) {
-        tracing::warn!(
-            "models are sorted by the numbers in their names: {} .. {} (--keep-order keeps the \
-             given order)",
-            models[0].display(),
-            models[models.len() - 1].display(),
-        );
-    }
+    let models = input::expand(&args.models, args.keep_order)?;
     let from_first_frame = !matches!(args.against, Some(Baseline::File(_)));
-    if from_first_frame && models.len() == 1 {
-        let why = "one model and nothing to compare it with: also give later models of its motion, \
-                   or --against CERT (`linkwatch certify MODEL -o CERT` writes one)";
-        return Err(Error::Usage(why.into()));
+    let single = models.len() == 1 && !input::holds_frames(&models[0]);
+    if from_first_frame && single {
+        return Err(nothing_to_compare());
     }
     if args.early_exit && !matches!(args.kernel.device, Device::Auto | Device::Cpu) {
         let why = "--early-exit computes few pairs at a time, on the CPU: omit --device";
@@ -85,7 +78,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         max_pairs: Some(usize::MAX),
     };
     let mut files = judge.files(args.sinks.overwrite);
-    models.iter().for_each(|path| files.reads(path));
+    let inputs = models.iter().chain(args.format.files());
+    inputs.for_each(|path| files.reads(path));
     for (option, file) in [
         ("--diff-pairs", &args.diff_pairs),
         ("--diff-curves", &args.diff_curves),
@@ -94,6 +88,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             files.writes(option, file, Content::Text)?;
         }
     }
+    let title = format!("check of {}", models[0].display());
     let mut session = Session::new(Run {
         judge: &judge,
         sinks: &args.sinks,
@@ -101,14 +96,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         files,
         strategy: match args.early_exit {
             true => Strategy::EarlyExit,
-            false if models.len() == 1 => Strategy::Full,
+            false if single => Strategy::Full,
             false => Strategy::Incremental,
         },
         models: true,
         baseline: None,
         recorded_events: None,
         recorded_clearance: None,
-        title: &format!("check of {}", models[0].display()),
+        title: &title,
         metadata: BTreeMap::from([("models".to_owned(), models.len().to_string())]),
         overflow: Overflow::WaitForProgress(PATIENCE),
         json,
@@ -116,18 +111,22 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let mut tally = FrameCounts::default();
     let mut pairs = BTreeSet::new();
     let mut failed = None;
-    for (seq, path) in models.iter().enumerate() {
-        let name = path.display().to_string();
-        let judged = read(path).and_then(|frame| {
+    for frame in Sequence::new(models, &args.format) {
+        let judged = frame.and_then(|frame| {
+            let Frame { name, path, .. } = &frame;
+            let (name, path) = (name.clone(), path.clone());
+            let (seq, time) = (frame.seq, frame.time);
             let progress = session.progress();
-            with_progress(&name, progress, || session.judge(seq as u64, 0.0, frame))
+            let judged = with_progress(&name, progress, || session.judge(seq, time, frame.into()));
+            let mut judged = judged.map_err(|e| e.in_file(&path))?;
+            judged.model = Some(name);
+            Ok(judged)
         });
-        let mut judged = match judged {
+        let judged = match judged {
             Ok(judged) => judged,
             Err(e) => {
-                let nothing_closed = matches!(e, Error::NothingClosed { .. });
+                let nothing_closed = is_nothing_closed(&e);
                 // The other models still get their verdicts.
-                let e = e.in_file(path);
                 match &failed {
                     None => failed = Some(e),
                     Some(_) => tracing::error!("{e}"),
@@ -145,8 +144,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
         let changes = judged.report.changes.iter();
         pairs.extend(changes.map(|c| (c.i, c.j, c.expected, c.found)));
-        judged.model = Some(name);
         session.publish(judged, tally);
+    }
+    if failed.is_none() && from_first_frame && tally.verified + tally.rejected == 1 {
+        return Err(nothing_to_compare());
     }
     if failed.is_some() {
         session.data_lost();
@@ -166,15 +167,18 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     failed.map_or(Ok(outcome), Err)
 }
 
-/// Reads a model. A file with invalid content becomes a rejected frame.
-///
-/// Errors: the file cannot be read, or is not a model.
-fn read(path: &Path) -> Result<Ingested> {
-    let curves: Result<CurveSet> = match model::read(path) {
-        Err(Error::InFile { source, .. }) => Err(*source),
-        read => Ok(read?),
-    };
-    Ok(curves.into())
+fn nothing_to_compare() -> Error {
+    let why = "one model and nothing to compare it with: also give later models of its motion, or \
+               --against CERT (`linkwatch certify MODEL -o CERT` writes one)";
+    Error::Usage(why.into())
+}
+
+/// Returns true if a model has no closed curve.
+fn is_nothing_closed(e: &Error) -> bool {
+    match e {
+        Error::InFile { source, .. } => is_nothing_closed(source),
+        e => matches!(e, Error::NothingClosed { .. }),
+    }
 }
 
 fn text(lines: impl Iterator<Item = String>) -> String {

@@ -19,6 +19,9 @@ pub struct Overwrite {
 pub enum Content {
     /// Lines of text. The output may also be a pipe or a device.
     Text,
+    /// A generated scene.
+    Scene,
+    /// A model in any format that has a writer.
     Model,
     #[cfg(feature = "mcap")]
     Recording,
@@ -35,7 +38,7 @@ impl Content {
             (Content::Text, "bcc" | "obj" | "vect") => Some("that is a model; the output is text"),
             (Content::Text, "mcap") => Some("that is a recording; the output is text"),
             (Content::Text, "rrd") => Some("that is a file of the viewer; the output is text"),
-            (Content::Model, other) if other != "bcc" => Some("scenes are written as .bcc"),
+            (Content::Scene, other) if other != "bcc" => Some("scenes are written as .bcc"),
             #[cfg(feature = "mcap")]
             (Content::Recording, "rrd") => {
                 Some("a recording is an .mcap file; --rrd writes a file for the viewer (.rrd)")
@@ -124,7 +127,6 @@ impl Files {
 
 /// Returns a path with a suffix before its extension: `run.mcap` with `2` is `run-2.mcap`.
 /// Characters of the suffix that a file name cannot have on some system become `_`.
-#[cfg(all(feature = "bus", any(feature = "mcap", feature = "rerun")))]
 pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let allowed = |c: char| !c.is_control() && !"/\\:*?\"<>|".contains(c);
     let replace = |c: char| if allowed(c) { c } else { '_' };
@@ -289,7 +291,6 @@ mod tests {
     use super::*;
 
     #[test]
-    #[cfg(all(feature = "bus", any(feature = "mcap", feature = "rerun")))]
     fn a_suffix_comes_before_the_extension() {
         for (path, suffix, expected) in [
             ("run.mcap", "2", "run-2.mcap"),

@@ -38,7 +38,7 @@ pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
         return Ok(Outcome::Fine);
     };
     let mut files = Files::new(args.overwrite);
-    files.writes("-o", path, Content::Model)?;
+    files.writes("-o", path, Content::Scene)?;
     if let Some(file) = &args.certificate {
         files.writes("--certificate", file, Content::Text)?;
     }

@@ -5,6 +5,7 @@ mod certify;
 mod check;
 mod clearance_args;
 mod completions;
+mod convert;
 mod devices;
 mod event_args;
 mod files;
@@ -86,6 +87,7 @@ struct Cli {
 /// Headings of `--help`. Options without a heading belong to one command only.
 #[cfg(feature = "bus")]
 const WATCH: &str = "Simulation";
+const INPUT: &str = "Input";
 const COMPARE: &str = "Comparison";
 const WRITE: &str = "Output";
 const KERNELS: &str = "Kernels";
@@ -112,6 +114,7 @@ enum Command {
     Repair(repair::Args),
     Certify(certify::Args),
     Check(check::Args),
+    Convert(convert::Args),
     Generate(generate::Args),
     Thickness(thickness::Args),
     Plan(plan::Args),
@@ -206,6 +209,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
     match &cli.command {
         Command::Certify(args) => certify::run(args, cli.json),
         Command::Check(args) => check::run(args, cli.json),
+        Command::Convert(args) => convert::run(args, cli.json),
         Command::Devices(args) => devices::run(args, cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Plan(args) => plan::run(args, cli.json),

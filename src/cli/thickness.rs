@@ -1,10 +1,11 @@
 //! `linkwatch thickness`: measures how sharply curves bend and how close they come.
 
+use super::Outcome;
 use super::clearance_args::StrandRadius;
+use super::input::{self, FormatArgs, Pick};
 use super::number::positive;
 use super::output::{self, percent, plural};
-use super::{Outcome, input};
-use linkwatch::{CurveSet, Error, MinRad, Result, Strut, Thickness, struts};
+use linkwatch::{Error, MinRad, Result, Strut, Thickness, struts};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -19,22 +20,22 @@ const SENTENCES: usize = 20;
 /// splines have bounds of their errors.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models (.bcc, .obj lines or .vect), recordings (.mcap), or scenes as `linkwatch generate`
-    /// takes them
+    /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
     #[arg(required = true, value_name = "MODEL|SCENE")]
     models: Vec<PathBuf>,
     /// List the struts (places of closest approach) that are longer than the shortest one by at
     /// most this share, for example 0.01
     #[arg(long, value_name = "F", value_parser = positive)]
     struts: Option<f64>,
-    /// Radius of the strands, or `published`: those of the curves of a recording. Lists the places
+    /// Radius of the strands, or `published`: those that the file has. Lists the places
     /// where two strands, or one and itself, overlap
     #[arg(long, value_name = "R|published")]
     radius: Option<StrandRadius>,
-    /// Sequence number of the frame of a recording [default: that of the last one]
-    #[cfg(feature = "mcap")]
+    /// Frame to measure, by its number, of files with several frames [default: the last one]
     #[arg(long, value_name = "SEQ")]
     frame: Option<u64>,
+    #[command(flatten)]
+    format: FormatArgs,
     /// Stiffness of the tube: 2 minRad is divided by it
     #[arg(long, value_name = "LAMBDA", default_value_t = 1.0, value_parser = positive)]
     stiffness: f64,
@@ -54,7 +55,7 @@ struct Measured {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    for path in &args.models {
+    for path in &input::expand(&args.models, true)? {
         let measured = measure(path, args)?;
         match json {
             true => output::json(&to_json(path, &measured, args)),
@@ -65,7 +66,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
 }
 
 fn measure(path: &Path, args: &Args) -> Result<Measured> {
-    let (set, published) = read(path, args)?;
+    let pick = args.frame.map_or(Pick::Last, Pick::Number);
+    let picked = input::read_frame(path, &args.format, pick)?;
+    let (set, published) = (picked.curves, picked.radii);
+    let published: Vec<f64> = published.into_iter().map(f64::from).collect();
     let radii = match args.radius {
         None => Vec::new(),
         Some(StrandRadius::Of(radius)) => vec![radius; set.len()],
@@ -98,45 +102,6 @@ fn measure(path: &Path, args: &Args) -> Result<Measured> {
         overlaps: overlaps.transpose()?,
         radii,
     })
-}
-
-/// Reads the curves of an argument, and their radii if they have some.
-fn read(path: &Path, args: &Args) -> Result<(CurveSet, Vec<f64>)> {
-    #[cfg(feature = "mcap")]
-    if path
-        .extension()
-        .is_some_and(|extension| extension == "mcap")
-    {
-        return read_frame(path, args.frame).map_err(|e| e.in_file(path));
-    }
-    #[cfg(not(feature = "mcap"))]
-    let _ = args;
-    Ok((input::read(path)?, Vec::new()))
-}
-
-/// Reads the frame of a recording with a sequence number, or the last one.
-#[cfg(feature = "mcap")]
-fn read_frame(path: &Path, seq: Option<u64>) -> Result<(CurveSet, Vec<f64>)> {
-    let mut reader = linkwatch::RecordingReader::open(path)?;
-    let mut found = None;
-    while let Some(item) = reader.next_item()? {
-        if let linkwatch::RecordedItem::Frame(frame) = item
-            && seq.is_none_or(|seq| seq == frame.seq)
-        {
-            found = Some(frame);
-        }
-    }
-    let Some(frame) = found else {
-        let what = match seq {
-            Some(seq) => format!("the recording has no frame {seq}"),
-            None => "the recording has no frame".into(),
-        };
-        return Err(Error::Usage(what));
-    };
-    let mut set = None;
-    frame.ingest(&mut set)?;
-    let radii = frame.info.labels.radii.iter().map(|&r| r.into());
-    Ok((set.expect("set by a frame without errors"), radii.collect()))
 }
 
 fn print(path: &Path, measured: &Measured, args: &Args) {

@@ -13,12 +13,14 @@
 //!
 //! Polylines need no discretization.
 
+mod chords;
 mod global;
 mod halving;
 mod hulls;
 mod pair;
 mod pieces;
 
+pub use chords::chords;
 pub use global::{Polylines, homotopic_polylines};
 pub(crate) use halving::{Halving, Splits};
 pub(crate) use hulls::Hull;

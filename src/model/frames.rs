@@ -6,7 +6,7 @@
 
 use super::Format;
 use crate::curve::{CurveLabels, CurveSet};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -98,11 +98,7 @@ impl Iterator for Frames {
         if !matches!(next, Ok(Some(_))) {
             self.source = None;
         }
-        next.map_err(|e| match e {
-            named @ (Error::File { .. } | Error::InFile { .. }) => named,
-            other => other.in_file(&self.path),
-        })
-        .transpose()
+        next.map_err(|e| e.in_file(&self.path)).transpose()
     }
 }
 

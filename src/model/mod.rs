@@ -72,11 +72,18 @@ fn open(path: &Path) -> Result<(BufReader<Take<File>>, u64)> {
     Ok((BufReader::with_capacity(1 << 16, file), len))
 }
 
-/// Known formats.
+/// Extensions of the files that are read, for messages.
+pub const EXTENSIONS: &str = ".bcc, .obj, .vect";
+
+/// Format of a model file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+#[non_exhaustive]
+pub enum Format {
+    /// Binary curve collection: splines and polylines, in single precision.
     Bcc,
+    /// Lines of Wavefront OBJ: polylines.
     Obj,
+    /// Geomview VECT: polylines.
     Vect,
 }
 
@@ -92,7 +99,7 @@ fn advice_on(folder: &Path) -> String {
             let pattern = folder.join("*").with_extension(extension);
             format!("for the models in it, give {}", pattern.display())
         }
-        None => "it holds no models (.bcc, .obj, .vect)".into(),
+        None => format!("it holds no models ({EXTENSIONS})"),
     }
 }
 
@@ -101,7 +108,7 @@ impl Format {
     ///
     /// Errors: [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for a
     /// recording.
-    fn of(path: &Path) -> Result<Format> {
+    pub fn of(path: &Path) -> Result<Format> {
         if path.is_dir() {
             let advice = advice_on(path);
             let path = path.into();
@@ -150,15 +157,15 @@ impl Format {
         }
     }
 
-    /// Returns true if a file can hold more than one frame.
-    fn holds_frames(self) -> bool {
+    /// Returns true if a file of this format can hold more than one frame.
+    pub fn holds_frames(self) -> bool {
         match self {
             Format::Bcc | Format::Obj | Format::Vect => false,
         }
     }
 
-    /// Returns true if a file can hold splines.
-    fn holds_splines(self) -> bool {
+    /// Returns true if a file of this format can hold splines.
+    pub fn holds_splines(self) -> bool {
         match self {
             Format::Bcc => true,
             Format::Obj | Format::Vect => false,

@@ -24,24 +24,14 @@ pub struct FrameWriter {
 }
 
 impl FrameWriter {
-    /// Creates a model file, or truncates it. The extension of `path` determines the format.
+    /// Creates a model file of a format, or truncates it.
     ///
-    /// Errors: [`Error::UnknownModel`]; [`Error::Unsupported`] for formats that are only read.
-    pub fn create(path: &Path) -> Result<FrameWriter> {
+    /// Errors: [`Error::Unsupported`] for formats that are only read; [`Error::File`].
+    pub fn create(path: &Path, format: Format) -> Result<FrameWriter> {
         Ok(FrameWriter {
             path: path.into(),
-            sink: Format::of(path)?.create(path)?,
+            sink: format.create(path)?,
         })
-    }
-
-    /// Returns true if a file of this name can hold more than one frame.
-    pub fn holds_frames(path: &Path) -> Result<bool> {
-        Ok(Format::of(path)?.holds_frames())
-    }
-
-    /// Returns true if a file of this name can hold splines.
-    pub fn holds_splines(path: &Path) -> Result<bool> {
-        Ok(Format::of(path)?.holds_splines())
     }
 
     /// Writes a frame.
@@ -49,19 +39,12 @@ impl FrameWriter {
     /// Errors: that of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
     /// hold them, or no second frame; [`Error::File`].
     pub fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
-        self.sink.frame(frame).map_err(|e| named(e, &self.path))
+        self.sink.frame(frame).map_err(|e| e.in_file(&self.path))
     }
 
     /// Completes the file. Without this call it may be incomplete.
     pub fn finish(self) -> Result<()> {
-        self.sink.finish().map_err(|e| named(e, &self.path))
-    }
-}
-
-fn named(error: Error, path: &Path) -> Error {
-    match error {
-        named @ (Error::File { .. } | Error::InFile { .. }) => named,
-        other => other.in_file(path),
+        self.sink.finish().map_err(|e| e.in_file(&self.path))
     }
 }
 

@@ -3,6 +3,7 @@
 mod arguments;
 mod certify;
 mod check;
+mod convert;
 mod output;
 mod sequences;
 #[path = "../support/mod.rs"]

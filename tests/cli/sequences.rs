@@ -313,7 +313,9 @@ fn a_file_that_is_no_model_is_named_once() {
     let models = motion(folder.path(), 1.0, true);
     let notes = folder.path().join("notes.txt");
     std::fs::write(&notes, "x").unwrap();
-    for other in [folder.path(), &notes] {
+    let empty = folder.path().join("empty");
+    std::fs::create_dir(&empty).unwrap();
+    for other in [&empty, &notes] {
         let other = text(other).to_owned();
         let run = check(&[models[0].clone(), other.clone()], &[]);
         assert_eq!(run.code, 2);

@@ -28,6 +28,7 @@ use super::Outcome;
 use super::clearance_args::{self, ClearanceArgs};
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
+use super::input;
 use super::kernel::KernelArgs;
 use super::label::Label;
 use super::live::Live;
@@ -135,12 +136,12 @@ pub struct Ingested {
     took: Duration,
 }
 
-impl From<Result<CurveSet>> for Ingested {
+impl From<input::Frame> for Ingested {
     /// Wraps a frame that was read already.
-    fn from(curves: Result<CurveSet>) -> Ingested {
+    fn from(frame: input::Frame) -> Ingested {
         Ingested {
-            curves: curves.map(Arc::new),
-            info: FrameInfo::default(),
+            curves: frame.curves.map(Arc::new),
+            info: frame.info,
             took: Duration::ZERO,
         }
     }

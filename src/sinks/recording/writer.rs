@@ -16,6 +16,7 @@ use super::schema;
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
+use crate::ingest::FrameInfo;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
@@ -27,7 +28,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 const CHUNK_BYTES: u64 = 768 << 10;
 
@@ -144,22 +145,49 @@ impl RecordingSink {
         })
     }
 
-    fn write_curves(&mut self, set: &CurveSet, record: &FrameRecord, time_ns: u64) -> Result<()> {
-        let report = &record.report;
+    /// Records the curves of a frame without a verdict. The time of the simulation takes the place
+    /// of the time of receipt.
+    pub fn curves(
+        &mut self,
+        seq: u64,
+        time: f64,
+        curves: &CurveSet,
+        info: &FrameInfo,
+    ) -> Result<()> {
+        let since_start = Duration::try_from_secs_f64(time).unwrap_or_default();
+        self.write_curves((seq, time), curves, info, nanoseconds(since_start))
+    }
+
+    fn write_curves(
+        &mut self,
+        (seq, time): (u64, f64),
+        set: &CurveSet,
+        info: &FrameInfo,
+        time_ns: u64,
+    ) -> Result<()> {
+        let labels = &info.labels;
+        if !Arc::ptr_eq(labels, &self.last_labels) && **labels != *self.last_labels {
+            let message = schema::Labels {
+                names: labels.names.clone(),
+                radii: labels.radii.clone(),
+            };
+            self.write(self.labels, &message, seq, time_ns)?;
+            self.last_labels = Arc::clone(labels);
+        }
         self.positions.clear();
         set.write_positions(&mut self.positions);
         let message = schema::CurveFrame {
-            seq: report.seq,
-            time: report.time,
+            seq,
+            time,
             basis: messages::basis_code(set.basis()),
             precision: messages::precision_code(set.precision()),
             counts: set.counts().collect(),
             positions: Bytes::from(std::mem::take(&mut self.positions)),
-            cuts: record.info.cuts,
-            layout: record.info.layout,
-            time_step: record.info.time_step,
+            cuts: info.cuts,
+            layout: info.layout,
+            time_step: info.time_step,
         };
-        let outcome = self.write(self.frames, &message, report.seq, time_ns);
+        let outcome = self.write(self.frames, &message, seq, time_ns);
         // The message was the only owner of the bytes, so this returns the buffer without a copy.
         self.positions = message.positions.into();
         outcome
@@ -203,16 +231,8 @@ impl Sink for RecordingSink {
     fn frame(&mut self, record: &FrameRecord) -> Result<()> {
         let time = since_epoch(record.received);
         if let Some(curves) = &record.curves {
-            let labels = &record.info.labels;
-            if !Arc::ptr_eq(labels, &self.last_labels) && **labels != *self.last_labels {
-                let message = schema::Labels {
-                    names: labels.names.clone(),
-                    radii: labels.radii.clone(),
-                };
-                self.write(self.labels, &message, record.report.seq, time)?;
-                self.last_labels = Arc::clone(labels);
-            }
-            self.write_curves(curves, record, time)?;
+            let (seq, time_s) = (record.report.seq, record.report.time);
+            self.write_curves((seq, time_s), curves, &record.info, time)?;
         }
         let message = schema::Verdict {
             report: Some(record.report.as_ref().into()),
@@ -297,7 +317,6 @@ fn sink_error(path: &Path, error: McapError) -> Error {
 mod tests {
     use super::*;
     use crate::curve::{Basis, Positions};
-    use crate::ingest::FrameInfo;
     use crate::sinks::FrameTimes;
     use crate::sinks::{Ending, RecordedItem, RecordingReader};
     use crate::verdict::{Report, Verdict};

@@ -1,0 +1,259 @@
+//! `linkwatch convert`: rewrites the frames of model files and recordings in another format.
+
+use super::Outcome;
+use super::files::{Content, Files, Overwrite, with_suffix, write_whole};
+use super::input::{self, FormatArgs, Frame, Sequence};
+use super::output::{self, count, plural};
+#[cfg(feature = "mcap")]
+use super::session::MOTION_LIMIT;
+#[cfg(feature = "mcap")]
+use linkwatch::VerifierOptions;
+use linkwatch::model::{Format, FrameWriter, ModelFrame};
+use linkwatch::{Basis, CurveSet, Error, FrameInfo, Result, Verifier, chords, homotopic_polylines};
+#[cfg(feature = "mcap")]
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Rewrite the frames of model files or of a recording in another format
+///
+/// The extension of OUT determines the format. If that format holds one frame a file, and there are
+/// several, the number of the frame is added to the name of each file: OUT-00000.obj, ..
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Model files, folders or patterns of them, or a recording
+    #[arg(required = true, value_name = "IN")]
+    inputs: Vec<PathBuf>,
+    /// The converted file
+    #[arg(value_name = "OUT")]
+    output: PathBuf,
+    /// Convert only the frame with this number
+    #[arg(long, value_name = "SEQ")]
+    frame: Option<u64>,
+    /// Replace each segment of a spline by N chords, and check that the linking numbers stay the
+    /// same [default: as few chords as the linking numbers of a frame need]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    chords: Option<u32>,
+    /// Keep the order in which the files are given
+    #[arg(long)]
+    keep_order: bool,
+    #[command(flatten)]
+    format: FormatArgs,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let inputs = input::expand(&args.inputs, args.keep_order)?;
+    let mut files = Files::new(args.overwrite);
+    inputs.iter().for_each(|path| files.reads(path));
+    args.format.files().for_each(|path| files.reads(path));
+    files.writes("OUT", &args.output, Content::Model)?;
+    let target = Target::of(&args.output)?;
+    let mut frames = Sequence::new(inputs, &args.format).filter(|frame| match frame {
+        Ok(frame) => args.frame.is_none_or(|seq| seq == frame.seq),
+        Err(_) => true,
+    });
+    let Some(first) = frames.next().transpose()? else {
+        return Err(Error::Usage(match args.frame {
+            Some(seq) => format!("the input has no frame {seq}"),
+            None => "the input has no frame".into(),
+        }));
+    };
+    let second = frames.next().transpose()?;
+    let numbered = second.is_some() && !target.holds_frames();
+    let mut frames = [first].into_iter().chain(second).map(Ok).chain(frames);
+    let mut converter = Converter {
+        target,
+        chords: args.chords,
+        verifier: Verifier::default(),
+        frames: 0,
+        invalid: 0,
+        points: [0, 0],
+        undecided: false,
+    };
+    if numbered {
+        for frame in frames {
+            let frame = frame?;
+            let path = with_suffix(&args.output, &format!("{:05}", frame.seq));
+            files.writes("OUT", &path, Content::Model)?;
+            let mut one = std::iter::once(Ok(frame));
+            write_whole(&path, args.overwrite, |part| {
+                converter.write(part, &mut one)
+            })?;
+        }
+    } else {
+        write_whole(&args.output, args.overwrite, |part| {
+            converter.write(part, &mut frames)
+        })?;
+    }
+    converter.print(&args.output, numbered, json);
+    Ok(match converter.invalid > 0 || converter.undecided {
+        true => Outcome::Undecided,
+        false => Outcome::Fine,
+    })
+}
+
+/// Kind of the output.
+#[derive(Clone, Copy, Debug)]
+enum Target {
+    Model(Format),
+    #[cfg(feature = "mcap")]
+    Recording,
+}
+
+impl Target {
+    fn of(path: &Path) -> Result<Target> {
+        #[cfg(feature = "mcap")]
+        if input::is_recording(path) {
+            return Ok(Target::Recording);
+        }
+        Format::of(path).map(Target::Model)
+    }
+
+    fn holds_frames(self) -> bool {
+        match self {
+            Target::Model(format) => format.holds_frames(),
+            #[cfg(feature = "mcap")]
+            Target::Recording => true,
+        }
+    }
+
+    fn holds_splines(self) -> bool {
+        match self {
+            Target::Model(format) => format.holds_splines(),
+            #[cfg(feature = "mcap")]
+            Target::Recording => true,
+        }
+    }
+}
+
+/// Conversion in progress.
+struct Converter {
+    target: Target,
+    /// Chords per segment of a spline, if they are given.
+    chords: Option<u32>,
+    verifier: Verifier,
+    frames: u64,
+    invalid: u64,
+    /// Number of points of all frames before and after the conversion.
+    points: [u64; 2],
+    /// True if splines are so close that their linking numbers could not be kept for certain.
+    undecided: bool,
+}
+
+impl Converter {
+    /// Writes all valid frames to a file.
+    fn write(
+        &mut self,
+        path: &Path,
+        frames: &mut dyn Iterator<Item = Result<Frame>>,
+    ) -> Result<()> {
+        match self.target {
+            Target::Model(format) => {
+                let mut writer = FrameWriter::create(path, format)?;
+                self.convert(frames, |frame, _| writer.frame(&frame))?;
+                writer.finish()
+            }
+            #[cfg(feature = "mcap")]
+            Target::Recording => {
+                use linkwatch::{RecordingSink, Sink};
+                let limit = VerifierOptions::MOTION_LIMIT.to_string();
+                let metadata = BTreeMap::from([(MOTION_LIMIT.to_owned(), limit)]);
+                let mut sink = RecordingSink::create(path, &metadata)?;
+                self.convert(frames, |frame, info| {
+                    let curves = frame.curves?;
+                    sink.curves(frame.seq, frame.time, &curves, &info)
+                })?;
+                Box::new(sink).finish()
+            }
+        }
+    }
+
+    /// Converts all valid frames, and passes them to `write`.
+    fn convert(
+        &mut self,
+        frames: &mut dyn Iterator<Item = Result<Frame>>,
+        mut write: impl FnMut(ModelFrame, FrameInfo) -> Result<()>,
+    ) -> Result<()> {
+        for frame in frames {
+            let frame = frame?;
+            let curves = match frame.curves {
+                Ok(curves) => curves,
+                Err(e) => {
+                    tracing::error!("{}: left out: {e}", frame.name);
+                    self.invalid += 1;
+                    continue;
+                }
+            };
+            let before = curves.points() as u64;
+            let curves = match curves.basis() {
+                Basis::Polyline => curves,
+                _ if self.target.holds_splines() && self.chords.is_none() => curves,
+                _ => self.polylines(&frame.name, &curves)?,
+            };
+            self.points[0] += before;
+            self.points[1] += curves.points() as u64;
+            self.frames += 1;
+            let mut converted = ModelFrame::new(frame.seq, Ok(curves));
+            converted.time = frame.time;
+            converted.labels = Arc::clone(&frame.info.labels);
+            write(converted, frame.info)?;
+        }
+        Ok(())
+    }
+
+    /// Replaces splines by polylines with the same linking numbers.
+    fn polylines(&mut self, name: &str, splines: &CurveSet) -> Result<CurveSet> {
+        let curves = match self.chords {
+            Some(n) => chords(splines, n as usize)?,
+            None => homotopic_polylines(splines)?.curves,
+        };
+        let expected = self.verifier.certify(splines).0.clone();
+        let found = self.verifier.certify(&curves).0;
+        if let Some(change) = found.compare(&expected)?.changes.first() {
+            let (i, j, before, after) = (change.i, change.j, change.expected, change.found);
+            return Err(Error::Usage(format!(
+                "{name}: as polylines, curves {i} and {j} have the linking number {after} instead \
+                 of {before}: give more --chords"
+            )));
+        }
+        if !expected.undefined.is_empty() && !self.undecided {
+            let pairs = plural(expected.undefined.len() as u64, "pair of curves");
+            tracing::warn!("{name}: {pairs} without a linking number, which may get another one");
+            self.undecided = true;
+        }
+        Ok(curves)
+    }
+
+    /// Prints the result.
+    fn print(&self, path: &Path, numbered: bool, json: bool) {
+        let [before, after] = self.points;
+        if json {
+            output::json(&serde_json::json!({
+                "output": path,
+                "numbered": numbered,
+                "frames": self.frames,
+                "left_out": self.invalid,
+                "points": after,
+                "points_before": before,
+            }));
+            return;
+        }
+        let files = if numbered { " (numbered files)" } else { "" };
+        let frames = plural(self.frames, "frame");
+        let points = match before == after {
+            true => plural(after, "point"),
+            false => format!("{}, {} before", plural(after, "point"), count(before)),
+        };
+        output::line(format_args!(
+            "{}{files}: {frames}, {points}",
+            path.display()
+        ));
+        if self.invalid > 0 {
+            let invalid = plural(self.invalid, "invalid frame");
+            output::line(format_args!("  left out: {invalid}"));
+        }
+    }
+}

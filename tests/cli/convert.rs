@@ -1,0 +1,194 @@
+//! `linkwatch convert`, and models in folders, patterns and files with several frames.
+
+use crate::support::command::{linkwatch, text};
+use linkwatch::{Basis, CurveSet, Positions, model};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Writes frames of two squares; the second one leaves the first one in frame 3.
+fn squares(folder: &Path, frames: u32) -> Vec<PathBuf> {
+    (0..frames)
+        .map(|k| {
+            let x = if k < 3 { 0.5 + 0.1 * k as f32 } else { 5.0 };
+            let first = [[-1., -1., 0.], [1., -1., 0.], [1., 1., 0.], [-1., 1., 0.]];
+            let second = [
+                [x, 0., -1.],
+                [x + 2., 0., -1.],
+                [x + 2., 0., 1.],
+                [x, 0., 1.],
+            ];
+            let xyz: Vec<f32> = [first, second].as_flattened().as_flattened().to_vec();
+            let set = CurveSet::from_counts(Basis::Polyline, &[-4, -4], Positions::F32(&xyz));
+            let path = folder.join(format!("f{k}.bcc"));
+            model::write_bcc(&path, &set.unwrap()).unwrap();
+            path
+        })
+        .collect()
+}
+
+#[test]
+fn a_folder_and_a_pattern_are_the_models_in_it_by_number() {
+    let folder = TempDir::new().unwrap();
+    squares(folder.path(), 12);
+    std::fs::write(folder.path().join("notes.txt"), "").unwrap();
+    let pattern = folder.path().join("f*.bcc");
+    for argument in [folder.path(), &pattern] {
+        let run = linkwatch(&["check", text(argument)]);
+        assert_eq!(run.code, 1, "{}", run.stderr);
+        assert!(run.stdout.contains("first violation: "), "{}", run.stdout);
+        assert!(run.stdout.ends_with("f3.bcc\n"), "{}", run.stdout);
+        assert!(run.stdout.contains("12 frames verified"), "{}", run.stdout);
+    }
+    let run = linkwatch(&["check", text(&folder.path().join("g*.bcc"))]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("no file has such a name"),
+        "{}",
+        run.stderr
+    );
+    let empty = TempDir::new().unwrap();
+    let run = linkwatch(&["check", text(empty.path())]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("the folder holds no models"),
+        "{}",
+        run.stderr
+    );
+    std::fs::write(folder.path().join("a.obj"), "").unwrap();
+    let run = linkwatch(&["check", text(folder.path())]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("models of several formats"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[test]
+fn certifies_each_model_of_a_folder() {
+    let folder = TempDir::new().unwrap();
+    squares(folder.path(), 4);
+    let run = linkwatch(&["certify", text(folder.path())]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let links: Vec<bool> = run.stdout.lines().map(|l| l.contains("1 link ")).collect();
+    assert_eq!(links, [true, true, true, false], "{}", run.stdout);
+}
+
+#[test]
+fn an_output_is_not_overwritten_and_is_no_input() {
+    let folder = TempDir::new().unwrap();
+    let models = squares(folder.path(), 2);
+    let run = linkwatch(&["convert", text(&models[0]), text(&models[1])]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("--force overwrites it"),
+        "{}",
+        run.stderr
+    );
+    let run = linkwatch(&["convert", text(&models[0]), text(&models[0]), "--force"]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("the same file as the input"),
+        "{}",
+        run.stderr
+    );
+    let run = linkwatch(&["convert", text(&models[0]), text(&models[1]), "--force"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let unknown = folder.path().join("f.xyz");
+    let run = linkwatch(&["convert", text(&models[0]), text(&unknown)]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("unknown kind of file"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn a_recording_keeps_the_frames_of_models() {
+    let folder = TempDir::new().unwrap();
+    let models = squares(folder.path(), 5);
+    let recording = folder.path().join("run.mcap");
+    let arguments: Vec<&str> = models.iter().map(|m| text(m)).collect();
+    let run = linkwatch(&[&["convert"], &arguments[..], &[text(&recording)]].concat());
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(
+        run.stdout.ends_with("run.mcap: 5 frames, 40 points\n"),
+        "{}",
+        run.stdout
+    );
+    let check = linkwatch(&["check", text(&recording)]);
+    assert_eq!(check.code, 1, "{}", check.stderr);
+    assert!(
+        check.stdout.ends_with("run.mcap, frame 3\n"),
+        "{}",
+        check.stdout
+    );
+    let certificate = |options: &[&str]| {
+        let run = linkwatch(&[&["certify", text(&recording)], options].concat());
+        (run.code, run.stdout)
+    };
+    assert_eq!(certificate(&[]), (0, "2 # lines: 1\n0,1,-1\n".into()));
+    assert_eq!(certificate(&["--frame", "4"]), (0, "2 # lines: 0\n".into()));
+    let run = linkwatch(&["certify", text(&recording), "--frame", "5"]);
+    assert_eq!(run.code, 2);
+    assert!(
+        run.stderr.contains("run.mcap: no frame 5"),
+        "{}",
+        run.stderr
+    );
+    // Back to files of one frame.
+    let again = folder.path().join("again.bcc");
+    let run = linkwatch(&["convert", text(&recording), text(&again)]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    for (k, model) in models.iter().enumerate() {
+        let written = std::fs::read(folder.path().join(format!("again-{k:05}.bcc"))).unwrap();
+        assert_eq!(written, std::fs::read(model).unwrap());
+    }
+    let one = folder.path().join("one.bcc");
+    let run = linkwatch(&["convert", text(&recording), text(&one), "--frame", "2"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert_eq!(
+        std::fs::read(one).unwrap(),
+        std::fs::read(&models[2]).unwrap()
+    );
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn a_single_frame_of_a_file_with_frames_has_nothing_to_compare_with() {
+    let folder = TempDir::new().unwrap();
+    let models = squares(folder.path(), 1);
+    let recording = folder.path().join("run.mcap");
+    linkwatch(&["convert", text(&models[0]), text(&recording)]);
+    let run = linkwatch(&["check", text(&recording)]);
+    assert_eq!(run.code, 2, "{}", run.stdout);
+    assert!(
+        run.stderr.contains("nothing to compare it with"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn invalid_frames_are_left_out_and_make_the_conversion_incomplete() {
+    let folder = TempDir::new().unwrap();
+    let models = squares(folder.path(), 3);
+    let mut bytes = std::fs::read(&models[1]).unwrap();
+    let nan = f32::NAN.to_le_bytes();
+    let at = bytes.len() - nan.len();
+    bytes[at..].copy_from_slice(&nan);
+    std::fs::write(&models[1], bytes).unwrap();
+    let recording = folder.path().join("run.mcap");
+    let run = linkwatch(&["convert", text(folder.path()), text(&recording)]);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert!(run.stdout.contains("2 frames"), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("left out: 1 invalid frame"),
+        "{}",
+        run.stdout
+    );
+    assert!(run.stderr.contains("f1.bcc: left out: "), "{}", run.stderr);
+}
