@@ -8,13 +8,15 @@ use linkwatch::{
 use std::sync::Arc;
 use std::time::SystemTime;
 
-/// Recordings of earlier versions stay readable, and their verdicts do not change. The test above
-/// writes them again if `LINKWATCH_WRITE_RECORDINGS` is set.
+/// Recordings of earlier versions stay readable, and their verdicts do not change. The script
+/// `recordings/regenerate` writes them again.
 #[test]
 fn recordings_of_earlier_versions_give_the_same_verdicts() {
-    let kept = std::fs::read_dir(recordings())
-        .unwrap()
-        .map(|e| e.unwrap().path());
+    let files = std::fs::read_dir(recordings()).unwrap().map(|e| e.unwrap());
+    let files: Vec<_> = files.collect();
+    let bytes: u64 = files.iter().map(|e| e.metadata().unwrap().len()).sum();
+    assert!(bytes < 5_000_000, "{bytes} bytes of recordings");
+    let kept = files.iter().map(|e| e.path());
     let kept: Vec<PathBuf> = kept
         .filter(|p| p.extension().is_some_and(|e| e == "mcap"))
         .collect();
