@@ -40,7 +40,8 @@ use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Take};
 use std::path::Path;
 
-/// Reads the curves of a model file. The extension (in upper or lower case) determines the format.
+/// Reads the curves of a model file: those of the first frame, if it has several. The extension (in
+/// upper or lower case) determines the format.
 ///
 /// It must be a regular file, because the length of a pipe is unknown. Every error names `path`.
 ///
@@ -240,6 +241,9 @@ fn quote(token: &[u8]) -> String {
         .collect();
     format!("'{text}'")
 }
+
+#[cfg(test)]
+mod round_trips;
 
 #[cfg(test)]
 mod tests {

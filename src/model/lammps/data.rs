@@ -111,6 +111,11 @@ impl Header {
             [b"atoms"] => self.atoms = count()?,
             [b"bonds"] => self.bonds = count()?,
             [b"atom", b"types"] => self.types = count()?,
+            [.., b"avec"] => {
+                let what = "a general triclinic box (avec, bvec, cvec), which is not read: write \
+                            the file without `triclinic/general`";
+                return Err(what.into());
+            }
             [high, low_name, high_name] => {
                 for (axis, bounds) in [b'x', b'y', b'z'].into_iter().zip(&mut self.bounds) {
                     if *low_name == [axis, b'l', b'o'] && *high_name == [axis, b'h', b'i'] {
@@ -120,11 +125,6 @@ impl Header {
             }
             [xz, yz, b"xy", b"xz", b"yz"] => {
                 self.tilt = [number(all[0])?, number(xz)?, number(yz)?];
-            }
-            [.., b"avec"] => {
-                let what = "a general triclinic box (avec, bvec, cvec), which is not read: write \
-                            the file without `triclinic/general`";
-                return Err(what.into());
             }
             // Counts of angles, velocities and others.
             _ => {}

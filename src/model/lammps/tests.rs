@@ -7,8 +7,9 @@ use crate::model::tests::{assert_error_contains, curves};
 use crate::model::{Frames, ModelFrame, read};
 use proptest::prelude::*;
 
-/// Linking numbers of the rings: the middle one is linked with both others.
-const CERTIFICATE: &str = "3 # lines: 2\n0,1,-1\n1,2,-1\n";
+/// Linking numbers of the rings: the middle one is linked with both others. (The Gauss integrals in
+/// Python are the same.)
+const CERTIFICATE: &str = "3 # lines: 2\n0,1,-1\n1,2,1\n";
 
 fn file(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models/lammps");
@@ -331,11 +332,7 @@ fn errors_of_data_files_name_the_line() {
         ("3 atoms", "99 atoms", "line 9): 99 atoms, too many for"),
         ("3 atoms", "18446744073709551615 atoms", "too many for"),
         ("3 atoms", "-3 atoms", "'-3', expected a number of atoms"),
-        (
-            "3 bonds",
-            "4 bonds",
-            "the file ends, expected 4 bonds, found 3",
-        ),
+        ("3 bonds", "4 bonds", "4 bonds, too many for 25 bytes"),
         ("3 bonds", "99999999 bonds", "99999999 bonds, too many for"),
         (
             "3 bonds",
@@ -390,6 +387,10 @@ fn errors_of_data_files_name_the_line() {
     ] {
         assert_error_contains(data(&good.replacen(from, to, 1)), expected);
     }
+    let wide = good
+        .replace("1 1 3 1", "1 1 3          1")
+        .replace("3 bonds", "4 bonds");
+    assert_error_contains(data(&wide), "the file ends, expected 4 bonds, found 3");
     assert_error_contains(data(""), "line 1): the file ends, expected a data file");
     let long = format!("title\n{}", "x".repeat(1 << 17));
     assert_error_contains(data(&long), "is longer than 65536 bytes");
@@ -423,11 +424,7 @@ fn errors_of_dumps_name_the_line() {
             "",
             "atoms without ITEM: NUMBER OF ATOMS",
         ),
-        (
-            "ATOMS\n3",
-            "ATOMS\n4",
-            "the file ends, expected 4 atoms, found 3",
-        ),
+        ("ATOMS\n3", "ATOMS\n4", "4 atoms, too many for 24 bytes"),
         ("ATOMS\n3", "ATOMS\n2", "'3 3 1 0', expected an ITEM"),
         ("ATOMS\n3", "ATOMS\n9999", "9999 atoms, too many for"),
         (
@@ -471,6 +468,14 @@ fn errors_of_dumps_name_the_line() {
         let error = dump(&DUMP.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(error.contains(expected), "{error:?} lacks {expected:?}");
     }
+    let wide = DUMP
+        .replace("3 3 1 0", "3 3.0000000 1 0")
+        .replace("ATOMS\n3", "ATOMS\n4");
+    let truncated = dump(&wide).unwrap_err().to_string();
+    assert!(
+        truncated.contains("the file ends, expected 4 atoms, found 3"),
+        "{truncated}"
+    );
     let again = dump(&DUMP.repeat(2)).unwrap_err().to_string();
     assert!(again.contains("time step 5 after time step 5"), "{again}");
 }

@@ -77,7 +77,11 @@ fn extent(set: &CurveSet) -> [[f64; 3]; 3] {
 /// takes it as periodic finds nothing torn.
 fn roomy(set: &CurveSet) -> [[f64; 3]; 2] {
     let [longest, low, high] = extent(set);
-    let margin = |x: usize| 2.0 * longest[x] + 1e-3 * (high[x] - low[x]).max(1.0);
+    let margin = |x: usize| {
+        // Relative to the coordinates, so that it is not lost in their rounding.
+        let size = low[x].abs().max(high[x].abs()).max(1.0);
+        2.0 * longest[x] + 1e-3 * size
+    };
     [
         [0, 1, 2].map(|x| low[x] - margin(x)),
         [0, 1, 2].map(|x| high[x] + margin(x)),

@@ -16,9 +16,7 @@ const END_BYTES: u64 = 22;
 const MAX_COMMENT: u64 = 65_535;
 /// Maximum length of the directory: some thousand arrays.
 const MAX_DIRECTORY: u64 = 1 << 20;
-/// Size up to which a member may be compressed to any extent.
-const FREE: u64 = 64 << 20;
-/// Ratio of compression that larger members may have.
+/// Ratio of compression that large members may have.
 const MAX_RATIO: u64 = 100;
 
 /// A file of the archive.
@@ -35,11 +33,12 @@ pub(super) struct Member {
 }
 
 impl Member {
-    /// Returns the maximum number of bytes that may be decompressed to memory at once, against
-    /// archives of little more than zeros.
-    pub fn limit(&self) -> u64 {
+    /// Returns the maximum number of bytes that may be decompressed to memory at once: `free`
+    /// bytes, or 100 times the compressed size. It protects from archives of little more than
+    /// zeros, which take a thousandth of their content.
+    pub fn limit(&self, free: u64) -> u64 {
         match self.deflated {
-            true => self.compressed.saturating_mul(MAX_RATIO).max(FREE),
+            true => self.compressed.saturating_mul(MAX_RATIO).max(free),
             false => u64::MAX,
         }
     }
@@ -148,12 +147,15 @@ impl<R: BufRead + Seek> Archive<R> {
         Ok(())
     }
 
-    /// Reads a member of at most `limit` bytes.
-    pub fn read(&mut self, member: &Member, limit: u64) -> Result<Vec<u8>> {
+    /// Reads a member; see [`Member::limit`].
+    pub fn read(&mut self, member: &Member, free: u64) -> Result<Vec<u8>> {
         let name = &member.name;
-        if member.size > limit.min(member.limit()) {
-            let what = format!("array {name} of {} bytes, which is too many", member.size);
-            return Err(bad(what));
+        if member.size > member.limit(free) {
+            return Err(bad(format_args!(
+                "array {name} of {} bytes, which is more than {free} and {MAX_RATIO} times the \
+                 compressed size: store it without compression (`np.savez`)",
+                member.size
+            )));
         }
         self.seek(member)?;
         let mut bytes = Vec::new();
@@ -172,12 +174,15 @@ impl<R: BufRead + Seek> Archive<R> {
 
 /// Reads bytes at an offset, which must be in the file.
 fn read_at(input: &mut (impl Read + Seek), at: u64, len: u64) -> Result<Vec<u8>> {
-    input.seek(SeekFrom::Start(at))?;
     let mut bytes = Vec::new();
-    fill(input, len as usize, &mut bytes).map_err(|e| match e {
-        Unread::End(_) => bad(format_args!("{len} bytes at {at} reach beyond its end")),
-        other => other.at("zip archive"),
-    })?;
+    // A reader may refuse to seek beyond its end.
+    let sought = input.seek(SeekFrom::Start(at)).map_err(Unread::Io);
+    sought
+        .and_then(|_| fill(input, len as usize, &mut bytes))
+        .map_err(|e| match e {
+            Unread::Io(e) if e.kind() != ErrorKind::InvalidInput => Error::Io(e),
+            _ => bad(format_args!("{len} bytes at {at} reach beyond its end")),
+        })?;
     Ok(bytes)
 }
 

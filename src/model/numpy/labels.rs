@@ -7,8 +7,10 @@ use crate::curve::Basis;
 use crate::error::{Error, Result};
 use std::io::{BufRead, Seek};
 
-/// Maximum size of such an array: names of a million curves.
-const MAX_BYTES: u64 = 1 << 30;
+/// Bytes that an array of numbers, and one of texts, may have at any compression. A text takes many
+/// times its bytes.
+const FREE_NUMBERS: u64 = 16 << 20;
+const FREE_TEXTS: u64 = 1 << 20;
 
 /// Reads the arrays of these names that a file has.
 pub(super) fn read(archive: &mut Archive<impl BufRead + Seek>) -> Result<Others> {
@@ -54,7 +56,11 @@ impl Values {
         let Some(member) = archive.find(name) else {
             return Ok(None);
         };
-        let mut bytes = archive.read(&member, MAX_BYTES)?;
+        let free = match name {
+            "names" => FREE_TEXTS,
+            _ => FREE_NUMBERS,
+        };
+        let mut bytes = archive.read(&member, free)?;
         let mut content = &bytes[..];
         let array = Array::parse(&mut content, member.size, name)?;
         let header = bytes.len() - content.len();

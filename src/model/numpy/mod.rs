@@ -44,6 +44,8 @@ use std::io::{BufRead, Seek};
 use std::path::Path;
 
 const FORMAT: &str = "NumPy file";
+/// Bytes that a frame may have at any compression.
+const FREE_FRAME: u64 = 64 << 20;
 
 /// Opens an `.npy` file.
 pub(super) fn open_npy(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
@@ -89,7 +91,7 @@ pub(super) fn read_npz<R: BufRead + Seek>(
         let what = format!("no array `positions`; the file has: {found}");
         return Err(Error::format(FORMAT, "whole file", what));
     };
-    let (len, limit) = (member.size, member.limit());
+    let (len, limit) = (member.size, member.limit(FREE_FRAME));
     let mut input = archive.into_member(member)?;
     let positions = Array::parse(&mut input, len, "positions")?;
     ArrayFrames::new(input, &positions, others, limit)

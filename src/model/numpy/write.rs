@@ -29,7 +29,8 @@ fn header(descr: &str, shape: &str) -> [u8; HEADER_BYTES] {
     bytes
 }
 
-/// Positions of all frames, `frames x points x 3`.
+/// Positions of all frames: `frames x curves x points x 3` for closed curves of equal numbers of
+/// points, which can be read without counts, and otherwise `frames x points x 3`.
 struct Stream {
     out: BufWriter<File>,
     basis: Basis,
@@ -81,7 +82,18 @@ impl Stream {
             Precision::F32 => "<f4",
             Precision::F64 => "<f8",
         };
-        header(descr, &format!("{}, {}, 3", self.frames, self.points))
+        let frames = self.frames;
+        let shape = match self.counts[..] {
+            [count, ref rest @ ..] if count < 0 && rest.iter().all(|c| *c == count) => {
+                format!(
+                    "{frames}, {}, {}, 3",
+                    self.counts.len(),
+                    count.unsigned_abs()
+                )
+            }
+            _ => format!("{frames}, {}, 3", self.points),
+        };
+        header(descr, &shape)
     }
 }
 
@@ -102,7 +114,8 @@ fn no_frames() -> Error {
     Error::unsupported(FORMAT, "a file without frames")
 }
 
-/// An `.npy` file: the positions, without the numbers of points of the curves.
+/// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points, these
+/// numbers are not in the file.
 pub(in crate::model) struct NpyFile {
     path: PathBuf,
     stream: Option<Stream>,
@@ -276,7 +289,7 @@ impl Texts {
 }
 
 /// Records of a stored member of a zip archive.
-struct Member;
+pub(super) struct Member;
 
 impl Member {
     /// Returns what both records of a member begin with, after the signature: version 4.5 (64-bit
@@ -291,7 +304,7 @@ impl Member {
     }
 
     /// Returns the record before the content.
-    fn local_header(name: &str, crc: u32, size: u64) -> Vec<u8> {
+    pub fn local_header(name: &str, crc: u32, size: u64) -> Vec<u8> {
         let mut bytes = b"PK\x03\x04".to_vec();
         bytes.extend(Member::start(name, crc, 20));
         bytes.extend(format!("{name}.npy").as_bytes());
@@ -302,7 +315,7 @@ impl Member {
     }
 
     /// Returns the entry of the directory.
-    fn entry(name: &str, crc: u32, size: u64, at: u64) -> Vec<u8> {
+    pub fn entry(name: &str, crc: u32, size: u64, at: u64) -> Vec<u8> {
         let mut bytes = b"PK\x01\x02\x2d\x00".to_vec();
         bytes.extend(Member::start(name, crc, 28));
         // No comment, the first disk, no attributes; the offset is in the extra field.
@@ -318,7 +331,7 @@ impl Member {
 }
 
 /// Writes the directory and the records at the end.
-fn directory(out: &mut impl Write, members: &[Vec<u8>], at: u64) -> io::Result<()> {
+pub(super) fn directory(out: &mut impl Write, members: &[Vec<u8>], at: u64) -> io::Result<()> {
     let entries = members.len() as u64;
     let bytes = members.concat();
     out.write_all(&bytes)?;
