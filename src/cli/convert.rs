@@ -83,6 +83,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 converter.write(part, &mut one)
             })?;
         }
+    } else if let Some(companion) = target.companion(&args.output) {
+        // Two files whose names belong together cannot be written under temporary names.
+        files.writes("the bonds of OUT,", &companion, Content::Model)?;
+        converter.write(&args.output, &mut frames)?;
     } else {
         write_whole(&args.output, args.overwrite, |part| {
             converter.write(part, &mut frames)
@@ -117,6 +121,15 @@ impl Target {
             Target::Model(format) => format.holds_frames(),
             #[cfg(feature = "mcap")]
             Target::Recording => true,
+        }
+    }
+
+    /// Returns the second file that is written beside a file of this name, if there is one.
+    fn companion(self, path: &Path) -> Option<PathBuf> {
+        match self {
+            Target::Model(format) => FrameWriter::companion(path, format),
+            #[cfg(feature = "mcap")]
+            Target::Recording => None,
         }
     }
 

@@ -108,7 +108,7 @@ fn scene(argument: &Path) -> Result<CurveSet> {
             scene,
             what: format!(
                 "{what}; and no file has this name (known: {})",
-                model::EXTENSIONS
+                model::MODEL_FILES
             ),
         },
         other => other,
@@ -151,7 +151,7 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     models.sort();
     let extension = |file: &PathBuf| file.extension().unwrap_or_default().to_ascii_lowercase();
     let Some(first) = models.first() else {
-        let known = model::EXTENSIONS;
+        let known = model::MODEL_FILES;
         return Err(refuse(format!("the folder holds no models ({known})")));
     };
     if let Some(other) = models.iter().find(|m| extension(m) != extension(first)) {
