@@ -14,7 +14,8 @@ use std::time::{Duration, SystemTime};
 /// Rewrite a recording that was cut off, by a kill or a full disk, with all of its complete frames
 ///
 /// Other tools then open it: a recording that was cut off has no index, and may end within a frame.
-/// `linkwatch replay` reads it without a repair.
+/// `linkwatch replay` reads it without a repair. Messages for other tools (`--record-for`) are
+/// written again from the frames; topics of other programs are left out.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording
@@ -88,7 +89,9 @@ fn copy(from: &Path, to: &Path) -> Result<Copied> {
     let mut next = reader.next_item();
     let mut metadata = reader.metadata().clone();
     metadata.insert("repaired_from".into(), from.display().to_string());
-    let mut sink = Box::new(RecordingSink::create(to, &metadata)?);
+    // Messages for other tools are not copied but written again from the frames.
+    let sink = RecordingSink::create(to, &metadata)?;
+    let mut sink = Box::new(sink.with_tools(reader.tools())?);
     let mut waiting = None;
     loop {
         match next {
