@@ -5,6 +5,7 @@
 //! | `.bcc` | uniform Catmull-Rom, cubic B-spline, cubic Bezier, polylines | single |
 //! | `.obj` | polylines, as `l` statements | double |
 //! | `.vect` | polylines | double |
+//! | `.mcap` | polylines: `foxglove.SceneUpdate`, ROS 2 markers | double |
 //!
 //! A file is not trusted: every count is compared with the length of the file before anything is
 //! allocated, so that memory is linear in that length for any counts. A BCC file is streamed into
@@ -14,6 +15,8 @@
 mod bcc;
 mod chains;
 mod frames;
+#[cfg(feature = "mcap")]
+mod mcap;
 mod obj;
 mod vect;
 mod write;
@@ -78,6 +81,8 @@ enum Format {
     Bcc,
     Obj,
     Vect,
+    #[cfg(feature = "mcap")]
+    Mcap,
 }
 
 /// Returns advice on naming the models in a folder.
@@ -107,11 +112,12 @@ impl Format {
             let path = path.into();
             return Err(Error::Folder { path, advice });
         }
+        #[cfg(not(feature = "mcap"))]
         if path
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
         {
-            let why = "a recording (.mcap), which `linkwatch replay` verifies";
+            let why = "an MCAP file, which this build does not read (feature mcap)";
             return Err(Error::unsupported("model", why).in_file(path));
         }
         Format::named(path).ok_or_else(|| Error::UnknownModel { path: path.into() })
@@ -124,6 +130,8 @@ impl Format {
             ("bcc", Format::Bcc),
             ("obj", Format::Obj),
             ("vect", Format::Vect),
+            #[cfg(feature = "mcap")]
+            ("mcap", Format::Mcap),
         ]
         .into_iter()
         .find(|(name, _)| extension.eq_ignore_ascii_case(name))
@@ -132,11 +140,18 @@ impl Format {
 
     /// Opens a file of this format. Errors name the file.
     fn open(self, path: &Path, _options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
+        #[cfg(feature = "mcap")]
+        if self == Format::Mcap {
+            let frames = mcap::McapFrames::open(path, _options.topic.as_deref());
+            return Ok(Box::new(frames.map_err(|e| e.in_file(path))?));
+        }
         let (input, len) = open(path)?;
         let curves = match self {
             Format::Bcc => bcc::read(input, len),
             Format::Obj => obj::read(input),
             Format::Vect => vect::read(input, len),
+            #[cfg(feature = "mcap")]
+            Format::Mcap => unreachable!("opened above"),
         };
         let curves = curves.map_err(|e| e.in_file(path))?;
         Ok(Box::new(Single::new(curves)))
@@ -147,6 +162,11 @@ impl Format {
         match self {
             Format::Bcc => Ok(Box::new(BccFile::new(path))),
             Format::Obj | Format::Vect => Err(Error::unsupported("model", "not written yet")),
+            #[cfg(feature = "mcap")]
+            Format::Mcap => {
+                let why = "MCAP is not written from models; `linkwatch check --record` records";
+                Err(Error::unsupported("model", why))
+            }
         }
     }
 
@@ -154,6 +174,8 @@ impl Format {
     fn holds_frames(self) -> bool {
         match self {
             Format::Bcc | Format::Obj | Format::Vect => false,
+            #[cfg(feature = "mcap")]
+            Format::Mcap => true,
         }
     }
 
@@ -162,6 +184,8 @@ impl Format {
         match self {
             Format::Bcc => true,
             Format::Obj | Format::Vect => false,
+            #[cfg(feature = "mcap")]
+            Format::Mcap => false,
         }
     }
 }
@@ -215,6 +239,8 @@ mod tests {
             Format::Bcc => bcc::read(bytes, len),
             Format::Obj => obj::read(bytes),
             Format::Vect => vect::read(bytes, len),
+            #[cfg(feature = "mcap")]
+            Format::Mcap => unreachable!("its tests are in mcap"),
         }
     }
 

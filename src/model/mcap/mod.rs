@@ -1,0 +1,313 @@
+//! MCAP files of other programs: lines that tools draw, as the frames of a motion.
+//!
+//! | type | encoding | curves |
+//! |---|---|---|
+//! | `foxglove.SceneUpdate` | `protobuf`, `json` | `lines` of the entities, by `id` |
+//! | `visualization_msgs/msg/MarkerArray`, `.../Marker` | `cdr` (ROS 2) | `LINE_STRIP`, `LINE_LIST`, by `ns` and `id` |
+//!
+//! Messages change a scene: they add, replace and delete curves by name ([`state`]). A frame is the
+//! whole scene after all messages of one time: that of the message, or that of the log if the
+//! message has none. A message that changes a curve of the current frame again begins the next
+//! frame, whatever its time.
+//!
+//! All curves of a file must have the same `frame_id`, because transforms between coordinate
+//! systems are not read. Widths, colours and all other primitives are ignored.
+//!
+//! Cost: the file is read twice, first for its topics. Memory: that of the scene and of the largest
+//! chunk. Every count is compared with the bytes that are there.
+
+mod cdr;
+mod curves;
+mod markers;
+mod protobuf;
+mod scene;
+mod state;
+
+use self::markers::Layout;
+use self::state::{State, Update};
+use super::frames::{FrameSource, ModelFrame};
+use crate::container::{self, Channel, Container, Ending, Schema, invalid, op};
+use crate::error::{Error, Result};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
+use std::path::Path;
+
+const FORMAT: &str = "MCAP file";
+
+/// Types of messages with curves.
+const SCENE_UPDATE: &str = "foxglove.SceneUpdate";
+const MARKER_ARRAY: &str = "visualization_msgs/msg/MarkerArray";
+const MARKER: &str = "visualization_msgs/msg/Marker";
+
+/// Messages of a channel that are read.
+#[derive(Clone, Copy, Debug)]
+enum Content {
+    SceneProtobuf,
+    SceneJson,
+    Markers(Layout),
+    Marker(Layout),
+}
+
+impl Content {
+    /// Returns the content of a channel. `None` if it has no curves, an error in words if they are
+    /// encoded in a way that is not read.
+    fn of(channel: &Channel, schema: &Schema) -> Option<Result<Content, String>> {
+        let layout = || Layout::of(&schema.text);
+        let content = match (schema.name.as_str(), channel.encoding.as_str()) {
+            (SCENE_UPDATE, "protobuf") => Content::SceneProtobuf,
+            (SCENE_UPDATE, "json") => Content::SceneJson,
+            (MARKER_ARRAY, "cdr") => Content::Markers(layout()),
+            (MARKER, "cdr") => Content::Marker(layout()),
+            (SCENE_UPDATE | MARKER_ARRAY | MARKER, other) => {
+                let what = "is not read: protobuf and json of Foxglove are, and cdr of ROS 2";
+                return Some(Err(format!("{} encoded as {other:?} {what}", schema.name)));
+            }
+            _ => return None,
+        };
+        Some(Ok(content))
+    }
+
+    /// Decodes a message. The error is in words.
+    fn decode(self, message: &[u8]) -> Result<Update, String> {
+        match self {
+            Content::SceneProtobuf => scene::protobuf(message),
+            Content::SceneJson => scene::json(message),
+            Content::Markers(layout) => markers::array(message, layout),
+            Content::Marker(layout) => markers::single(message, layout),
+        }
+    }
+}
+
+/// Channels of a file.
+#[derive(Default)]
+struct Channels {
+    /// Channels that are read, with their topics.
+    read: HashMap<u16, (String, Content)>,
+    /// All topics, with their types, and the reason why curves on them are not read.
+    topics: BTreeMap<String, (String, Option<String>)>,
+    /// True if linkwatch wrote the file.
+    is_recording: bool,
+}
+
+impl Channels {
+    fn find<R: Read + Seek>(container: &mut Container<R>) -> Result<Channels> {
+        let mut found = Channels::default();
+        let mut schemas: HashMap<u16, Schema> = HashMap::new();
+        while let Some(record) = container.next()? {
+            let mut body = record.body;
+            let bad = |what| invalid(&format!("byte {}", record.at), what);
+            match record.opcode {
+                op::SCHEMA => {
+                    let schema = container::schema(&mut body);
+                    schemas.extend([schema.ok_or_else(|| bad("an invalid schema"))?]);
+                }
+                op::CHANNEL => {
+                    let channel = container::channel(&mut body);
+                    let (id, channel) = channel.ok_or_else(|| bad("an invalid channel"))?;
+                    found.add(id, channel, &schemas);
+                }
+                _ => {}
+            }
+        }
+        Ok(found)
+    }
+
+    fn add(&mut self, id: u16, channel: Channel, schemas: &HashMap<u16, Schema>) {
+        let schema = schemas.get(&channel.schema);
+        let content = schema.and_then(|schema| Content::of(&channel, schema));
+        let name = schema.map_or_else(String::new, |schema| schema.name.clone());
+        self.is_recording |= name.starts_with("linkwatch.v");
+        let why = match content {
+            Some(Ok(content)) => {
+                self.read.insert(id, (channel.topic.clone(), content));
+                None
+            }
+            Some(Err(why)) => Some(why),
+            None => None,
+        };
+        self.topics.insert(channel.topic, (name, why));
+    }
+
+    /// Returns the topic that is read.
+    fn choose(&self, wanted: Option<&str>) -> Result<String> {
+        let unsupported = |what: String| Err(Error::unsupported(FORMAT, what));
+        if self.is_recording {
+            return unsupported(
+                "a recording of linkwatch, which `linkwatch replay` verifies".into(),
+            );
+        }
+        let mut topics: Vec<&str> = self
+            .read
+            .values()
+            .map(|(topic, _)| topic.as_str())
+            .collect();
+        topics.sort_unstable();
+        topics.dedup();
+        if let Some(wanted) = wanted {
+            return match self.topics.get(wanted) {
+                Some(_) if topics.contains(&wanted) => Ok(wanted.into()),
+                Some((_, Some(why))) => unsupported(format!("topic {wanted}: {why}")),
+                Some((kind, None)) => unsupported(format!(
+                    "topic {wanted} has messages of type {kind:?}, without curves"
+                )),
+                None => unsupported(format!("no topic {wanted}; {}", self.list())),
+            };
+        }
+        match topics[..] {
+            [topic] => Ok(topic.into()),
+            [] => match self
+                .topics
+                .iter()
+                .find_map(|(t, (_, why))| Some((t, why.as_ref()?)))
+            {
+                Some((topic, why)) => unsupported(format!("topic {topic}: {why}")),
+                None => unsupported(format!(
+                    "no curves: no topic has the type {SCENE_UPDATE}, {MARKER_ARRAY} or {MARKER}; {}",
+                    self.list()
+                )),
+            },
+            _ => unsupported(format!(
+                "several topics have curves: {}; choose one of them (--topic)",
+                topics.join(", ")
+            )),
+        }
+    }
+
+    /// Returns the topics in words.
+    fn list(&self) -> String {
+        /// Maximum number of topics that are named.
+        const NAMED: usize = 12;
+        if self.topics.is_empty() {
+            return "it has no topics".into();
+        }
+        let named = self.topics.iter().take(NAMED);
+        let named: Vec<String> = named
+            .map(|(t, (kind, _))| format!("{t} ({kind})"))
+            .collect();
+        let more = match self.topics.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        format!("its topics: {}{more}", named.join(", "))
+    }
+}
+
+/// Frames of an MCAP file.
+pub(super) struct McapFrames<R> {
+    container: Container<R>,
+    /// Channels of the chosen topic.
+    channels: HashMap<u16, Content>,
+    state: State,
+    /// Update that begins the next frame, with its time in the log and its place in the file.
+    next: Option<(Update, u64, String)>,
+    /// Number of the next frame.
+    seq: u64,
+}
+
+impl McapFrames<BufReader<File>> {
+    /// Opens a file. `topic` chooses one if there are several with curves.
+    pub fn open(path: &Path, topic: Option<&str>) -> Result<Self> {
+        McapFrames::new(|| Container::open(path), topic)
+    }
+}
+
+impl<R: Read + Seek> McapFrames<R> {
+    fn new(open: impl Fn() -> Result<Container<R>>, topic: Option<&str>) -> Result<Self> {
+        let channels = Channels::find(&mut open()?)?;
+        let topic = channels.choose(topic)?;
+        let read = channels.read.into_iter();
+        Ok(McapFrames {
+            container: open()?,
+            channels: read
+                .filter(|(_, (of, _))| *of == topic)
+                .map(|(id, (_, content))| (id, content))
+                .collect(),
+            state: State::default(),
+            next: None,
+            seq: 0,
+        })
+    }
+
+    /// Returns the next message of the topic, with its time in the log and its place in the file.
+    fn next_update(&mut self) -> Result<Option<(Update, u64, String)>> {
+        if let Some(next) = self.next.take() {
+            return Ok(Some(next));
+        }
+        while let Some(record) = self.container.next()? {
+            if record.opcode != op::MESSAGE {
+                continue;
+            }
+            let place = format!("message at byte {}", record.at);
+            let mut body = record.body;
+            let header = container::message(&mut body);
+            let header = header.ok_or_else(|| invalid(&place, "a message without a header"))?;
+            if let Some(content) = self.channels.get(&header.channel) {
+                let update = content.decode(&body);
+                let update = update.map_err(|what| Error::format(FORMAT, &place, what))?;
+                return Ok(Some((update, header.log_time, place)));
+            }
+        }
+        match self.container.ending() {
+            Some(Ending::Cut { at, what }) => {
+                let what =
+                    format!("the file was cut off in {what}; the frames before it are whole");
+                Err(Error::format(FORMAT, format_args!("byte {at}"), what))
+            }
+            _ => Ok(None),
+        }
+    }
+}
+
+impl<R: Read + Seek> FrameSource for McapFrames<R> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        loop {
+            let Some((first, log_time, mut place)) = self.next_update()? else {
+                return Ok(None);
+            };
+            let time = first.stamp.unwrap_or(log_time);
+            self.state.begin(log_time);
+            let mut update = first;
+            let ended = loop {
+                let applied = self.state.apply(update);
+                applied.map_err(|what| Error::format(FORMAT, &place, what))?;
+                match self.next_update() {
+                    Ok(Some((next, log_time, at))) => {
+                        let is_same = next.stamp.unwrap_or(log_time) == time;
+                        if !is_same || self.state.is_changed_again(&next) {
+                            self.next = Some((next, log_time, at));
+                            break Ok(());
+                        }
+                        (update, place) = (next, at);
+                    }
+                    Ok(None) => break Ok(()),
+                    Err(e) => break Err(e),
+                }
+            };
+            // A message that cannot be read may belong to this frame.
+            ended?;
+            // Before the first curve there is nothing to verify.
+            if self.seq == 0 && self.state.is_empty() {
+                continue;
+            }
+            let curves = self.state.curves().map_err(|e| match e {
+                Error::Usage(what) => Error::format(FORMAT, &place, what),
+                other => other,
+            });
+            let (curves, labels) = match curves {
+                Ok((curves, labels)) => (Ok(curves), labels),
+                Err(e) => (Err(e), Default::default()),
+            };
+            let frame = ModelFrame {
+                time: time as f64 * 1e-9,
+                labels,
+                ..ModelFrame::new(self.seq, curves)
+            };
+            self.seq += 1;
+            return Ok(Some(frame));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
