@@ -2,6 +2,10 @@
 
 use std::path::PathBuf;
 
+/// Extensions of the model files that linkwatch reads, for messages and help texts.
+pub const MODEL_FILES: &str =
+    ".bcc, .obj, .vect, .data, .lmp, .lammps, .dump, .lammpstrj, .npy, .npz, .mcap";
+
 /// Failure on the way from bytes to a verdict.
 ///
 /// A frame that breaks its contract gives an error of this type, and becomes
@@ -32,7 +36,7 @@ pub enum Error {
         what: String,
     },
     /// linkwatch has no reader for this kind of file.
-    #[error("{path}: unknown kind of file (known: .bcc, .obj, .vect)")]
+    #[error("{path}: unknown kind of file (known: {MODEL_FILES})")]
     UnknownModel {
         /// The file.
         path: PathBuf,

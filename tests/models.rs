@@ -4,7 +4,8 @@
 mod support;
 
 use libtest_mimic::{Arguments, Failed, Trial};
-use linkwatch::{Basis, Certificate, Verifier, homotopic_polylines, model};
+use linkwatch::model::{self, FrameWriter, Frames, ModelFrame, ReadOptions};
+use linkwatch::{Basis, Certificate, Verifier, homotopic_polylines};
 use std::path::PathBuf;
 use support::trial::trial;
 
@@ -75,6 +76,39 @@ fn has_the_published_polylines(
     })
 }
 
+/// Every format that can hold the curves gives them back with the same certificate. Splines become
+/// homotopic polylines first.
+fn has_its_certificate_in_every_format(model: &'static str) -> Trial {
+    test(format!("convert::{model}"), &[model], move || {
+        let set = model::read(&path(model))?;
+        let polylines = homotopic_polylines(&set)?.curves;
+        let mut verifier = Verifier::default();
+        let expected = verifier.certify(&set).0.clone();
+        let folder = tempfile::tempdir()?;
+        for name in [
+            "a.obj", "a.vect", "a.data", "a.dump", "a.npy", "a.npz", "b.npz",
+        ] {
+            let file = folder.path().join(name);
+            // The archive has the splines themselves as well.
+            let written = if name == "b.npz" { &set } else { &polylines };
+            let mut writer = FrameWriter::create(&file)?;
+            writer.frame(&ModelFrame::new(0, Ok(written.clone())))?;
+            writer.finish()?;
+            let mut options = ReadOptions::default();
+            if name == "a.npy" {
+                options.counts = Some(polylines.counts().collect());
+            }
+            let frames: Vec<ModelFrame> =
+                Frames::open(&file, &options)?.collect::<Result<_, _>>()?;
+            assert_eq!(frames.len(), 1);
+            let found = frames.into_iter().next().expect("a frame").curves?;
+            assert!(found.counts().eq(written.counts()), "{name}");
+            assert_eq!(*verifier.certify(&found).0, expected, "{name}");
+        }
+        Ok(())
+    })
+}
+
 fn main() {
     let certificates = [
         "glove.bcc",
@@ -100,6 +134,8 @@ fn main() {
         .into_iter())
     .chain(rolfsen_links.map(has_its_linking_numbers))
     .chain(polylines.map(has_the_published_polylines))
+    .chain(certificates.map(has_its_certificate_in_every_format))
+    .chain(rolfsen_links.map(|(model, _)| has_its_certificate_in_every_format(model)))
     .collect();
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }

@@ -8,6 +8,7 @@ use super::repeat;
 use super::{Outcome, input, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
+use linkwatch::model::MODEL_FILES;
 use linkwatch::{Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -15,8 +16,10 @@ use std::time::Duration;
 /// Compute the linking numbers of all pairs of curves: the certificate of a model's topology
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models (.bcc, .obj lines or .vect), or scenes as `linkwatch generate` takes them
-    #[arg(required = true, value_name = "MODEL|SCENE")]
+    #[arg(
+        required = true, value_name = "MODEL|SCENE",
+        help = format!("Models ({MODEL_FILES}), or scenes as `linkwatch generate` takes them")
+    )]
     models: Vec<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]

@@ -9,6 +9,7 @@ use super::order;
 use super::output::with_progress;
 use super::session::{Baseline, FrameCounts, Ingested, Judge, JunitArgs, Run, Session, Sinks};
 use linkwatch::kernels::Device;
+use linkwatch::model::MODEL_FILES;
 use linkwatch::{AbortOn, CurveSet, Error, Overflow, Result, Strategy, Verdict, model};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -20,9 +21,13 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Compare the topology of models with a certificate, or with the first model
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models: .bcc, .obj (lines) or .vect; several are frames of one motion, and sorted by number
-    /// if their names differ in numbers only
-    #[arg(required = true, value_name = "MODEL")]
+    #[arg(
+        required = true, value_name = "MODEL",
+        help = format!(
+            "Models ({MODEL_FILES}); several are frames of one motion, and sorted by number if \
+             their names differ in numbers only"
+        )
+    )]
     models: Vec<PathBuf>,
     /// Keep the order in which the models are given
     #[arg(long)]

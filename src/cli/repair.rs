@@ -34,6 +34,8 @@ struct Copied {
     frames: u64,
     /// Frames without a verdict, and verdicts without their frame.
     left_out: u64,
+    /// Messages of other programs, which are not copied.
+    foreign: u64,
     ending: Option<Ending>,
     /// Reason why the recording is read no further.
     damaged: Option<Error>,
@@ -63,6 +65,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             "output": args.output,
             "frames": copied.frames,
             "left_out": copied.left_out,
+            "left_out_messages": copied.foreign,
             "damaged": copied.damaged.as_ref().map(Error::to_string),
             "cut": matches!(copied.ending, Some(Ending::Cut { .. })),
         }));
@@ -72,6 +75,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         if copied.left_out > 0 {
             let frames = plural(copied.left_out, "frame");
             output::line(format_args!("  left out: {frames} without a verdict"));
+        }
+        if copied.foreign > 0 {
+            let messages = plural(copied.foreign, "message");
+            output::line(format_args!("  left out: {messages} of other programs"));
         }
     }
     Ok(match copied.damaged {
@@ -115,6 +122,7 @@ fn copy(from: &Path, to: &Path) -> Result<Copied> {
     }
     copied.left_out += u64::from(waiting.is_some());
     copied.ending = reader.ending().cloned();
+    copied.foreign = reader.skipped();
     sink.finish()?;
     Ok(copied)
 }

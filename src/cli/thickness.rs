@@ -4,6 +4,7 @@ use super::clearance_args::StrandRadius;
 use super::number::positive;
 use super::output::{self, percent, plural};
 use super::{Outcome, input};
+use linkwatch::model::MODEL_FILES;
 use linkwatch::{CurveSet, Error, MinRad, Result, Strut, Thickness, struts};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -19,9 +20,13 @@ const SENTENCES: usize = 20;
 /// splines have bounds of their errors.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models (.bcc, .obj lines or .vect), recordings (.mcap), or scenes as `linkwatch generate`
-    /// takes them
-    #[arg(required = true, value_name = "MODEL|SCENE")]
+    #[arg(
+        required = true, value_name = "MODEL|SCENE",
+        help = format!(
+            "Models ({MODEL_FILES}), recordings (.mcap), or scenes as `linkwatch generate` takes \
+             them"
+        )
+    )]
     models: Vec<PathBuf>,
     /// List the struts (places of closest approach) that are longer than the shortest one by at
     /// most this share, for example 0.01

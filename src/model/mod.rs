@@ -1,32 +1,41 @@
-//! Model files: BCC, OBJ lines and Geomview VECT.
+//! Model files: of one frame (BCC, OBJ lines, Geomview VECT, LAMMPS data), and of many (LAMMPS
+//! dumps, NumPy).
 //!
 //! | extension | holds | precision kept |
 //! |---|---|---|
 //! | `.bcc` | uniform Catmull-Rom, cubic B-spline, cubic Bezier, polylines | single |
 //! | `.obj` | polylines, as `l` statements | double |
 //! | `.vect` | polylines | double |
+//! | `.data`, `.lmp`, `.lammps`, `data.*` | polylines, as the bonds of LAMMPS | double |
+//! | `.dump`, `.lammpstrj`, `dump.*` | frames of the curves of a data file | double |
+//! | `.npy` | frames of polylines | single or double |
+//! | `.npz` | frames of all bases, with times, names and radii | single or double |
 //! | `.mcap` | polylines: `foxglove.SceneUpdate`, ROS 2 markers | double |
 //!
 //! A file is not trusted: every count is compared with the length of the file before anything is
-//! allocated, so that memory is linear in that length for any counts. A BCC file is streamed into
-//! its [`CurveSet`], with less than 200 kB of other memory. The text formats also hold their
-//! vertices or counts while they are read.
+//! allocated, so that memory is linear in that length for any counts. (A compressed array may take
+//! 64 MiB, or 100 times its compressed size, for a frame.) A BCC file is streamed into its
+//! [`CurveSet`], with less than 200 kB of other memory. The text formats also hold their vertices,
+//! bonds or counts while they are read.
 
 mod bcc;
 mod chains;
 mod frames;
+mod lammps;
 #[cfg(feature = "mcap")]
 mod mcap;
+mod numpy;
 mod obj;
 mod vect;
 mod write;
 
+pub use crate::error::MODEL_FILES;
 pub use bcc::write_bcc;
 pub use frames::{Frames, ModelFrame, ReadOptions};
 pub use write::FrameWriter;
 
 use self::frames::{FrameSource, Single};
-use self::write::{BccFile, FrameSink};
+use self::write::{FrameSink, OneFrame};
 
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
@@ -34,7 +43,8 @@ use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Take};
 use std::path::Path;
 
-/// Reads the curves of a model file. The extension (in upper or lower case) determines the format.
+/// Reads the curves of a model file: those of the first frame, if it has several. The extension (in
+/// upper or lower case) determines the format.
 ///
 /// It must be a regular file, because the length of a pipe is unknown. Every error names `path`.
 ///
@@ -81,28 +91,50 @@ enum Format {
     Bcc,
     Obj,
     Vect,
-    #[cfg(feature = "mcap")]
+    LammpsData,
+    LammpsDump,
+    Npy,
+    Npz,
     Mcap,
 }
+
+/// Extensions of the formats; [`MODEL_FILES`] lists them for messages.
+const EXTENSIONS: [(&str, Format); 11] = [
+    ("bcc", Format::Bcc),
+    ("obj", Format::Obj),
+    ("vect", Format::Vect),
+    ("data", Format::LammpsData),
+    ("lmp", Format::LammpsData),
+    ("lammps", Format::LammpsData),
+    ("dump", Format::LammpsDump),
+    ("lammpstrj", Format::LammpsDump),
+    ("npy", Format::Npy),
+    ("npz", Format::Npz),
+    ("mcap", Format::Mcap),
+];
+
+/// Starts of the names of LAMMPS files, which may have any extension.
+const PREFIXES: [(&str, Format); 2] =
+    [("data.", Format::LammpsData), ("dump.", Format::LammpsDump)];
 
 /// Returns advice on naming the models in a folder.
 fn advice_on(folder: &Path) -> String {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let models = files
         .map(|file| file.path())
-        .filter(|path| Format::named(path).is_some());
+        .filter(|path| Format::of_extension(path).is_some());
     match models.min() {
         Some(model) => {
             let extension = model.extension().unwrap_or_default();
             let pattern = folder.join("*").with_extension(extension);
             format!("for the models in it, give {}", pattern.display())
         }
-        None => "it holds no models (.bcc, .obj, .vect)".into(),
+        None => format!("it holds no models ({MODEL_FILES})"),
     }
 }
 
 impl Format {
-    /// Returns the format of a file by its extension.
+    /// Returns the format of a file by its name. (Dumps of other names are known by their start.)
     ///
     /// Errors: [`Error::Folder`], [`Error::UnknownModel`], and [`Error::Unsupported`] for a
     /// recording.
@@ -112,46 +144,48 @@ impl Format {
             let path = path.into();
             return Err(Error::Folder { path, advice });
         }
-        #[cfg(not(feature = "mcap"))]
-        if path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
-        {
-            let why = "an MCAP file, which this build does not read (feature mcap)";
-            return Err(Error::unsupported("model", why).in_file(path));
-        }
-        Format::named(path).ok_or_else(|| Error::UnknownModel { path: path.into() })
+        Format::named(path)
+            .or_else(|| lammps::begins_as_dump(path).then_some(Format::LammpsDump))
+            .ok_or_else(|| Error::UnknownModel { path: path.into() })
+    }
+
+    /// Returns the format of the extension of a file.
+    fn of_extension(path: &Path) -> Option<Format> {
+        let extension = path.extension()?;
+        let mut known = EXTENSIONS.into_iter();
+        known
+            .find(|(name, _)| extension.eq_ignore_ascii_case(name))
+            .map(|(_, format)| format)
     }
 
     /// Returns the format that the name of a file suggests.
     fn named(path: &Path) -> Option<Format> {
-        let extension = path.extension()?;
-        [
-            ("bcc", Format::Bcc),
-            ("obj", Format::Obj),
-            ("vect", Format::Vect),
-            #[cfg(feature = "mcap")]
-            ("mcap", Format::Mcap),
-        ]
-        .into_iter()
-        .find(|(name, _)| extension.eq_ignore_ascii_case(name))
-        .map(|(_, format)| format)
+        Format::of_extension(path).or_else(|| {
+            let name = path.file_name()?.to_str()?;
+            let mut known = PREFIXES.into_iter();
+            known
+                .find(|(start, _)| name.starts_with(start) && name.len() > start.len())
+                .map(|(_, format)| format)
+        })
     }
 
     /// Opens a file of this format. Errors name the file.
-    fn open(self, path: &Path, _options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
-        #[cfg(feature = "mcap")]
-        if self == Format::Mcap {
-            let frames = mcap::McapFrames::open(path, _options.topic.as_deref());
-            return Ok(Box::new(frames.map_err(|e| e.in_file(path))?));
-        }
-        let (input, len) = open(path)?;
+    fn open(self, path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
         let curves = match self {
-            Format::Bcc => bcc::read(input, len),
-            Format::Obj => obj::read(input),
-            Format::Vect => vect::read(input, len),
+            Format::LammpsData => return lammps::open_data(path),
+            Format::LammpsDump => return lammps::open_dump(path, options),
+            Format::Npy => return numpy::open_npy(path, options),
+            Format::Npz => return numpy::open_npz(path, options),
             #[cfg(feature = "mcap")]
-            Format::Mcap => unreachable!("opened above"),
+            Format::Mcap => return mcap::open(path, options),
+            #[cfg(not(feature = "mcap"))]
+            Format::Mcap => {
+                let why = "an MCAP file, which this build does not read (feature mcap)";
+                return Err(Error::unsupported("model", why).in_file(path));
+            }
+            Format::Bcc => open(path).and_then(|(input, len)| bcc::read(input, len)),
+            Format::Obj => open(path).and_then(|(input, _)| obj::read(input)),
+            Format::Vect => open(path).and_then(|(input, len)| vect::read(input, len)),
         };
         let curves = curves.map_err(|e| e.in_file(path))?;
         Ok(Box::new(Single::new(curves)))
@@ -159,33 +193,38 @@ impl Format {
 
     /// Creates a file of this format.
     fn create(self, path: &Path) -> Result<Box<dyn FrameSink>> {
-        match self {
-            Format::Bcc => Ok(Box::new(BccFile::new(path))),
-            Format::Obj | Format::Vect => Err(Error::unsupported("model", "not written yet")),
-            #[cfg(feature = "mcap")]
+        Ok(match self {
+            Format::Bcc => Box::new(OneFrame::new(path, "BCC", write_bcc)),
+            Format::Obj => Box::new(OneFrame::new(path, "OBJ", obj::write)),
+            Format::Vect => Box::new(OneFrame::new(path, "VECT", vect::write)),
+            Format::LammpsData => {
+                Box::new(OneFrame::new(path, "LAMMPS data file", lammps::write_data))
+            }
+            Format::LammpsDump => Box::new(lammps::DumpFile::new(path)),
+            Format::Npy => Box::new(numpy::NpyFile::new(path)),
+            Format::Npz => Box::new(numpy::NpzFile::new(path)),
             Format::Mcap => {
                 let why = "MCAP is not written from models; `linkwatch check --record` records";
-                Err(Error::unsupported("model", why))
+                return Err(Error::unsupported("model", why));
             }
-        }
+        })
     }
 
     /// Returns true if a file can hold more than one frame.
     fn holds_frames(self) -> bool {
         match self {
-            Format::Bcc | Format::Obj | Format::Vect => false,
-            #[cfg(feature = "mcap")]
-            Format::Mcap => true,
+            Format::Bcc | Format::Obj | Format::Vect | Format::LammpsData => false,
+            Format::LammpsDump | Format::Npy | Format::Npz | Format::Mcap => true,
         }
     }
 
     /// Returns true if a file can hold splines.
     fn holds_splines(self) -> bool {
         match self {
-            Format::Bcc => true,
-            Format::Obj | Format::Vect => false,
-            #[cfg(feature = "mcap")]
-            Format::Mcap => false,
+            Format::Bcc | Format::Npz => true,
+            Format::Obj | Format::Vect | Format::LammpsData | Format::LammpsDump => false,
+            // The positions would be read as those of polylines.
+            Format::Npy | Format::Mcap => false,
         }
     }
 }
@@ -213,10 +252,14 @@ fn quote(token: &[u8]) -> String {
 }
 
 #[cfg(test)]
+mod round_trips;
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::curve::{Basis, Point, Precision};
     use proptest::prelude::*;
+    use std::io::Cursor;
     use std::path::PathBuf;
 
     /// Returns all curves of a set: true if closed, and the points.
@@ -233,15 +276,30 @@ mod tests {
         assert!(message.contains(expected), "{message:?} lacks {expected:?}");
     }
 
-    fn parse(format: Format, bytes: &[u8]) -> Result<CurveSet> {
+    /// Reads the frames of a file in memory, up to the first one that is invalid.
+    fn parse(format: Format, bytes: &[u8]) -> Result<Vec<CurveSet>> {
         let len = bytes.len() as u64;
-        match format {
-            Format::Bcc => bcc::read(bytes, len),
-            Format::Obj => obj::read(bytes),
-            Format::Vect => vect::read(bytes, len),
-            #[cfg(feature = "mcap")]
+        let counts = Some(vec![-3, 2]);
+        let npy = ReadOptions {
+            counts,
+            ..ReadOptions::default()
+        };
+        let npz = ReadOptions::default();
+        let mut frames: Box<dyn FrameSource + '_> = match format {
+            Format::Bcc => Box::new(Single::new(bcc::read(bytes, len)?)),
+            Format::Obj => Box::new(Single::new(obj::read(bytes)?)),
+            Format::Vect => Box::new(Single::new(vect::read(bytes, len)?)),
+            Format::LammpsData => Box::new(Single::new(lammps::read_data(bytes, len, "a.data")?)),
+            Format::LammpsDump => Box::new(lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]])?),
+            Format::Npy => Box::new(numpy::read_npy(bytes, len, &npy)?),
+            Format::Npz => Box::new(numpy::read_npz(Cursor::new(bytes), len, &npz)?),
             Format::Mcap => unreachable!("its tests are in mcap"),
+        };
+        let mut curves = Vec::new();
+        while let Some(frame) = frames.next_frame()? {
+            curves.push(frame.curves?);
         }
+        Ok(curves)
     }
 
     /// Returns a small valid file of each format.
@@ -258,12 +316,40 @@ mod tests {
                    l 1 2 \\\n 3 1\nl 3 4\nl -1/2 1\n";
         let vect = "VECT # comment\n2 5 1\n-3 2\n1 0\n0 0 0\n1 0.5 0\n1e1 1 0\n0 1 -2\n3 3 3\n\
                     1 0 0 1\n";
+        let data = "Title\n\n5 atoms # all\n4 bonds\n2 atom types\n\n0 9 xlo xhi\n0 9 ylo yhi\n\
+                    0 9 zlo zhi\n1 0 0 xy xz yz\n\nMasses\n\n1 1\n2 1\n\nAtoms # bond\n\n\
+                    3 1 1 0 0 8 0 0 -1\n1 1 1 1 0.5 0 0 0 0\n2 1 2 1e0 1 0 0 0 0\n\
+                    7 2 1 0 1 -2 0 0 0\n5 2 1 3 3 0 0 0 0\n\nBonds\n\n1 1 1 2\n2 1 2 3\n\
+                    3 1 3 1\n4 1 5 7\n";
+        let dump = "ITEM: UNITS\nlj\nITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n3\n\
+                    ITEM: BOX BOUNDS pp pp ff\n0 9\n0 9\n0 9\nITEM: ATOMS id x y z ix iy iz\n\
+                    2 0 0 8 0 0 0\n9 1 0.5 0 0 0 0\n4 8 0 0 -1 0 0\nITEM: TIMESTEP\n7\n\
+                    ITEM: NUMBER OF ATOMS\n4\nITEM: BOX BOUNDS xy xz yz pp pp pp\n0 9 1\n\
+                    0 9 0\n0 9 0\nITEM: ATOMS type xs ys zs id\n1 0 0 0 4\n1 .1 0 .1 9\n\
+                    1 0 .1 .1 2\n1 0 0 0 6\n";
         vec![
             (Format::Bcc, bcc),
             (Format::Obj, obj.into()),
             (Format::Vect, vect.into()),
+            (Format::LammpsData, data.into()),
+            (Format::LammpsDump, dump.into()),
+            (
+                Format::Npy,
+                include_bytes!("../../tests/models/numpy/small.npy").into(),
+            ),
+            (
+                Format::Npz,
+                include_bytes!("../../tests/models/numpy/small.npz").into(),
+            ),
+            (
+                Format::Npz,
+                include_bytes!("../../tests/models/numpy/small-compressed.npz").into(),
+            ),
         ]
     }
+
+    /// Formats whose files cannot end early.
+    const BINARY: [Format; 3] = [Format::Bcc, Format::Npy, Format::Npz];
 
     #[test]
     fn the_error_of_a_folder_shows_how_to_name_its_models() {
@@ -289,13 +375,18 @@ mod tests {
     #[test]
     fn no_panic_on_files_truncated_anywhere() {
         for (format, bytes) in samples() {
-            parse(format, &bytes).unwrap();
+            let frames = parse(format, &bytes).unwrap();
+            assert!(!frames.is_empty());
             for n in 0..bytes.len() {
                 let result = parse(format, &bytes[..n]);
                 // Text may still be valid: a last digit or newline may be missing.
-                assert!(format != Format::Bcc || result.is_err(), "{n} bytes");
-                if let Ok(set) = result {
-                    assert!(set.points() <= 8);
+                assert!(
+                    !BINARY.contains(&format) || result.is_err(),
+                    "{format:?}: {n} bytes"
+                );
+                if let Ok(sets) = result {
+                    assert!(sets.len() <= frames.len());
+                    assert!(sets.iter().all(|set| set.points() <= 8));
                 }
             }
         }
@@ -308,8 +399,8 @@ mod tests {
                 for value in 0..=255 {
                     let mut bytes = bytes.clone();
                     bytes[at] = value;
-                    if let Ok(set) = parse(format, &bytes) {
-                        assert!(set.points() <= 8, "byte {at} = {value}");
+                    for set in parse(format, &bytes).into_iter().flatten() {
+                        assert!(set.points() <= 8, "{format:?}: byte {at} = {value}");
                         assert!(set.max_abs().is_finite());
                     }
                 }
@@ -320,28 +411,28 @@ mod tests {
     proptest! {
         #[test]
         fn no_panic_on_garbage(
-            k in 0..3usize,
-            keep in 0..200usize,
+            k in 0..8usize,
+            keep in 0..800usize,
             tail in prop::collection::vec(any::<u8>(), 0..200),
         ) {
             let (format, mut bytes) = samples().swap_remove(k);
             bytes.truncate(keep);
             bytes.extend(tail);
-            if let Ok(set) = parse(format, &bytes) {
+            for set in parse(format, &bytes).into_iter().flatten() {
                 prop_assert!(set.points() <= bytes.len());
             }
         }
 
         #[test]
         fn no_panic_on_garbage_of_likely_characters(
-            k in 1..3usize,
-            keep in 0..200usize,
-            tail in "[-0-9lv./# \n\\\\eE+]{0,200}",
+            k in 1..5usize,
+            keep in 0..500usize,
+            tail in "[-0-9lv./# \n\\\\eEItemsT:+]{0,200}",
         ) {
             let (format, mut bytes) = samples().swap_remove(k);
             bytes.truncate(keep);
             bytes.extend(tail.into_bytes());
-            if let Ok(set) = parse(format, &bytes) {
+            for set in parse(format, &bytes).into_iter().flatten() {
                 prop_assert!(set.points() <= bytes.len());
             }
         }
@@ -350,7 +441,9 @@ mod tests {
     #[test]
     fn the_extension_selects_the_format_and_errors_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
-        for ((_, bytes), name) in samples().into_iter().zip(["a.BCC", "b.Obj", "c.vect"]) {
+        let names = ["a.BCC", "b.Obj", "c.vect", "d.lmp"];
+        let npz = samples().pop().map(|sample| (sample, "e.npz"));
+        for ((_, bytes), name) in samples().into_iter().zip(names).chain(npz) {
             let path = dir.path().join(name);
             std::fs::write(&path, &bytes).unwrap();
             assert_eq!(read(&path).unwrap().len(), 2);
@@ -360,7 +453,9 @@ mod tests {
             let start = format!("{}: not a valid ", path.display());
             assert!(e.to_string().starts_with(&start), "{e}");
         }
-        for name in ["a", "a.txt", ".bcc", "bcc", "a.bcc.gz"] {
+        for name in [
+            "a", "a.txt", ".bcc", "bcc", "a.bcc.gz", "data.", "xdata.a", "dump",
+        ] {
             let e = read(&dir.path().join(name)).unwrap_err();
             assert!(matches!(e, Error::UnknownModel { .. }), "{e}");
         }
@@ -370,6 +465,17 @@ mod tests {
         let folder = dir.path().join("folder.vect");
         std::fs::create_dir(&folder).unwrap();
         assert_error_contains(read(&folder), "folder.vect: not a regular file");
+    }
+
+    #[test]
+    fn messages_list_the_extensions_of_all_formats() {
+        let listed: Vec<&str> = MODEL_FILES.split(", ").collect();
+        let known = EXTENSIONS.map(|(extension, _)| format!(".{extension}"));
+        assert_eq!(listed, known);
+        for (extension, format) in EXTENSIONS {
+            let path = PathBuf::from(format!("frames/a.{}", extension.to_uppercase()));
+            assert_eq!(Format::named(&path), Some(format));
+        }
     }
 
     #[test]

@@ -14,10 +14,12 @@
 //! their first lines. An index may precede its vertex; a negative index counts back from the line.
 
 use super::chains::{Chains, Edge, ThirdEdge};
+use super::write::{check_polylines, text_file};
 use super::{number, quote};
 use crate::curve::{Basis, CurveSet, CurveSetBuilder, Point, Positions, Precision};
 use crate::error::{Error, Result};
 use std::io::BufRead;
+use std::path::Path;
 
 const FORMAT: &str = "OBJ";
 /// Number of points that are stored at once.
@@ -248,6 +250,39 @@ impl Output<'_> {
         }
         Ok(())
     }
+}
+
+/// Writes polylines: all vertices, then one `l` statement a curve, in which a closed curve ends at
+/// its first vertex. No two curves share a vertex.
+///
+/// Errors: splines, and a closed curve of one point.
+pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
+    check_polylines(FORMAT, set)?;
+    if let Some(i) = set.curves().iter().position(|c| c.points < 2) {
+        let what = format!("curve {i}, a closed curve of one point");
+        return Err(Error::unsupported(FORMAT, what));
+    }
+    text_file(path, |out| {
+        for i in 0..set.len() {
+            for k in 0..set.curve(i).points as usize {
+                let [x, y, z] = set.point(i, k);
+                writeln!(out, "v {x:?} {y:?} {z:?}")?;
+            }
+        }
+        let mut first = 1;
+        for curve in set.curves() {
+            write!(out, "l")?;
+            for vertex in first..first + u64::from(curve.points) {
+                write!(out, " {vertex}")?;
+            }
+            match curve.closed {
+                true => writeln!(out, " {first}")?,
+                false => writeln!(out)?,
+            }
+            first += u64::from(curve.points);
+        }
+        Ok(())
+    })
 }
 
 #[cfg(test)]

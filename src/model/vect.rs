@@ -5,11 +5,13 @@
 //! (negative if closed), the number of colours of each, the vertices `x y z`, the colours `r g b
 //! a`, and nothing more. Colours are checked to be numbers, and discarded.
 
+use super::write::{check_polylines, text_file};
 use super::{number, quote};
 use crate::curve::{Basis, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use std::fmt::{Arguments, Display};
 use std::io::{BufRead, ErrorKind};
+use std::path::Path;
 use std::str::FromStr;
 
 const FORMAT: &str = "VECT";
@@ -86,6 +88,29 @@ pub(super) fn read(input: impl BufRead, len: u64) -> Result<CurveSet> {
         return Err(words.bad(format_args!("{}, expected the end", quote(&words.word))));
     }
     builder.finish()
+}
+
+/// Writes polylines, without colours.
+///
+/// Errors: splines.
+pub(super) fn write(path: &Path, set: &CurveSet) -> Result<()> {
+    check_polylines(FORMAT, set)?;
+    text_file(path, |out| {
+        writeln!(out, "VECT\n{} {} 0", set.len(), set.points())?;
+        for count in set.counts() {
+            writeln!(out, "{count}")?;
+        }
+        for _ in 0..set.len() {
+            writeln!(out, "0")?;
+        }
+        for i in 0..set.len() {
+            for k in 0..set.curve(i).points as usize {
+                let [x, y, z] = set.point(i, k);
+                writeln!(out, "{x:?} {y:?} {z:?}")?;
+            }
+        }
+        Ok(())
+    })
 }
 
 /// Words of a file, one at a time.

@@ -1,8 +1,11 @@
 //! Writes frames to model files.
 
 use super::frames::ModelFrame;
-use super::{Format, write_bcc};
+use super::{Format, lammps};
+use crate::curve::CurveSet;
 use crate::error::{Error, Result};
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// A writer of one format.
@@ -44,6 +47,13 @@ impl FrameWriter {
         Ok(Format::of(path)?.holds_splines())
     }
 
+    /// Returns the second file that is written beside a file of this name: the bonds of a LAMMPS
+    /// dump, in a data file of the same stem.
+    pub fn companion(path: &Path) -> Result<Option<PathBuf>> {
+        let format = Format::of(path)?;
+        Ok((format == Format::LammpsDump).then(|| lammps::bonds_of(path)))
+    }
+
     /// Writes a frame.
     ///
     /// Errors: that of the curves, if they are invalid; [`Error::Unsupported`] if the format cannot
@@ -65,39 +75,90 @@ fn named(error: Error, path: &Path) -> Error {
     }
 }
 
-/// A BCC file. Holds one frame.
-pub(super) struct BccFile {
+/// A file of one frame.
+pub(super) struct OneFrame {
     path: PathBuf,
+    format: &'static str,
+    write: fn(&Path, &CurveSet) -> Result<()>,
     written: bool,
 }
 
-impl BccFile {
-    pub(super) fn new(path: &Path) -> BccFile {
-        BccFile {
+impl OneFrame {
+    pub(super) fn new(
+        path: &Path,
+        format: &'static str,
+        write: fn(&Path, &CurveSet) -> Result<()>,
+    ) -> OneFrame {
+        OneFrame {
             path: path.into(),
+            format,
+            write,
             written: false,
         }
     }
 }
 
-impl FrameSink for BccFile {
+impl FrameSink for OneFrame {
     fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
-        only_one("BCC", &mut self.written)?;
-        match &frame.curves {
-            Ok(curves) => write_bcc(&self.path, curves),
-            Err(e) => Err(Error::unsupported("BCC", e)),
+        if std::mem::replace(&mut self.written, true) {
+            return Err(Error::unsupported(
+                self.format,
+                "a second frame in one file",
+            ));
         }
+        (self.write)(&self.path, curves_of(self.format, frame)?)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        Ok(())
+        match self.written {
+            true => Ok(()),
+            false => Err(Error::unsupported(self.format, "a file without a frame")),
+        }
     }
 }
 
-/// Rejects a second frame in a file of a format that holds one.
-pub(super) fn only_one(format: &'static str, written: &mut bool) -> Result<()> {
-    match std::mem::replace(written, true) {
-        true => Err(Error::unsupported(format, "a second frame in one file")),
-        false => Ok(()),
+/// Returns the curves of a frame.
+pub(super) fn curves_of<'a>(format: &'static str, frame: &'a ModelFrame) -> Result<&'a CurveSet> {
+    (frame.curves.as_ref()).map_err(|e| {
+        Error::unsupported(
+            format,
+            format_args!("frame {}, which is invalid: {e}", frame.seq),
+        )
+    })
+}
+
+/// Rejects splines.
+pub(super) fn check_polylines(format: &'static str, set: &CurveSet) -> Result<()> {
+    match set.basis().is_polyline() {
+        true => Ok(()),
+        false => {
+            let kind = set.basis().describe(true);
+            let what = format!("splines ({kind}), only polylines");
+            Err(Error::unsupported(format, what))
+        }
     }
+}
+
+/// Rejects curves that have other numbers of points than those of the first frame.
+pub(super) fn same_curves(format: &'static str, counts: &[i32], set: &CurveSet) -> Result<()> {
+    if set.counts().eq(counts.iter().copied()) {
+        return Ok(());
+    }
+    let what = match set.len() == counts.len() {
+        true => "a frame whose curves have other numbers of points than those of the first".into(),
+        false => format!("{} curves after a frame of {}", set.len(), counts.len()),
+    };
+    Err(Error::unsupported(format, what))
+}
+
+/// Writes a text file. Errors name it.
+pub(super) fn text_file(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<()> {
+    let file = File::create(path).map_err(Error::file(path))?;
+    let mut out = BufWriter::with_capacity(1 << 16, file);
+    write(&mut out)
+        .and_then(|()| out.flush())
+        .map_err(Error::file(path))
 }

@@ -6,6 +6,7 @@ mod report;
 use super::repeat;
 use super::{Outcome, input, output};
 use linkwatch::kernels::Device;
+use linkwatch::model::MODEL_FILES;
 use linkwatch::{Plan, Result};
 use serde_json::json;
 use std::path::PathBuf;
@@ -13,8 +14,10 @@ use std::path::PathBuf;
 /// Print which method each stage would use for a scene, why, and the predicted cost
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Models (.bcc, .obj or .vect), or scenes as `linkwatch generate` takes them
-    #[arg(required = true, value_name = "MODEL|SCENE")]
+    #[arg(
+        required = true, value_name = "MODEL|SCENE",
+        help = format!("Models ({MODEL_FILES}), or scenes as `linkwatch generate` takes them")
+    )]
     inputs: Vec<PathBuf>,
     #[cfg(feature = "lab")]
     /// Also run it N times, and print the measured medians beside the plan

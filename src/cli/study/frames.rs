@@ -11,6 +11,7 @@ use linkwatch::lab::RecordedMotion;
 use linkwatch::lab::{
     FrameSource, GeneratedMotion, MotionRow, MotionStudy, Table, median, percentile,
 };
+use linkwatch::model::MODEL_FILES;
 use linkwatch::scenes::{Frames, Motion, Scene};
 use linkwatch::{AbortOn, ClearanceOptions, CurveSet, Error, Events, Report, Result};
 use serde_json::{Value, json};
@@ -26,8 +27,10 @@ use std::path::PathBuf;
 /// from that of the full run.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A model (.bcc, .obj, .vect), or a scene as `linkwatch generate` takes it
-    #[arg(value_name = "MODEL|SCENE")]
+    #[arg(
+        value_name = "MODEL|SCENE",
+        help = format!("A model ({MODEL_FILES}), or a scene as `linkwatch generate` takes it")
+    )]
     #[cfg_attr(feature = "mcap", arg(required_unless_present = "recording"))]
     input: Option<String>,
     /// Measure the frames of a recording instead of a generated motion. Every frame is computed in

@@ -12,6 +12,7 @@ use crate::cli::output::{self, count, plural, plural_of};
 use crate::cli::{Outcome, input};
 use linkwatch::kernels::{Accuracy, Device};
 use linkwatch::lab::{self, KernelEffort, KernelRow, Setting, Slope, Subject, Table};
+use linkwatch::model::MODEL_FILES;
 use linkwatch::scenes::Scene;
 use linkwatch::{Error, Result, Verifier, VerifierOptions};
 use serde_json::{Map, Value, json};
@@ -23,8 +24,10 @@ use std::path::{Path, PathBuf};
 /// proven bound and as published. The exit code is 1 if a certificate is not the exact one.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A model (.bcc, .obj, .vect), or a scene as `linkwatch generate` takes it
-    #[arg(value_name = "MODEL|SCENE")]
+    #[arg(
+        value_name = "MODEL|SCENE",
+        help = format!("A model ({MODEL_FILES}), or a scene as `linkwatch generate` takes it")
+    )]
     input: String,
     /// Betas of Barnes-Hut (distance of expanded nodes, in radii), separated by commas
     #[arg(

@@ -25,12 +25,11 @@ mod state;
 
 use self::markers::Layout;
 use self::state::{State, Update};
-use super::frames::{FrameSource, ModelFrame};
+use super::frames::{FrameSource, ModelFrame, ReadOptions};
 use crate::container::{self, Channel, Container, Ending, Schema, invalid, op};
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{Read, Seek};
 use std::path::Path;
 
 const FORMAT: &str = "MCAP file";
@@ -193,8 +192,14 @@ impl Channels {
     }
 }
 
+/// Opens a file. Errors name it.
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
+    let frames = McapFrames::new(|| Container::open(path), options.topic.as_deref());
+    Ok(Box::new(frames.map_err(|e| e.in_file(path))?))
+}
+
 /// Frames of an MCAP file.
-pub(super) struct McapFrames<R> {
+struct McapFrames<R> {
     container: Container<R>,
     /// Channels of the chosen topic.
     channels: HashMap<u16, Content>,
@@ -203,13 +208,6 @@ pub(super) struct McapFrames<R> {
     next: Option<(Update, u64, String)>,
     /// Number of the next frame.
     seq: u64,
-}
-
-impl McapFrames<BufReader<File>> {
-    /// Opens a file. `topic` chooses one if there are several with curves.
-    pub fn open(path: &Path, topic: Option<&str>) -> Result<Self> {
-        McapFrames::new(|| Container::open(path), topic)
-    }
 }
 
 impl<R: Read + Seek> McapFrames<R> {

@@ -1,6 +1,6 @@
 use super::state::Change;
 use super::*;
-use crate::model::{Frames, ModelFrame, ReadOptions};
+use crate::model::Frames;
 use crate::verifier::Verifier;
 use std::io::Cursor;
 use std::path::PathBuf;

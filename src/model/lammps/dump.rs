@@ -1,0 +1,283 @@
+//! Text dumps (`dump .. atom`, `dump .. custom`), one frame at a time.
+//!
+//! The atoms of a frame may be in any order. A frame with a wrong value, a missing atom or a torn
+//! curve is invalid, but those after it can be read; a frame of another shape ends the file.
+
+use super::bonds::{Curves, Frame};
+use super::cell::{self, Cell, Unwrapped};
+use super::lines::{Lines, integer, words};
+use crate::curve::{CurveSet, Point};
+use crate::error::Result;
+use crate::model::frames::{FrameSource, ModelFrame};
+use crate::model::{number, quote};
+use std::io::BufRead;
+
+pub(super) const FORMAT: &str = "LAMMPS dump";
+/// Shortest line of an atom, `1 0 0 0`, with the line break.
+const ATOM_BYTES: u64 = 8;
+
+/// Reader of a dump.
+pub(super) struct Dump<R> {
+    lines: Lines<R>,
+    curves: Curves,
+    /// Name of the file, for the log.
+    name: String,
+    /// Time step of the previous frame.
+    last: Option<u64>,
+}
+
+/// What precedes the atoms of a frame.
+#[derive(Default)]
+struct Header {
+    step: Option<u64>,
+    time: f64,
+    atoms: Option<u64>,
+    cell: Option<Cell>,
+}
+
+impl<R: BufRead> Dump<R> {
+    pub fn new(lines: Lines<R>, curves: Curves, name: String) -> Self {
+        Dump {
+            lines,
+            curves,
+            name,
+            last: None,
+        }
+    }
+
+    /// Reads up to the atoms of a frame. `None` at the end of the file.
+    fn header(&mut self) -> Result<Option<(Header, Columns)>> {
+        let lines = &mut self.lines;
+        let mut header = Header::default();
+        let mut begun = false;
+        loop {
+            if !begun {
+                if !lines.advance()? {
+                    return Ok(None);
+                }
+                if lines.text().trim_ascii().is_empty() {
+                    continue;
+                }
+            } else {
+                lines.expect("an ITEM of the frame")?;
+            }
+            begun = true;
+            let Some(item) = lines.text().strip_prefix(b"ITEM: ") else {
+                let what = format!("{}, expected an ITEM", quote(lines.text()));
+                return Err(lines.bad(what));
+            };
+            let item = item.trim_ascii();
+            if let Some(columns) = item.strip_prefix(b"ATOMS") {
+                let columns = Columns::new(columns).map_err(|what| lines.bad(what))?;
+                return Ok(Some((header, columns)));
+            }
+            if let Some(kind) = item.strip_prefix(b"BOX BOUNDS") {
+                let (tilted, periodic) = boundaries(kind).map_err(|what| lines.bad(what))?;
+                header.cell = Some(bounds(lines, tilted, periodic)?);
+                continue;
+            }
+            let item = item.to_vec();
+            lines.expect(format_args!("the value of {}", quote(&item)))?;
+            let value = lines.text().trim_ascii();
+            let read = match &item[..] {
+                b"TIMESTEP" => integer(value, "a time step").map(|n| header.step = Some(n)),
+                b"NUMBER OF ATOMS" => {
+                    integer(value, "the number of atoms").map(|n| header.atoms = Some(n))
+                }
+                b"TIME" => number(value).map(|t| header.time = t),
+                b"UNITS" => Ok(()),
+                other => Err(format!("item {}, which is not known", quote(other))),
+            };
+            read.map_err(|what| lines.bad(what))?;
+        }
+    }
+
+    /// Reads the atoms of a frame. The inner result is that of this frame alone.
+    fn atoms(&mut self, atoms: u64, cell: &Cell, columns: &Columns) -> Result<Result<CurveSet>> {
+        let lines = &mut self.lines;
+        lines.check_room(atoms, ATOM_BYTES, "atoms")?;
+        let mut frame = self.curves.frame();
+        let mut wrong = None;
+        for k in 0..atoms {
+            lines.expect(format_args!("{atoms} atoms, found {k}"))?;
+            if lines.text().starts_with(b"ITEM:") {
+                return Err(lines.bad(format_args!("an ITEM after {k} of {atoms} atoms")));
+            }
+            if wrong.is_none() {
+                let put = columns.put(lines.text(), cell, &mut frame);
+                wrong = put.err().map(|what| lines.bad(what));
+            }
+        }
+        Ok(match wrong {
+            Some(wrong) => Err(wrong),
+            None => frame.finish(cell, columns.unwrapped()),
+        })
+    }
+}
+
+impl<R: BufRead> FrameSource for Dump<R> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        let Some((header, columns)) = self.header()? else {
+            return Ok(None);
+        };
+        let lacks = |item| self.lines.bad(format_args!("atoms without ITEM: {item}"));
+        let step = header.step.ok_or_else(|| lacks("TIMESTEP"))?;
+        let atoms = header.atoms.ok_or_else(|| lacks("NUMBER OF ATOMS"))?;
+        let cell = header.cell.ok_or_else(|| lacks("BOX BOUNDS"))?;
+        match self.last {
+            Some(last) if step <= last => {
+                return Err(self.lines.bad(format_args!(
+                    "time step {step} after time step {last}: remove frames that a restart wrote \
+                     again"
+                )));
+            }
+            Some(_) => {}
+            None => {
+                self.curves.report_others(atoms, &self.name);
+                cell::warn_of_images(&cell, &self.name);
+            }
+        }
+        self.last = Some(step);
+        let curves = self.atoms(atoms, &cell, &columns)?;
+        let time = header.time;
+        Ok(Some(ModelFrame {
+            time,
+            ..ModelFrame::new(step, curves)
+        }))
+    }
+}
+
+/// Parses what follows `ITEM: BOX BOUNDS`: true if there are tilt factors, and the periodic
+/// directions.
+fn boundaries(kind: &[u8]) -> Result<(bool, [bool; 3]), String> {
+    let kind: Vec<&[u8]> = words(kind).take(8).collect();
+    let (tilted, kinds) = match kind[..] {
+        [b"xy", b"xz", b"yz", ref kinds @ ..] => (true, kinds),
+        [b"abc", ..] => {
+            let what = "a general triclinic box (abc origin), which is not read: write the dump \
+                        without `triclinic/general`";
+            return Err(what.into());
+        }
+        ref kinds => (false, kinds),
+    };
+    match *kinds {
+        // Dumps of old versions do not say it.
+        [] => Ok((tilted, [true; 3])),
+        [x, y, z] => Ok((tilted, [x, y, z].map(|kind| kind.starts_with(b"p")))),
+        _ => Err("expected three kinds of boundaries (`pp pp pp`)".into()),
+    }
+}
+
+/// Reads the three lines of a box.
+fn bounds(lines: &mut Lines<impl BufRead>, tilted: bool, periodic: [bool; 3]) -> Result<Cell> {
+    let (mut bounds, mut tilt) = ([[0.0; 3]; 2], [0.0; 3]);
+    for x in 0..3 {
+        lines.expect("the bounds of the box")?;
+        let values = words(lines.text())
+            .map(number)
+            .collect::<Result<Vec<_>, _>>();
+        match values.map_err(|what| lines.bad(what))?[..] {
+            [low, high] if !tilted => (bounds[0][x], bounds[1][x]) = (low, high),
+            [low, high, factor] if tilted => {
+                (bounds[0][x], bounds[1][x], tilt[x]) = (low, high, factor);
+            }
+            ref other => {
+                let (found, expected) = (other.len(), 2 + usize::from(tilted));
+                let what = format!("{found} bounds of the box, expected {expected}");
+                return Err(lines.bad(what));
+            }
+        }
+    }
+    Ok(Cell::of_dump(bounds, tilt, periodic))
+}
+
+/// Columns of the atoms.
+#[derive(Debug, PartialEq, Eq)]
+struct Columns {
+    /// Number of columns.
+    all: usize,
+    /// Columns of the id, of the coordinates, and of the image flags (those of the coordinates
+    /// again if there are none).
+    used: [usize; 7],
+    /// True if the coordinates are multiples of the edges of the box.
+    scaled: bool,
+    unwrapped: Unwrapped,
+}
+
+impl Columns {
+    /// Parses the names of the columns. Coordinates that are not wrapped are preferred.
+    fn new(names: &[u8]) -> Result<Columns, String> {
+        let names: Vec<&[u8]> = words(names).collect();
+        let column = |name: &str| names.iter().position(|n| *n == name.as_bytes());
+        let three = |names: [&str; 3]| {
+            let [x, y, z] = names.map(column);
+            Some([x?, y?, z?])
+        };
+        let id = column("id").ok_or(
+            "no column id, so that atoms cannot be told apart: write `dump .. custom .. id xu yu \
+             zu`",
+        )?;
+        let flags = three(["ix", "iy", "iz"]);
+        let flagged = match flags {
+            Some(_) => Unwrapped::ByFlags,
+            None => Unwrapped::Unknown,
+        };
+        let (at, scaled, unwrapped) = [
+            (["xu", "yu", "zu"], false, Unwrapped::Coordinates),
+            (["xsu", "ysu", "zsu"], true, Unwrapped::Coordinates),
+            (["x", "y", "z"], false, flagged),
+            (["xs", "ys", "zs"], true, flagged),
+        ]
+        .into_iter()
+        .find_map(|(names, scaled, unwrapped)| Some((three(names)?, scaled, unwrapped)))
+        .ok_or("no columns of coordinates: write `dump .. custom .. id xu yu zu`")?;
+        let [x, y, z] = at;
+        let [ix, iy, iz] = flags.unwrap_or(at);
+        Ok(Columns {
+            all: names.len(),
+            used: [id, x, y, z, ix, iy, iz],
+            scaled,
+            unwrapped,
+        })
+    }
+
+    fn unwrapped(&self) -> Unwrapped {
+        self.unwrapped
+    }
+
+    /// Adds the atom of a line to a frame.
+    fn put(&self, line: &[u8], cell: &Cell, frame: &mut Frame<'_>) -> Result<(), String> {
+        let mut found: [&[u8]; 7] = [b""; 7];
+        let mut all = 0;
+        for word in words(line) {
+            for (found, &column) in found.iter_mut().zip(&self.used) {
+                if column == all {
+                    *found = word;
+                }
+            }
+            all += 1;
+        }
+        if all != self.all {
+            return Err(format!("{all} columns, expected {}", self.all));
+        }
+        let id = integer(found[0], "the id of an atom")?;
+        let mut at: Point = [0.0; 3];
+        for (at, word) in at.iter_mut().zip(&found[1..4]) {
+            *at = number(word).map_err(|what| format!("atom {id}: {what}"))?;
+        }
+        let mut flags = [0.0; 3];
+        if self.unwrapped == Unwrapped::ByFlags {
+            for (flag, word) in flags.iter_mut().zip(&found[4..]) {
+                *flag = f64::from(integer::<i32>(word, "an image flag")?);
+            }
+        }
+        let at = if self.scaled {
+            let edges = cell.shift([0, 1, 2].map(|x| at[x] + flags[x]));
+            [0, 1, 2].map(|x| cell.low[x] + edges[x])
+        } else {
+            let shift = cell.shift(flags);
+            [0, 1, 2].map(|x| at[x] + shift[x])
+        };
+        frame.put(id, at)
+    }
+}

@@ -1,0 +1,580 @@
+//! Files that LAMMPS wrote (`tests/models/lammps/generate.py`), and bonds and boxes made by hand.
+
+use super::*;
+use crate::Verifier;
+use crate::curve::CurveSet;
+use crate::model::tests::{assert_error_contains, curves};
+use crate::model::{Frames, ModelFrame, read};
+use proptest::prelude::*;
+
+/// Linking numbers of the rings: the middle one is linked with both others. (The Gauss integrals in
+/// Python are the same.)
+const CERTIFICATE: &str = "3 # lines: 2\n0,1,-1\n1,2,1\n";
+
+fn file(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models/lammps");
+    folder.join(name)
+}
+
+fn certificate(set: &CurveSet) -> String {
+    let mut verifier = Verifier::default();
+    verifier.certify(set).0.to_string()
+}
+
+/// Returns the frames of a file of the folder.
+fn frames(name: &str, bonds: Option<&str>) -> Vec<Result<ModelFrame>> {
+    let options = ReadOptions {
+        bonds: bonds.map(file),
+        ..ReadOptions::default()
+    };
+    Frames::open(&file(name), &options).unwrap().collect()
+}
+
+#[test]
+fn all_files_that_lammps_writes_have_the_same_certificate() {
+    for name in ["rings.data", "triclinic.data"] {
+        let set = read(&file(name)).unwrap();
+        assert_eq!(set.counts().collect::<Vec<_>>(), [-14; 3]);
+        assert_eq!(certificate(&set), CERTIFICATE, "{name}");
+    }
+    for (name, bonds) in [
+        ("flags.dump", "rings.data"),
+        ("unwrapped.dump", "rings.data"),
+        ("scaled.dump", "rings.data"),
+        ("scaled-unwrapped.lammpstrj", "rings.data"),
+        ("triclinic.dump", "triclinic.data"),
+        ("triclinic-scaled.dump", "triclinic.data"),
+        ("triclinic-unwrapped.dump", "triclinic.data"),
+    ] {
+        let frames = frames(name, Some(bonds));
+        for (frame, seq) in frames.iter().zip([0, 250, 500]) {
+            let frame = frame.as_ref().unwrap();
+            assert_eq!(frame.seq, seq);
+            let set = frame.curves.as_ref().unwrap();
+            assert_eq!(certificate(set), CERTIFICATE, "{name}");
+        }
+        assert_eq!(frames.len(), 3, "{name}");
+    }
+}
+
+#[test]
+fn all_dumps_of_a_run_have_the_same_points() {
+    let points = |name, bonds| -> Vec<[f64; 3]> {
+        let frames = frames(name, Some(bonds)).into_iter();
+        let sets = frames.map(|frame| frame.unwrap().curves.unwrap());
+        sets.flat_map(|set| curves(&set).into_iter().flat_map(|(_, points)| points))
+            .collect()
+    };
+    let near = |a: &[[f64; 3]], b: &[[f64; 3]]| {
+        assert_eq!(a.len(), b.len());
+        // Six digits of coordinates up to 12.
+        (a.as_flattened().iter())
+            .zip(b.as_flattened())
+            .all(|(x, y)| (x - y).abs() < 1e-3)
+    };
+    let expected = points("unwrapped.dump", "rings.data");
+    for name in ["flags.dump", "scaled.dump", "scaled-unwrapped.lammpstrj"] {
+        assert!(near(&points(name, "rings.data"), &expected), "{name}");
+    }
+    let expected = points("triclinic-unwrapped.dump", "triclinic.data");
+    for name in ["triclinic.dump", "triclinic-scaled.dump"] {
+        assert!(near(&points(name, "triclinic.data"), &expected), "{name}");
+    }
+    for (data, dump) in [
+        ("rings.data", "unwrapped.dump"),
+        ("triclinic.data", "triclinic.dump"),
+    ] {
+        let last = frames(dump, Some(data))
+            .pop()
+            .unwrap()
+            .unwrap()
+            .curves
+            .unwrap();
+        let (a, b) = (curves(&read(&file(data)).unwrap()), curves(&last));
+        for ((_, a), (_, b)) in a.iter().zip(&b) {
+            assert!(near(a, b), "{data}");
+        }
+    }
+}
+
+#[test]
+fn a_dump_has_the_time_that_lammps_wrote() {
+    let times = frames("flags.dump", Some("rings.data")).into_iter();
+    let times: Vec<f64> = times.map(|frame| frame.unwrap().time).collect();
+    assert_eq!(times, [0.0, 1.0, 2.0]);
+}
+
+#[test]
+fn wrapped_rings_are_refused_with_advice() {
+    let frames = frames("wrapped.dump", Some("rings.data"));
+    assert_eq!(frames.len(), 3);
+    for frame in frames {
+        let error = frame.unwrap().curves.unwrap_err().to_string();
+        assert!(error.contains("more than half"), "{error}");
+        assert!(error.contains("custom .. id xu yu zu"), "{error}");
+        assert!(error.contains("ix iy iz"), "{error}");
+    }
+}
+
+#[test]
+fn a_frame_without_an_atom_is_invalid_and_the_next_one_is_read() {
+    let frames: Vec<_> = frames("lost.dump", Some("rings.data"))
+        .into_iter()
+        .map(|frame| frame.unwrap())
+        .collect();
+    let valid: Vec<bool> = frames.iter().map(|f| f.curves.is_ok()).collect();
+    assert_eq!(valid, [true, false, true]);
+    let error = frames[1].curves.as_ref().unwrap_err().to_string();
+    assert!(
+        error.contains("1 of the 42 atoms on curves are missing, atom "),
+        "{error}"
+    );
+}
+
+#[test]
+fn the_bonds_of_a_dump_come_from_the_option_or_the_file_beside_it() {
+    let beside = frames("triclinic.dump", None);
+    assert_eq!(beside.len(), 3);
+    let error = read(&file("flags.dump")).unwrap_err().to_string();
+    assert!(
+        error.contains("flags.dump: unsupported LAMMPS dump: a dump has no bonds"),
+        "{error}"
+    );
+    assert!(error.contains("--bonds"), "{error}");
+    let folder = tempfile::tempdir().unwrap();
+    let dump = folder.path().join("dump.melt");
+    assert_eq!(super::beside(&dump), None);
+    for (dump, data) in [
+        ("melt.lammpstrj", "melt.lammps"),
+        ("melt.dump", "melt.data"),
+        ("dump.melt", "data.melt"),
+        ("dump.0.melt", "data.0.melt"),
+    ] {
+        let data = folder.path().join(data);
+        std::fs::write(&data, "").unwrap();
+        assert_eq!(super::beside(&folder.path().join(dump)), Some(data));
+    }
+}
+
+#[test]
+fn a_dump_of_any_name_is_known_by_its_start() {
+    let folder = tempfile::tempdir().unwrap();
+    for (start, name) in [("flags.dump", "run.txt"), ("unwrapped.dump", "run")] {
+        let path = folder.path().join(name);
+        std::fs::copy(file(start), &path).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains("unsupported LAMMPS dump"), "{error}");
+    }
+}
+
+#[test]
+fn compressed_files_are_refused_with_the_tool_that_decompresses() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dump.melt.gz");
+    std::fs::write(&path, b"\x1f\x8b\x08rest").unwrap();
+    assert_error_contains(
+        read(&path),
+        "dump.melt.gz: unsupported LAMMPS dump: compressed",
+    );
+    assert_error_contains(read(&path), "`gunzip`");
+}
+
+fn data(text: &str) -> Result<CurveSet> {
+    read_data(text.as_bytes(), text.len() as u64, "memory")
+}
+
+/// Returns a data file of `bonds` between the atoms 1 to `atoms` at `(id, 0, 0)`.
+fn bonded(atoms: usize, bonds: &[[u64; 2]]) -> String {
+    let mut text = format!(
+        "title\n{atoms} atoms\n{} bonds\n1 atom types\n",
+        bonds.len()
+    );
+    text += "0 99 xlo xhi\n0 99 ylo yhi\n0 99 zlo zhi\n\nAtoms\n\n";
+    (1..=atoms).for_each(|id| text += &format!("{id} 1 1 {id} 0 0\n"));
+    text += "\nBonds\n\n";
+    for [a, b] in bonds {
+        text += &format!("1 1 {a} {b}\n");
+    }
+    text
+}
+
+/// Returns the curves of a set of [`bonded`]: true if closed, and the ids of the atoms.
+fn ids(set: &CurveSet) -> Vec<(bool, Vec<u64>)> {
+    let id = |point: [f64; 3]| point[0] as u64;
+    let curves = curves(set).into_iter();
+    curves
+        .map(|(closed, points)| (closed, points.into_iter().map(id).collect()))
+        .collect()
+}
+
+#[test]
+fn rings_start_with_their_smallest_atom_and_chains_at_their_smaller_end() {
+    let bonds = [
+        [5, 9],
+        [3, 9],
+        [5, 3],
+        [8, 2],
+        [2, 6],
+        [6, 4],
+        [1, 7],
+        [7, 1],
+    ];
+    let set = data(&bonded(9, &bonds)).unwrap();
+    let expected = [
+        (false, vec![1, 7]),
+        (false, vec![4, 6, 2, 8]),
+        (true, vec![3, 5, 9]),
+    ];
+    assert_eq!(ids(&set), expected);
+}
+
+#[test]
+fn molecules_with_branches_and_atoms_without_bonds_are_skipped() {
+    let branched = [[1, 2], [1, 3], [1, 4], [4, 5]];
+    let bonds = [&branched[..], &[[7, 8], [8, 9], [9, 7]]].concat();
+    let set = data(&bonded(12, &bonds)).unwrap();
+    assert_eq!(ids(&set), [(true, vec![7, 8, 9])]);
+    let expected = "1 of 1 molecules (5 atoms) have branches, so that they are no curves: atom 1 \
+                    has 3 bonds";
+    assert_error_contains(data(&bonded(6, &branched)), expected);
+    assert_error_contains(data(&bonded(3, &[])), "no bonds, which define the curves");
+}
+
+#[test]
+fn a_curve_that_closes_only_through_the_boundary_is_refused() {
+    // Three atoms, each a third of the box apart.
+    let text = "t\n3 atoms\n3 bonds\n1 atom types\n0 9 xlo xhi\n0 9 ylo yhi\n0 9 zlo zhi\n\n\
+                Atoms # molecular\n\n1 1 1 1 0 0 0 0 0\n2 1 1 4 0 0 0 0 0\n3 1 1 7 0 0 0 0 0\n\n\
+                Bonds\n\n1 1 1 2\n2 1 2 3\n3 1 3 1\n";
+    assert_error_contains(
+        data(text),
+        "the bond of atoms 3 and 1 is 0.667 of the periodic box",
+    );
+    assert_error_contains(data(text), "in spite of image flags");
+    // Without flags it may be wrapped.
+    let plain = text.replace(" 0 0 0 0 0\n", " 0 0\n");
+    assert_error_contains(data(&plain), "the curve is wrapped at the boundary");
+}
+
+#[test]
+fn the_columns_of_atoms_follow_their_style() {
+    let with = |heading: &str, atom: &dyn Fn(usize) -> String| {
+        let mut text = "t\n3 atoms\n3 bonds\n2 atom types\n0 9 xlo xhi\n0 9 ylo yhi\n".to_owned();
+        text += &format!("0 9 zlo zhi\n\n{heading}\n\n");
+        (1..=3).for_each(|id| text += &format!("{id} {}\n", atom(id)));
+        data(&(text + "\nBonds\n\n1 1 1 2\n2 1 2 3\n3 1 3 1\n"))
+    };
+    let xyz = |id: usize| format!("{id} {} 0.5", id * id % 4);
+    let expected = vec![(true, vec![[1., 1., 0.5], [2., 0., 0.5], [3., 1., 0.5]])];
+    for (heading, columns) in [
+        ("Atoms # bond", "7 1"),
+        ("Atoms # molecular", "7 1"),
+        ("Atoms  # angle", "7 1"),
+        ("Atoms # full", "7 1 -0.5"),
+        ("Atoms # atomic", "C"),
+        ("Atoms # charge", "2 0.1"),
+        ("Atoms # sphere", "2 1.0 0.1"),
+        ("Atoms # bpm/sphere", "7 2 1.0 0.1"),
+        ("Atoms", "7 1"),
+        ("Atoms", "7 2 0.5"),
+        ("Atoms #", "7 2 0.5"),
+    ] {
+        let plain = with(heading, &|id| format!("{columns} {} # C", xyz(id))).unwrap();
+        assert_eq!(curves(&plain), expected, "{heading}");
+        // A box of 9, and flags that leave the box as a whole.
+        let flagged = with(heading, &|id| format!("{columns} {} 1 0 -1", xyz(id))).unwrap();
+        assert_eq!(flagged.point(0, 1), [11.0, 0.0, -8.5], "{heading}");
+    }
+    let fails = |heading, columns: &str| {
+        let result = with(heading, &|id| format!("{columns} {}", xyz(id)));
+        result.unwrap_err().to_string()
+    };
+    for (heading, columns, expected) in [
+        (
+            "Atoms",
+            "1",
+            "atoms of 5 columns, from which their style cannot be told",
+        ),
+        ("Atoms", "1 2 3 4", "atoms of 8 columns"),
+        (
+            "Atoms",
+            "1 3",
+            "type 3 of an atom in column 3, but there are 2 types",
+        ),
+        ("Atoms", "1 1.5", "'1.5', expected the type of an atom"),
+        (
+            "Atoms # hybrid bond",
+            "1 1",
+            "atoms of style 'hybrid bond', which is not read",
+        ),
+        (
+            "Atoms # full",
+            "1 1",
+            "6 columns, but atoms of style full have 7, or 10 with image",
+        ),
+    ] {
+        let error = fails(heading, columns);
+        assert!(error.contains(expected), "{error}");
+        assert!(error.contains("line 11)"), "{error}");
+    }
+}
+
+#[test]
+fn errors_of_data_files_name_the_line() {
+    let good = bonded(3, &[[1, 2], [2, 3], [3, 1]]);
+    data(&good).unwrap();
+    for (from, to, expected) in [
+        (
+            "3 atoms",
+            "4 atoms",
+            "line 14): an empty line after 3 of 4 atoms",
+        ),
+        ("3 atoms", "99 atoms", "line 9): 99 atoms, too many for"),
+        ("3 atoms", "18446744073709551615 atoms", "too many for"),
+        ("3 atoms", "-3 atoms", "'-3', expected a number of atoms"),
+        ("3 bonds", "4 bonds", "4 bonds, too many for 25 bytes"),
+        ("3 bonds", "99999999 bonds", "99999999 bonds, too many for"),
+        (
+            "3 bonds",
+            "2 bonds",
+            "'1 1 3 1', expected the name of a section",
+        ),
+        ("0 99 ylo yhi", "", "without the bounds `ylo yhi`"),
+        (
+            "0 99 ylo yhi",
+            "0 nan ylo yhi",
+            "'nan' is not a finite number",
+        ),
+        ("0 99 ylo yhi", "1 0 0 avec", "a general triclinic box"),
+        (
+            "2 1 1 2 0 0",
+            "2 1 1 2 0 x",
+            "line 12): atom 2: 'x', expected a number",
+        ),
+        (
+            "2 1 1 2 0 0",
+            "2 1 1 2 0",
+            "line 12): 5 columns, but the first atom has 6",
+        ),
+        (
+            "2 1 1 2 0 0",
+            "3 1 1 2 0 0",
+            "Atoms): atom 3 is there twice",
+        ),
+        (
+            "2 1 1 2 0 0",
+            "4 1 1 2 0 0",
+            "1 of the 3 atoms on curves are missing, atom 2",
+        ),
+        (
+            "1 1 2 3",
+            "1 1 2 2",
+            "line 18): a bond of atom 2 with itself",
+        ),
+        ("1 1 2 3", "1 1 2", "too few words"),
+        ("1 1 2 3", "1 1 2 -3", "'-3', expected the id of an atom"),
+        (
+            "Bonds",
+            "Angles",
+            "no section Bonds, but the header promises 3",
+        ),
+        (
+            "Atoms",
+            "Velocities",
+            "no section Atoms, but the header promises 3",
+        ),
+        ("Bonds", "Atoms", "a second section 'Atoms'"),
+    ] {
+        assert_error_contains(data(&good.replacen(from, to, 1)), expected);
+    }
+    let wide = good
+        .replace("1 1 3 1", "1 1 3          1")
+        .replace("3 bonds", "4 bonds");
+    assert_error_contains(data(&wide), "the file ends, expected 4 bonds, found 3");
+    assert_error_contains(data(""), "line 1): the file ends, expected a data file");
+    let long = format!("title\n{}", "x".repeat(1 << 17));
+    assert_error_contains(data(&long), "is longer than 65536 bytes");
+}
+
+/// Returns the frames of a dump of the atoms 1, 2 and 3, a closed curve.
+fn dump(text: &str) -> Result<Vec<ModelFrame>> {
+    let mut source = read_dump(text.as_bytes(), &[[1, 2], [2, 3], [3, 1]])?;
+    let mut frames = Vec::new();
+    while let Some(frame) = source.next_frame()? {
+        frames.push(frame);
+    }
+    Ok(frames)
+}
+
+const DUMP: &str = "ITEM: TIMESTEP\n5\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS pp pp ff\n0 9\n\
+                    0 9\n0 9\nITEM: ATOMS id x y z\n1 1 0 0\n2 2 0 9\n3 3 1 0\n";
+
+#[test]
+fn errors_of_dumps_name_the_line() {
+    assert!(dump(DUMP).unwrap()[0].curves.is_ok());
+    for (from, to, expected) in [
+        ("ITEM: TIMESTEP\n5\n", "", "atoms without ITEM: TIMESTEP"),
+        (
+            "TIMESTEP\n5",
+            "TIMESTEP\n-5",
+            "line 2): '-5', expected a time step",
+        ),
+        (
+            "ITEM: NUMBER OF ATOMS\n3\n",
+            "",
+            "atoms without ITEM: NUMBER OF ATOMS",
+        ),
+        ("ATOMS\n3", "ATOMS\n4", "4 atoms, too many for 24 bytes"),
+        ("ATOMS\n3", "ATOMS\n2", "'3 3 1 0', expected an ITEM"),
+        ("ATOMS\n3", "ATOMS\n9999", "9999 atoms, too many for"),
+        (
+            "ITEM: BOX BOUNDS pp pp ff\n0 9\n0 9\n0 9\n",
+            "",
+            "atoms without ITEM: BOX BOUNDS",
+        ),
+        (
+            "BOUNDS pp pp ff",
+            "BOUNDS pp pp",
+            "expected three kinds of boundaries",
+        ),
+        (
+            "BOUNDS pp pp ff",
+            "BOUNDS abc origin pp pp ff",
+            "a general triclinic box",
+        ),
+        (
+            "BOUNDS pp pp ff",
+            "BOUNDS xy xz yz pp pp ff",
+            "2 bounds of the box, expected 3",
+        ),
+        ("0 9\n", "0 x\n", "line 6): 'x', expected a number"),
+        (
+            "ITEM: BOX",
+            "ITEM: SHAPE",
+            "item 'SHAPE BOUNDS pp pp ff', which is not known",
+        ),
+        ("ATOMS id x y z", "ATOMS type x y z", "no column id"),
+        (
+            "ATOMS id x y z",
+            "ATOMS id vx vy vz",
+            "no columns of coordinates",
+        ),
+        (
+            "ITEM: ATOMS",
+            "ATOMS",
+            "line 9): 'ATOMS id x y z', expected an ITEM",
+        ),
+    ] {
+        let error = dump(&DUMP.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error:?} lacks {expected:?}");
+    }
+    let wide = DUMP
+        .replace("3 3 1 0", "3 3.0000000 1 0")
+        .replace("ATOMS\n3", "ATOMS\n4");
+    let truncated = dump(&wide).unwrap_err().to_string();
+    assert!(
+        truncated.contains("the file ends, expected 4 atoms, found 3"),
+        "{truncated}"
+    );
+    let again = dump(&DUMP.repeat(2)).unwrap_err().to_string();
+    assert!(again.contains("time step 5 after time step 5"), "{again}");
+}
+
+#[test]
+fn a_frame_with_a_wrong_atom_is_invalid_and_the_next_one_is_read() {
+    for (from, to, expected) in [
+        (
+            "2 2 0 9",
+            "2 2 0 nan",
+            "line 11): atom 2: 'nan' is not a finite number",
+        ),
+        ("2 2 0 9", "2 2 0", "line 11): 3 columns, expected 4"),
+        ("2 2 0 9", "3 2 0 9", "atom 3 is there twice"),
+        (
+            "2 2 0 9",
+            "7 2 0 9",
+            "1 of the 3 atoms on curves are missing, atom 2",
+        ),
+        (
+            "2 2 0 9",
+            "2 7 0 9",
+            "atoms 1 and 2 is 0.667 of the periodic box long in x",
+        ),
+        ("2 2 0 9", "2 1e400 0 9", "'1e400' is not a finite number"),
+    ] {
+        let text = DUMP.replacen(from, to, 1) + &DUMP.replacen("\n5\n", "\n6\n", 1);
+        let frames = dump(&text).unwrap();
+        let error = frames[0].curves.as_ref().unwrap_err().to_string();
+        assert!(error.contains(expected), "{error:?} lacks {expected:?}");
+        assert!(frames[1].curves.is_ok());
+    }
+}
+
+#[test]
+fn only_periodic_directions_tear_bonds() {
+    // The bond of atoms 1 and 2 is as long as the box in z, which is not periodic.
+    let free = DUMP
+        .replace("pp pp ff", "ff ff ss")
+        .replace("3 3 1 0", "3 9 9 0");
+    assert!(dump(&free).unwrap()[0].curves.is_ok());
+    let periodic = DUMP.replace("pp pp ff", "pp pp pp");
+    assert!(dump(&periodic).unwrap()[0].curves.is_err());
+    // Old dumps do not say which directions are periodic.
+    let old = DUMP.replace(" pp pp ff", "");
+    assert!(dump(&old).unwrap()[0].curves.is_err());
+    // A box without a volume proves nothing.
+    let flat = DUMP.replacen("0 9\n", "0 0\n", 1);
+    assert!(dump(&flat).unwrap()[0].curves.is_err());
+}
+
+proptest! {
+    #[test]
+    fn a_wrapped_chain_is_unwrapped_or_refused(
+        tilt in [-3.0..3.0f64, -3.0..3.0, -3.0..3.0],
+        steps in prop::collection::vec([-2.0..2.0f64, -2.0..2.0, -2.0..2.0], 1..12),
+    ) {
+        // A closed curve: there and back.
+        let cell = cell::Cell::new([[1.0; 3], [11.0; 3]], tilt, [true; 3]);
+        let mut points = vec![[5.0; 3]];
+        for step in &steps {
+            let p = points[points.len() - 1];
+            points.push([0, 1, 2].map(|x| p[x] + step[x]));
+        }
+        for k in (1..steps.len()).rev() {
+            points.push(points[k].map(|x| x + 0.25));
+        }
+        let n = points.len() as u64;
+        let bonds: Vec<[u64; 2]> = (1..n).map(|k| [k, k + 1]).collect();
+        let curve = Curves::of_bonds(bonds, dump::FORMAT, "memory").unwrap();
+        // Wraps every point into the box, from the last direction to the first one.
+        let (mut with_flags, mut without) = (curve.frame(), curve.frame());
+        let mut torn = false;
+        let mut previous = None;
+        for (id, p) in (1..).zip(&points) {
+            let mut wrapped = *p;
+            let mut flags = [0.0; 3];
+            for x in (0..3).rev() {
+                let mut edge = [0.0; 3];
+                let s = (wrapped[x] - 1.0) / 10.0;
+                edge[x] = s.floor();
+                flags[x] = edge[x];
+                let shift = cell.shift(edge);
+                wrapped = [0, 1, 2].map(|x| wrapped[x] - shift[x]);
+            }
+            torn |= previous.is_some_and(|f| f != flags);
+            previous = Some(flags);
+            let shift = cell.shift(flags);
+            with_flags.put(id, [0, 1, 2].map(|x| wrapped[x] + shift[x])).unwrap();
+            without.put(id, wrapped).unwrap();
+        }
+        let unwrapped = with_flags.finish(&cell, Unwrapped::ByFlags);
+        // Steps of up to 2 in x can be longer than half of the tilted box in its own coordinates.
+        if let Ok(set) = unwrapped {
+            for (k, p) in points.iter().enumerate() {
+                let q = set.point(0, k);
+                prop_assert!((0..3).all(|x| (p[x] - q[x]).abs() < 1e-9));
+            }
+            prop_assert_eq!(without.finish(&cell, Unwrapped::Unknown).is_err(), torn);
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Frames of an array of positions.
+
+use super::array::{Array, Kind, fill};
+use super::{FORMAT, Others};
+use crate::curve::{Basis, CurveLabels, CurveSet, Positions};
+use crate::error::{Error, Result};
+use crate::model::frames::{FrameSource, ModelFrame};
+use std::io::Read;
+use std::sync::Arc;
+
+/// Reader of the frames.
+pub(super) struct ArrayFrames<R> {
+    input: R,
+    double: bool,
+    little: bool,
+    layout: Layout,
+    next: u64,
+    basis: Basis,
+    times: Option<Vec<f64>>,
+    seq: Option<Vec<u64>>,
+    labels: Arc<CurveLabels>,
+    /// Buffers of a frame.
+    bytes: Vec<u8>,
+    singles: Vec<f32>,
+    doubles: Vec<f64>,
+}
+
+/// Division of the positions into frames and curves.
+struct Layout {
+    frames: u64,
+    frame_bytes: usize,
+    counts: Vec<i32>,
+}
+
+fn bad(what: impl std::fmt::Display) -> Error {
+    Error::format(FORMAT, "array positions", what)
+}
+
+impl Layout {
+    /// Divides positions by the counts of the curves, if there are any.
+    fn new(positions: &Array, counts: Option<Vec<i32>>, limit: u64) -> Result<Layout> {
+        let shape = positions.shape_text();
+        let supported = "frames x points x 3, points x 3 or frames x curves x points x 3";
+        let [frames, curves, points] = match (positions.shape.split_last(), &counts) {
+            (Some((3, &[points])), Some(_)) => [1, 1, points],
+            (Some((3, &[frames, points])), Some(_)) => [frames, 1, points],
+            (Some((3, &[frames, curves, points])), _) => [frames, curves, points],
+            (Some((3, [_] | [_, _])), None) => {
+                let what = format!(
+                    "positions of shape {shape} do not say which points belong to one curve: give \
+                     the numbers of points of the curves, negative if closed (`--counts`, or an \
+                     array `counts` in an .npz), or the shape frames x curves x points x 3 for \
+                     equal closed curves"
+                );
+                return Err(Error::unsupported(FORMAT, what));
+            }
+            _ => {
+                let what = format!("positions of shape {shape}; supported are {supported}");
+                return Err(Error::unsupported(FORMAT, what));
+            }
+        };
+        if frames == 0 {
+            return Err(bad(format_args!("shape {shape}, which has no frames")));
+        }
+        // Compared with the length of the array, so that no later number overflows.
+        let all = (curves.checked_mul(points)).filter(|n| (1..=u64::from(u32::MAX)).contains(n));
+        let Some(all) = all else {
+            return Err(bad(format_args!(
+                "shape {shape}, expected 1 to {} points in a frame",
+                u32::MAX
+            )));
+        };
+        let frame_bytes = 3 * all * positions.size;
+        if frame_bytes > limit {
+            return Err(bad(format_args!(
+                "frames of {frame_bytes} bytes, which is more than 64 MiB and 100 times the \
+                 compressed size: store them without compression (`np.savez`)"
+            )));
+        }
+        let counts = match counts {
+            Some(counts) => counts,
+            None => {
+                let count = i32::try_from(points).map_err(|_| Error::Count {
+                    what: "points of a curve",
+                    promised: points,
+                    available: i32::MAX as u64,
+                })?;
+                vec![-count; curves as usize]
+            }
+        };
+        let sizes = counts.iter().map(|c| u64::from(c.unsigned_abs()));
+        let sum: u64 = sizes.clone().sum();
+        let four_dimensions = positions.shape.len() == 4;
+        if sum != all || (four_dimensions && !sizes.into_iter().all(|n| n == points)) {
+            return Err(bad(format_args!(
+                "shape {shape} does not fit {} curves with {sum} points",
+                counts.len()
+            )));
+        }
+        Ok(Layout {
+            frames,
+            frame_bytes: usize::try_from(frame_bytes).map_err(|_| Error::Count {
+                what: "bytes of a frame",
+                promised: frame_bytes,
+                available: usize::MAX as u64,
+            })?,
+            counts,
+        })
+    }
+}
+
+/// Fails if there is not one value for each frame.
+fn check_length<T>(name: &str, values: &Option<Vec<T>>, frames: u64) -> Result<()> {
+    match values {
+        Some(values) if values.len() as u64 != frames => {
+            let what = format!("{} values for {frames} frames", values.len());
+            Err(Error::format(FORMAT, format_args!("array {name}"), what))
+        }
+        _ => Ok(()),
+    }
+}
+
+impl<R: Read> ArrayFrames<R> {
+    /// Starts before the first frame. A frame may have at most `limit` bytes.
+    pub fn new(input: R, positions: &Array, others: Others, limit: u64) -> Result<Self> {
+        if positions.kind != Kind::Float || !matches!(positions.size, 4 | 8) {
+            let what = format!(
+                "positions of type {}; convert them with `.astype(np.float64)`",
+                positions.descr
+            );
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        let layout = Layout::new(positions, others.counts, limit)?;
+        others.labels.check(layout.counts.len())?;
+        check_length("times", &others.times, layout.frames)?;
+        check_length("seq", &others.seq, layout.frames)?;
+        Ok(ArrayFrames {
+            input,
+            double: positions.size == 8,
+            little: positions.little,
+            layout,
+            next: 0,
+            basis: others.basis.unwrap_or(Basis::Polyline),
+            times: others.times,
+            seq: others.seq,
+            labels: Arc::new(others.labels),
+            bytes: Vec::new(),
+            singles: Vec::new(),
+            doubles: Vec::new(),
+        })
+    }
+
+    /// Converts the bytes of a frame.
+    fn curves(&mut self) -> Result<CurveSet> {
+        let positions = if self.double {
+            let values = self.bytes.as_chunks().0.iter();
+            self.doubles.clear();
+            match self.little {
+                true => self.doubles.extend(values.map(|&b| f64::from_le_bytes(b))),
+                false => self.doubles.extend(values.map(|&b| f64::from_be_bytes(b))),
+            }
+            Positions::F64(&self.doubles)
+        } else {
+            let values = self.bytes.as_chunks().0.iter();
+            self.singles.clear();
+            match self.little {
+                true => self.singles.extend(values.map(|&b| f32::from_le_bytes(b))),
+                false => self.singles.extend(values.map(|&b| f32::from_be_bytes(b))),
+            }
+            Positions::F32(&self.singles)
+        };
+        CurveSet::from_counts(self.basis, &self.layout.counts, positions)
+    }
+}
+
+impl<R: Read> FrameSource for ArrayFrames<R> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        let frame = self.next;
+        if frame == self.layout.frames {
+            return Ok(None);
+        }
+        fill(&mut self.input, self.layout.frame_bytes, &mut self.bytes)
+            .map_err(|e| e.at(format_args!("frame {frame}")))?;
+        self.next += 1;
+        let curves = self.curves();
+        let k = frame as usize;
+        let seq = self.seq.as_ref().map_or(frame, |seq| seq[k]);
+        Ok(Some(ModelFrame {
+            time: self.times.as_ref().map_or(0.0, |times| times[k]),
+            labels: self.labels.clone(),
+            ..ModelFrame::new(seq, curves)
+        }))
+    }
+}

@@ -1,0 +1,188 @@
+//! The small arrays of an `.npz` file: counts, basis, times, names and radii.
+
+use super::archive::Archive;
+use super::array::{Array, Kind};
+use super::{FORMAT, Others, basis_name};
+use crate::curve::Basis;
+use crate::error::{Error, Result};
+use std::io::{BufRead, Seek};
+
+/// Bytes that an array of numbers, and one of texts, may have at any compression. A text takes many
+/// times its bytes.
+const FREE_NUMBERS: u64 = 16 << 20;
+const FREE_TEXTS: u64 = 1 << 20;
+
+/// Reads the arrays of these names that a file has.
+pub(super) fn read(archive: &mut Archive<impl BufRead + Seek>) -> Result<Others> {
+    let mut others = Others::default();
+    if let Some(counts) = Values::find(archive, "counts")? {
+        others.counts = Some(counts.integers()?);
+    }
+    if let Some(basis) = Values::find(archive, "basis")? {
+        others.basis = Some(basis.basis()?);
+    }
+    if let Some(times) = Values::find(archive, "times")? {
+        others.times = Some(times.floats()?);
+    }
+    if let Some(seq) = Values::find(archive, "seq")? {
+        let numbers: Vec<u64> = seq.integers()?;
+        if let Some(k) = numbers.windows(2).position(|w| w[0] >= w[1]) {
+            let what = format!("frame {} after frame {}", numbers[k + 1], numbers[k]);
+            return Err(seq.bad(what));
+        }
+        others.seq = Some(numbers);
+    }
+    if let Some(names) = Values::find(archive, "names")? {
+        others.labels.names = names.texts()?;
+    }
+    if let Some(radii) = Values::find(archive, "radii")? {
+        others.labels.radii = radii.floats()?.into_iter().map(|r| r as f32).collect();
+    }
+    Ok(others)
+}
+
+/// Values of an array of one dimension, or of none.
+struct Values {
+    name: &'static str,
+    array: Array,
+    bytes: Vec<u8>,
+}
+
+impl Values {
+    fn find(
+        archive: &mut Archive<impl BufRead + Seek>,
+        name: &'static str,
+    ) -> Result<Option<Values>> {
+        let Some(member) = archive.find(name) else {
+            return Ok(None);
+        };
+        let free = match name {
+            "names" => FREE_TEXTS,
+            _ => FREE_NUMBERS,
+        };
+        let mut bytes = archive.read(&member, free)?;
+        let mut content = &bytes[..];
+        let array = Array::parse(&mut content, member.size, name)?;
+        let header = bytes.len() - content.len();
+        bytes.drain(..header);
+        let values = Values { name, array, bytes };
+        match values.array.shape.len() {
+            // Without bytes a value would have any number of them.
+            0 | 1 if values.array.size > 0 => Ok(Some(values)),
+            _ => Err(values.bad(format_args!("{} values", values.array.shape_text()))),
+        }
+    }
+
+    fn bad(&self, what: impl std::fmt::Display) -> Error {
+        Error::format(FORMAT, format_args!("array {}", self.name), what)
+    }
+
+    fn wrong_type(&self, expected: &str) -> Error {
+        self.bad(format_args!(
+            "type {}, expected {expected}",
+            self.array.descr
+        ))
+    }
+
+    /// Returns the bytes of each value.
+    fn each(&self) -> impl Iterator<Item = &[u8]> {
+        self.bytes.chunks_exact(self.array.size as usize)
+    }
+
+    /// Returns the integers, which must fit into `T`.
+    fn integers<T: TryFrom<i128>>(&self) -> Result<Vec<T>> {
+        let signed = match self.array.kind {
+            Kind::Signed => true,
+            Kind::Unsigned => false,
+            _ => return Err(self.wrong_type("integers")),
+        };
+        if self.array.size > 8 {
+            return Err(self.wrong_type("integers"));
+        }
+        let little = self.array.little;
+        self.each()
+            .map(|bytes| {
+                let digit = |n: i128, b: &u8| (n << 8) | i128::from(*b);
+                let value = match little {
+                    true => bytes.iter().rfold(0, digit),
+                    false => bytes.iter().fold(0, digit),
+                };
+                let range = 1_i128 << (8 * bytes.len());
+                let value = match signed && value >= range / 2 {
+                    true => value - range,
+                    false => value,
+                };
+                T::try_from(value).map_err(|_| self.bad(format_args!("{value} is out of range")))
+            })
+            .collect()
+    }
+
+    fn floats(&self) -> Result<Vec<f64>> {
+        let little = self.array.little;
+        let value = |bytes: &[u8]| -> Option<f64> {
+            if let Ok(b) = <[u8; 4]>::try_from(bytes) {
+                let value = if little {
+                    f32::from_le_bytes(b)
+                } else {
+                    f32::from_be_bytes(b)
+                };
+                return Some(value.into());
+            }
+            let b = <[u8; 8]>::try_from(bytes).ok()?;
+            Some(if little {
+                f64::from_le_bytes(b)
+            } else {
+                f64::from_be_bytes(b)
+            })
+        };
+        if self.array.kind != Kind::Float {
+            return Err(self.wrong_type("f4 or f8"));
+        }
+        let values: Option<Vec<f64>> = self.each().map(value).collect();
+        let values = values.ok_or_else(|| self.wrong_type("f4 or f8"))?;
+        match values.iter().position(|x| !x.is_finite()) {
+            Some(k) => Err(self.bad(format_args!("value {k} is {}", values[k]))),
+            None => Ok(values),
+        }
+    }
+
+    fn texts(&self) -> Result<Vec<String>> {
+        let little = self.array.little;
+        let text = |bytes: &[u8]| -> Option<String> {
+            match self.array.kind {
+                Kind::Bytes => String::from_utf8(bytes.to_vec()).ok(),
+                Kind::Text => (bytes.as_chunks().0.iter())
+                    .map(|&b| match little {
+                        true => char::from_u32(u32::from_le_bytes(b)),
+                        false => char::from_u32(u32::from_be_bytes(b)),
+                    })
+                    .collect(),
+                _ => None,
+            }
+        };
+        let texts = self.each().map(|bytes| {
+            // Shorter texts are filled up.
+            let text = text(bytes)?;
+            Some(text.trim_end_matches('\0').to_owned())
+        });
+        let texts: Option<Vec<String>> = texts.collect();
+        texts.ok_or_else(|| self.wrong_type("texts"))
+    }
+
+    fn basis(&self) -> Result<Basis> {
+        let expected = "expected polyline, catmull-rom, b-spline or bezier, or 0 to 3";
+        if matches!(self.array.kind, Kind::Signed | Kind::Unsigned) {
+            return match self.integers::<usize>()?[..] {
+                [code] if code < Basis::ALL.len() => Ok(Basis::ALL[code]),
+                ref other => Err(self.bad(format_args!("{other:?}, {expected}"))),
+            };
+        }
+        let texts = self.texts()?;
+        let found = match &texts[..] {
+            [name] => Basis::ALL.into_iter().find(|b| basis_name(*b) == name),
+            _ => None,
+        };
+        let given = crate::model::quote(texts.join(", ").as_bytes());
+        found.ok_or_else(|| self.bad(format_args!("{given}, {expected}")))
+    }
+}

@@ -1,0 +1,121 @@
+//! Arrays of NumPy: `.npy`, one array of positions, and `.npz`, a zip archive of named arrays.
+//!
+//! | shape of the positions | content |
+//! |---|---|
+//! | frames x points x 3 | the points of all curves, one after the other; needs counts |
+//! | points x 3 | the same, of one frame |
+//! | frames x curves x points x 3 | curves of equal numbers of points, closed unless counts say otherwise |
+//!
+//! Counts are the numbers of points of the curves, negative for closed ones: an option
+//! ([`ReadOptions::counts`], which has precedence) or the array `counts`. Without them the first
+//! two shapes are refused: taken as a single curve, many curves would look unlinked.
+//!
+//! Arrays of an `.npz` file; all but `positions` are optional, and others are ignored:
+//!
+//! | name | shape | content |
+//! |---|---|---|
+//! | `positions` | see above | f4 or f8 |
+//! | `counts` | curves | integers |
+//! | `basis` | none | `polyline`, `catmull-rom`, `b-spline` or `bezier`, or its index 0 to 3 |
+//! | `times` | frames | times in seconds |
+//! | `seq` | frames | numbers of the frames, increasing; otherwise they are counted from 0 |
+//! | `names` | curves | texts |
+//! | `radii` | curves | f4 or f8 |
+//!
+//! Arrays in Fortran order, of other types than f4 and f8, and of pickled objects are refused.
+//!
+//! Cost: one pass, with the memory of a frame. The checksum of a compressed or stored array is
+//! compared when its end is reached: a damaged file ends with an error in place of its last frame.
+
+mod archive;
+mod array;
+mod frames;
+mod labels;
+mod write;
+
+pub(super) use self::write::{NpyFile, NpzFile};
+
+use self::array::Array;
+use self::frames::ArrayFrames;
+use super::frames::{FrameSource, ReadOptions};
+use crate::curve::{Basis, CurveLabels};
+use crate::error::{Error, Result};
+use std::io::{BufRead, Seek};
+use std::path::Path;
+
+const FORMAT: &str = "NumPy file";
+/// Bytes that a frame may have at any compression.
+const FREE_FRAME: u64 = 64 << 20;
+
+/// Opens an `.npy` file.
+pub(super) fn open_npy(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
+    let (input, len) = super::open(path)?;
+    let source = read_npy(input, len, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(source))
+}
+
+/// Opens an `.npz` file.
+pub(super) fn open_npz(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
+    let (input, len) = super::open(path)?;
+    let source = read_npz(input, len, options).map_err(|e| e.in_file(path))?;
+    Ok(Box::new(source))
+}
+
+/// Reads the header of an `.npy` file of `len` bytes.
+pub(super) fn read_npy<R: BufRead>(
+    mut input: R,
+    len: u64,
+    options: &ReadOptions,
+) -> Result<impl FrameSource + use<R>> {
+    let positions = Array::parse(&mut input, len, "positions")?;
+    let others = Others {
+        counts: options.counts.clone(),
+        ..Others::default()
+    };
+    ArrayFrames::new(input, &positions, others, u64::MAX)
+}
+
+/// Reads the arrays of an `.npz` file of `len` bytes, up to the positions of the first frame.
+pub(super) fn read_npz<R: BufRead + Seek>(
+    input: R,
+    len: u64,
+    options: &ReadOptions,
+) -> Result<impl FrameSource + use<R>> {
+    let mut archive = archive::Archive::open(input, len)?;
+    let mut others = labels::read(&mut archive)?;
+    if options.counts.is_some() {
+        others.counts.clone_from(&options.counts);
+    }
+    let Some(member) = archive.find("positions") else {
+        let found = archive.names().take(8).collect::<Vec<_>>().join(", ");
+        let what = format!("no array `positions`; the file has: {found}");
+        return Err(Error::format(FORMAT, "whole file", what));
+    };
+    let (len, limit) = (member.size, member.limit(FREE_FRAME));
+    let mut input = archive.into_member(member)?;
+    let positions = Array::parse(&mut input, len, "positions")?;
+    ArrayFrames::new(input, &positions, others, limit)
+}
+
+/// Returns the name of a basis in an array `basis`.
+fn basis_name(basis: Basis) -> &'static str {
+    match basis {
+        Basis::Polyline => "polyline",
+        Basis::CatmullRom => "catmull-rom",
+        Basis::BSpline => "b-spline",
+        Basis::Bezier => "bezier",
+    }
+}
+
+/// What a file may say beside the positions.
+#[derive(Default)]
+struct Others {
+    counts: Option<Vec<i32>>,
+    basis: Option<Basis>,
+    times: Option<Vec<f64>>,
+    seq: Option<Vec<u64>>,
+    labels: CurveLabels,
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,538 @@
+//! Files that NumPy wrote (`tests/models/numpy/generate.py`), and files with errors made by hand.
+
+use super::array::Array;
+use super::write::Member;
+use super::*;
+use crate::Verifier;
+use crate::curve::{CurveSet, Precision};
+use crate::model::tests::curves;
+use crate::model::{Frames, ModelFrame};
+use std::io::{Cursor, Write};
+use std::path::PathBuf;
+
+fn file(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models/numpy");
+    folder.join(name)
+}
+
+fn options(counts: Option<&[i32]>) -> ReadOptions {
+    ReadOptions {
+        counts: counts.map(<[i32]>::to_vec),
+        ..ReadOptions::default()
+    }
+}
+
+/// Reads the frames of a file of the folder.
+fn frames(name: &str, counts: Option<&[i32]>) -> Result<Vec<ModelFrame>> {
+    Frames::open(&file(name), &options(counts))?.collect()
+}
+
+fn certificate(set: &CurveSet) -> String {
+    let mut verifier = Verifier::default();
+    verifier.certify(set).0.to_string()
+}
+
+/// In the second frame the first ring has left the second one.
+const CERTIFICATES: [&str; 2] = ["3 # lines: 1\n0,1,-1\n", "3 # lines: 0\n"];
+const COUNTS: &[i32] = &[-8, -8, -8];
+
+#[test]
+fn all_files_that_numpy_writes_have_the_same_certificates() {
+    for (name, counts, precision) in [
+        ("rings.npy", None, Precision::F64),
+        ("rings.npy", Some(COUNTS), Precision::F64),
+        ("rings-f4.npy", None, Precision::F32),
+        ("points.npy", Some(COUNTS), Precision::F64),
+        ("points-big-endian.npy", Some(COUNTS), Precision::F64),
+        ("one-frame.npy", Some(COUNTS), Precision::F64),
+        ("stored.npz", None, Precision::F64),
+        ("compressed.npz", None, Precision::F32),
+    ] {
+        let frames = frames(name, counts).unwrap();
+        let expected = if name == "one-frame.npy" { 1 } else { 2 };
+        assert_eq!(frames.len(), expected, "{name}");
+        for (frame, certified) in frames.iter().zip(CERTIFICATES) {
+            let set = frame.curves.as_ref().unwrap();
+            assert_eq!(set.precision(), precision, "{name}");
+            assert!(set.counts().eq([-8; 3]), "{name}");
+            assert_eq!(certificate(set), certified, "{name}");
+        }
+    }
+}
+
+#[test]
+fn an_archive_has_basis_times_numbers_names_and_radii() {
+    let frames = frames("compressed.npz", None).unwrap();
+    assert_eq!(frames.iter().map(|f| f.seq).collect::<Vec<_>>(), [10, 20]);
+    assert_eq!(
+        frames.iter().map(|f| f.time).collect::<Vec<_>>(),
+        [0.0, 0.25]
+    );
+    for frame in frames {
+        assert_eq!(frame.curves.unwrap().basis(), Basis::BSpline);
+        let expected = CurveLabels::named(["a", "b", "ring ü"]).with_radii([0.1, 0.1, 0.2]);
+        assert_eq!(*frame.labels, expected);
+    }
+}
+
+#[test]
+fn counts_of_the_option_replace_those_of_the_file() {
+    let open = frames("stored.npz", Some(&[8, -16])).unwrap();
+    let set = open[0].curves.as_ref().unwrap();
+    assert_eq!(set.counts().collect::<Vec<_>>(), [8, -16]);
+    let open = frames("rings.npy", Some(&[8, 8, 8])).unwrap();
+    assert!(
+        open[0]
+            .curves
+            .as_ref()
+            .unwrap()
+            .curves()
+            .iter()
+            .all(|c| !c.closed)
+    );
+}
+
+#[test]
+fn refuses_arrays_that_do_not_say_which_points_form_a_curve() {
+    for (name, counts, expected) in [
+        (
+            "points.npy",
+            None,
+            "shape 2 x 24 x 3 do not say which points belong to one curve",
+        ),
+        ("points.npy", None, "--counts"),
+        ("one-frame.npy", None, "shape 24 x 3 do not say"),
+        (
+            "points.npy",
+            Some(&[-8, -8][..]),
+            "2 x 24 x 3 does not fit 2 curves with 16 points",
+        ),
+        (
+            "rings.npy",
+            Some(&[-12, -12]),
+            "2 x 3 x 8 x 3 does not fit 2 curves with 24 points",
+        ),
+        (
+            "fortran.npy",
+            Some(COUNTS),
+            "Fortran order; store `np.ascontiguousarray(positions)`",
+        ),
+        (
+            "objects.npy",
+            Some(COUNTS),
+            "pickled Python objects (type |O)",
+        ),
+        (
+            "integers.npy",
+            None,
+            "positions of type <i4; convert them with `.astype(np.float64)`",
+        ),
+    ] {
+        let error = frames(name, counts).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error:?} lacks {expected:?}");
+        assert!(error.contains(name), "{error}");
+    }
+}
+
+/// Returns an array of version 1 with this header.
+fn array(header: &str, values: &[u8]) -> Vec<u8> {
+    let len = (header.len() as u16).to_le_bytes();
+    [b"\x93NUMPY\x01\x00", &len[..], header.as_bytes(), values].concat()
+}
+
+/// Reads the header and the first frame of an array.
+fn first(bytes: &[u8], counts: Option<&[i32]>) -> Result<ModelFrame> {
+    let mut source = read_npy(bytes, bytes.len() as u64, &options(counts))?;
+    Ok(source.next_frame()?.expect("a frame"))
+}
+
+#[test]
+fn errors_of_headers_say_what_is_wrong() {
+    let good = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 1, 2, 3), }";
+    let values = [0; 24];
+    first(&array(good, &values), None).unwrap();
+    // Other spellings of the same.
+    let other = "{\"shape\":(1L,1L,2L,3L),'fortran_order':False , \"descr\" : \"<f4\"}\n";
+    first(&array(other, &values), None).unwrap();
+    for (from, to, expected) in [
+        ("{", "", "expected '{'"),
+        (
+            "'<f4'",
+            "[('x', '<f4')]",
+            "array positions: a structured array",
+        ),
+        (
+            "'<f4'",
+            "'<f2'",
+            "1 x 1 x 2 x 3 values of type <f2 do not take the 24 bytes",
+        ),
+        ("'<f4'", "'<c8'", "array positions: type '<c8'"),
+        ("'<f4'", "'f4'", "type 'f4'"),
+        ("'<f4'", "<f4", "expected a text in quotes"),
+        ("False", "0", "expected True or False"),
+        ("False", "True", "Fortran order"),
+        ("'shape'", "'size'", "key 'size', which is not known"),
+        ("'shape'", "'descr'", "expected a text in quotes"),
+        ("'fortran_order': False,", "", "expected the keys descr"),
+        (
+            "(1, 1, 2, 3)",
+            "(1, 1, -2, 3)",
+            "expected the size of a dimension",
+        ),
+        ("(1, 1, 2, 3)", "(1, 1, 2", "expected the size"),
+        (
+            "(1, 1, 2, 3)",
+            "(1, 1, 3, 3)",
+            "1 x 1 x 3 x 3 values of type <f4 do not take the 24",
+        ),
+        (
+            "(1, 1, 2, 3)",
+            "(18446744073709551615, 18446744073709551615, 9, 3)",
+            "do not take",
+        ),
+        (
+            "(1, 1, 2, 3)",
+            "(99999999999999999999, 1)",
+            "expected the size of a dimension",
+        ),
+        (
+            "(1, 1, 2, 3)",
+            "(6,)",
+            "positions of shape 6; supported are",
+        ),
+        ("(1, 1, 2, 3)", "(2, 3)", "shape 2 x 3 do not say"),
+        ("(1, 1, 2, 3)", "(3, 2)", "shape 3 x 2; supported are"),
+        (
+            "(1, 1, 2, 3)",
+            "()",
+            "1 (no dimensions) values of type <f4 do not take",
+        ),
+    ] {
+        let header = good.replacen(from, to, 1);
+        let error = first(&array(&header, &values), None)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(expected), "{error:?} lacks {expected:?}");
+    }
+    // Sizes without values must not count as frames or curves.
+    for shape in [
+        "(9999999999, 0, 8, 3)",
+        "(0, 4000000000, 1, 3)",
+        "(1, 4294967296, 0, 3)",
+    ] {
+        let header = good.replace("(1, 1, 2, 3)", shape);
+        let error = first(&array(&header, &[]), None).unwrap_err().to_string();
+        assert!(error.contains("array positions"), "{error}");
+    }
+    let mut newer = array(good, &values);
+    newer[6] = 4;
+    let error = first(&newer, None).unwrap_err().to_string();
+    assert!(error.contains("version 4, expected 1, 2 or 3"), "{error}");
+    newer[6] = 2;
+    let error = first(&newer, None).unwrap_err().to_string();
+    assert!(error.contains("expected at most 10000"), "{error}");
+}
+
+#[test]
+fn a_frame_with_a_wrong_value_is_invalid_and_the_next_one_is_read() {
+    let mut values = Vec::new();
+    for x in [
+        0.0,
+        f64::NAN,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+        2.0,
+        3.0,
+        4.0,
+        5.0,
+        6.0,
+    ] {
+        values.extend(x.to_be_bytes());
+    }
+    let header = "{'descr': '>f8', 'fortran_order': False, 'shape': (2, 2, 3), }";
+    let bytes = array(header, &values);
+    let mut source = read_npy(&bytes[..], bytes.len() as u64, &options(Some(&[2]))).unwrap();
+    let frame = source.next_frame().unwrap().unwrap();
+    let error = frame.curves.unwrap_err().to_string();
+    assert_eq!(error, "curve 0, point 0: coordinate y is NaN");
+    let frame = source.next_frame().unwrap().unwrap();
+    let expected = vec![(false, vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])];
+    assert_eq!(curves(&frame.curves.unwrap()), expected);
+    assert!(source.next_frame().unwrap().is_none());
+}
+
+/// Reads an archive to its end.
+fn read_all(bytes: &[u8]) -> Result<usize> {
+    let mut source = read_npz(Cursor::new(bytes), bytes.len() as u64, &options(None))?;
+    let mut frames = 0;
+    while let Some(frame) = source.next_frame()? {
+        frame.curves?;
+        frames += 1;
+    }
+    Ok(frames)
+}
+
+#[test]
+fn a_damaged_archive_ends_with_an_error() {
+    // A byte of the positions.
+    for (name, at) in [("stored.npz", 300), ("compressed.npz", 150)] {
+        let mut bytes = std::fs::read(file(name)).unwrap();
+        assert_eq!(read_all(&bytes).unwrap(), 2);
+        bytes[at] ^= 1;
+        let error = read_all(&bytes).unwrap_err().to_string();
+        let place = ["frame ", "array positions"]
+            .iter()
+            .any(|place| error.contains(place));
+        assert!(place, "{name}: {error}");
+    }
+    let mut bad = std::fs::read(file("stored.npz")).unwrap();
+    bad[1000] ^= 1;
+    let error = read_all(&bad).unwrap_err().to_string();
+    assert!(
+        error.contains("frame 1): the checksum is wrong: the file is damaged"),
+        "{error}"
+    );
+}
+
+/// Returns an archive of these entries and contents. Offsets are those of the contents.
+fn archive(members: &[(Vec<u8>, Vec<u8>)]) -> Vec<u8> {
+    let contents: Vec<u8> = members
+        .iter()
+        .flat_map(|(_, content)| content.clone())
+        .collect();
+    let entries: Vec<Vec<u8>> = members.iter().map(|(entry, _)| entry.clone()).collect();
+    let mut bytes = contents.clone();
+    write::directory(&mut bytes, &entries, contents.len() as u64).unwrap();
+    bytes
+}
+
+/// Returns a stored member at the start of an archive.
+fn stored(name: &str, values: &[u8]) -> (Vec<u8>, Vec<u8>) {
+    let (crc, size) = (crc32fast::hash(values), values.len() as u64);
+    let content = [&Member::local_header(name, crc, size), values].concat();
+    (Member::entry(name, crc, size, 0), content)
+}
+
+#[test]
+fn errors_of_archives_say_what_is_wrong() {
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 1, 2, 3), }";
+    let good = stored("positions", &array(header, &[0; 24]));
+    assert_eq!(read_all(&archive(std::slice::from_ref(&good))).unwrap(), 1);
+    let with = |at: usize, values: &[u8]| {
+        let mut member = good.clone();
+        member.0[at..at + values.len()].copy_from_slice(values);
+        read_all(&archive(&[member])).unwrap_err().to_string()
+    };
+    let end = good.0.len();
+    for (error, expected) in [
+        (with(8, &[1]), "array 'positions': encrypted"),
+        (with(10, &[12]), "compressed by another method than deflate"),
+        (
+            with(end - 24, &[1, 2]),
+            "two sizes, although it is not compressed",
+        ),
+        (
+            with(end - 8, &[9]),
+            "array positions is not where its entry says",
+        ),
+        (with(end - 8, &[0xFF; 8]), "reach beyond its end"),
+        (
+            with(46, b"velocitie"),
+            "no array `positions`; the file has: velocitie",
+        ),
+        (with(0, b"XX"), "entry 0 of 1 is not valid"),
+        (with(28, &[0xFF]), "entry 0 of 1 is not valid"),
+    ] {
+        assert!(error.contains(expected), "{error:?} lacks {expected:?}");
+    }
+    let error = read_all(&archive(&[good.clone(), good.clone()]))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("array 'positions' is there twice"),
+        "{error}"
+    );
+    let error = read_all(b"no archive").unwrap_err().to_string();
+    assert!(error.contains("no end of a directory"), "{error}");
+}
+
+#[test]
+fn small_arrays_of_wrong_types_and_lengths_are_refused() {
+    let positions = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 1, 2, 3), }";
+    let with = |name: &str, descr: &str, shape: &str, values: &[u8]| {
+        let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}}}");
+        let (_, first) = stored("positions", &array(positions, &[0; 24]));
+        let (crc, size) = (
+            crc32fast::hash(&array(positions, &[0; 24])),
+            first.len() as u64,
+        );
+        let size = size - Member::local_header("positions", 0, 0).len() as u64;
+        let second = array(&header, values);
+        let (second_crc, second_size) = (crc32fast::hash(&second), second.len() as u64);
+        let local = Member::local_header(name, second_crc, second_size);
+        let at = first.len() as u64;
+        let members = [
+            (Member::entry("positions", crc, size, 0), first),
+            (
+                Member::entry(name, second_crc, second_size, at),
+                [local, second].concat(),
+            ),
+        ];
+        read_all(&archive(&members)).map_err(|e| e.to_string())
+    };
+    assert_eq!(with("counts", "|i1", "(1,)", &[0xFE]), Ok(1));
+    assert_eq!(with("basis", "|u1", "()", &[0]), Ok(1));
+    assert_eq!(with("basis", ">U8", "()", &utf32("polyline")), Ok(1));
+    for (name, descr, shape, values, expected) in [
+        (
+            "counts",
+            "<i8",
+            "(1,)",
+            &[0xFF; 8][..],
+            "1 curves with 1 points",
+        ),
+        (
+            "counts",
+            "<u8",
+            "(1,)",
+            &[0xFF; 8],
+            "array counts): 18446744073709551615 is out of",
+        ),
+        (
+            "counts",
+            "<f4",
+            "(1,)",
+            &[0; 4],
+            "array counts): type <f4, expected integers",
+        ),
+        (
+            "counts",
+            "<i4",
+            "(1, 1)",
+            &[0; 4],
+            "array counts): 1 x 1 values",
+        ),
+        (
+            "counts",
+            "|S0",
+            "(99999999999,)",
+            &[],
+            "array counts): 99999999999 values",
+        ),
+        (
+            "basis",
+            "|u1",
+            "()",
+            &[4],
+            "array basis): [4], expected polyline",
+        ),
+        (
+            "basis",
+            "|S4",
+            "()",
+            b"cube",
+            "array basis): 'cube', expected polyline",
+        ),
+        (
+            "times",
+            "<f8",
+            "(2,)",
+            &[0; 16],
+            "array times): 2 values for 1 frames",
+        ),
+        (
+            "times",
+            "<f4",
+            "(1,)",
+            &[0, 0, 0xC0, 0x7F],
+            "array times): value 0 is NaN",
+        ),
+        (
+            "seq",
+            "|u1",
+            "(2,)",
+            &[7, 7],
+            "array seq): frame 7 after frame 7",
+        ),
+        (
+            "names",
+            "|S1",
+            "(2,)",
+            b"ab",
+            "names of curves: 1 promised, 2 available",
+        ),
+        (
+            "names",
+            "<U1",
+            "(1,)",
+            &[0xFF; 4],
+            "array names): type <U1, expected texts",
+        ),
+        ("radii", "<f4", "(1,)", &[0, 0, 0x80, 0xBF], "radius -1"),
+    ] {
+        let error = with(name, descr, shape, values).unwrap_err();
+        assert!(error.contains(expected), "{error:?} lacks {expected:?}");
+    }
+}
+
+fn utf32(text: &str) -> Vec<u8> {
+    text.chars()
+        .flat_map(|c| u32::from(c).to_be_bytes())
+        .collect()
+}
+
+#[test]
+fn a_compressed_frame_of_little_more_than_zeros_is_refused_before_it_is_decompressed() {
+    // A header that promises a frame of 4 GB, compressed to some hundred bytes.
+    let points = 357_913_941_u64;
+    let shape = format!("'shape': (1, 1, {points}, 3)");
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, {shape}}}");
+    let header = array(&header, &[]);
+    let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), Default::default());
+    encoder.write_all(&header).unwrap();
+    let compressed = encoder.finish().unwrap();
+    let size = header.len() as u64 + 12 * points;
+    let mut entry = Member::entry("positions", 0, size, 0);
+    entry[10] = 8;
+    let at = entry.len() - 16;
+    entry[at..at + 8].copy_from_slice(&(compressed.len() as u64).to_le_bytes());
+    let content = [Member::local_header("positions", 0, 0), compressed].concat();
+    let error = read_all(&archive(&[(entry, content)]))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("frames of 4294967292 bytes, which is more than 64 MiB"),
+        "{error}"
+    );
+}
+
+#[test]
+fn writes_the_bytes_that_numpy_writes() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, counts) in [("rings.npy", COUNTS), ("points.npy", &[8, -8, -8])] {
+        let path = folder.path().join(name);
+        let mut writer = crate::model::FrameWriter::create(&path).unwrap();
+        for frame in frames(name, Some(counts)).unwrap() {
+            writer.frame(&frame).unwrap();
+        }
+        writer.finish().unwrap();
+        assert_eq!(
+            std::fs::read(&path).unwrap(),
+            std::fs::read(file(name)).unwrap(),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn headers_of_arrays_have_their_types() {
+    for (descr, size, little) in [("<f8", 8, true), (">f4", 4, false), ("=f8", 8, true)] {
+        let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (1,)}}");
+        let bytes = array(&header, &vec![0; size]);
+        let array = Array::parse(&mut &bytes[..], bytes.len() as u64, "x").unwrap();
+        assert_eq!((array.size, array.little), (size as u64, little));
+    }
+}

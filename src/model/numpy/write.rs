@@ -1,0 +1,352 @@
+//! Writes `.npy` and `.npz` files, with one frame at a time in memory.
+//!
+//! The header of the positions has the number of frames, which is known at the end: it is written
+//! then, over bytes that were left free. The checksum of both parts is combined from theirs, so an
+//! archive needs no second pass. Members are stored and have 64-bit sizes, as `np.savez` writes
+//! them.
+
+use super::{FORMAT, basis_name};
+use crate::curve::{Basis, CurveLabels, CurveSet, Precision};
+use crate::error::{Error, Result};
+use crate::model::frames::ModelFrame;
+use crate::model::write::{FrameSink, check_polylines, curves_of, same_curves};
+use crc32fast::Hasher;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Bytes of a header: long enough for every shape.
+const HEADER_BYTES: usize = 128;
+
+/// Returns the header of an array.
+fn header(descr: &str, shape: &str) -> [u8; HEADER_BYTES] {
+    let mut bytes = [b' '; HEADER_BYTES];
+    bytes[..10].copy_from_slice(b"\x93NUMPY\x01\x00\x76\x00");
+    let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape}), }}");
+    bytes[10..10 + text.len()].copy_from_slice(text.as_bytes());
+    bytes[HEADER_BYTES - 1] = b'\n';
+    bytes
+}
+
+/// Positions of all frames: `frames x curves x points x 3` for closed curves of equal numbers of
+/// points, which can be read without counts, and otherwise `frames x points x 3`.
+struct Stream {
+    out: BufWriter<File>,
+    basis: Basis,
+    precision: Precision,
+    counts: Vec<i32>,
+    points: usize,
+    frames: u64,
+    /// Bytes and checksum of the values.
+    bytes: u64,
+    hasher: Hasher,
+    buffer: Vec<u8>,
+}
+
+impl Stream {
+    /// Creates a file whose array begins after `lead` bytes.
+    fn create(path: &Path, set: &CurveSet, lead: usize) -> Result<Stream> {
+        let file = File::create(path).map_err(Error::file(path))?;
+        let mut out = BufWriter::with_capacity(1 << 16, file);
+        (out.write_all(&vec![0; lead + HEADER_BYTES])).map_err(Error::file(path))?;
+        Ok(Stream {
+            out,
+            basis: set.basis(),
+            precision: set.precision(),
+            counts: set.counts().collect(),
+            points: set.points(),
+            frames: 0,
+            bytes: 0,
+            hasher: Hasher::new(),
+            buffer: Vec::new(),
+        })
+    }
+
+    fn frame(&mut self, set: &CurveSet) -> Result<()> {
+        same_curves(FORMAT, &self.counts, set)?;
+        if (set.basis(), set.precision()) != (self.basis, self.precision) {
+            let what = "a frame of another basis or precision than the first one";
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        self.buffer.clear();
+        set.write_positions(&mut self.buffer);
+        self.hasher.update(&self.buffer);
+        self.frames += 1;
+        self.bytes += self.buffer.len() as u64;
+        Ok(self.out.write_all(&self.buffer)?)
+    }
+
+    fn header(&self) -> [u8; HEADER_BYTES] {
+        let descr = match self.precision {
+            Precision::F32 => "<f4",
+            Precision::F64 => "<f8",
+        };
+        let frames = self.frames;
+        let shape = match self.counts[..] {
+            [count, ref rest @ ..] if count < 0 && rest.iter().all(|c| *c == count) => {
+                format!(
+                    "{frames}, {}, {}, 3",
+                    self.counts.len(),
+                    count.unsigned_abs()
+                )
+            }
+            _ => format!("{frames}, {}, 3", self.points),
+        };
+        header(descr, &shape)
+    }
+}
+
+/// Returns the stream of a file, which the first frame creates.
+fn stream<'a>(
+    stream: &'a mut Option<Stream>,
+    path: &Path,
+    set: &CurveSet,
+    lead: usize,
+) -> Result<&'a mut Stream> {
+    match stream {
+        Some(stream) => Ok(stream),
+        none => Ok(none.insert(Stream::create(path, set, lead)?)),
+    }
+}
+
+fn no_frames() -> Error {
+    Error::unsupported(FORMAT, "a file without frames")
+}
+
+/// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points, these
+/// numbers are not in the file.
+pub(in crate::model) struct NpyFile {
+    path: PathBuf,
+    stream: Option<Stream>,
+}
+
+impl NpyFile {
+    pub fn new(path: &Path) -> NpyFile {
+        NpyFile {
+            path: path.into(),
+            stream: None,
+        }
+    }
+}
+
+impl FrameSink for NpyFile {
+    fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
+        let set = curves_of(FORMAT, frame)?;
+        check_polylines("NumPy file (.npy)", set)?;
+        stream(&mut self.stream, &self.path, set, 0)?.frame(set)
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        let mut stream = self.stream.ok_or_else(no_frames)?;
+        let header = stream.header();
+        stream.out.seek(SeekFrom::Start(0))?;
+        stream.out.write_all(&header)?;
+        Ok(stream.out.flush()?)
+    }
+}
+
+/// An `.npz` file: everything that a frame has. The curves, their basis, names and radii must be
+/// those of the first frame.
+pub(in crate::model) struct NpzFile {
+    path: PathBuf,
+    stream: Option<Stream>,
+    labels: Arc<CurveLabels>,
+    seq: Vec<u64>,
+    times: Vec<f64>,
+}
+
+/// Name of the member with the positions, the first one.
+const POSITIONS: &str = "positions";
+
+impl NpzFile {
+    pub fn new(path: &Path) -> NpzFile {
+        NpzFile {
+            path: path.into(),
+            stream: None,
+            labels: Arc::default(),
+            seq: Vec::new(),
+            times: Vec::new(),
+        }
+    }
+}
+
+impl FrameSink for NpzFile {
+    fn frame(&mut self, frame: &ModelFrame) -> Result<()> {
+        let set = curves_of(FORMAT, frame)?;
+        if self.stream.is_none() {
+            frame.labels.check(set.len())?;
+            self.labels = frame.labels.clone();
+        }
+        if self.labels != frame.labels {
+            let what = "a frame with other names or radii than the first one";
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        if let Some(last) = self.seq.last().filter(|last| frame.seq <= **last) {
+            let what = format!("frame {} after frame {last}", frame.seq);
+            return Err(Error::unsupported(FORMAT, what));
+        }
+        let lead = Member::local_header(POSITIONS, 0, 0).len();
+        stream(&mut self.stream, &self.path, set, lead)?.frame(set)?;
+        self.seq.push(frame.seq);
+        self.times.push(frame.time);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        let mut stream = self.stream.ok_or_else(no_frames)?;
+        let header = stream.header();
+        let mut hasher = Hasher::new();
+        hasher.update(&header);
+        hasher.combine(&stream.hasher);
+        let crc = hasher.finalize();
+        let size = stream.bytes + HEADER_BYTES as u64;
+        let first = Member::local_header(POSITIONS, crc, size);
+        let mut members = vec![Member::entry(POSITIONS, crc, size, 0)];
+        let mut at = first.len() as u64 + size;
+
+        let counts = stream.counts.iter().flat_map(|c| c.to_le_bytes());
+        let name = basis_name(stream.basis);
+        let names = Texts::of(&self.labels.names);
+        let radii = self.labels.radii.iter().flat_map(|r| r.to_le_bytes());
+        let times = self.times.iter().flat_map(|t| t.to_le_bytes());
+        let seq = self.seq.iter().flat_map(|n| n.to_le_bytes());
+        let list = |len: usize| format!("{len},");
+        let arrays = [
+            (
+                "counts",
+                true,
+                header_of("<i4", &list(stream.counts.len()), counts.collect()),
+            ),
+            (
+                "basis",
+                true,
+                header_of(&format!("|S{}", name.len()), "", name.into()),
+            ),
+            (
+                "names",
+                !self.labels.names.is_empty(),
+                header_of(&names.descr, &list(self.labels.names.len()), names.bytes),
+            ),
+            (
+                "radii",
+                !self.labels.radii.is_empty(),
+                header_of("<f4", &list(self.labels.radii.len()), radii.collect()),
+            ),
+            (
+                "times",
+                self.times.iter().any(|t| *t != 0.0),
+                header_of("<f8", &list(self.times.len()), times.collect()),
+            ),
+            (
+                "seq",
+                !self.seq.iter().copied().eq(0..stream.frames),
+                header_of("<u8", &list(self.seq.len()), seq.collect()),
+            ),
+        ];
+        for (name, _, bytes) in arrays.into_iter().filter(|(_, wanted, _)| *wanted) {
+            let (crc, size) = (crc32fast::hash(&bytes), bytes.len() as u64);
+            let local = Member::local_header(name, crc, size);
+            stream.out.write_all(&local)?;
+            stream.out.write_all(&bytes)?;
+            members.push(Member::entry(name, crc, size, at));
+            at += local.len() as u64 + size;
+        }
+        directory(&mut stream.out, &members, at)?;
+        stream.out.seek(SeekFrom::Start(0))?;
+        stream.out.write_all(&first)?;
+        stream.out.write_all(&header)?;
+        Ok(stream.out.flush()?)
+    }
+}
+
+/// Returns an array: its header and its values.
+fn header_of(descr: &str, shape: &str, values: Vec<u8>) -> Vec<u8> {
+    [&header(descr, shape)[..], &values].concat()
+}
+
+/// Texts as characters of four bytes, filled up to the longest one.
+struct Texts {
+    descr: String,
+    bytes: Vec<u8>,
+}
+
+impl Texts {
+    fn of(texts: &[String]) -> Texts {
+        let longest = texts.iter().map(|t| t.chars().count()).max().unwrap_or(0);
+        let mut bytes = Vec::with_capacity(4 * longest * texts.len());
+        for text in texts {
+            let filled = text.chars().chain(std::iter::repeat('\0'));
+            bytes.extend(
+                filled
+                    .take(longest)
+                    .flat_map(|c| u32::from(c).to_le_bytes()),
+            );
+        }
+        let descr = format!("<U{longest}");
+        Texts { descr, bytes }
+    }
+}
+
+/// Records of a stored member of a zip archive.
+pub(super) struct Member;
+
+impl Member {
+    /// Returns what both records of a member begin with, after the signature: version 4.5 (64-bit
+    /// sizes), no flags, stored, the first day of the format, checksum, sizes in the extra field.
+    fn start(name: &str, crc: u32, extra: u16) -> Vec<u8> {
+        let mut bytes = vec![45, 0, 0, 0, 0, 0, 0, 0, 0x21, 0];
+        bytes.extend(crc.to_le_bytes());
+        bytes.extend([0xFF; 8]);
+        bytes.extend((name.len() as u16 + 4).to_le_bytes());
+        bytes.extend(extra.to_le_bytes());
+        bytes
+    }
+
+    /// Returns the record before the content.
+    pub fn local_header(name: &str, crc: u32, size: u64) -> Vec<u8> {
+        let mut bytes = b"PK\x03\x04".to_vec();
+        bytes.extend(Member::start(name, crc, 20));
+        bytes.extend(format!("{name}.npy").as_bytes());
+        bytes.extend([1, 0, 16, 0]);
+        bytes.extend(size.to_le_bytes());
+        bytes.extend(size.to_le_bytes());
+        bytes
+    }
+
+    /// Returns the entry of the directory.
+    pub fn entry(name: &str, crc: u32, size: u64, at: u64) -> Vec<u8> {
+        let mut bytes = b"PK\x01\x02\x2d\x00".to_vec();
+        bytes.extend(Member::start(name, crc, 28));
+        // No comment, the first disk, no attributes; the offset is in the extra field.
+        bytes.extend([0; 10]);
+        bytes.extend([0xFF; 4]);
+        bytes.extend(format!("{name}.npy").as_bytes());
+        bytes.extend([1, 0, 24, 0]);
+        for number in [size, size, at] {
+            bytes.extend(number.to_le_bytes());
+        }
+        bytes
+    }
+}
+
+/// Writes the directory and the records at the end.
+pub(super) fn directory(out: &mut impl Write, members: &[Vec<u8>], at: u64) -> io::Result<()> {
+    let entries = members.len() as u64;
+    let bytes = members.concat();
+    out.write_all(&bytes)?;
+    // 64-bit record: its length, versions, disks, entries, bytes and offset of the directory.
+    out.write_all(b"PK\x06\x06")?;
+    out.write_all(&44_u64.to_le_bytes())?;
+    out.write_all(&[45, 0, 45, 0, 0, 0, 0, 0, 0, 0, 0, 0])?;
+    for number in [entries, entries, bytes.len() as u64, at] {
+        out.write_all(&number.to_le_bytes())?;
+    }
+    // Its locator, then the record of the original format, which refers to it.
+    out.write_all(b"PK\x06\x07\x00\x00\x00\x00")?;
+    out.write_all(&(at + bytes.len() as u64).to_le_bytes())?;
+    out.write_all(&[1, 0, 0, 0])?;
+    out.write_all(b"PK\x05\x06\x00\x00\x00\x00")?;
+    out.write_all(&[0xFF; 12])?;
+    out.write_all(&[0, 0])
+}

@@ -1,0 +1,241 @@
+//! Every format that can hold a set gives it back: curves, order, start, direction, and values.
+
+use super::tests::curves;
+use super::*;
+use crate::curve::{Basis, CurveLabels, Positions, Precision};
+use proptest::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Formats that are written. MCAP is read only.
+fn written() -> impl Iterator<Item = (&'static str, Format)> {
+    let formats = EXTENSIONS.into_iter();
+    formats.filter(|(_, format)| *format != Format::Mcap)
+}
+
+/// Writes frames to a file of this extension, and reads them.
+fn again(extension: &str, frames: &[ModelFrame], options: &ReadOptions) -> Result<Vec<ModelFrame>> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(format!("a.{extension}"));
+    let mut writer = FrameWriter::create(&path)?;
+    for frame in frames {
+        writer.frame(frame)?;
+    }
+    writer.finish()?;
+    let companion = FrameWriter::companion(&path)?;
+    let expected = [Some(path.clone()), companion]
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>();
+    let written = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|f| f.unwrap().path());
+    assert!(written.into_iter().all(|file| expected.contains(&file)));
+    Frames::open(&path, options)?.collect()
+}
+
+fn set(basis: Basis, counts: &[i32], xyz: &[f64], precision: Precision) -> CurveSet {
+    let points: usize = counts.iter().map(|c| c.unsigned_abs() as usize).sum();
+    let values = xyz.iter().copied().cycle().take(3 * points);
+    match precision {
+        Precision::F32 => {
+            let values: Vec<f32> = values.map(|x| x as f32).collect();
+            CurveSet::from_counts(basis, counts, Positions::F32(&values)).unwrap()
+        }
+        Precision::F64 => {
+            let values: Vec<f64> = values.collect();
+            CurveSet::from_counts(basis, counts, Positions::F64(&values)).unwrap()
+        }
+    }
+}
+
+fn with_counts(set: &CurveSet) -> ReadOptions {
+    ReadOptions {
+        counts: Some(set.counts().collect()),
+        ..ReadOptions::default()
+    }
+}
+
+/// Asserts that two lists have the same frames.
+fn assert_same(extension: &str, found: &[ModelFrame], expected: &[ModelFrame]) {
+    assert_eq!(found.len(), expected.len(), "{extension}");
+    for (found, expected) in found.iter().zip(expected) {
+        let (a, b) = (
+            found.curves.as_ref().unwrap(),
+            expected.curves.as_ref().unwrap(),
+        );
+        assert_eq!(curves(a), curves(b), "{extension}");
+        assert_eq!(a.basis(), b.basis(), "{extension}");
+        assert_eq!(found.seq, expected.seq, "{extension}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn polylines_round_trip_in_every_format(
+        sizes in prop::collection::vec((3..9i32, any::<bool>()), 1..5),
+        bits in prop::collection::vec(any::<u64>(), 1..60),
+        single in any::<bool>(),
+    ) {
+        let counts: Vec<i32> = sizes.iter().map(|&(n, closed)| if closed { -n } else { n }).collect();
+        let finite = bits.iter().map(|&b| f64::from_bits(b)).filter(|x| x.abs() < 1e300);
+        let single = if single { Precision::F32 } else { Precision::F64 };
+        let small = finite.map(|x| if single == Precision::F32 { x % 1e30 } else { x });
+        let xyz: Vec<f64> = small.chain([1.5]).collect();
+        let set = set(Basis::Polyline, &counts, &xyz, single);
+        let options = with_counts(&set);
+        let frames = [ModelFrame::new(0, Ok(set))];
+        for (extension, _) in written() {
+            if extension == "bcc" && single == Precision::F64 {
+                continue;
+            }
+            assert_same(extension, &again(extension, &frames, &options).unwrap(), &frames);
+        }
+    }
+
+    #[test]
+    fn splines_names_radii_and_times_round_trip_in_an_archive(
+        basis in prop::sample::select(&Basis::ALL[..]),
+        single in any::<bool>(),
+        xyz in prop::collection::vec(-1e9..1e9f64, 1..60),
+        names in prop::collection::hash_set("[a-zü]{1,9}", 3),
+        radii in prop::collection::vec(0.0..9.0f32, 3),
+        seqs in prop::collection::btree_set(any::<u64>(), 1..4),
+        time in -1e3..1e3f64,
+    ) {
+        let precision = if single { Precision::F32 } else { Precision::F64 };
+        let labels = Arc::new(CurveLabels::named(names).with_radii(radii));
+        let frames: Vec<ModelFrame> = (seqs.into_iter().enumerate())
+            .map(|(k, seq)| ModelFrame {
+                time: time + k as f64,
+                labels: labels.clone(),
+                ..ModelFrame::new(seq, Ok(set(basis, &[-6, 7, -9], &xyz[k % xyz.len()..], precision)))
+            })
+            .collect();
+        let found = again("npz", &frames, &ReadOptions::default()).unwrap();
+        assert_same("npz", &found, &frames);
+        for (found, expected) in found.iter().zip(&frames) {
+            prop_assert_eq!(found.time, expected.time);
+            prop_assert_eq!(&*found.labels, &*labels);
+            prop_assert_eq!(found.curves.as_ref().unwrap().precision(), precision);
+        }
+    }
+}
+
+#[test]
+fn a_data_file_of_a_short_curve_far_from_the_origin_has_a_box() {
+    // A margin of a fixed size would be lost in the rounding of these coordinates.
+    let far = set(Basis::Polyline, &[3], &[1.7e13, 0.0, 1.5], Precision::F64);
+    let frames = [ModelFrame::new(0, Ok(far))];
+    let found = again("data", &frames, &ReadOptions::default()).unwrap();
+    assert_same("data", &found, &frames);
+}
+
+#[test]
+fn frames_of_a_motion_round_trip_in_formats_with_frames() {
+    let frame = |seq, time, x: f64| {
+        let xyz = [x, 0.5, 1.0, -1.0, 2.0, 1e-3, x + 7.0, 0.25];
+        let set = set(Basis::Polyline, &[-4, 5, -3], &xyz, Precision::F64);
+        ModelFrame {
+            time,
+            ..ModelFrame::new(seq, Ok(set))
+        }
+    };
+    let frames = [frame(0, 0.0, 0.1), frame(1, 0.5, 0.2), frame(2, 0.75, 0.3)];
+    let options = with_counts(frames[0].curves.as_ref().unwrap());
+    for (extension, format) in written() {
+        let path = PathBuf::from(format!("a.{extension}"));
+        assert_eq!(
+            FrameWriter::holds_frames(&path).unwrap(),
+            format.holds_frames()
+        );
+        let result = again(extension, &frames, &options);
+        if format.holds_frames() {
+            let found = result.unwrap();
+            assert_same(extension, &found, &frames);
+            if extension != "npy" {
+                let times = found.iter().map(|frame| frame.time);
+                assert!(times.eq([0.0, 0.5, 0.75]), "{extension}");
+            }
+        } else {
+            let expected = match extension {
+                "bcc" => "single precision",
+                _ => "a second frame in one file",
+            };
+            let error = result.unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+    // The curves of all frames are those of the first one.
+    let two = [
+        frames[0].curves.as_ref().unwrap().clone(),
+        set(Basis::Polyline, &[-4], &[1.0], Precision::F64),
+    ];
+    let two = two.map(Ok);
+    let mut seq = 0..;
+    let frames = two.map(|curves| ModelFrame::new(seq.next().unwrap(), curves));
+    for extension in ["dump", "npy", "npz"] {
+        let error = again(extension, &frames, &options).unwrap_err().to_string();
+        assert!(error.contains("1 curves after a frame of 3"), "{error}");
+    }
+}
+
+#[test]
+fn formats_say_which_curves_they_cannot_hold() {
+    let fails = |extension: &str, set: CurveSet| {
+        let frames = [ModelFrame::new(0, Ok(set))];
+        again(extension, &frames, &ReadOptions::default())
+            .unwrap_err()
+            .to_string()
+    };
+    for (extension, format) in written() {
+        let spline = set(Basis::BSpline, &[-6], &[0.0, 1.0, 0.5, 2.0], Precision::F32);
+        let frames = [ModelFrame::new(0, Ok(spline.clone()))];
+        let result = again(extension, &frames, &ReadOptions::default());
+        assert_eq!(result.is_ok(), format.holds_splines(), "{extension}");
+        if let Err(error) = result {
+            let expected = "splines (closed B-spline), only polylines";
+            assert!(error.to_string().contains(expected), "{error}");
+        }
+    }
+    let short = |count| set(Basis::Polyline, &[5, count], &[0.5, 1.0], Precision::F64);
+    for extension in ["data", "dump"] {
+        let error = fails(extension, short(-2));
+        let expected = "curve 1, a closed curve of 2 points: bonds need at least three";
+        assert!(error.contains(expected), "{error}");
+    }
+    let error = fails("obj", short(-1));
+    assert!(
+        error.contains("curve 1, a closed curve of one point"),
+        "{error}"
+    );
+    for (extension, count) in [
+        ("obj", -2),
+        ("vect", -2),
+        ("vect", -1),
+        ("npz", -1),
+        ("npz", -2),
+    ] {
+        let frames = [ModelFrame::new(0, Ok(short(count)))];
+        let found = again(extension, &frames, &ReadOptions::default()).unwrap();
+        assert_same(extension, &found, &frames);
+    }
+    let wide = set(
+        Basis::Polyline,
+        &[2],
+        &[-1e308, 1.0, 1.0, 1e308],
+        Precision::F64,
+    );
+    let error = fails("data", wide);
+    assert!(
+        error.contains("coordinates too large for the bounds of a box"),
+        "{error}"
+    );
+    // Nothing is written for a motion without frames.
+    for (extension, _) in written() {
+        let error = again(extension, &[], &ReadOptions::default())
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("a file without"), "{error}");
+    }
+}
