@@ -36,9 +36,9 @@ const OPEN: Duration = Duration::from_secs(10);
 #[cfg(feature = "mcap")]
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Tool {
-    /// Foxglove: the curves as lines, thinned, those with findings in full
+    /// The curves as lines (foxglove.SceneUpdate): thinned, those with findings in full
     Foxglove,
-    /// The rerun viewer: the curves as points
+    /// The curves as points (foxglove.PointCloud)
     Rerun,
 }
 
@@ -60,8 +60,7 @@ pub struct Sinks {
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
-    /// Record messages for other tools as well, so that they show the recording by themselves
-    /// (see docs/mcap.md)
+    /// Add messages to the recording that other tools draw, so that they show it by themselves
     #[cfg(feature = "mcap")]
     #[arg(
         long,

@@ -81,8 +81,8 @@ impl Content {
 /// Channels of a file.
 #[derive(Default)]
 struct Channels {
-    /// Channels that are read, with their topics.
-    read: HashMap<u16, (String, Content)>,
+    /// Topic of each channel, and the content of those that are read.
+    channels: HashMap<u16, (String, Option<Content>)>,
     /// All topics, with their types, and the reason why curves on them are not read.
     topics: BTreeMap<String, (String, Option<String>)>,
     /// True if linkwatch wrote the file.
@@ -117,14 +117,12 @@ impl Channels {
         let content = schema.and_then(|schema| Content::of(&channel, schema));
         let name = schema.map_or_else(String::new, |schema| schema.name.clone());
         self.is_recording |= name.starts_with("linkwatch.v");
-        let why = match content {
-            Some(Ok(content)) => {
-                self.read.insert(id, (channel.topic.clone(), content));
-                None
-            }
-            Some(Err(why)) => Some(why),
-            None => None,
+        let (content, why) = match content {
+            Some(Ok(content)) => (Some(content), None),
+            Some(Err(why)) => (None, Some(why)),
+            None => (None, None),
         };
+        self.channels.insert(id, (channel.topic.clone(), content));
         self.topics.insert(channel.topic, (name, why));
     }
 
@@ -136,11 +134,8 @@ impl Channels {
                 "a recording of linkwatch, which `linkwatch replay` verifies".into(),
             );
         }
-        let mut topics: Vec<&str> = self
-            .read
-            .values()
-            .map(|(topic, _)| topic.as_str())
-            .collect();
+        let read = self.channels.values().filter(|(_, c)| c.is_some());
+        let mut topics: Vec<&str> = read.map(|(topic, _)| topic.as_str()).collect();
         topics.sort_unstable();
         topics.dedup();
         if let Some(wanted) = wanted {
@@ -198,37 +193,52 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSo
     Ok(Box::new(frames.map_err(|e| e.in_file(path))?))
 }
 
+/// A message of the chosen topic.
+struct Message {
+    update: Update,
+    log_time: u64,
+    /// Place in the file, in words.
+    place: String,
+}
+
+impl Message {
+    /// Returns the time of its frame.
+    fn time(&self) -> u64 {
+        self.update.stamp.unwrap_or(self.log_time)
+    }
+}
+
 /// Frames of an MCAP file.
 struct McapFrames<R> {
     container: Container<R>,
-    /// Channels of the chosen topic.
-    channels: HashMap<u16, Content>,
+    /// All channels: those of the chosen topic with their content.
+    channels: HashMap<u16, Option<Content>>,
     state: State,
-    /// Update that begins the next frame, with its time in the log and its place in the file.
-    next: Option<(Update, u64, String)>,
+    /// First message of the next frame.
+    next: Option<Message>,
     /// Number of the next frame.
     seq: u64,
 }
 
 impl<R: Read + Seek> McapFrames<R> {
     fn new(open: impl Fn() -> Result<Container<R>>, topic: Option<&str>) -> Result<Self> {
-        let channels = Channels::find(&mut open()?)?;
-        let topic = channels.choose(topic)?;
-        let read = channels.read.into_iter();
+        let found = Channels::find(&mut open()?)?;
+        let chosen = found.choose(topic)?;
+        let channels = found.channels.into_iter().map(|(id, (topic, content))| {
+            let content = content.filter(|_| topic == chosen);
+            (id, content)
+        });
         Ok(McapFrames {
             container: open()?,
-            channels: read
-                .filter(|(_, (of, _))| *of == topic)
-                .map(|(id, (_, content))| (id, content))
-                .collect(),
+            channels: channels.collect(),
             state: State::default(),
             next: None,
             seq: 0,
         })
     }
 
-    /// Returns the next message of the topic, with its time in the log and its place in the file.
-    fn next_update(&mut self) -> Result<Option<(Update, u64, String)>> {
+    /// Returns the next message of the topic.
+    fn next_message(&mut self) -> Result<Option<Message>> {
         if let Some(next) = self.next.take() {
             return Ok(Some(next));
         }
@@ -238,60 +248,69 @@ impl<R: Read + Seek> McapFrames<R> {
             }
             let place = format!("message at byte {}", record.at);
             let mut body = record.body;
+            let bad = |what| invalid(&place, what);
             let header = container::message(&mut body);
-            let header = header.ok_or_else(|| invalid(&place, "a message without a header"))?;
-            if let Some(content) = self.channels.get(&header.channel) {
+            let header = header.ok_or_else(|| bad("a message without a header"))?;
+            let channel = self.channels.get(&header.channel);
+            let channel = channel.ok_or_else(|| bad("a message of an unknown channel"))?;
+            if let Some(content) = channel {
                 let update = content.decode(&body);
-                let update = update.map_err(|what| Error::format(FORMAT, &place, what))?;
-                return Ok(Some((update, header.log_time, place)));
+                return Ok(Some(Message {
+                    update: update.map_err(|what| Error::format(FORMAT, &place, what))?,
+                    log_time: header.log_time,
+                    place,
+                }));
             }
         }
         match self.container.ending() {
             Some(Ending::Cut { at, what }) => {
-                let what =
-                    format!("the file was cut off in {what}; the frames before it are whole");
+                let what = format!(
+                    "the file was cut off in {what}; its last frame, which may lack messages, was \
+                     not read"
+                );
                 Err(Error::format(FORMAT, format_args!("byte {at}"), what))
             }
             _ => Ok(None),
+        }
+    }
+
+    /// Applies the messages of a frame, of which this is the first one. Returns the place of the
+    /// last one.
+    fn apply(&mut self, mut message: Message) -> Result<String> {
+        let time = message.time();
+        self.state.begin(message.log_time);
+        loop {
+            let applied = self.state.apply(message.update);
+            applied.map_err(|what| Error::format(FORMAT, &message.place, what))?;
+            // If the next message cannot be read, the frame is lost: it may belong to it.
+            match self.next_message()? {
+                Some(next) if next.time() == time && !self.state.is_changed_by(&next.update) => {
+                    message = next;
+                }
+                next => {
+                    self.next = next;
+                    return Ok(message.place);
+                }
+            }
         }
     }
 }
 
 impl<R: Read + Seek> FrameSource for McapFrames<R> {
     fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
-        loop {
-            let Some((first, log_time, mut place)) = self.next_update()? else {
-                return Ok(None);
+        while let Some(message) = self.next_message()? {
+            let time = message.time();
+            let place = self.apply(message)?;
+            let curves = match self.state.is_empty() {
+                // Before the first curve there is nothing to verify.
+                true if self.seq == 0 => continue,
+                true => Err(Error::format(
+                    FORMAT,
+                    place,
+                    "no curves are left in this frame",
+                )),
+                false => self.state.curves(),
             };
-            let time = first.stamp.unwrap_or(log_time);
-            self.state.begin(log_time);
-            let mut update = first;
-            let ended = loop {
-                let applied = self.state.apply(update);
-                applied.map_err(|what| Error::format(FORMAT, &place, what))?;
-                match self.next_update() {
-                    Ok(Some((next, log_time, at))) => {
-                        let is_same = next.stamp.unwrap_or(log_time) == time;
-                        if !is_same || self.state.is_changed_again(&next) {
-                            self.next = Some((next, log_time, at));
-                            break Ok(());
-                        }
-                        (update, place) = (next, at);
-                    }
-                    Ok(None) => break Ok(()),
-                    Err(e) => break Err(e),
-                }
-            };
-            // A message that cannot be read may belong to this frame.
-            ended?;
-            // Before the first curve there is nothing to verify.
-            if self.seq == 0 && self.state.is_empty() {
-                continue;
-            }
-            let curves = self.state.curves().map_err(|e| match e {
-                Error::Usage(what) => Error::format(FORMAT, &place, what),
-                other => other,
-            });
             let (curves, labels) = match curves {
                 Ok((curves, labels)) => (Ok(curves), labels),
                 Err(e) => (Err(e), Default::default()),
@@ -304,6 +323,7 @@ impl<R: Read + Seek> FrameSource for McapFrames<R> {
             self.seq += 1;
             return Ok(Some(frame));
         }
+        Ok(None)
     }
 }
 

@@ -7,7 +7,7 @@
 //! - Curves keep the order in which they appeared first.
 
 use crate::curve::{Basis, CurveLabels, CurveSet, Point, Positions, Precision};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
@@ -75,8 +75,8 @@ impl State {
         self.entities.retain(|_, e| is_alive(e));
     }
 
-    /// Returns true if an update changes something that was changed since the frame began.
-    pub fn is_changed_again(&self, update: &Update) -> bool {
+    /// Returns true if an update changes something again that was changed since the frame began.
+    pub fn is_changed_by(&self, update: &Update) -> bool {
         update.changes.iter().any(|change| match change {
             Change::Put { name, .. } | Change::Delete(name) => self.changed.contains(name),
             Change::DeleteAll(_) => !self.changed.is_empty(),
@@ -157,9 +157,6 @@ impl State {
             set.push(Positions::F64(strip.points.as_flattened()))?;
         }
         let set = set.finish()?;
-        if set.is_empty() {
-            return Err(Error::Usage("no curves are left in this frame".into()));
-        }
         let names = entities.iter().flat_map(|(name, e)| {
             (0..e.strips.len()).map(move |k| match e.strips.len() {
                 1 => (*name).clone(),

@@ -32,7 +32,7 @@ fn messages(name: &str) -> Vec<(Content, Vec<u8>)> {
     while let Some(mut record) = container.next().unwrap() {
         if record.opcode == op::MESSAGE {
             let header = container::message(&mut record.body).unwrap();
-            if let Some((_, content)) = channels.read.get(&header.channel) {
+            if let (_, Some(content)) = &channels.channels[&header.channel] {
                 messages.push((*content, record.body.into()));
             }
         }
@@ -201,9 +201,9 @@ fn messages_add_replace_and_delete() {
         ]))
         .unwrap();
     assert_eq!(names(&state), ["a", "b", "c"]);
-    assert!(state.is_changed_again(&update(vec![put("c", 0, 0.0)])));
-    assert!(!state.is_changed_again(&update(vec![put("d", 0, 0.0)])));
-    assert!(state.is_changed_again(&update(vec![Change::DeleteAll(None)])));
+    assert!(state.is_changed_by(&update(vec![put("c", 0, 0.0)])));
+    assert!(!state.is_changed_by(&update(vec![put("d", 0, 0.0)])));
+    assert!(state.is_changed_by(&update(vec![Change::DeleteAll(None)])));
     // Gone after its lifetime; a replacement keeps its place in the order.
     state.begin(5);
     assert_eq!(names(&state), ["a", "b", "c"]);
@@ -223,8 +223,7 @@ fn messages_add_replace_and_delete() {
         .unwrap();
     assert_eq!(names(&state), ["a"]);
     state.apply(update(vec![Change::DeleteAll(None)])).unwrap();
-    let e = state.curves().unwrap_err().to_string();
-    assert!(e.contains("no curves are left"), "{e}");
+    assert!(state.is_empty());
 }
 
 #[test]
@@ -350,6 +349,18 @@ fn messages_of_one_time_are_one_frame_unless_they_change_a_curve_again() {
     );
     // Nothing to verify before the first curve.
     assert_eq!(count(&[(1, 0, &[]), (2, 0, &["a"])]).len(), 1);
+}
+
+#[test]
+fn a_frame_without_curves_is_invalid_and_later_ones_are_read() {
+    let all = br#"{"deletions": [{"type": 1}], "entities": []}"#.to_vec();
+    let curve = |stamp| scene_in_json(stamp, &["a"]);
+    let messages = [(1, curve(1)), (2, all), (3, curve(3))];
+    let (frames, e) = read(&file((SCENE_UPDATE, "json"), &messages));
+    assert_eq!((frames.len(), e), (3, None));
+    let e = frames[1].curves.as_ref().unwrap_err().to_string();
+    assert!(e.contains("no curves are left"), "{e}");
+    assert!(frames[2].curves.is_ok());
 }
 
 #[test]

@@ -172,11 +172,11 @@ impl RecordingSink {
     fn write_for_tools(&mut self, set: &CurveSet, record: &FrameRecord, ns: u64) -> Result<()> {
         let seq = record.report.seq;
         if let Some((channel, scene)) = &mut self.scene {
-            let (channel, message) = (*channel, scene.update(set, record, ns));
+            let (channel, message) = (*channel, scene.update(set, record));
             self.write(channel, &message, seq, ns)?;
         }
         if let Some((channel, points)) = &mut self.points {
-            let (channel, message) = (*channel, points.message(set, &record.report, ns));
+            let (channel, message) = (*channel, points.message(set, &record.report));
             self.write(channel, &message, seq, ns)?;
             if let Some((_, points)) = &mut self.points {
                 points.reuse(message);

@@ -10,9 +10,8 @@
 //! They follow from the frame and its report, so a reader skips them, and a repair writes them
 //! again. A frame that was rejected before it became curves has none.
 //!
-//! Timestamps are those of the log, like those of all messages of a recording. The simulation time
-//! may stand still or go back (a restart, a roll-back); tools would then show other frames than the
-//! recording has. It is in the metadata of the scene.
+//! Their timestamps are the simulation time, in addition to the time in the log that all messages
+//! of a recording have. Tools play the time in the log; rerun has a timeline for both.
 //!
 //! Cost: linear in the number of curves and in the number of points that are written, which is
 //! bounded (see [`sample`]). Memory: a message. All on the thread of the recording.
@@ -68,11 +67,13 @@ pub(super) struct Time {
 }
 
 impl Time {
-    fn from_ns(ns: u64) -> Time {
-        const SECOND: u64 = 1_000_000_000;
+    /// Returns the time of a frame; 0 if it is not a number.
+    fn of(report: &Report) -> Time {
+        let (seconds, rest) = (report.time.floor(), report.time - report.time.floor());
         Time {
-            seconds: (ns / SECOND) as i64,
-            nanos: (ns % SECOND) as i32,
+            // Conversions saturate.
+            seconds: seconds as i64,
+            nanos: ((rest * 1e9) as i32).clamp(0, 999_999_999),
         }
     }
 }

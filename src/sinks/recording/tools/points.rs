@@ -9,10 +9,11 @@ use crate::curve::CurveSet;
 use crate::verdict::Report;
 use prost::bytes::Bytes;
 
-/// Short curves get points between their vertices, because a square of four points is not seen.
+/// Curves of a small scene get points between their vertices, because a square of four points is
+/// not seen.
 const LIMITS: Limits = Limits {
     most: 250_000,
-    wanted: 50_000,
+    wanted: 4000,
     per_segment: 16,
     per_edge: 16,
 };
@@ -29,7 +30,7 @@ pub(crate) struct Points {
 
 impl Points {
     /// Returns the message of a frame.
-    pub fn message(&mut self, set: &CurveSet, report: &Report, time_ns: u64) -> PointCloud {
+    pub fn message(&mut self, set: &CurveSet, report: &Report) -> PointCloud {
         let states = states(report, set.len());
         let rest = Sample::new(set, &states, |s| s == State::Intact, LIMITS);
         let found = Sample::new(set, &states, |s| s != State::Intact, LIMITS);
@@ -54,7 +55,7 @@ impl Points {
         let offsets = [0, 4, 8, 12, 13, 14, 15];
         let fields = coordinates.into_iter().chain(colors).zip(offsets);
         PointCloud {
-            timestamp: Some(Time::from_ns(time_ns)),
+            timestamp: Some(Time::of(report)),
             frame_id: FRAME_ID.into(),
             pose: Some(pose([0.0; 3])),
             point_stride: STRIDE as u32,

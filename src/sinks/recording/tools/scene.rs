@@ -61,11 +61,11 @@ pub(crate) struct Scene {
 
 impl Scene {
     /// Returns the message of a frame.
-    pub fn update(&mut self, set: &CurveSet, record: &FrameRecord, time_ns: u64) -> SceneUpdate {
+    pub fn update(&mut self, set: &CurveSet, record: &FrameRecord) -> SceneUpdate {
         let report = &record.report;
         let names = &record.info.labels.names;
         let states = states(report, set.len());
-        let timestamp = Some(Time::from_ns(time_ns));
+        let timestamp = Some(Time::of(report));
         let entity = |id: String| SceneEntity {
             timestamp,
             frame_id: FRAME_ID.into(),

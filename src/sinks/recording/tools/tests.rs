@@ -66,7 +66,7 @@ fn update(scene: &mut Scene, set: &CurveSet, report: Report, names: &[&str]) -> 
         work: Default::default(),
         received: UNIX_EPOCH,
     };
-    scene.update(set, &record, 1_500_000_000)
+    scene.update(set, &record)
 }
 
 fn ids(update: &SceneUpdate) -> Vec<&str> {
@@ -76,7 +76,7 @@ fn ids(update: &SceneUpdate) -> Vec<&str> {
 #[test]
 fn an_intact_frame_has_all_curves_in_one_list_of_lines() {
     let set = rings(Basis::Polyline, 3, 5, &[1]);
-    let report = Report::new(7, 0.5, Verdict::Intact);
+    let report = Report::new(7, 1.5, Verdict::Intact);
     let update = update(&mut Scene::default(), &set, report, &[]);
     assert_eq!(ids(&update), ["curves"]);
     let entity = &update.entities[0];
@@ -165,9 +165,9 @@ fn the_number_of_points_is_bounded_and_curves_with_findings_are_in_full() {
 
 fn cloud(set: &CurveSet, report: &Report) -> PointCloud {
     let mut points = Points::default();
-    let first = points.message(set, report, 5);
+    let first = points.message(set, report);
     points.reuse(first.clone());
-    let again = points.message(set, report, 5);
+    let again = points.message(set, report);
     assert_eq!(first, again, "the buffer is cleared");
     again
 }
@@ -201,4 +201,18 @@ fn a_cloud_of_a_large_scene_is_bounded() {
     let set = rings(Basis::Polyline, 200_000, 5, &[]);
     let points = cloud(&set, &report).data.len() / 16;
     assert!((100_000..=500_000).contains(&points), "{points}");
+}
+
+#[test]
+fn any_time_has_a_timestamp() {
+    for (time, expected) in [
+        (0.0, (0, 0)),
+        (2.25, (2, 250_000_000)),
+        (-0.25, (-1, 750_000_000)),
+        (f64::NAN, (0, 0)),
+        (f64::INFINITY, (i64::MAX, 0)),
+    ] {
+        let time = Time::of(&Report::new(0, time, Verdict::Intact));
+        assert_eq!((time.seconds, time.nanos), expected);
+    }
 }
