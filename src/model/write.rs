@@ -27,7 +27,8 @@ pub struct FrameWriter {
 }
 
 impl FrameWriter {
-    /// Creates a model file, or truncates it. The extension of `path` determines the format.
+    /// Starts a model file, which its first frame creates or truncates. The extension of `path`
+    /// determines the format. A LAMMPS dump has a second file: [`FrameWriter::companion`].
     ///
     /// Errors: [`Error::UnknownModel`]; [`Error::Unsupported`] for formats that are only read.
     pub fn create(path: &Path) -> Result<FrameWriter> {

@@ -13,7 +13,7 @@ use tempfile::TempDir;
 const MEMORY: usize = 4 << 20;
 
 /// Reads all frames of a file. Returns an error if one is invalid.
-fn read(file: &Path, options: &ReadOptions) -> Result<()> {
+fn read_frames(file: &Path, options: &ReadOptions) -> Result<()> {
     for frame in Frames::open(file, options)? {
         frame?.curves.map_err(|e| e.in_file(file))?;
     }
@@ -51,7 +51,7 @@ fn model_files_and_certificates() {
     let mut options = ReadOptions::default();
     options.bonds = Some(path("a.data"));
     for name in names {
-        read(&path(name), &options).expect("a valid model");
+        read_frames(&path(name), &options).expect("a valid model");
     }
     let certificate = path("a.cert");
     let run = linkwatch(&["certify", text(&path("a.bcc")), "-o", text(&certificate)]);
@@ -69,7 +69,7 @@ fn model_files_and_certificates() {
         std::fs::write(&file, changed(&contents[k], random)).expect("a file");
         let (result, most) = peak(|| match k {
             _ if files[k] == "a.cert" => Certificate::read(&file).map(drop),
-            _ => read(&file, &options),
+            _ => read_frames(&file, &options),
         });
         assert!(most <= MEMORY, "{most} bytes for {}", files[k]);
         match result {

@@ -206,7 +206,7 @@ impl FrameSink for NpzFile {
         let mut at = first.len() as u64 + size;
 
         let counts = stream.counts.iter().flat_map(|c| c.to_le_bytes());
-        let name = basis_name(stream.basis);
+        let basis = Texts::of(&[basis_name(stream.basis).to_owned()]);
         let names = Texts::of(&self.labels.names);
         let radii = self.labels.radii.iter().flat_map(|r| r.to_le_bytes());
         let times = self.times.iter().flat_map(|t| t.to_le_bytes());
@@ -216,32 +216,28 @@ impl FrameSink for NpzFile {
             (
                 "counts",
                 true,
-                header_of("<i4", &list(stream.counts.len()), counts.collect()),
+                array_of("<i4", &list(stream.counts.len()), counts.collect()),
             ),
-            (
-                "basis",
-                true,
-                header_of(&format!("|S{}", name.len()), "", name.into()),
-            ),
+            ("basis", true, array_of(&basis.descr, "", basis.bytes)),
             (
                 "names",
                 !self.labels.names.is_empty(),
-                header_of(&names.descr, &list(self.labels.names.len()), names.bytes),
+                array_of(&names.descr, &list(self.labels.names.len()), names.bytes),
             ),
             (
                 "radii",
                 !self.labels.radii.is_empty(),
-                header_of("<f4", &list(self.labels.radii.len()), radii.collect()),
+                array_of("<f4", &list(self.labels.radii.len()), radii.collect()),
             ),
             (
                 "times",
                 self.times.iter().any(|t| *t != 0.0),
-                header_of("<f8", &list(self.times.len()), times.collect()),
+                array_of("<f8", &list(self.times.len()), times.collect()),
             ),
             (
                 "seq",
                 !self.seq.iter().copied().eq(0..stream.frames),
-                header_of("<u8", &list(self.seq.len()), seq.collect()),
+                array_of("<u8", &list(self.seq.len()), seq.collect()),
             ),
         ];
         for (name, _, bytes) in arrays.into_iter().filter(|(_, wanted, _)| *wanted) {
@@ -261,7 +257,7 @@ impl FrameSink for NpzFile {
 }
 
 /// Returns an array: its header and its values.
-fn header_of(descr: &str, shape: &str, values: Vec<u8>) -> Vec<u8> {
+fn array_of(descr: &str, shape: &str, values: Vec<u8>) -> Vec<u8> {
     [&header(descr, shape)[..], &values].concat()
 }
 
