@@ -92,19 +92,22 @@ fn marker(cdr: &mut Cdr, layout: Layout) -> Result<(Option<u64>, Change), String
     let _frame_locked = cdr.u8()?;
     let points = (0..cdr.count(24)?).map(|_| cdr.f64s());
     let points: Vec<Point> = points.collect::<Result<_, _>>()?;
-    let _colors = cdr.skip(16)?;
+    // Colours of the points.
+    cdr.skip(16)?;
     if layout.texture {
         let _resource = cdr.string()?;
         let _header = header(cdr)?;
         let _format = cdr.string()?;
-        let _data = cdr.skip(1)?;
-        let _uv = cdr.skip(8)?;
+        // The image, and its coordinates at the points.
+        cdr.skip(1)?;
+        cdr.skip(8)?;
     }
     let _text = cdr.string()?;
     let _mesh_resource = cdr.string()?;
     if layout.mesh_file {
         let _filename = cdr.string()?;
-        let _data = cdr.skip(1)?;
+        // The file.
+        cdr.skip(1)?;
     }
     let _mesh_use_embedded_materials = cdr.u8()?;
 

@@ -93,12 +93,20 @@ fn names_are_those_of_entities_and_markers() {
     );
 }
 
+fn on_topic(topic: Option<&str>) -> ReadOptions {
+    ReadOptions {
+        topic: topic.map(str::to_owned),
+        ..ReadOptions::default()
+    }
+}
+
 #[test]
 fn other_files_are_refused_with_their_topics() {
     let fails = |path: &Path, topic: Option<&str>| {
-        let mut options = ReadOptions::default();
-        options.topic = topic.map(str::to_owned);
-        Frames::open(path, &options).err().unwrap().to_string()
+        Frames::open(path, &on_topic(topic))
+            .err()
+            .unwrap()
+            .to_string()
     };
     let e = fails(&path("squares.mcap"), None);
     assert!(
@@ -115,9 +123,8 @@ fn other_files_are_refused_with_their_topics() {
     let topics = "no topic /other; its topics: /origin (foxglove.Point3), \
                   /scene (foxglove.SceneUpdate)";
     assert!(e.contains(topics), "{e}");
-    let mut options = ReadOptions::default();
-    options.topic = Some("/scene".into());
-    assert_eq!(Frames::open(&scene, &options).unwrap().count(), 5);
+    let frames = Frames::open(&scene, &on_topic(Some("/scene")));
+    assert_eq!(frames.unwrap().count(), 5);
 }
 
 fn channel(topic: &str, encoding: &str) -> Channel {

@@ -17,7 +17,7 @@
 //! bounded (see [`sample`]). Memory: a message. All on the thread of the recording.
 
 #[rustfmt::skip]
-#[allow(dead_code, reason = "generated")]
+#[allow(dead_code, clippy::enum_variant_names, reason = "generated")]
 mod foxglove;
 mod points;
 mod sample;
