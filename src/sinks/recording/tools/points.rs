@@ -44,10 +44,8 @@ impl Points {
             };
             let color = state.color();
             for point in sample.points(i) {
-                for x in point {
-                    data.extend((x as f32).to_le_bytes());
-                }
-                data.extend(color);
+                let [x, y, z] = point.map(|x| (x as f32).to_le_bytes());
+                data.extend_from_slice([x, y, z, color].as_flattened());
             }
         }
         let coordinates = ["x", "y", "z"].map(|name| (name, NumericType::Float32));

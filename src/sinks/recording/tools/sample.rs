@@ -71,7 +71,7 @@ impl<'a> Sample<'a> {
         let detail = (limits.wanted / segments.max(1)).clamp(1, most);
         let parts = match segments > limits.most {
             false => n * detail,
-            true => (n as u128 * limits.most as u128 / segments as u128) as usize,
+            true => share(limits.most, n, segments),
         };
         let parts = match i.is_multiple_of(self.every) {
             true => parts.max(LEAST.min(n)),
@@ -79,8 +79,10 @@ impl<'a> Sample<'a> {
         };
         let ends = usize::from(!curve.closed && parts > 0);
         (0..parts + ends).map(move |k| {
-            if parts <= n {
-                set.knot(i, (k as u128 * n as u128 / parts as u128) as usize)
+            if parts == n {
+                set.knot(i, k)
+            } else if parts < n {
+                set.knot(i, share(k, n, parts))
             } else {
                 match (k / detail, k % detail) {
                     (s, 0) => set.knot(i, s),
@@ -89,4 +91,10 @@ impl<'a> Sample<'a> {
             }
         })
     }
+}
+
+/// Returns `a * b / c`, rounded down. `a` and `b` are numbers of segments or points, which have 32
+/// bits.
+fn share(a: usize, b: usize, c: usize) -> usize {
+    (a as u64 * b as u64 / c as u64) as usize
 }
