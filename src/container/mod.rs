@@ -13,8 +13,8 @@
 //! its checksum has been verified. The checksum of a truncated chunk cannot be verified; its
 //! complete records are returned nevertheless.
 //!
-//! Memory: the size of the largest chunk. Buffers are allocated only for bytes that the file has, or
-//! that a chunk unpacks to.
+//! Memory: the size of the largest chunk. Buffers are allocated only for bytes that the file has,
+//! or that a chunk unpacks to.
 
 mod unpack;
 

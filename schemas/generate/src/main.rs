@@ -1,7 +1,7 @@
 //! Generates the files that follow from others: from `schemas/linkwatch.proto` and
 //! `schemas/foxglove.proto` their compiled forms, which recordings carry, and the Rust structs of
-//! their messages; from the sources of `bindings/c` its header; from `src/bus/wire.rs` the layout in
-//! shared memory as a C header.
+//! their messages; from the sources of `bindings/c` its header; from `src/bus/wire.rs` the layout
+//! in shared memory as a C header.
 //!
 //! `cargo run -p schemas` writes them; `cargo test -p schemas` compares them with those committed.
 

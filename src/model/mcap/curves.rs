@@ -1,9 +1,9 @@
 //! Lines of a scene as polylines.
 //!
 //! A strip is closed if its last point equals its first one, a loop always. The segments of a list
-//! are joined if they share a point, in any order and direction, as edges of an OBJ file: a list has
-//! no other notion of a curve. Points are equal if their coordinates are, not their indices, because
-//! some programs give each segment its own copies.
+//! are joined if they share a point, in any order and direction, as edges of an OBJ file: a list
+//! has no other notion of a curve. Points are equal if their coordinates are, not their indices,
+//! because some programs give each segment its own copies.
 //!
 //! A pose is applied to the points, in double precision. An identity leaves them bit for bit.
 

@@ -2,8 +2,9 @@
 //!
 //! | type | encoding | curves |
 //! |---|---|---|
-//! | `foxglove.SceneUpdate` | `protobuf`, `json` | `lines` of the entities, by `id` |
-//! | `visualization_msgs/msg/MarkerArray`, `.../Marker` | `cdr` (ROS 2) | `LINE_STRIP`, `LINE_LIST`, by `ns` and `id` |
+//! | `foxglove.SceneUpdate` | `protobuf`, `json` | lines of the entities, by `id` |
+//! | `visualization_msgs/msg/MarkerArray` | `cdr` (ROS 2) | strips and lists, by `ns` and `id` |
+//! | `visualization_msgs/msg/Marker` | `cdr` (ROS 2) | the same |
 //!
 //! Messages change a scene: they add, replace and delete curves by name ([`state`]). A frame is the
 //! whole scene after all messages of one time: that of the message, or that of the log if the
@@ -13,8 +14,9 @@
 //! All curves of a file must have the same `frame_id`, because transforms between coordinate
 //! systems are not read. Widths, colours and all other primitives are ignored.
 //!
-//! Cost: the file is read twice, first for its topics. Memory: that of the scene and of the largest
-//! chunk. Every count is compared with the bytes that are there.
+//! Cost: the file is read twice, first for its topics. Memory: that of the scene, of the largest
+//! chunk, and of the values of a message, which has at most 60 times its size (if it is a list of
+//! empty entities). Every count is compared with the bytes that are there.
 
 mod cdr;
 mod curves;
@@ -157,7 +159,8 @@ impl Channels {
             {
                 Some((topic, why)) => unsupported(format!("topic {topic}: {why}")),
                 None => unsupported(format!(
-                    "no curves: no topic has the type {SCENE_UPDATE}, {MARKER_ARRAY} or {MARKER}; {}",
+                    "no curves: no topic has the type {SCENE_UPDATE}, {MARKER_ARRAY} or {MARKER}; \
+                     {}",
                     self.list()
                 )),
             },

@@ -1,5 +1,5 @@
-//! `foxglove.SceneUpdate`, in protobuf and JSON. Source: <https://docs.foxglove.dev/docs/sdk/schemas>
-//! and `schemas/foxglove.proto`.
+//! `foxglove.SceneUpdate`, in protobuf and JSON. Source:
+//! <https://docs.foxglove.dev/docs/sdk/schemas> and `schemas/foxglove.proto`.
 
 use super::curves::{self, Kind, Pose};
 use super::protobuf::{Message, Value, merge};

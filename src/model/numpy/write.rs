@@ -114,8 +114,8 @@ fn no_frames() -> Error {
     Error::unsupported(FORMAT, "a file without frames")
 }
 
-/// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points, these
-/// numbers are not in the file.
+/// An `.npy` file: the positions. Unless all curves are closed and have equal numbers of points,
+/// these numbers are not in the file.
 pub(in crate::model) struct NpyFile {
     path: PathBuf,
     stream: Option<Stream>,

@@ -2,7 +2,7 @@
 //!
 //! | tool | message | content |
 //! |---|---|---|
-//! | Foxglove | `foxglove.SceneUpdate` | lines: curves with findings in full, the others thinned; labels |
+//! | Foxglove | `foxglove.SceneUpdate` | curves as lines: in full if they have findings; labels |
 //! | rerun | `foxglove.PointCloud` | points of the curves, with colours |
 //!
 //! Rerun 0.36 does not draw `foxglove.SceneUpdate`. Foxglove draws both.
