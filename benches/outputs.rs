@@ -7,8 +7,8 @@
 use linkwatch::scenes::Scene;
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Positions, Precision,
-    RecordedItem, RecordingReader, RecordingSink, Sink, Verdict, Verifier, ViewerSink,
-    ViewerTarget, Work,
+    RecordedItem, RecordingReader, RecordingSink, RecordingTool, Sink, Verdict, Verifier,
+    ViewerSink, ViewerTarget, Work,
 };
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -23,9 +23,18 @@ fn main() {
     let frames = frames(if measures { 60 } else { 3 });
     let folder = tempfile::tempdir().expect("a folder");
     let recording = folder.path().join("frames.mcap");
-    let sink = RecordingSink::create(&recording, &Default::default()).expect("a recording");
-    write("recording", Box::new(sink), &frames);
-    read(&recording, frames.len());
+    for (what, tools) in [
+        ("recording", &[][..]),
+        ("recording for foxglove", &[RecordingTool::Foxglove]),
+        ("recording for rerun", &[RecordingTool::Rerun]),
+    ] {
+        let sink = RecordingSink::create(&recording, &Default::default()).expect("a recording");
+        let sink = sink.with_tools(tools.iter().copied()).expect("channels");
+        write(what, Box::new(sink), &frames);
+        let bytes = std::fs::metadata(&recording).expect("a recording").len();
+        println!("{what}: {} bytes a frame", bytes / frames.len() as u64);
+        read(&recording, frames.len());
+    }
     let target = ViewerTarget::File(folder.path().join("frames.rrd"));
     let sink = ViewerSink::open(&target, "frames").expect("a file for the viewer");
     write("viewer", Box::new(sink), &frames);

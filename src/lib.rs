@@ -112,6 +112,8 @@ mod certificate;
     reason = "the only way for users of the API, whose options are non-exhaustive"
 )]
 mod cli;
+#[cfg(feature = "mcap")]
+mod container;
 mod curve;
 #[cfg(feature = "verify")]
 mod discretize;
@@ -191,7 +193,7 @@ pub use sinks::{
 #[cfg(feature = "mcap")]
 pub use sinks::{
     Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,
-    RecordingSink,
+    RecordingSink, RecordingTool,
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};

@@ -201,7 +201,11 @@ fn errors_of_a_folder_and_a_misspelt_scene_give_advice() {
     for (args, expected) in [
         (["certify", path], advice.as_str()),
         (["plan", path], advice.as_str()),
-        (["certify", "run.mcap"], "`linkwatch replay` verifies"),
+        #[cfg(feature = "mcap")]
+        (
+            ["certify", "recordings/squares.mcap"],
+            "`linkwatch replay` verifies",
+        ),
         (["certify", "knti"], "the nearest is 'knit'"),
         (["plan", "ribbon:segmnts=20"], "the nearest is 'segments'"),
     ] {

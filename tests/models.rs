@@ -4,7 +4,7 @@
 mod support;
 
 use libtest_mimic::{Arguments, Failed, Trial};
-use linkwatch::model::{self, FrameWriter, Frames, ModelFrame, ReadOptions};
+use linkwatch::model::{self, Format, FrameWriter, Frames, ModelFrame, ReadOptions};
 use linkwatch::{Basis, Certificate, Verifier, homotopic_polylines};
 use std::path::PathBuf;
 use support::trial::trial;

@@ -14,7 +14,8 @@ use std::time::{Duration, SystemTime};
 /// Rewrite a recording that was cut off, by a kill or a full disk, with all of its complete frames
 ///
 /// Other tools then open it: a recording that was cut off has no index, and may end within a frame.
-/// `linkwatch replay` reads it without a repair.
+/// `linkwatch replay` reads it without a repair. Messages for other tools (`--record-for`) are
+/// written again from the frames; topics of other programs are left out.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording
@@ -33,6 +34,8 @@ struct Copied {
     frames: u64,
     /// Frames without a verdict, and verdicts without their frame.
     left_out: u64,
+    /// Messages of other programs, which are not copied.
+    foreign: u64,
     ending: Option<Ending>,
     /// Reason why the recording is read no further.
     damaged: Option<Error>,
@@ -62,6 +65,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             "output": args.output,
             "frames": copied.frames,
             "left_out": copied.left_out,
+            "left_out_messages": copied.foreign,
             "damaged": copied.damaged.as_ref().map(Error::to_string),
             "cut": matches!(copied.ending, Some(Ending::Cut { .. })),
         }));
@@ -71,6 +75,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         if copied.left_out > 0 {
             let frames = plural(copied.left_out, "frame");
             output::line(format_args!("  left out: {frames} without a verdict"));
+        }
+        if copied.foreign > 0 {
+            let messages = plural(copied.foreign, "message");
+            output::line(format_args!("  left out: {messages} of other programs"));
         }
     }
     Ok(match copied.damaged {
@@ -88,7 +96,9 @@ fn copy(from: &Path, to: &Path) -> Result<Copied> {
     let mut next = reader.next_item();
     let mut metadata = reader.metadata().clone();
     metadata.insert("repaired_from".into(), from.display().to_string());
-    let mut sink = Box::new(RecordingSink::create(to, &metadata)?);
+    // Messages for other tools are not copied but written again from the frames.
+    let sink = RecordingSink::create(to, &metadata)?;
+    let mut sink = Box::new(sink.with_tools(reader.tools())?);
     let mut waiting = None;
     loop {
         match next {
@@ -112,6 +122,7 @@ fn copy(from: &Path, to: &Path) -> Result<Copied> {
     }
     copied.left_out += u64::from(waiting.is_some());
     copied.ending = reader.ending().cloned();
+    copied.foreign = reader.skipped();
     sink.finish()?;
     Ok(copied)
 }

@@ -18,6 +18,8 @@ pub struct ReadOptions {
     pub bonds: Option<PathBuf>,
     /// Number of points of each curve of a NumPy array, negative if the curve is closed.
     pub counts: Option<Vec<i32>>,
+    /// Topic of an MCAP file, if several have curves.
+    pub topic: Option<String>,
 }
 
 /// One frame of a model file.

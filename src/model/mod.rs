@@ -10,6 +10,7 @@
 //! | `.dump`, `.lammpstrj`, `dump.*` | frames of the curves of a data file | double |
 //! | `.npy` | frames of polylines | single or double |
 //! | `.npz` | frames of all bases, with times, names and radii | single or double |
+//! | `.mcap` | polylines: `foxglove.SceneUpdate`, ROS 2 markers | double |
 //!
 //! A file is not trusted: every count is compared with the length of the file before anything is
 //! allocated, so that memory is linear in that length for any counts. (A compressed array may take
@@ -21,6 +22,8 @@ mod bcc;
 mod chains;
 mod frames;
 mod lammps;
+#[cfg(feature = "mcap")]
+mod mcap;
 mod numpy;
 mod obj;
 mod vect;
@@ -100,10 +103,11 @@ pub enum Format {
     Npy,
     /// NumPy arrays: points, counts, bases, times, names and radii.
     Npz,
+    Mcap,
 }
 
 /// Extensions of the formats; [`MODEL_FILES`] lists them for messages.
-const EXTENSIONS: [(&str, Format); 10] = [
+const EXTENSIONS: [(&str, Format); 11] = [
     ("bcc", Format::Bcc),
     ("obj", Format::Obj),
     ("vect", Format::Vect),
@@ -114,6 +118,7 @@ const EXTENSIONS: [(&str, Format); 10] = [
     ("lammpstrj", Format::LammpsDump),
     ("npy", Format::Npy),
     ("npz", Format::Npz),
+    ("mcap", Format::Mcap),
 ];
 
 /// Starts of the names of LAMMPS files, which may have any extension.
@@ -147,13 +152,6 @@ impl Format {
             let path = path.into();
             return Err(Error::Folder { path, advice });
         }
-        if path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
-        {
-            let why = "a recording (.mcap), which `linkwatch replay` verifies";
-            return Err(Error::unsupported("model", why).in_file(path));
-        }
         Format::named(path)
             .or_else(|| lammps::begins_as_dump(path).then_some(Format::LammpsDump))
             .ok_or_else(|| Error::UnknownModel { path: path.into() })
@@ -186,6 +184,13 @@ impl Format {
             Format::LammpsDump => return lammps::open_dump(path, options),
             Format::Npy => return numpy::open_npy(path, options),
             Format::Npz => return numpy::open_npz(path, options),
+            #[cfg(feature = "mcap")]
+            Format::Mcap => return mcap::open(path, options),
+            #[cfg(not(feature = "mcap"))]
+            Format::Mcap => {
+                let why = "an MCAP file, which this build does not read (feature mcap)";
+                return Err(Error::unsupported("model", why).in_file(path));
+            }
             Format::Bcc => open(path).and_then(|(input, len)| bcc::read(input, len)),
             Format::Obj => open(path).and_then(|(input, _)| obj::read(input)),
             Format::Vect => open(path).and_then(|(input, len)| vect::read(input, len)),
@@ -206,6 +211,10 @@ impl Format {
             Format::LammpsDump => Box::new(lammps::DumpFile::new(path)),
             Format::Npy => Box::new(numpy::NpyFile::new(path)),
             Format::Npz => Box::new(numpy::NpzFile::new(path)),
+            Format::Mcap => {
+                let why = "MCAP is not written from models; `linkwatch check --record` records";
+                return Err(Error::unsupported("model", why));
+            }
         })
     }
 
@@ -213,7 +222,7 @@ impl Format {
     pub fn holds_frames(self) -> bool {
         match self {
             Format::Bcc | Format::Obj | Format::Vect | Format::LammpsData => false,
-            Format::LammpsDump | Format::Npy | Format::Npz => true,
+            Format::LammpsDump | Format::Npy | Format::Npz | Format::Mcap => true,
         }
     }
 
@@ -223,7 +232,7 @@ impl Format {
             Format::Bcc | Format::Npz => true,
             Format::Obj | Format::Vect | Format::LammpsData | Format::LammpsDump => false,
             // The positions would be read as those of polylines.
-            Format::Npy => false,
+            Format::Npy | Format::Mcap => false,
         }
     }
 }
@@ -292,6 +301,7 @@ mod tests {
             Format::LammpsDump => Box::new(lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]])?),
             Format::Npy => Box::new(numpy::read_npy(bytes, len, &npy)?),
             Format::Npz => Box::new(numpy::read_npz(Cursor::new(bytes), len, &npz)?),
+            Format::Mcap => unreachable!("its tests are in mcap"),
         };
         let mut curves = Vec::new();
         while let Some(frame) = frames.next_frame()? {

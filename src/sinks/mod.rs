@@ -15,7 +15,7 @@ pub use queue::{Overflow, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use recording::{
     Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,
-    RecordingSink,
+    RecordingSink, RecordingTool,
 };
 pub use times::{FrameTimes, LiveTimes};
 #[cfg(feature = "rerun")]

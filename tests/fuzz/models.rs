@@ -4,7 +4,7 @@ use super::bytes::changed;
 use super::memory::peak;
 use super::support::command::{linkwatch, text};
 use super::units;
-use linkwatch::model::{self, FrameWriter, Frames, ModelFrame, ReadOptions};
+use linkwatch::model::{self, Format, FrameWriter, Frames, ModelFrame, ReadOptions};
 use linkwatch::{Certificate, Result};
 use std::path::Path;
 use tempfile::TempDir;

@@ -399,6 +399,37 @@ fn a_replay_of_some_frames_gives_their_recorded_verdicts() {
 }
 
 #[test]
+fn a_repair_writes_the_messages_for_other_tools_again() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (whole, repaired) = (at("whole.mcap"), at("repaired.mcap"));
+    let flight = recordings().join("flight.mcap");
+    let run = |args: &[&str], files: [&Path; 2]| {
+        let run = command().args(args).args(files).output().unwrap();
+        assert!(run.status.code() < Some(2), "{run:?}");
+        run
+    };
+    let tools = "--record-for=foxglove,rerun";
+    run(&["replay", "--quiet", tools, "--record"], [&whole, &flight]);
+    run(&["repair"], [&whole, &repaired]);
+    let pictures = |path: &Path| {
+        let bytes = std::fs::read(path).unwrap();
+        let messages = mcap::MessageStream::new(&bytes)
+            .unwrap()
+            .map(Result::unwrap);
+        let messages = messages.map(|m| (m.channel.topic.clone(), m.data.to_vec()));
+        let is_picture = |topic: &str| ["/linkwatch/scene", "/linkwatch/points"].contains(&topic);
+        messages
+            .filter(|(topic, _)| is_picture(topic))
+            .collect::<Vec<_>>()
+    };
+    let expected = pictures(&whole);
+    assert_eq!(expected.len(), 2 * 5);
+    assert!(pictures(&repaired) == expected);
+    assert_eq!(replay(&repaired).reports(), replay(&flight).reports());
+}
+
+#[test]
 fn a_repaired_recording_has_all_complete_frames_of_one_that_was_cut_off() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name);

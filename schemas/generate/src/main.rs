@@ -1,6 +1,7 @@
-//! Generates the files that follow from others: from `schemas/linkwatch.proto` its compiled form,
-//! which every recording carries, and the Rust structs of its messages; from the sources of
-//! `bindings/c` its header; from `src/bus/wire.rs` the layout in shared memory as a C header.
+//! Generates the files that follow from others: from `schemas/linkwatch.proto` and
+//! `schemas/foxglove.proto` their compiled forms, which recordings carry, and the Rust structs of
+//! their messages; from the sources of `bindings/c` its header; from `src/bus/wire.rs` the layout
+//! in shared memory as a C header.
 //!
 //! `cargo run -p schemas` writes them; `cargo test -p schemas` compares them with those committed.
 
@@ -9,11 +10,6 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
-
-/// First lines of the generated code.
-const HEADER: &str = "\
-// Generated from schemas/linkwatch.proto by `cargo run -p schemas`. Do not edit.
-";
 
 /// First lines of the header of the C library.
 const C_HEADER: &str = "\
@@ -34,18 +30,39 @@ fn generate() -> Result<Vec<(PathBuf, Vec<u8>)>> {
         .join("../..")
         .canonicalize()?;
     let folder = root.join("schemas");
-    let mut set = protox::compile([folder.join("linkwatch.proto")], [&folder])?;
-    let module = prost_build::Module::from_protobuf_package_name(set.file[0].package());
     let mut config = prost_build::Config::new();
     // Positions are written from a buffer that is reused.
-    config.bytes(["CurveFrame.positions"]);
-    let code = config.generate(vec![(module.clone(), set.file[0].clone())])?;
-    let code = format!("{HEADER}{}", code[&module]);
-    // Comments and positions in the text are not part of the schema.
-    set.file.iter_mut().for_each(|f| f.source_code_info = None);
+    config.bytes(["CurveFrame.positions", "PointCloud.data"]);
+    for name in ["Timestamp", "Duration"] {
+        config.extern_path(format!(".google.protobuf.{name}"), "super::Time");
+    }
+    let mut messages = |name: &str| -> Result<[Vec<u8>; 2]> {
+        let mut set = protox::compile([folder.join(name)], [&folder])?;
+        // Imported files come before those that import them.
+        let modules = set
+            .file
+            .iter()
+            .map(|file| prost_build::Module::from_protobuf_package_name(file.package()));
+        let modules: Vec<_> = modules.collect();
+        let own = modules.last().ok_or("no file")?.clone();
+        let files = modules.into_iter().zip(set.file.iter().cloned());
+        let code = config.generate(files.collect())?;
+        let code = format!(
+            "// Generated from schemas/{name} by `cargo run -p schemas`. Do not edit.\n{}",
+            code[&own]
+        );
+        // Comments and positions in the text are not part of the schema.
+        set.file.iter_mut().for_each(|f| f.source_code_info = None);
+        Ok([set.encode_to_vec(), code.into()])
+    };
+    let [linkwatch, linkwatch_code] = messages("linkwatch.proto")?;
+    let [foxglove, foxglove_code] = messages("foxglove.proto")?;
+    let recording = root.join("src/sinks/recording");
     Ok(vec![
-        (folder.join("linkwatch.binpb"), set.encode_to_vec()),
-        (root.join("src/sinks/recording/schema.rs"), code.into()),
+        (folder.join("linkwatch.binpb"), linkwatch),
+        (recording.join("schema.rs"), linkwatch_code),
+        (folder.join("foxglove.binpb"), foxglove),
+        (recording.join("tools/foxglove.rs"), foxglove_code),
         (
             root.join("bindings/c/include/linkwatch.h"),
             c_library(&root)?,

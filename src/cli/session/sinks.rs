@@ -6,9 +6,13 @@ use crate::cli::files::with_suffix;
 use crate::cli::files::{Content, claim};
 use crate::cli::files::{Files, Overwrite};
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
+#[cfg(feature = "mcap")]
+use linkwatch::{RecordingSink, RecordingTool};
 #[cfg(feature = "rerun")]
 use linkwatch::{Sink, ViewerSink, ViewerTarget};
 use std::collections::BTreeMap;
+#[cfg(feature = "mcap")]
+use std::collections::BTreeSet;
 #[cfg(feature = "bus")]
 use std::path::Path;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
@@ -28,6 +32,26 @@ const WAITING_POINTS: usize = 1_000_000;
 #[cfg(feature = "rerun")]
 const OPEN: Duration = Duration::from_secs(10);
 
+/// Tools that show a recording by themselves.
+#[cfg(feature = "mcap")]
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Tool {
+    /// The curves as lines (foxglove.SceneUpdate): thinned, those with findings in full
+    Foxglove,
+    /// The curves as points (foxglove.PointCloud)
+    Rerun,
+}
+
+#[cfg(feature = "mcap")]
+impl From<Tool> for RecordingTool {
+    fn from(tool: Tool) -> RecordingTool {
+        match tool {
+            Tool::Foxglove => RecordingTool::Foxglove,
+            Tool::Rerun => RecordingTool::Rerun,
+        }
+    }
+}
+
 /// Destinations of verified frames.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = crate::cli::WRITE)]
@@ -36,6 +60,15 @@ pub struct Sinks {
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
+    /// Add messages to the recording that other tools draw, so that they show it by themselves
+    #[cfg(feature = "mcap")]
+    #[arg(
+        long,
+        value_name = "TOOL,..",
+        value_delimiter = ',',
+        requires = "record"
+    )]
+    record_for: Vec<Tool>,
     /// Show every frame in the viewer (opens an installed `rerun`)
     #[cfg(feature = "rerun")]
     #[arg(long, group = "shown")]
@@ -157,11 +190,11 @@ impl Sinks {
             return Ok(None);
         };
         let (metadata, overwrite) = (metadata.clone(), self.overwrite);
+        let tools: BTreeSet<RecordingTool> = self.record_for.iter().map(|t| (*t).into()).collect();
         let queue = SinkQueue::spawn("recording", WAITING, overflow, move || {
             claim(&path, overwrite)?;
-            Ok(Box::new(linkwatch::RecordingSink::create(
-                &path, &metadata,
-            )?))
+            let sink = RecordingSink::create(&path, &metadata)?;
+            Ok(Box::new(sink.with_tools(tools)?))
         })?;
         Ok(Some(queue.with_points(WAITING_POINTS)))
     }

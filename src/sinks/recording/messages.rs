@@ -2,6 +2,7 @@
 
 use super::schema;
 use crate::certificate::Certificate;
+pub(super) use crate::container::invalid;
 use crate::curve::{Basis, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::{Route, Work};
@@ -38,11 +39,6 @@ fn from_code<T: Copy>(all: &[T], code: i32, what: &'static str) -> Result<T> {
                 format_args!("code {code}, expected 1 to {}", all.len()),
             )
         })
-}
-
-/// Creates the error of a message that decodes, but has invalid content.
-pub(super) fn invalid(place: &str, what: impl std::fmt::Display) -> Error {
-    Error::format("recording", place, what)
 }
 
 const PRECISIONS: [Precision; 2] = [Precision::F32, Precision::F64];

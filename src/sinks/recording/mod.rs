@@ -4,18 +4,21 @@
 //! and the same report, so that a replay can be compared with it. The schema is
 //! `schemas/linkwatch.proto`.
 //!
-//! Only this module knows the crates `mcap` and `prost`.
+//! On request it also has messages of types that other tools draw: [`RecordingTool`].
+//!
+//! Only this module knows the crates `mcap` and `prost`; the container module reads records.
 
-mod container;
 mod messages;
 mod reader;
 #[rustfmt::skip]
 #[allow(dead_code, reason = "generated")]
 mod schema;
+mod tools;
 mod writer;
 
-pub use container::Ending;
+pub use crate::container::Ending;
 pub use reader::{RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader};
+pub use tools::RecordingTool;
 pub use writer::RecordingSink;
 
 /// Topic and message of each channel.

@@ -1,19 +1,18 @@
 //! Reads a recording: the same bits that were verified, and the same reports.
 
-use super::container::{Container, Ending, string};
 use super::messages::{self, PACKAGE, invalid};
 use super::schema;
-use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
+use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, RecordingTool, VERDICTS};
+use crate::container::{self, Container, Ending, op, string};
 use crate::curve::{Basis, CurveLabels, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::Work;
 use crate::ingest::{FrameInfo, RawFrame, ingest};
 use crate::sinks::{BaselineRecord, FrameTimes};
 use crate::verdict::Report;
-use mcap::records::op;
 use prost::Message;
 use prost::bytes::{Buf, Bytes};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
@@ -134,6 +133,8 @@ enum Channel {
     Labels,
     Frames,
     Verdicts,
+    /// Messages for another tool, which follow from the frames.
+    Tool,
     /// Other content: skipped and counted.
     Foreign,
 }
@@ -171,6 +172,7 @@ pub struct RecordingReader<R> {
     /// Full names of the messages, by the number of their schema.
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, Channel>,
+    tools: BTreeSet<RecordingTool>,
     metadata: BTreeMap<String, String>,
     /// Names and radii of the curves of the next frame.
     labels: Arc<CurveLabels>,
@@ -180,28 +182,26 @@ pub struct RecordingReader<R> {
 impl RecordingReader<BufReader<File>> {
     /// Opens a file. A file that is still being written is read up to its current end.
     pub fn open(path: &Path) -> Result<Self> {
-        // Checked before opening, because opening a pipe waits for its writer.
-        let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
-        if !metadata.is_file() {
-            let why = "a recording is read from a regular file";
-            return Err(Error::file(path)(std::io::Error::other(why)));
-        }
-        let file = File::open(path).map_err(Error::file(path))?;
-        RecordingReader::new(BufReader::new(file))
+        Ok(RecordingReader::on(Container::open(path)?))
     }
 }
 
 impl<R: Read + Seek> RecordingReader<R> {
     /// Reads a recording from any input with a length.
     pub fn new(input: R) -> Result<Self> {
-        Ok(RecordingReader {
-            container: Container::new(input)?,
+        Ok(RecordingReader::on(Container::new(input)?))
+    }
+
+    fn on(container: Container<R>) -> Self {
+        RecordingReader {
+            container,
             schemas: HashMap::new(),
             channels: HashMap::new(),
+            tools: BTreeSet::new(),
             metadata: BTreeMap::new(),
             labels: Arc::default(),
             skipped: 0,
-        })
+        }
     }
 
     /// Returns the metadata of the recorded run. Complete once the first item was read.
@@ -209,7 +209,14 @@ impl<R: Read + Seek> RecordingReader<R> {
         &self.metadata
     }
 
-    /// Returns the number of messages of other topics or schemas, skipped so far.
+    /// Returns the tools for which the recording has messages. Complete once the first item was
+    /// read.
+    pub fn tools(&self) -> impl Iterator<Item = RecordingTool> + '_ {
+        self.tools.iter().copied()
+    }
+
+    /// Returns the number of messages of other topics or schemas, skipped so far. Messages for
+    /// [tools](RecordingReader::tools) do not count.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
@@ -236,14 +243,15 @@ impl<R: Read + Seek> RecordingReader<R> {
             let bad = |what| invalid(&place, what);
             match record.opcode {
                 op::SCHEMA => {
-                    let (id, name) = schema(&mut body).ok_or_else(|| bad("an invalid schema"))?;
-                    self.schemas.insert(id, name);
+                    let schema = container::schema(&mut body);
+                    let (id, schema) = schema.ok_or_else(|| bad("an invalid schema"))?;
+                    self.schemas.insert(id, schema.name);
                 }
                 op::CHANNEL => {
-                    let (id, channel) = self
-                        .channel(&mut body)
-                        .ok_or_else(|| bad("an invalid channel"))?;
-                    self.channels.insert(id, channel?);
+                    let channel = container::channel(&mut body);
+                    let (id, channel) = channel.ok_or_else(|| bad("an invalid channel"))?;
+                    let content = self.content(&channel)?;
+                    self.channels.insert(id, content);
                 }
                 op::METADATA => {
                     let (name, map) =
@@ -253,21 +261,19 @@ impl<R: Read + Seek> RecordingReader<R> {
                     }
                 }
                 op::MESSAGE => {
-                    let id = body.try_get_u16_le().ok();
-                    // Sequence number, time logged and time published.
-                    let Some(id) = id.filter(|_| body.len() >= 20) else {
-                        return Err(bad("a message without a header"));
-                    };
-                    let time = (&body[4..12]).get_u64_le();
-                    body.advance(20);
-                    let channel = self.channels.get(&id).copied();
+                    let header = container::message(&mut body);
+                    let header = header.ok_or_else(|| bad("a message without a header"))?;
+                    let channel = self.channels.get(&header.channel).copied();
                     let channel = channel.ok_or_else(|| bad("a message of an unknown channel"))?;
+                    if let Channel::Tool = channel {
+                        continue;
+                    }
                     if let Channel::Labels = channel {
                         let labels = labels(body).map_err(|e| invalid(&place, e))?;
                         self.labels = Arc::new(labels);
                         continue;
                     }
-                    let item = item(channel, body, (&self.labels, time));
+                    let item = item(channel, body, (&self.labels, header.log_time));
                     if let Some(item) = item.map_err(|e| invalid(&place, e))? {
                         return Ok(Some(item));
                     }
@@ -280,37 +286,38 @@ impl<R: Read + Seek> RecordingReader<R> {
         Ok(None)
     }
 
-    /// Returns the number of a channel and its content, or an error for a linkwatch topic of
-    /// another version.
-    fn channel(&self, body: &mut Bytes) -> Option<(u16, Result<Channel>)> {
-        let id = body.try_get_u16_le().ok()?;
-        let schema = body.try_get_u16_le().ok()?;
-        let topic = string(body)?;
-        let encoding = string(body)?;
-        let schema = self.schemas.get(&schema).map_or("", String::as_str);
+    /// Returns the content of a channel, or an error for a linkwatch topic of another version.
+    fn content(&mut self, channel: &container::Channel) -> Result<Channel> {
+        let schema = self.schemas.get(&channel.schema).map_or("", String::as_str);
+        if channel.encoding != PROTOBUF {
+            return Ok(Channel::Foreign);
+        }
+        let is = |tool: &RecordingTool| tool.channel() == (channel.topic.as_str(), schema);
+        if let Some(tool) = RecordingTool::ALL.into_iter().find(is) {
+            self.tools.insert(tool);
+            return Ok(Channel::Tool);
+        }
         let ours = [
             (BASELINE, Channel::Baseline),
             (LABELS, Channel::Labels),
             (FRAMES, Channel::Frames),
             (VERDICTS, Channel::Verdicts),
         ];
-        let known = ours.into_iter().find(|((t, _), _)| *t == topic);
-        let Some(((_, message), channel)) = known.filter(|_| encoding == PROTOBUF) else {
-            return Some((id, Ok(Channel::Foreign)));
+        let known = ours.into_iter().find(|((t, _), _)| *t == channel.topic);
+        let (Some(((_, message), content)), Some((package, m))) = (known, schema.rsplit_once('.'))
+        else {
+            return Ok(Channel::Foreign);
         };
-        let channel = match schema.rsplit_once('.') {
-            Some((PACKAGE, m)) if m == message => Ok(channel),
-            Some((package, m)) if m == message => match version(package) {
-                Some(found) => Err(Error::Version {
-                    what: "the recording",
-                    found,
-                    known: version(PACKAGE).unwrap_or_default(),
-                }),
-                None => Ok(Channel::Foreign),
-            },
-            _ => Ok(Channel::Foreign),
-        };
-        Some((id, channel))
+        match (package == PACKAGE, version(package)) {
+            _ if m != message => Ok(Channel::Foreign),
+            (true, _) => Ok(content),
+            (false, None) => Ok(Channel::Foreign),
+            (false, Some(found)) => Err(Error::Version {
+                what: "the recording",
+                found,
+                known: version(PACKAGE).unwrap_or_default(),
+            }),
+        }
     }
 }
 
@@ -335,7 +342,7 @@ fn item(
     (labels, received_ns): (&Arc<CurveLabels>, u64),
 ) -> Result<Option<RecordedItem>> {
     Ok(Some(match channel {
-        Channel::Foreign | Channel::Labels => return Ok(None),
+        Channel::Foreign | Channel::Tool | Channel::Labels => return Ok(None),
         Channel::Baseline => {
             let message = schema::Baseline::decode(body).map_err(broken)?;
             RecordedItem::Baseline(message.try_into()?)
@@ -383,12 +390,6 @@ fn item(
             }))
         }
     }))
-}
-
-/// Returns the number and the name of a schema. Its text is not needed, because the name has the
-/// version.
-fn schema(body: &mut Bytes) -> Option<(u16, String)> {
-    Some((body.try_get_u16_le().ok()?, string(body)?))
 }
 
 /// Returns the name and the entries of a metadata record.

@@ -13,6 +13,7 @@
 
 use super::messages::{self, DESCRIPTORS, PACKAGE, nanoseconds};
 use super::schema;
+use super::tools::{self, Points, RecordingTool, Scene};
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
@@ -87,6 +88,9 @@ pub struct RecordingSink {
     verdicts: u16,
     baseline: u16,
     labels: u16,
+    /// Channels of messages for other tools.
+    scene: Option<(u16, Scene)>,
+    points: Option<(u16, Points)>,
     /// Names and radii that were written last.
     last_labels: Arc<CurveLabels>,
     /// Reused for every frame, so that a frame allocates nothing.
@@ -135,6 +139,8 @@ impl RecordingSink {
         Ok(RecordingSink {
             baseline: channel(BASELINE).map_err(failed)?,
             labels: channel(LABELS).map_err(failed)?,
+            scene: None,
+            points: None,
             last_labels: Arc::default(),
             frames: channel(FRAMES).map_err(failed)?,
             verdicts: channel(VERDICTS).map_err(failed)?,
@@ -143,6 +149,41 @@ impl RecordingSink {
             positions: Vec::new(),
             encoded: Vec::new(),
         })
+    }
+
+    /// Adds messages for tools that show the recording without linkwatch. Call it before the first
+    /// frame. They cost about as much space and time as the frames; `docs/mcap.md` has figures.
+    pub fn with_tools(mut self, tools: impl IntoIterator<Item = RecordingTool>) -> Result<Self> {
+        for tool in tools {
+            let (topic, message) = tool.channel();
+            let failed = |e| sink_error(&self.path, e);
+            let writer = &mut self.writer;
+            let schema = writer.add_schema(message, PROTOBUF, tools::DESCRIPTORS);
+            let channel = schema
+                .and_then(|schema| writer.add_channel(schema, topic, PROTOBUF, &BTreeMap::new()))
+                .map_err(failed)?;
+            match tool {
+                RecordingTool::Foxglove => self.scene = Some((channel, Scene::default())),
+                RecordingTool::Rerun => self.points = Some((channel, Points::default())),
+            }
+        }
+        Ok(self)
+    }
+
+    fn write_for_tools(&mut self, set: &CurveSet, record: &FrameRecord, ns: u64) -> Result<()> {
+        let seq = record.report.seq;
+        if let Some((channel, scene)) = &mut self.scene {
+            let (channel, message) = (*channel, scene.update(set, record));
+            self.write(channel, &message, seq, ns)?;
+        }
+        if let Some((channel, points)) = &mut self.points {
+            let (channel, message) = (*channel, points.message(set, &record.report));
+            self.write(channel, &message, seq, ns)?;
+            if let Some((_, points)) = &mut self.points {
+                points.reuse(message);
+            }
+        }
+        Ok(())
     }
 
     /// Records the curves of a frame without a verdict. The time of the simulation takes the place
@@ -245,7 +286,11 @@ impl Sink for RecordingSink {
                 times: Some((&record.times).into()),
             }),
         };
-        self.write(self.verdicts, &message, record.report.seq, time)
+        self.write(self.verdicts, &message, record.report.seq, time)?;
+        match &record.curves {
+            Some(curves) => self.write_for_tools(curves, record, time),
+            None => Ok(()),
+        }
     }
 
     fn flush(&mut self) -> Result<()> {

@@ -1,10 +1,11 @@
-//! MCAP container: reads records from a file of any size, in bounded memory.
+//! MCAP container: reads records from a file of any size, in bounded memory. Source:
+//! <https://mcap.dev/spec>.
 //!
 //! A record is an opcode, a length and its bytes; a chunk is a record of records. The reader of the
 //! `mcap` crate is not used for this. In a chunk whose inner lengths are wrong it subtracts below
 //! zero (mcap 0.26, `sans_io/linear_reader.rs`), which panics if overflow is checked. It also does
-//! not distinguish a truncated file from a corrupt one. It is used to unpack compressed chunks,
-//! which linkwatch does not write, but other tools do.
+//! not distinguish a truncated file from a corrupt one. Linkwatch writes no compressed chunks, but
+//! other tools do: [`unpack`].
 //!
 //! A finished file ends with the magic bytes. In such a file, any mismatch is corruption. In any
 //! other file, a record that extends past the end marks the point at which the writer was stopped
@@ -12,14 +13,30 @@
 //! its checksum has been verified. The checksum of a truncated chunk cannot be verified; its
 //! complete records are returned nevertheless.
 //!
-//! Memory: the size of the largest chunk. Buffers are allocated only for bytes that the file has.
+//! Memory: the size of the largest chunk. Buffers are allocated only for bytes that the file has,
+//! or that a chunk unpacks to.
 
-use super::messages::invalid;
+mod unpack;
+
 use crate::error::{Error, Result};
-use mcap::records::op;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use prost::bytes::{Buf, Bytes};
-use std::io::{Read, Seek, SeekFrom};
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// First and last bytes of a file.
+const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+
+/// Opcodes of the records that are read.
+pub(crate) mod op {
+    pub const FOOTER: u8 = 0x02;
+    pub const SCHEMA: u8 = 0x03;
+    pub const CHANNEL: u8 = 0x04;
+    pub const MESSAGE: u8 = 0x05;
+    pub const CHUNK: u8 = 0x06;
+    pub const METADATA: u8 = 0x0c;
+    pub const DATA_END: u8 = 0x0f;
+}
 
 /// Bytes of the opcode and the length.
 const RECORD_HEADER: u64 = 9;
@@ -49,8 +66,8 @@ pub enum Ending {
     },
 }
 
-/// A record that the recording reader uses.
-pub(super) struct Record {
+/// A record that readers of messages use.
+pub(crate) struct Record {
     pub opcode: u8,
     pub body: Bytes,
     /// Position of the record (or its chunk) in the file.
@@ -58,7 +75,7 @@ pub(super) struct Record {
 }
 
 /// Reads records. Returns no more after the first error or the end.
-pub(super) struct Container<R> {
+pub(crate) struct Container<R> {
     input: R,
     length: u64,
     /// First byte that was not read yet.
@@ -75,11 +92,25 @@ pub(super) struct Container<R> {
     checksum: crc32fast::Hasher,
 }
 
+impl Container<BufReader<File>> {
+    /// Opens a file. A file that is still being written is read up to its current end.
+    pub fn open(path: &Path) -> Result<Self> {
+        // Checked before opening, because opening a pipe waits for its writer.
+        let metadata = std::fs::metadata(path).map_err(Error::file(path))?;
+        if !metadata.is_file() {
+            let why = "a recording is read from a regular file";
+            return Err(Error::file(path)(std::io::Error::other(why)));
+        }
+        let file = File::open(path).map_err(Error::file(path))?;
+        Container::new(BufReader::new(file))
+    }
+}
+
 impl<R: Read + Seek> Container<R> {
-    /// Opens a file with its current length.
+    /// Reads any input with a length.
     pub fn new(mut input: R) -> Result<Self> {
         let length = input.seek(SeekFrom::End(0))?;
-        let magic = mcap::MAGIC.len() as u64;
+        let magic = MAGIC.len() as u64;
         let mut container = Container {
             input,
             length,
@@ -93,13 +124,13 @@ impl<R: Read + Seek> Container<R> {
         };
         if length >= 2 * magic {
             container.input.seek(SeekFrom::Start(length - magic))?;
-            container.closed = container.take(magic)?.as_ref() == mcap::MAGIC;
+            container.closed = container.take(magic)?.as_ref() == MAGIC;
         }
         container.input.seek(SeekFrom::Start(0))?;
         container.at = 0;
         container.checksum.reset();
         let start = container.take(length.min(magic))?;
-        if start.as_ref() != &mcap::MAGIC[..start.len()] {
+        if start[..] != MAGIC[..start.len()] {
             return Err(invalid("start of the file", "not an MCAP file"));
         }
         if length < magic {
@@ -269,19 +300,19 @@ impl<R: Read + Seek> Container<R> {
         let Some((unpacked, checksum, compression, stored)) = parsed else {
             return Err(invalid(&place(), "its header is too short"));
         };
-        if !compression.is_empty() {
-            self.chunk =
-                unpack(&body, self.length.max(UNPACKED_BYTES)).map_err(|e| invalid(&place(), e))?;
-            self.chunk.reverse();
-            return Ok(());
-        }
-        if stored > rest.len() as u64 || stored != unpacked {
-            let there = rest.len();
+        let there = rest.len();
+        if stored > there as u64 || (compression.is_empty() && stored != unpacked) {
             let what =
                 format!("{stored} bytes of records promised, {unpacked} unpacked, {there} there");
             return Err(invalid(&place(), what));
         }
         rest.truncate(stored as usize);
+        if !compression.is_empty() {
+            let limit = self.length.max(UNPACKED_BYTES);
+            rest = unpack::unpack(&compression, &rest, unpacked, limit)
+                .map_err(|what| invalid(&place(), what))?
+                .into();
+        }
         let found = crc32fast::hash(&rest);
         // The value 0 means that the writer computed no checksum.
         if checksum != 0 && checksum != found {
@@ -313,41 +344,65 @@ impl<R: Read + Seek> Container<R> {
     }
 }
 
-/// Unpacks a compressed chunk with the reader of the `mcap` crate, which verifies the checksum
-/// first.
-fn unpack(body: &Bytes, limit: u64) -> Result<Vec<Bytes>, mcap::McapError> {
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(usize::try_from(limit).unwrap_or(usize::MAX));
-    let mut reader = LinearReader::new_with_options(options);
-    let mut header = vec![op::CHUNK];
-    header.extend((body.len() as u64).to_le_bytes());
-    let mut input = Read::chain(header.as_slice(), body.as_ref());
-    let mut records = Vec::new();
-    while let Some(event) = reader.next_event() {
-        match event? {
-            LinearReadEvent::ReadRequest(n) => {
-                // The chunk is the whole input: a request for more gets the rest of it.
-                let n = n.min(body.len() + header.len());
-                let read = input.read(reader.insert(n))?;
-                reader.notify_read(read);
-            }
-            LinearReadEvent::Record { opcode, data } => {
-                let mut record = Vec::with_capacity(RECORD_HEADER as usize + data.len());
-                record.push(opcode);
-                record.extend((data.len() as u64).to_le_bytes());
-                record.extend(data);
-                records.push(record.into());
-            }
-        }
-    }
-    Ok(records)
+/// Creates the error of a file or message with invalid content.
+pub(crate) fn invalid(place: &str, what: impl std::fmt::Display) -> Error {
+    Error::format("recording", place, what)
+}
+
+/// Header of a message, before its content.
+pub(crate) struct MessageHeader {
+    pub channel: u16,
+    /// Time logged, in nanoseconds since 1970 (or since any other start).
+    pub log_time: u64,
+}
+
+/// Reads the header of a message record. `None` if it is too short.
+pub(crate) fn message(body: &mut Bytes) -> Option<MessageHeader> {
+    let channel = body.try_get_u16_le().ok()?;
+    let _sequence = body.try_get_u32_le().ok()?;
+    let log_time = body.try_get_u64_le().ok()?;
+    let _publish_time = body.try_get_u64_le().ok()?;
+    Some(MessageHeader { channel, log_time })
+}
+
+/// A schema: the name of a message type, and its text.
+pub(crate) struct Schema {
+    pub name: String,
+    pub text: Bytes,
+}
+
+/// Reads a schema record, and its number. `None` if it is invalid.
+pub(crate) fn schema(body: &mut Bytes) -> Option<(u16, Schema)> {
+    let id = body.try_get_u16_le().ok()?;
+    let name = string(body)?;
+    let _encoding = string(body)?;
+    let bytes = body.try_get_u32_le().ok()? as usize;
+    let text = (bytes <= body.len()).then(|| body.split_to(bytes))?;
+    Some((id, Schema { name, text }))
+}
+
+/// A channel: messages of one type on a topic.
+pub(crate) struct Channel {
+    pub schema: u16,
+    pub topic: String,
+    pub encoding: String,
+}
+
+/// Reads a channel record, and its number. `None` if it is invalid.
+pub(crate) fn channel(body: &mut Bytes) -> Option<(u16, Channel)> {
+    let id = body.try_get_u16_le().ok()?;
+    let schema = body.try_get_u16_le().ok()?;
+    let (topic, encoding) = (string(body)?, string(body)?);
+    let channel = Channel {
+        schema,
+        topic,
+        encoding,
+    };
+    Some((id, channel))
 }
 
 /// Reads a string with a length prefix. `None` if the bytes end before the string.
-pub(super) fn string(bytes: &mut Bytes) -> Option<String> {
+pub(crate) fn string(bytes: &mut Bytes) -> Option<String> {
     let n = bytes.try_get_u32_le().ok()? as usize;
     if n > bytes.len() {
         return None;

@@ -1,0 +1,334 @@
+//! MCAP files of other programs: lines that tools draw, as the frames of a motion.
+//!
+//! | type | encoding | curves |
+//! |---|---|---|
+//! | `foxglove.SceneUpdate` | `protobuf`, `json` | lines of the entities, by `id` |
+//! | `visualization_msgs/msg/MarkerArray` | `cdr` (ROS 2) | strips and lists, by `ns` and `id` |
+//! | `visualization_msgs/msg/Marker` | `cdr` (ROS 2) | the same |
+//!
+//! Messages change a scene: they add, replace and delete curves by name ([`state`]). A frame is the
+//! whole scene after all messages of one time: that of the message, or that of the log if the
+//! message has none. A message that changes a curve of the current frame again begins the next
+//! frame, whatever its time.
+//!
+//! All curves of a file must have the same `frame_id`, because transforms between coordinate
+//! systems are not read. Widths, colours and all other primitives are ignored.
+//!
+//! Cost: the file is read twice, first for its topics. Memory: that of the scene, of the largest
+//! chunk, and of the values of a message, which has at most 60 times its size (if it is a list of
+//! empty entities). Every count is compared with the bytes that are there.
+
+mod cdr;
+mod curves;
+mod markers;
+mod protobuf;
+mod scene;
+mod state;
+
+use self::markers::Layout;
+use self::state::{State, Update};
+use super::frames::{FrameSource, ModelFrame, ReadOptions};
+use crate::container::{self, Channel, Container, Ending, Schema, invalid, op};
+use crate::error::{Error, Result};
+use std::collections::{BTreeMap, HashMap};
+use std::io::{Read, Seek};
+use std::path::Path;
+
+const FORMAT: &str = "MCAP file";
+
+/// Types of messages with curves.
+const SCENE_UPDATE: &str = "foxglove.SceneUpdate";
+const MARKER_ARRAY: &str = "visualization_msgs/msg/MarkerArray";
+const MARKER: &str = "visualization_msgs/msg/Marker";
+
+/// Messages of a channel that are read.
+#[derive(Clone, Copy, Debug)]
+enum Content {
+    SceneProtobuf,
+    SceneJson,
+    Markers(Layout),
+    Marker(Layout),
+}
+
+impl Content {
+    /// Returns the content of a channel. `None` if it has no curves, an error in words if they are
+    /// encoded in a way that is not read.
+    fn of(channel: &Channel, schema: &Schema) -> Option<Result<Content, String>> {
+        let layout = || Layout::of(&schema.text);
+        let content = match (schema.name.as_str(), channel.encoding.as_str()) {
+            (SCENE_UPDATE, "protobuf") => Content::SceneProtobuf,
+            (SCENE_UPDATE, "json") => Content::SceneJson,
+            (MARKER_ARRAY, "cdr") => Content::Markers(layout()),
+            (MARKER, "cdr") => Content::Marker(layout()),
+            (SCENE_UPDATE | MARKER_ARRAY | MARKER, other) => {
+                let what = "is not read: protobuf and json of Foxglove are, and cdr of ROS 2";
+                return Some(Err(format!("{} encoded as {other:?} {what}", schema.name)));
+            }
+            _ => return None,
+        };
+        Some(Ok(content))
+    }
+
+    /// Decodes a message. The error is in words.
+    fn decode(self, message: &[u8]) -> Result<Update, String> {
+        match self {
+            Content::SceneProtobuf => scene::protobuf(message),
+            Content::SceneJson => scene::json(message),
+            Content::Markers(layout) => markers::array(message, layout),
+            Content::Marker(layout) => markers::single(message, layout),
+        }
+    }
+}
+
+/// Channels of a file.
+#[derive(Default)]
+struct Channels {
+    /// Topic of each channel, and the content of those that are read.
+    channels: HashMap<u16, (String, Option<Content>)>,
+    /// All topics, with their types, and the reason why curves on them are not read.
+    topics: BTreeMap<String, (String, Option<String>)>,
+    /// True if linkwatch wrote the file.
+    is_recording: bool,
+}
+
+impl Channels {
+    fn find<R: Read + Seek>(container: &mut Container<R>) -> Result<Channels> {
+        let mut found = Channels::default();
+        let mut schemas: HashMap<u16, Schema> = HashMap::new();
+        while let Some(record) = container.next()? {
+            let mut body = record.body;
+            let bad = |what| invalid(&format!("byte {}", record.at), what);
+            match record.opcode {
+                op::SCHEMA => {
+                    let schema = container::schema(&mut body);
+                    schemas.extend([schema.ok_or_else(|| bad("an invalid schema"))?]);
+                }
+                op::CHANNEL => {
+                    let channel = container::channel(&mut body);
+                    let (id, channel) = channel.ok_or_else(|| bad("an invalid channel"))?;
+                    found.add(id, channel, &schemas);
+                }
+                _ => {}
+            }
+        }
+        Ok(found)
+    }
+
+    fn add(&mut self, id: u16, channel: Channel, schemas: &HashMap<u16, Schema>) {
+        let schema = schemas.get(&channel.schema);
+        let content = schema.and_then(|schema| Content::of(&channel, schema));
+        let name = schema.map_or_else(String::new, |schema| schema.name.clone());
+        self.is_recording |= name.starts_with("linkwatch.v");
+        let (content, why) = match content {
+            Some(Ok(content)) => (Some(content), None),
+            Some(Err(why)) => (None, Some(why)),
+            None => (None, None),
+        };
+        self.channels.insert(id, (channel.topic.clone(), content));
+        self.topics.insert(channel.topic, (name, why));
+    }
+
+    /// Returns the topic that is read.
+    fn choose(&self, wanted: Option<&str>) -> Result<String> {
+        let unsupported = |what: String| Err(Error::unsupported(FORMAT, what));
+        if self.is_recording {
+            return unsupported(
+                "a recording of linkwatch, which `linkwatch replay` verifies".into(),
+            );
+        }
+        let read = self.channels.values().filter(|(_, c)| c.is_some());
+        let mut topics: Vec<&str> = read.map(|(topic, _)| topic.as_str()).collect();
+        topics.sort_unstable();
+        topics.dedup();
+        if let Some(wanted) = wanted {
+            return match self.topics.get(wanted) {
+                Some(_) if topics.contains(&wanted) => Ok(wanted.into()),
+                Some((_, Some(why))) => unsupported(format!("topic {wanted}: {why}")),
+                Some((kind, None)) => unsupported(format!(
+                    "topic {wanted} has messages of type {kind:?}, without curves"
+                )),
+                None => unsupported(format!("no topic {wanted}; {}", self.list())),
+            };
+        }
+        match topics[..] {
+            [topic] => Ok(topic.into()),
+            [] => match self
+                .topics
+                .iter()
+                .find_map(|(t, (_, why))| Some((t, why.as_ref()?)))
+            {
+                Some((topic, why)) => unsupported(format!("topic {topic}: {why}")),
+                None => unsupported(format!(
+                    "no curves: no topic has the type {SCENE_UPDATE}, {MARKER_ARRAY} or {MARKER}; \
+                     {}",
+                    self.list()
+                )),
+            },
+            _ => unsupported(format!(
+                "several topics have curves: {}; choose one of them (--topic)",
+                topics.join(", ")
+            )),
+        }
+    }
+
+    /// Returns the topics in words.
+    fn list(&self) -> String {
+        /// Maximum number of topics that are named.
+        const NAMED: usize = 12;
+        if self.topics.is_empty() {
+            return "it has no topics".into();
+        }
+        let named = self.topics.iter().take(NAMED);
+        let named: Vec<String> = named
+            .map(|(t, (kind, _))| format!("{t} ({kind})"))
+            .collect();
+        let more = match self.topics.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        format!("its topics: {}{more}", named.join(", "))
+    }
+}
+
+/// Opens a file. Errors name it.
+pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Box<dyn FrameSource>> {
+    let frames = McapFrames::new(|| Container::open(path), options.topic.as_deref());
+    Ok(Box::new(frames.map_err(|e| e.in_file(path))?))
+}
+
+/// A message of the chosen topic.
+struct Message {
+    update: Update,
+    log_time: u64,
+    /// Place in the file, in words.
+    place: String,
+}
+
+impl Message {
+    /// Returns the time of its frame.
+    fn time(&self) -> u64 {
+        self.update.stamp.unwrap_or(self.log_time)
+    }
+}
+
+/// Frames of an MCAP file.
+struct McapFrames<R> {
+    container: Container<R>,
+    /// All channels: those of the chosen topic with their content.
+    channels: HashMap<u16, Option<Content>>,
+    state: State,
+    /// First message of the next frame.
+    next: Option<Message>,
+    /// Number of the next frame.
+    seq: u64,
+}
+
+impl<R: Read + Seek> McapFrames<R> {
+    fn new(open: impl Fn() -> Result<Container<R>>, topic: Option<&str>) -> Result<Self> {
+        let found = Channels::find(&mut open()?)?;
+        let chosen = found.choose(topic)?;
+        let channels = found.channels.into_iter().map(|(id, (topic, content))| {
+            let content = content.filter(|_| topic == chosen);
+            (id, content)
+        });
+        Ok(McapFrames {
+            container: open()?,
+            channels: channels.collect(),
+            state: State::default(),
+            next: None,
+            seq: 0,
+        })
+    }
+
+    /// Returns the next message of the topic.
+    fn next_message(&mut self) -> Result<Option<Message>> {
+        if let Some(next) = self.next.take() {
+            return Ok(Some(next));
+        }
+        while let Some(record) = self.container.next()? {
+            if record.opcode != op::MESSAGE {
+                continue;
+            }
+            let place = format!("message at byte {}", record.at);
+            let mut body = record.body;
+            let bad = |what| invalid(&place, what);
+            let header = container::message(&mut body);
+            let header = header.ok_or_else(|| bad("a message without a header"))?;
+            let channel = self.channels.get(&header.channel);
+            let channel = channel.ok_or_else(|| bad("a message of an unknown channel"))?;
+            if let Some(content) = channel {
+                let update = content.decode(&body);
+                return Ok(Some(Message {
+                    update: update.map_err(|what| Error::format(FORMAT, &place, what))?,
+                    log_time: header.log_time,
+                    place,
+                }));
+            }
+        }
+        match self.container.ending() {
+            Some(Ending::Cut { at, what }) => {
+                let what = format!(
+                    "the file was cut off in {what}; its last frame, which may lack messages, was \
+                     not read"
+                );
+                Err(Error::format(FORMAT, format_args!("byte {at}"), what))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Applies the messages of a frame, of which this is the first one. Returns the place of the
+    /// last one.
+    fn apply(&mut self, mut message: Message) -> Result<String> {
+        let time = message.time();
+        self.state.begin(message.log_time);
+        loop {
+            let applied = self.state.apply(message.update);
+            applied.map_err(|what| Error::format(FORMAT, &message.place, what))?;
+            // If the next message cannot be read, the frame is lost: it may belong to it.
+            match self.next_message()? {
+                Some(next) if next.time() == time && !self.state.is_changed_by(&next.update) => {
+                    message = next;
+                }
+                next => {
+                    self.next = next;
+                    return Ok(message.place);
+                }
+            }
+        }
+    }
+}
+
+impl<R: Read + Seek> FrameSource for McapFrames<R> {
+    fn next_frame(&mut self) -> Result<Option<ModelFrame>> {
+        while let Some(message) = self.next_message()? {
+            let time = message.time();
+            let place = self.apply(message)?;
+            let curves = match self.state.is_empty() {
+                // Before the first curve there is nothing to verify.
+                true if self.seq == 0 => continue,
+                true => Err(Error::format(
+                    FORMAT,
+                    place,
+                    "no curves are left in this frame",
+                )),
+                false => self.state.curves(),
+            };
+            let (curves, labels) = match curves {
+                Ok((curves, labels)) => (Ok(curves), labels),
+                Err(e) => (Err(e), Default::default()),
+            };
+            let frame = ModelFrame {
+                time: time as f64 * 1e-9,
+                labels,
+                ..ModelFrame::new(self.seq, curves)
+            };
+            self.seq += 1;
+            return Ok(Some(frame));
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests;

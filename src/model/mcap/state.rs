@@ -1,0 +1,170 @@
+//! The scene: curves by the name of what has them, changed by messages.
+//!
+//! - Deletions come before additions in a `SceneUpdate`, and their times are ignored, as Foxglove
+//!   does it. Markers are in the order of their array.
+//! - A lifetime counts from the time in the log, as in Foxglove and RViz: the curves are gone from
+//!   the first frame that is logged later than that.
+//! - Curves keep the order in which they appeared first.
+
+use crate::curve::{Basis, CurveLabels, CurveSet, Point, Positions, Precision};
+use crate::error::Result;
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+/// A polyline.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Strip {
+    pub closed: bool,
+    /// Without a copy of the first point at the end of a closed one.
+    pub points: Vec<Point>,
+}
+
+/// Change of the scene by a message.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Update {
+    /// Time of the message in nanoseconds, if it has one.
+    pub stamp: Option<u64>,
+    pub changes: Vec<Change>,
+}
+
+/// Change of one entity or marker.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Change {
+    /// Adds or replaces the curves of a name.
+    Put {
+        name: String,
+        namespace: String,
+        /// Name of the coordinate system.
+        frame_id: String,
+        /// Nanoseconds; 0 without a limit.
+        lifetime: u64,
+        strips: Vec<Strip>,
+    },
+    Delete(String),
+    /// Deletes everything, or everything in a namespace.
+    DeleteAll(Option<String>),
+}
+
+struct Entity {
+    /// Number in the order of appearance.
+    order: u64,
+    namespace: String,
+    /// Time in the log after which it is gone.
+    expires: Option<u64>,
+    strips: Vec<Strip>,
+}
+
+#[derive(Default)]
+pub(super) struct State {
+    entities: HashMap<String, Entity>,
+    /// Number of entities that appeared so far.
+    appeared: u64,
+    /// First curve of the file, and its coordinate system.
+    frame_id: Option<(String, String)>,
+    /// Names that were changed since the frame began.
+    changed: HashSet<String>,
+    log_time: u64,
+}
+
+impl State {
+    /// Begins a frame: removes everything whose lifetime is over.
+    pub fn begin(&mut self, log_time: u64) {
+        self.changed.clear();
+        self.log_time = log_time;
+        let is_alive = |e: &Entity| e.expires.is_none_or(|at| at >= log_time);
+        self.entities.retain(|_, e| is_alive(e));
+    }
+
+    /// Returns true if an update changes something again that was changed since the frame began.
+    pub fn is_changed_by(&self, update: &Update) -> bool {
+        update.changes.iter().any(|change| match change {
+            Change::Put { name, .. } | Change::Delete(name) => self.changed.contains(name),
+            Change::DeleteAll(_) => !self.changed.is_empty(),
+        })
+    }
+
+    pub fn apply(&mut self, update: Update) -> Result<(), String> {
+        for change in update.changes {
+            match change {
+                Change::Delete(name) => {
+                    self.entities.remove(&name);
+                    self.changed.insert(name);
+                }
+                Change::DeleteAll(None) => self.entities.clear(),
+                Change::DeleteAll(Some(namespace)) => {
+                    self.entities.retain(|_, e| e.namespace != namespace);
+                }
+                Change::Put {
+                    name,
+                    namespace,
+                    frame_id,
+                    lifetime,
+                    strips,
+                } => {
+                    if !strips.is_empty() {
+                        self.check_frame_id(&name, frame_id)?;
+                    }
+                    let order = match self.entities.get(&name) {
+                        Some(before) => before.order,
+                        None => {
+                            self.appeared += 1;
+                            self.appeared
+                        }
+                    };
+                    let expires = (lifetime > 0).then(|| self.log_time.saturating_add(lifetime));
+                    let entity = Entity {
+                        order,
+                        namespace,
+                        expires,
+                        strips,
+                    };
+                    self.entities.insert(name.clone(), entity);
+                    self.changed.insert(name);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_frame_id(&mut self, name: &str, frame_id: String) -> Result<(), String> {
+        match &self.frame_id {
+            None => self.frame_id = Some((name.into(), frame_id)),
+            Some((first, of_first)) if *of_first != frame_id => {
+                return Err(format!(
+                    "{name:?} is in the coordinate system {frame_id:?}, but {first:?} in \
+                     {of_first:?}; transforms are not read, so write all curves in one of them"
+                ));
+            }
+            Some(_) => {}
+        }
+        Ok(())
+    }
+
+    /// Returns true if there are no curves.
+    pub fn is_empty(&self) -> bool {
+        self.entities.values().all(|e| e.strips.is_empty())
+    }
+
+    /// Returns all curves and their names.
+    pub fn curves(&self) -> Result<(CurveSet, Arc<CurveLabels>)> {
+        let mut entities: Vec<(&String, &Entity)> = self.entities.iter().collect();
+        entities.sort_unstable_by_key(|(_, e)| e.order);
+        let strips = || entities.iter().flat_map(|(_, e)| &e.strips);
+        let points = strips().map(|s| s.points.len()).sum();
+        let mut set = CurveSet::builder(Basis::Polyline, Precision::F64, points);
+        for strip in strips() {
+            set.start_curve(strip.points.len(), strip.closed)?;
+            set.push(Positions::F64(strip.points.as_flattened()))?;
+        }
+        let set = set.finish()?;
+        let names = entities.iter().flat_map(|(name, e)| {
+            (0..e.strips.len()).map(move |k| match e.strips.len() {
+                1 => (*name).clone(),
+                _ => format!("{name}/{k}"),
+            })
+        });
+        let labels = CurveLabels::named(names);
+        labels.check(set.len())?;
+        Ok((set, Arc::new(labels)))
+    }
+}
