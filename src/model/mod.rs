@@ -1,10 +1,11 @@
-//! Model files: BCC, OBJ lines and Geomview VECT.
+//! Model files: BCC, OBJ lines, Geomview VECT and USD.
 //!
 //! | extension | holds | precision kept |
 //! |---|---|---|
 //! | `.bcc` | uniform Catmull-Rom, cubic B-spline, cubic Bezier, polylines | single |
 //! | `.obj` | polylines, as `l` statements | double |
 //! | `.vect` | polylines | double |
+//! | `.usda`, `.usdc`, `.usd`, `.usdz` | all of these, with time samples | single |
 //!
 //! A file is not trusted: every count is compared with the length of the file before anything is
 //! allocated, so that memory is linear in that length for any counts. A BCC file is streamed into
@@ -15,6 +16,8 @@ mod bcc;
 mod chains;
 mod frames;
 mod obj;
+#[cfg(feature = "usd")]
+mod usd;
 mod vect;
 mod write;
 
@@ -78,6 +81,7 @@ enum Format {
     Bcc,
     Obj,
     Vect,
+    Usd,
 }
 
 /// Returns advice on naming the models in a folder.
@@ -92,7 +96,7 @@ fn advice_on(folder: &Path) -> String {
             let pattern = folder.join("*").with_extension(extension);
             format!("for the models in it, give {}", pattern.display())
         }
-        None => "it holds no models (.bcc, .obj, .vect)".into(),
+        None => "it holds no models (.bcc, .obj, .vect, .usd)".into(),
     }
 }
 
@@ -124,6 +128,10 @@ impl Format {
             ("bcc", Format::Bcc),
             ("obj", Format::Obj),
             ("vect", Format::Vect),
+            ("usd", Format::Usd),
+            ("usda", Format::Usd),
+            ("usdc", Format::Usd),
+            ("usdz", Format::Usd),
         ]
         .into_iter()
         .find(|(name, _)| extension.eq_ignore_ascii_case(name))
@@ -137,6 +145,13 @@ impl Format {
             Format::Bcc => bcc::read(input, len),
             Format::Obj => obj::read(input),
             Format::Vect => vect::read(input, len),
+            #[cfg(feature = "usd")]
+            Format::Usd => {
+                let file = input.into_inner().into_inner();
+                return usd::open(file, len).map_err(|e| e.in_file(path));
+            }
+            #[cfg(not(feature = "usd"))]
+            Format::Usd => Err(no_usd()),
         };
         let curves = curves.map_err(|e| e.in_file(path))?;
         Ok(Box::new(Single::new(curves)))
@@ -146,6 +161,10 @@ impl Format {
     fn create(self, path: &Path) -> Result<Box<dyn FrameSink>> {
         match self {
             Format::Bcc => Ok(Box::new(BccFile::new(path))),
+            #[cfg(feature = "usd")]
+            Format::Usd => usd::create(path),
+            #[cfg(not(feature = "usd"))]
+            Format::Usd => Err(no_usd().in_file(path)),
             Format::Obj | Format::Vect => Err(Error::unsupported("model", "not written yet")),
         }
     }
@@ -153,6 +172,7 @@ impl Format {
     /// Returns true if a file can hold more than one frame.
     fn holds_frames(self) -> bool {
         match self {
+            Format::Usd => true,
             Format::Bcc | Format::Obj | Format::Vect => false,
         }
     }
@@ -160,10 +180,17 @@ impl Format {
     /// Returns true if a file can hold splines.
     fn holds_splines(self) -> bool {
         match self {
-            Format::Bcc => true,
+            Format::Bcc | Format::Usd => true,
             Format::Obj | Format::Vect => false,
         }
     }
+}
+
+/// Returns the error of a build that does not read USD.
+#[cfg(not(feature = "usd"))]
+fn no_usd() -> Error {
+    let what = "this build does not read or write it: build linkwatch with the feature usd";
+    Error::unsupported("USD", what)
 }
 
 /// Parses a finite decimal number, or returns an error text.
@@ -215,6 +242,14 @@ mod tests {
             Format::Bcc => bcc::read(bytes, len),
             Format::Obj => obj::read(bytes),
             Format::Vect => vect::read(bytes, len),
+            #[cfg(feature = "usd")]
+            Format::Usd => {
+                let mut file = usd::open(std::io::Cursor::new(bytes.to_vec()), len)?;
+                file.next_frame()?
+                    .map_or_else(|| unreachable!(), |frame| frame.curves)
+            }
+            #[cfg(not(feature = "usd"))]
+            Format::Usd => Err(no_usd()),
         }
     }
 
@@ -232,11 +267,18 @@ mod tests {
                    l 1 2 \\\n 3 1\nl 3 4\nl -1/2 1\n";
         let vect = "VECT # comment\n2 5 1\n-3 2\n1 0\n0 0 0\n1 0.5 0\n1e1 1 0\n0 1 -2\n3 3 3\n\
                     1 0 0 1\n";
-        vec![
+        let mut samples = vec![
             (Format::Bcc, bcc),
             (Format::Obj, obj.into()),
             (Format::Vect, vect.into()),
-        ]
+        ];
+        let usd = "#usda 1.0\ndef BasisCurves \"a\" { token type = \"linear\"\n\
+                   int[] curveVertexCounts = [2, 3]\npoint3f[] points =\
+                   [(0,0,0), (1,0.5,0), (1e1,1,0), (0,1,-2), (3,4,5)] }\n";
+        if cfg!(feature = "usd") {
+            samples.push((Format::Usd, usd.into()));
+        }
+        samples
     }
 
     #[test]
@@ -324,7 +366,10 @@ mod tests {
     #[test]
     fn the_extension_selects_the_format_and_errors_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
-        for ((_, bytes), name) in samples().into_iter().zip(["a.BCC", "b.Obj", "c.vect"]) {
+        for ((_, bytes), name) in samples()
+            .into_iter()
+            .zip(["a.BCC", "b.Obj", "c.vect", "d.usdA"])
+        {
             let path = dir.path().join(name);
             std::fs::write(&path, &bytes).unwrap();
             assert_eq!(read(&path).unwrap().len(), 2);
