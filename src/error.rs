@@ -32,7 +32,7 @@ pub enum Error {
         what: String,
     },
     /// linkwatch has no reader for this kind of file.
-    #[error("{path}: unknown kind of file (known: .bcc, .obj, .vect, .usd, .usda, .usdc, .usdz)")]
+    #[error("{path}: unknown kind of file (known: .bcc, .obj, .vect, .usd)")]
     UnknownModel {
         /// The file.
         path: PathBuf,

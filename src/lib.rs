@@ -8,7 +8,7 @@
 //!   [attaching a simulator](./attaching/index.html).
 //! - A program that verifies its own frames calls [`Verifier::step`] with a [`CurveSet`], and gets
 //!   a [`Report`].
-//! - [`model::read`] reads curves from BCC, OBJ and VECT files; [`scenes`] generates some with
+//! - [`model::read`] reads curves from BCC, OBJ, VECT and USD files; [`scenes`] generates some with
 //!   known linking numbers.
 //! - The README has the command, the verdicts, and which curves to publish.
 //!

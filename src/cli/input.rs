@@ -15,7 +15,7 @@ pub fn read(argument: &Path) -> Result<CurveSet> {
     let scene: Scene = text.parse().map_err(|e| match e {
         Error::Scene { scene, what } => Error::Scene {
             scene,
-            what: format!("{what}; and no file has this name (known: .bcc, .obj, .vect)"),
+            what: format!("{what}; and no file has this name (known: .bcc, .obj, .vect, .usd)"),
         },
         other => other,
     })?;

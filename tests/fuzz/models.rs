@@ -4,11 +4,21 @@ use super::bytes::changed;
 use super::memory::peak;
 use super::support::command::{linkwatch, text};
 use super::units;
-use linkwatch::{Certificate, model};
+use linkwatch::Certificate;
+use linkwatch::model::{self, Frames, ReadOptions};
+use std::path::Path;
 use tempfile::TempDir;
 
 /// Maximum number of bytes that a reader may allocate for a file of some kilobytes.
 const MEMORY: usize = 4 << 20;
+
+/// Reads all frames of a file. Fails if one is invalid.
+fn read_frames(file: &Path) -> linkwatch::Result<()> {
+    for frame in Frames::open(file, &ReadOptions::default())? {
+        frame?.curves.map_err(|e| e.in_file(file))?;
+    }
+    Ok(())
+}
 
 #[test]
 fn model_files_and_certificates() {
@@ -32,16 +42,24 @@ fn model_files_and_certificates() {
     assert_eq!(run.code, 0, "{}", run.stderr);
     let valid = Certificate::read(&certificate).expect("a valid certificate");
     assert!(!valid.links.is_empty());
-    let files = [names[0], names[1], names[2], "a.cert"];
-    let contents = files.map(|name| std::fs::read(path(name)).expect("a file"));
+    let mut files = vec!["a.cert", names[0], names[1], names[2]];
+    if cfg!(feature = "usd") {
+        for name in ["apart.usda", "apart.usdc", "many.usdc"] {
+            let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models");
+            std::fs::copy(sample.join(name), path(name)).expect("a file");
+            files.push(name);
+        }
+    }
+    let read = |name: &&str| std::fs::read(path(name)).expect("a file");
+    let contents: Vec<Vec<u8>> = files.iter().map(read).collect();
     let (mut read, mut failed) = (0, 0);
     units("models::model_files_and_certificates", 3000, |random| {
         let k = random.below(files.len());
         let file = path(&format!("changed-{}", files[k]));
         std::fs::write(&file, changed(&contents[k], random)).expect("a file");
         let (result, most) = peak(|| match k {
-            3 => Certificate::read(&file).map(drop),
-            _ => model::read(&file).map(drop),
+            0 => Certificate::read(&file).map(drop),
+            _ => read_frames(&file),
         });
         assert!(most <= MEMORY, "{most} bytes for {}", files[k]);
         match result {

@@ -311,10 +311,9 @@ impl Ops {
         self.ops.is_empty()
     }
 
-    /// Returns the times of all samples.
-    pub fn times(&self) -> impl Iterator<Item = f64> {
-        let samples = self.ops.iter().flat_map(|op| &op.track.attribute.samples);
-        samples.map(|s| s.0)
+    /// Returns the values over time of all operations.
+    pub fn tracks(&self) -> impl Iterator<Item = &Track> {
+        self.ops.iter().map(|op| &op.track)
     }
 
     /// Returns the transform at a time.

@@ -21,15 +21,19 @@
 
 use super::FORMAT;
 use super::input::Input;
-use super::layer::{Layer, Place, Value, WORD_BYTES};
+use super::layer::{Layer, Place, Samples, Value, WORD_BYTES};
 use super::packed::{decompress, half, integers};
 use super::specs::Structure;
 use crate::error::{Error, Result};
+use std::collections::HashMap;
 use std::io::{Read, Seek};
 
 pub(super) const MAGIC: &[u8; 8] = b"PXR-USDC";
 /// Shorter arrays are never compressed.
 const COMPRESSED_FROM: u64 = 16;
+
+/// Maximum number of bytes of all words per byte of the file.
+const TEXT: u64 = 16;
 
 /// A value: its type, and its position in the file or, if it is short, itself.
 #[derive(Clone, Copy, Debug)]
@@ -96,6 +100,10 @@ pub(super) struct Binary<R> {
     /// Minor version; the major one is 0.
     version: u8,
     pub tokens: Tokens,
+    /// Time samples that were read, by their values in the file.
+    samples: HashMap<u64, Samples>,
+    /// Number of all time samples.
+    sampled: u64,
 }
 
 /// Words of a file.
@@ -160,9 +168,12 @@ impl<R: Read + Seek> Binary<R> {
             input,
             version: minor,
             tokens: Tokens::default(),
+            samples: HashMap::new(),
+            sampled: 0,
         };
         let structure = Structure::read(&mut file)?;
         let layer = structure.layer(&mut file)?;
+        file.samples.clear();
         Ok((file, layer))
     }
 
@@ -290,6 +301,12 @@ impl<R: Read + Seek> Binary<R> {
         Ok((self.input.u64_at(at)?, at + 8))
     }
 
+    /// Returns the maximum number of paths, fields and integers of an array. Each path needs bytes
+    /// for its name or its values, each integer those of the points that it counts.
+    pub fn limit(&self) -> u64 {
+        self.input.len() / 2
+    }
+
     fn is_compressed(&self, rep: Rep, count: u64, since: u8) -> bool {
         self.version >= since && rep.is_compressed() && count >= COMPRESSED_FROM
     }
@@ -298,7 +315,7 @@ impl<R: Read + Seek> Binary<R> {
     fn packed(&mut self, at: u64, count: u64) -> Result<Vec<i32>> {
         let size = self.input.u64_at(at)?;
         let block = self.input.bytes(at + 8, size)?;
-        integers(&block, count)
+        integers(&block, count, self.limit())
             .map_err(|what| Error::format(FORMAT, format_args!("byte {at}"), what))
     }
 
@@ -370,8 +387,23 @@ impl<R: Read + Seek> Binary<R> {
         self.tokens.word(token).map(str::to_owned)
     }
 
-    /// Reads times and values of an attribute.
-    pub fn samples(&mut self, rep: Rep) -> Result<Vec<(f64, Place)>> {
+    /// Reads times and values of an attribute. Attributes with the same ones share them.
+    pub fn samples(&mut self, rep: Rep) -> Result<Samples> {
+        if let Some(known) = self.samples.get(&rep.0) {
+            return Ok(known.clone());
+        }
+        let samples = self.new_samples(rep)?;
+        // Each value takes eight bytes, and those that are shared are read once.
+        self.sampled += samples.len() as u64;
+        if self.sampled > self.input.len() / 8 {
+            let what = format!("more than {} time samples", self.input.len() / 8);
+            return Err(Error::format(FORMAT, rep.place(), what));
+        }
+        self.samples.insert(rep.0, samples.clone());
+        Ok(samples)
+    }
+
+    fn new_samples(&mut self, rep: Rep) -> Result<Samples> {
         let bad = |what: String| Error::format(FORMAT, rep.place(), what);
         if rep.kind() != kind::TIME_SAMPLES || rep.is_inlined() {
             return Err(bad("expected time samples".into()));
@@ -396,7 +428,7 @@ impl<R: Read + Seek> Binary<R> {
             .map(|&b| Place(u64::from_le_bytes(b)));
         let samples = times.into_iter().zip(reps).collect::<Vec<_>>();
         super::layer::check_times(&samples).map_err(bad)?;
-        Ok(samples)
+        Ok(samples.into())
     }
 
     /// Follows the distance that is stored at `at`.
@@ -423,12 +455,18 @@ impl<R: Read + Seek> Binary<R> {
     }
 
     /// Decompresses the words of a file.
-    pub fn unpack_tokens(section: &mut &[u8]) -> Result<Tokens, String> {
+    pub fn unpack_tokens(&self, section: &mut &[u8]) -> Result<Tokens, String> {
         let mut number = || super::packed::take(section).map(u64::from_le_bytes);
         let (Some(count), Some(len)) = (number(), number()) else {
             return Err("the section ends early".into());
         };
         let block = Self::block(section)?;
+        let limit = TEXT * self.input.len();
+        if len > limit {
+            return Err(format!(
+                "{len} bytes promised, a file of this size has at most {limit}"
+            ));
+        }
         Tokens::new(decompress(block, len, true)?, count)
     }
 }

@@ -9,6 +9,10 @@ use crate::error::{Error, Result};
 use std::io::{Read, Seek};
 use std::sync::Arc;
 
+/// Maximum number of points of a frame per byte of the file. Prims of a binary file may share their
+/// points, and be moved by transforms; without this limit a small file could describe a huge frame.
+const POINTS: u64 = 16;
+
 /// Number of points that are transformed at once.
 const CHUNK: usize = 1024;
 
@@ -34,16 +38,16 @@ impl Labels {
 
     /// Sets the labels of a frame. They are shared with the last frame if they are equal.
     fn set(&mut self, batches: &[Batch], curves: Vec<usize>, radii: Vec<f32>) -> Result<()> {
+        if curves == self.curves && radii == self.labels.radii {
+            return Ok(());
+        }
         let names = match curves == self.curves {
             true => self.labels.names.clone(),
             false => names(batches, &curves)?,
         };
         let labels = CurveLabels { names, radii };
-        if labels != *self.labels {
-            labels.check(curves.iter().sum())?;
-            self.labels = Arc::new(labels);
-        }
-        self.curves = curves;
+        labels.check(curves.iter().sum())?;
+        (self.labels, self.curves) = (Arc::new(labels), curves);
         Ok(())
     }
 }
@@ -78,10 +82,11 @@ impl<R: Read + Seek> Motion<R> {
     pub(super) fn curves(&mut self, code: f64) -> Result<CurveSet> {
         let maps = self.maps(code)?;
         let basis = self.batches[0].basis;
-        let mut builder = CurveSet::builder(basis, self.precision, 0);
+        let mut builder = CurveSet::builder(basis, self.precision, self.slots);
         let mut curves = Vec::with_capacity(self.batches.len());
         let mut radii = Vec::new();
         let mut with_widths = true;
+        let mut left = POINTS * self.bytes;
         for batch in &mut self.batches {
             let bad = {
                 let path = batch.path.clone();
@@ -98,12 +103,18 @@ impl<R: Read + Seek> Motion<R> {
                 other => return Err(bad(wrong("points", other, "point3f[]"))),
             };
             let n = total(counts, points.len() / 3).map_err(&bad)?;
+            left = left.checked_sub(n as u64).ok_or_else(|| {
+                bad(format!(
+                    "more than {POINTS} points per byte of the file in a frame"
+                ))
+            })?;
             let map = maps[batch.prim];
             match self.precision {
                 Precision::F32 => add(&mut builder, counts, points, batch.wrap)?,
                 Precision::F64 => add_mapped(&mut builder, counts, points, batch.wrap, map)?,
             }
             curves.push(counts.len());
+            batch.points.forget();
             with_widths &= batch.widths.is_some();
             if let Some(track) = batch.widths.as_mut().filter(|_| with_widths) {
                 let interpolation = track.attribute.interpolation.clone();
@@ -129,6 +140,7 @@ impl<R: Read + Seek> Motion<R> {
             radii.clear();
         }
         let set = builder.finish()?;
+        self.slots = set.slots();
         self.labels.set(&self.batches, curves, radii)?;
         Ok(set)
     }

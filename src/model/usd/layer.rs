@@ -3,6 +3,7 @@
 
 use super::FORMAT;
 use crate::error::{Error, Result};
+use std::sync::Arc;
 
 /// Maximum number of bytes of a token, a name of a prim or a string that is read. Names of curves
 /// have the same limit.
@@ -77,6 +78,9 @@ impl Kind {
     }
 }
 
+/// Times and values.
+pub(super) type Samples = Arc<[(f64, Place)]>;
+
 /// An attribute of a prim.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Attribute {
@@ -85,8 +89,8 @@ pub(super) struct Attribute {
     pub kind: String,
     /// Value without a time.
     pub default: Option<Place>,
-    /// Times, strictly increasing, and values.
-    pub samples: Vec<(f64, Place)>,
+    /// Times, strictly increasing, and values. Attributes of binary files may share them.
+    pub samples: Samples,
     /// Rule that assigns the elements to the curves, if the file states it.
     pub interpolation: Option<String>,
     /// True if the value is a spline over time.

@@ -44,8 +44,10 @@ use super::frames::{FrameSource, ModelFrame};
 use super::write::FrameSink;
 use crate::curve::Precision;
 use crate::error::{Error, Result};
+use std::collections::HashSet;
 use std::io::{Read, Seek};
 use std::path::Path;
+use std::sync::Arc;
 
 const FORMAT: &str = "USD";
 /// Time codes per second of a file that does not say.
@@ -56,6 +58,8 @@ const EXACT: f64 = (1_u64 << 53) as f64;
 /// The frames of a file.
 struct Motion<R> {
     values: Values<R>,
+    /// Size of the file.
+    bytes: u64,
     batches: Vec<Batch>,
     /// Transforms of all prims, with the index of the prim above.
     transforms: Vec<(Ops, Option<usize>)>,
@@ -70,6 +74,8 @@ struct Motion<R> {
     /// Number of frames that were read.
     read: usize,
     labels: Labels,
+    /// Memory of the last frame, in points.
+    slots: usize,
 }
 
 /// Opens a file of `len` bytes.
@@ -106,19 +112,7 @@ impl<R: Read + Seek> Motion<R> {
             true => Precision::F64,
             false => Precision::F32,
         };
-        let tracks = batches.iter().flat_map(|batch| {
-            let tracks = [
-                Some(&batch.points),
-                Some(&batch.counts),
-                batch.widths.as_ref(),
-            ];
-            tracks.into_iter().flatten()
-        });
-        let samples = tracks.flat_map(|track| &track.attribute.samples);
-        let mut times: Vec<f64> = samples.map(|sample| sample.0).collect();
-        times.extend(transforms.iter().flat_map(|(ops, _)| ops.times()));
-        times.sort_unstable_by(f64::total_cmp);
-        times.dedup();
+        let times = times(&batches, &transforms);
         let numbered = (times.iter()).all(|&t| (0.0..=EXACT).contains(&t) && t.fract() == 0.0);
         let seconds = layer.prims.first().and_then(|prim| prim.attribute(TIME));
         Ok(Motion {
@@ -126,12 +120,14 @@ impl<R: Read + Seek> Motion<R> {
             codes_per_second: codes_per_second(&layer)?,
             labels: Labels::new(&batches),
             values,
+            bytes: len,
             batches,
             transforms,
             precision,
             times,
             numbered,
             read: 0,
+            slots: 0,
         })
     }
 
@@ -186,6 +182,30 @@ impl<R: Read + Seek> FrameSource for Motion<R> {
         frame.labels = self.labels.current();
         Ok(Some(frame))
     }
+}
+
+/// Returns the times of all samples, increasing.
+fn times(batches: &[Batch], transforms: &[(Ops, Option<usize>)]) -> Vec<f64> {
+    let tracks = batches.iter().flat_map(|batch| {
+        let tracks = [
+            Some(&batch.points),
+            Some(&batch.counts),
+            batch.widths.as_ref(),
+        ];
+        tracks.into_iter().flatten()
+    });
+    let tracks = tracks.chain(transforms.iter().flat_map(|(ops, _)| ops.tracks()));
+    // Thousands of prims may share the same samples.
+    let mut seen = HashSet::new();
+    let mut times = Vec::new();
+    for samples in tracks.map(|track| &track.attribute.samples) {
+        if seen.insert(Arc::as_ptr(samples).cast::<()>()) {
+            times.extend(samples.iter().map(|sample| sample.0));
+        }
+    }
+    times.sort_unstable_by(f64::total_cmp);
+    times.dedup();
+    times
 }
 
 fn codes_per_second(layer: &Layer) -> Result<f64> {

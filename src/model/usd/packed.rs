@@ -1,7 +1,9 @@
 //! Compressed blocks of binary USD files: LZ4, and integers as differences.
 //!
 //! A promised size is compared with the largest that its compressed bytes can have, before anything
-//! is allocated: one byte of LZ4 makes at most 255.
+//! is allocated: one byte of LZ4 makes at most 255. As integers take two bits or more, that would
+//! still be a thousand integers per byte; so a limit, which follows from the size of the file, is
+//! checked as well.
 //!
 //! The differences are stored in a block as one frequent difference, two bits for each integer, and
 //! the other differences in one, two or four bytes. Source: `pxr/usd/sdf/integerCoding.cpp` and
@@ -53,10 +55,15 @@ fn part(block: &[u8], out: &mut [u8]) -> Result<usize, String> {
     lz4_flex::block::decompress_into(block, out).map_err(|e| format!("compressed bytes: {e}"))
 }
 
-/// Returns the `count` integers of a compressed block.
-pub(super) fn integers(block: &[u8], count: u64) -> Result<Vec<i32>, String> {
+/// Returns the `count` integers of a compressed block, which are at most `limit`.
+pub(super) fn integers(block: &[u8], count: u64, limit: u64) -> Result<Vec<i32>, String> {
     if count == 0 {
         return Ok(Vec::new());
+    }
+    if count > limit {
+        return Err(format!(
+            "{count} integers promised, a file of this size has at most {limit}"
+        ));
     }
     let codes = count.div_ceil(4);
     let least = 4 + codes;
@@ -134,8 +141,13 @@ mod tests {
     #[test]
     fn a_small_block_cannot_promise_much() {
         for count in [1 << 20, 1 << 40, u64::MAX / 8] {
-            assert!(integers(&[0, 0x10, 7], count).is_err());
+            assert!(integers(&[0, 0x10, 7], count, u64::MAX).is_err());
             assert!(decompress(&[0, 0x10, 7], count, true).is_err());
+            assert!(
+                integers(&[0; 9000], count, 9000)
+                    .unwrap_err()
+                    .contains("at most 9000")
+            );
         }
         assert!(decompress(&[], 1, true).is_err());
         assert!(decompress(&[2, 9, 0, 0, 0, 1], 10, true).is_err());

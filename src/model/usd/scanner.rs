@@ -10,6 +10,34 @@ use std::io::{Read, Seek};
 /// Number of bytes read at once.
 const CHUNK: u64 = 1 << 16;
 
+/// Part of characters in values.
+#[derive(Clone, Copy)]
+enum Class {
+    Plain,
+    Open,
+    Close,
+    /// Begins something that may contain brackets.
+    Other,
+}
+
+const CLASSES: [Class; 256] = {
+    let mut classes = [Class::Plain; 256];
+    let pairs = b"([{";
+    let mut k = 0;
+    while k < pairs.len() {
+        classes[pairs[k] as usize] = Class::Open;
+        classes[b")]}"[k] as usize] = Class::Close;
+        k += 1;
+    }
+    let others = b"\"'@<#/";
+    k = 0;
+    while k < others.len() {
+        classes[others[k] as usize] = Class::Other;
+        k += 1;
+    }
+    classes
+};
+
 /// A position in a text file.
 #[derive(Debug)]
 pub(super) struct Scanner<R> {
@@ -111,7 +139,13 @@ impl<R: Read + Seek> Scanner<R> {
     }
 
     /// Returns true, and skips it, if the next character after blanks is `expected`.
+    #[inline]
     pub fn take(&mut self, expected: u8) -> Result<bool> {
+        // Without blanks, as in most numbers.
+        if self.chunk.get(self.at) == Some(&expected) {
+            self.at += 1;
+            return Ok(true);
+        }
         self.space()?;
         let found = self.peek()? == Some(expected);
         self.at += usize::from(found);
@@ -234,18 +268,10 @@ impl<R: Read + Seek> Scanner<R> {
         self.space()?;
         let mut open = 0_u64;
         loop {
-            if open > 0 {
-                self.skip_to(|b| b"()[]{}\"'@<#/".contains(&b))?;
+            if self.skip_brackets(&mut open)? {
+                return Ok(());
             }
             match self.peek()? {
-                Some(b'(' | b'[' | b'{') => {
-                    open += 1;
-                    self.at += 1;
-                }
-                Some(b')' | b']' | b'}') if open > 0 => {
-                    open -= 1;
-                    self.at += 1;
-                }
                 Some(b'"' | b'\'') => drop(self.string()?),
                 Some(b'@') => {
                     self.skip_asset()?;
@@ -260,8 +286,7 @@ impl<R: Read + Seek> Scanner<R> {
                 }
                 Some(b'#' | b'/') if open > 0 => self.space()?,
                 None if open > 0 => return Err(self.bad("a bracket does not end")),
-                _ if open == 0 => drop(self.word()?),
-                _ => {}
+                _ => drop(self.word()?),
             }
             if open == 0 {
                 return Ok(());
@@ -269,10 +294,41 @@ impl<R: Read + Seek> Scanner<R> {
         }
     }
 
+    /// Skips numbers, words and brackets, of which `open` are open, before other characters or, if
+    /// no bracket is open, before a word. Returns true after the last bracket. Most bytes of a file
+    /// are skipped here.
+    fn skip_brackets(&mut self, open: &mut u64) -> Result<bool> {
+        loop {
+            let ahead = self.ahead()?;
+            let mut skipped = ahead.len();
+            for (k, &b) in ahead.iter().enumerate() {
+                match CLASSES[usize::from(b)] {
+                    Class::Open => *open += 1,
+                    Class::Close if *open > 0 => *open -= 1,
+                    Class::Plain if *open > 0 => continue,
+                    _ => {
+                        skipped = k;
+                        break;
+                    }
+                }
+                if *open == 0 {
+                    self.at += k + 1;
+                    return Ok(true);
+                }
+            }
+            let end = skipped < ahead.len() || ahead.is_empty();
+            self.at += skipped;
+            if end {
+                return Ok(false);
+            }
+        }
+    }
+
     /// Reads a number after blanks and passes its characters to `parse`.
     #[inline]
     pub fn number<T>(&mut self, parse: impl Fn(&str) -> Option<T>) -> Result<T> {
-        let ends = |b: u8| b.is_ascii_whitespace() || b",)]}:;#".contains(&b);
+        let ends = |b: u8| matches!(b, b',' | b')' | b']' | b'}' | b':' | b';' | b'#' | 0..=b' ');
+        self.at += usize::from(self.chunk.get(self.at) == Some(&b' '));
         if !matches!(self.peek()?, Some(b'0'..=b'9' | b'-')) {
             self.space()?;
         }

@@ -116,17 +116,19 @@ impl Structure {
         };
         let [tokens, strings, fields, lists, paths, specs] =
             ["TOKENS", "STRINGS", "FIELDS", "FIELDSETS", "PATHS", "SPECS"].map(&mut section);
+        let limit = file.limit();
         let in_section = |name: &'static str| {
             move |what: String| Error::format(FORMAT, format_args!("section {name}"), what)
         };
-        file.tokens =
-            Binary::<R>::unpack_tokens(&mut &tokens?[..]).map_err(in_section("TOKENS"))?;
+        file.tokens = file
+            .unpack_tokens(&mut &tokens?[..])
+            .map_err(in_section("TOKENS"))?;
         file.tokens.strings = numbers_of_strings(&strings?).map_err(in_section("STRINGS"))?;
-        let fields = fields_of::<R>(&fields?).map_err(in_section("FIELDS"))?;
-        let lists = columns::<R, 1>(&mut &lists?[..]).map_err(in_section("FIELDSETS"))?;
+        let fields = fields_of::<R>(&fields?, limit).map_err(in_section("FIELDS"))?;
+        let lists = columns::<R, 1>(&mut &lists?[..], limit).map_err(in_section("FIELDSETS"))?;
         let lists = lists.into_iter().flatten().map(|i| i as u32).collect();
-        let paths = paths_of::<R>(&paths?).map_err(in_section("PATHS"))?;
-        let specs = specs_of::<R>(&specs?, paths.0.len()).map_err(in_section("SPECS"))?;
+        let paths = paths_of::<R>(&paths?, limit).map_err(in_section("PATHS"))?;
+        let specs = specs_of::<R>(&specs?, paths.0.len(), limit).map_err(in_section("SPECS"))?;
         Ok(Structure {
             paths,
             fields,
@@ -323,18 +325,21 @@ fn numbers_of_strings(mut section: &[u8]) -> Result<Vec<u32>, String> {
 }
 
 /// Reads a number of rows, and so many integers for each of `N` columns.
-fn columns<R: Read + Seek, const N: usize>(section: &mut &[u8]) -> Result<[Vec<i32>; N], String> {
+fn columns<R: Read + Seek, const N: usize>(
+    section: &mut &[u8],
+    limit: u64,
+) -> Result<[Vec<i32>; N], String> {
     let count = number(section)?;
     let mut columns = [const { Vec::new() }; N];
     for column in &mut columns {
-        *column = integers(Binary::<R>::block(section)?, count)?;
+        *column = integers(Binary::<R>::block(section)?, count, limit)?;
     }
     Ok(columns)
 }
 
-fn fields_of<R: Read + Seek>(mut section: &[u8]) -> Result<Vec<(u32, Rep)>, String> {
+fn fields_of<R: Read + Seek>(mut section: &[u8], limit: u64) -> Result<Vec<(u32, Rep)>, String> {
     let count = number(&mut { section })?;
-    let [names] = columns::<R, 1>(&mut section)?;
+    let [names] = columns::<R, 1>(&mut section, limit)?;
     let block = Binary::<R>::block(&mut section)?;
     let reps = decompress(block, count.saturating_mul(8), true)?;
     let reps = reps
@@ -345,17 +350,18 @@ fn fields_of<R: Read + Seek>(mut section: &[u8]) -> Result<Vec<(u32, Rep)>, Stri
     Ok(names.into_iter().map(|i| i as u32).zip(reps).collect())
 }
 
-fn paths_of<R: Read + Seek>(mut section: &[u8]) -> Result<Paths, String> {
+fn paths_of<R: Read + Seek>(mut section: &[u8], limit: u64) -> Result<Paths, String> {
     let count = number(&mut section)?;
-    Paths::new(count, columns::<R, 3>(&mut section)?)
+    Paths::new(count, columns::<R, 3>(&mut section, limit)?)
 }
 
 /// Returns the list of fields and the type of the spec of each of `paths` paths.
 fn specs_of<R: Read + Seek>(
     mut section: &[u8],
     paths: usize,
+    limit: u64,
 ) -> Result<Vec<Option<(u32, i32)>>, String> {
-    let [numbers, lists, kinds] = columns::<R, 3>(&mut section)?;
+    let [numbers, lists, kinds] = columns::<R, 3>(&mut section, limit)?;
     let mut specs = vec![None; paths];
     for ((number, list), kind) in numbers.into_iter().zip(lists).zip(kinds) {
         match specs.get_mut(number as u32 as usize) {

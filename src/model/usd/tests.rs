@@ -333,7 +333,10 @@ fn errors_name_prim_and_numbers() {
             "#usda 1.0\n\nfloat x = 1\n",
             "line 3): \"float\", expected def, over or class",
         ),
-        ("#usda 1.0\ndef \"a\" { token x = 'b }\n", "a string does not end"),
+        (
+            "#usda 1.0\ndef \"a\" { token x = 'b }\n",
+            "a string does not end",
+        ),
         ("#usda 1.0\n(timeCodesPerSecond = 0)\n", "whole file"),
         (
             "solid x",

@@ -6,7 +6,9 @@
 //! recurses.
 
 use super::input::Input;
-use super::layer::{ATTRIBUTES, Attribute, Kind, Layer, Place, Prim, Value, arc, check_times};
+use super::layer::{
+    ATTRIBUTES, Attribute, Kind, Layer, Place, Prim, Samples, Value, arc, check_times,
+};
 use super::scanner::Scanner;
 use crate::error::Result;
 use std::io::{Read, Seek};
@@ -241,8 +243,8 @@ impl<R: Read + Seek> Text<R> {
     }
 
     /// Finds the values of `{ time: value, .. }`.
-    fn samples(&mut self) -> Result<Vec<(f64, Place)>> {
-        let mut samples = Vec::new();
+    fn samples(&mut self) -> Result<Samples> {
+        let mut samples: Vec<(f64, Place)> = Vec::new();
         self.0.expect(b'{')?;
         while !self.0.take(b'}')? {
             let time = self.time()?;
@@ -254,7 +256,7 @@ impl<R: Read + Seek> Text<R> {
         }
         samples.sort_by(|a, b| a.0.total_cmp(&b.0));
         check_times(&samples).map_err(|what| self.0.bad(what))?;
-        Ok(samples)
+        Ok(samples.into())
     }
 
     fn time(&mut self) -> Result<f64> {

@@ -75,6 +75,13 @@ impl Track {
         Ok(last.filter(|value| **value != Value::Blocked))
     }
 
+    /// Drops the value that was read last, if it may change: it is rarely needed again.
+    pub fn forget(&mut self) {
+        if self.is_animated() {
+            self.last = None;
+        }
+    }
+
     fn load<R: Read + Seek>(&mut self, place: Place, values: &mut Values<R>) -> Result<()> {
         if self.last.as_ref().is_none_or(|(last, _)| *last != place) {
             self.last = None;
