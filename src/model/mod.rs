@@ -391,6 +391,19 @@ mod tests {
         assert_error_contains(read(&folder), "folder.vect: not a regular file");
     }
 
+    #[cfg(not(feature = "usd"))]
+    #[test]
+    fn usd_files_are_refused_by_name_without_the_feature() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.usda", "a.usdc", "a.USD", "a.usdz"] {
+            let path = folder.path().join(name);
+            assert!(FrameWriter::create(&path).is_err());
+            assert!(!path.exists());
+            std::fs::write(&path, "#usda 1.0").unwrap();
+            assert_error_contains(read(&path), "build linkwatch with the feature usd");
+        }
+    }
+
     #[test]
     fn quoted_parts_of_a_file_are_short_and_escaped() {
         assert_eq!(quote(b"a\x1b[2Jb\n"), "'a\\u{1b}[2Jb\\n'");

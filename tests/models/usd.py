@@ -25,7 +25,8 @@ def ring(n=12, center=(0, 0, 0), axes=((1, 0, 0), (0, 1, 0)), bezier=False):
             angle = arc * (k // 3 + (k % 3 == 2)) + (1 if k % 3 == 1 else -1) * math.atan(reach)
             radius = math.hypot(1, reach)
         u, v = (Gf.Vec3d(*axis) for axis in axes)
-        points.append(Gf.Vec3f(Gf.Vec3d(*center) + radius * (math.cos(angle) * u + math.sin(angle) * v)))
+        offset = radius * (math.cos(angle) * u + math.sin(angle) * v)
+        points.append(Gf.Vec3f(Gf.Vec3d(*center) + offset))
     return points
 
 
@@ -70,7 +71,10 @@ def bases():
     prim.CreateCurveVertexCountsAttr([4, 4])
     prim.CreatePointsAttr(ring()[:8])
     stage.Save()
-    for basis, name in [("bspline", "pinned-bspline.usda"), ("catmullRom", "pinned-catmull-rom.usdc")]:
+    for basis, name in [
+        ("bspline", "pinned-bspline.usda"),
+        ("catmullRom", "pinned-catmull-rom.usdc"),
+    ]:
         stage = new(name)
         loops = [ring()[:4], ring()[4:6], ring()[6:11]]
         prim = curves(stage, "/strands", loops, "cubic", basis, "pinned")
@@ -154,7 +158,8 @@ def hierarchy():
         target.CreateCurveVertexCountsAttr(counts)
         for time in [0, 1, 2, 4]:
             world = UsdGeom.XformCache(time).GetLocalToWorldTransform(source.GetPrim())
-            points = [Gf.Vec3f(world.Transform(Gf.Vec3d(p))) for p in source.GetPointsAttr().Get(time)]
+            local = source.GetPointsAttr().Get(time)
+            points = [Gf.Vec3f(world.Transform(Gf.Vec3d(p))) for p in local]
             target.CreatePointsAttr().Set(Vt.Vec3fArray(points), time)
     flat.Save()
 

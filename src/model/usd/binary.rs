@@ -1,15 +1,15 @@
-//! Binary USD files (crate files, `.usdc`): the structure is read when the file is opened, values
-//! when they are needed.
+//! Binary USD files (crate files, `.usdc`): the structure is read when the file is opened, and
+//! values are read when they are needed.
 //!
 //! | bytes | content |
 //! |---|---|
 //! | 0 | `PXR-USDC` |
 //! | 8 | version: 0.4 to 0.13 are read |
-//! | 16 | u64: position of the table of sections; each has a name of 16 bytes, u64 start, u64 size |
+//! | 16 | u64: position of the table of sections: a name of 16 bytes, u64 start, u64 size of each |
 //!
 //! | section | content |
 //! |---|---|
-//! | `TOKENS` | words, each ended by 0, compressed |
+//! | `TOKENS` | words, each ended by 0, compressed; see [`Tokens`] |
 //! | `STRINGS` | tokens of strings |
 //! | `FIELDS` | name (a token) and value of each field; the value is a [`Rep`] |
 //! | `FIELDSETS` | lists of fields, each ended by -1 |
@@ -21,9 +21,10 @@
 
 use super::FORMAT;
 use super::input::Input;
-use super::layer::{Layer, Place, Samples, Value, WORD_BYTES};
-use super::packed::{decompress, half, integers};
+use super::layer::{Layer, Place, Samples, Value};
+use super::packed::{half, integers};
 use super::specs::Structure;
+use super::tokens::Tokens;
 use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::io::{Read, Seek};
@@ -31,9 +32,6 @@ use std::io::{Read, Seek};
 pub(super) const MAGIC: &[u8; 8] = b"PXR-USDC";
 /// Shorter arrays are never compressed.
 const COMPRESSED_FROM: u64 = 16;
-
-/// Maximum number of bytes of all words per byte of the file.
-const TEXT: u64 = 16;
 
 /// A value: its type, and its position in the file or, if it is short, itself.
 #[derive(Clone, Copy, Debug)]
@@ -104,52 +102,6 @@ pub(super) struct Binary<R> {
     samples: HashMap<u64, Samples>,
     /// Number of all time samples.
     sampled: u64,
-}
-
-/// Words of a file.
-#[derive(Debug, Default)]
-pub(super) struct Tokens {
-    text: Vec<u8>,
-    /// End of each word, which is the place of its 0.
-    ends: Vec<u32>,
-    /// Word of each string.
-    pub strings: Vec<u32>,
-}
-
-impl Tokens {
-    pub fn new(text: Vec<u8>, count: u64) -> Result<Tokens, String> {
-        let ends = text.iter().zip(0_u32..).filter(|(b, _)| **b == 0);
-        let ends: Vec<u32> = ends.map(|(_, k)| k).collect();
-        if ends.len() as u64 != count || ends.last().map_or(0, |&e| e as usize + 1) != text.len() {
-            return Err(format!("{count} words promised, {} found", ends.len()));
-        }
-        Ok(Tokens {
-            text,
-            ends,
-            strings: Vec::new(),
-        })
-    }
-
-    pub fn len(&self) -> usize {
-        self.ends.len()
-    }
-
-    /// Returns a word of at most [`WORD_BYTES`].
-    pub fn word(&self, token: u32) -> Result<&str, String> {
-        let end = self.ends.get(token as usize);
-        let end = *end.ok_or_else(|| format!("word {token} of {}", self.len()))? as usize;
-        let start = match token {
-            0 => 0,
-            _ => self.ends[token as usize - 1] as usize + 1,
-        };
-        if end - start > WORD_BYTES {
-            let bytes = end - start;
-            return Err(format!(
-                "a word of {bytes} bytes; at most {WORD_BYTES} are read"
-            ));
-        }
-        std::str::from_utf8(&self.text[start..end]).map_err(|_| "a word is not UTF-8".into())
-    }
 }
 
 impl<R: Read + Seek> Binary<R> {
@@ -439,35 +391,6 @@ impl<R: Read + Seek> Binary<R> {
             let what = format!("a jump by {distance} bytes");
             Error::format(FORMAT, format_args!("byte {at}"), what)
         })
-    }
-
-    /// Decompresses the block at the front of `section`: its number of bytes, and these.
-    pub fn block<'a>(section: &mut &'a [u8]) -> Result<&'a [u8], String> {
-        let size = super::packed::take(section).map(u64::from_le_bytes);
-        let size = size.ok_or("the section ends early")?;
-        let found = section.len();
-        let split = usize::try_from(size)
-            .ok()
-            .and_then(|n| section.split_at_checked(n));
-        let (block, rest) = split.ok_or(format!("{size} bytes promised, {found} are left"))?;
-        *section = rest;
-        Ok(block)
-    }
-
-    /// Decompresses the words of a file.
-    pub fn unpack_tokens(&self, section: &mut &[u8]) -> Result<Tokens, String> {
-        let mut number = || super::packed::take(section).map(u64::from_le_bytes);
-        let (Some(count), Some(len)) = (number(), number()) else {
-            return Err("the section ends early".into());
-        };
-        let block = Self::block(section)?;
-        let limit = TEXT * self.input.len();
-        if len > limit {
-            return Err(format!(
-                "{len} bytes promised, a file of this size has at most {limit}"
-            ));
-        }
-        Tokens::new(decompress(block, len, true)?, count)
     }
 }
 

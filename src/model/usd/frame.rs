@@ -9,9 +9,10 @@ use crate::error::{Error, Result};
 use std::io::{Read, Seek};
 use std::sync::Arc;
 
-/// Maximum number of points of a frame per byte of the file. Prims of a binary file may share their
-/// points, and be moved by transforms; without this limit a small file could describe a huge frame.
-const POINTS: u64 = 16;
+/// Maximum number of points of a frame: so many, and so many per byte of the file. Prims of a
+/// binary file may share their points, and be moved by transforms; without this limit a small file
+/// could describe a huge frame.
+const POINTS: (u64, u64) = (1 << 20, 16);
 
 /// Number of points that are transformed at once.
 const CHUNK: usize = 1024;
@@ -86,7 +87,8 @@ impl<R: Read + Seek> Motion<R> {
         let mut curves = Vec::with_capacity(self.batches.len());
         let mut radii = Vec::new();
         let mut with_widths = true;
-        let mut left = POINTS * self.bytes;
+        let limit = POINTS.0 + POINTS.1 * self.bytes;
+        let mut left = limit;
         for batch in &mut self.batches {
             let bad = {
                 let path = batch.path.clone();
@@ -105,7 +107,8 @@ impl<R: Read + Seek> Motion<R> {
             let n = total(counts, points.len() / 3).map_err(&bad)?;
             left = left.checked_sub(n as u64).ok_or_else(|| {
                 bad(format!(
-                    "more than {POINTS} points per byte of the file in a frame"
+                    "more than {limit} points in a frame, the limit of a file of this size, as \
+                     prims share their points: write it as text with usdcat"
                 ))
             })?;
             let map = maps[batch.prim];

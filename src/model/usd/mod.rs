@@ -28,6 +28,7 @@ mod stage;
 #[cfg(test)]
 mod tests;
 mod text;
+mod tokens;
 mod track;
 mod write;
 

@@ -94,6 +94,19 @@ pub(super) fn integers(block: &[u8], count: u64, limit: u64) -> Result<Vec<i32>,
     Ok(values)
 }
 
+/// Takes a block from the front of a section: its number of bytes, and these.
+pub(super) fn block<'a>(section: &mut &'a [u8]) -> Result<&'a [u8], String> {
+    let size = take(section).map(u64::from_le_bytes);
+    let size = size.ok_or("the section ends early")?;
+    let found = section.len();
+    let split = usize::try_from(size)
+        .ok()
+        .and_then(|n| section.split_at_checked(n));
+    let (block, rest) = split.ok_or(format!("{size} bytes promised, {found} are left"))?;
+    *section = rest;
+    Ok(block)
+}
+
 /// Takes bytes from the front.
 pub(super) fn take<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
     let (first, rest) = bytes.split_first_chunk()?;

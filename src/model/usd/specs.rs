@@ -3,7 +3,8 @@
 use super::FORMAT;
 use super::binary::{Binary, Rep, kind};
 use super::layer::{ATTRIBUTES, Attribute, Layer, Place, Prim, Value, arc};
-use super::packed::{decompress, integers, take};
+use super::packed::{block, decompress, integers, take};
+use super::tokens::Tokens;
 use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::io::{Read, Seek};
@@ -120,15 +121,14 @@ impl Structure {
         let in_section = |name: &'static str| {
             move |what: String| Error::format(FORMAT, format_args!("section {name}"), what)
         };
-        file.tokens = file
-            .unpack_tokens(&mut &tokens?[..])
-            .map_err(in_section("TOKENS"))?;
+        let bytes = file.input.len();
+        file.tokens = Tokens::read(&tokens?, bytes).map_err(in_section("TOKENS"))?;
         file.tokens.strings = numbers_of_strings(&strings?).map_err(in_section("STRINGS"))?;
-        let fields = fields_of::<R>(&fields?, limit).map_err(in_section("FIELDS"))?;
-        let lists = columns::<R, 1>(&mut &lists?[..], limit).map_err(in_section("FIELDSETS"))?;
+        let fields = fields_of(&fields?, limit).map_err(in_section("FIELDS"))?;
+        let lists = columns::<1>(&mut &lists?[..], limit).map_err(in_section("FIELDSETS"))?;
         let lists = lists.into_iter().flatten().map(|i| i as u32).collect();
-        let paths = paths_of::<R>(&paths?, limit).map_err(in_section("PATHS"))?;
-        let specs = specs_of::<R>(&specs?, paths.0.len(), limit).map_err(in_section("SPECS"))?;
+        let paths = paths_of(&paths?, limit).map_err(in_section("PATHS"))?;
+        let specs = specs_of(&specs?, paths.0.len(), limit).map_err(in_section("SPECS"))?;
         Ok(Structure {
             paths,
             fields,
@@ -325,23 +325,20 @@ fn numbers_of_strings(mut section: &[u8]) -> Result<Vec<u32>, String> {
 }
 
 /// Reads a number of rows, and so many integers for each of `N` columns.
-fn columns<R: Read + Seek, const N: usize>(
-    section: &mut &[u8],
-    limit: u64,
-) -> Result<[Vec<i32>; N], String> {
+fn columns<const N: usize>(section: &mut &[u8], limit: u64) -> Result<[Vec<i32>; N], String> {
     let count = number(section)?;
     let mut columns = [const { Vec::new() }; N];
     for column in &mut columns {
-        *column = integers(Binary::<R>::block(section)?, count, limit)?;
+        *column = integers(block(section)?, count, limit)?;
     }
     Ok(columns)
 }
 
-fn fields_of<R: Read + Seek>(mut section: &[u8], limit: u64) -> Result<Vec<(u32, Rep)>, String> {
+fn fields_of(mut section: &[u8], limit: u64) -> Result<Vec<(u32, Rep)>, String> {
     let count = number(&mut { section })?;
-    let [names] = columns::<R, 1>(&mut section, limit)?;
-    let block = Binary::<R>::block(&mut section)?;
-    let reps = decompress(block, count.saturating_mul(8), true)?;
+    let [names] = columns::<1>(&mut section, limit)?;
+    let reps = block(&mut section)?;
+    let reps = decompress(reps, count.saturating_mul(8), true)?;
     let reps = reps
         .as_chunks()
         .0
@@ -350,18 +347,18 @@ fn fields_of<R: Read + Seek>(mut section: &[u8], limit: u64) -> Result<Vec<(u32,
     Ok(names.into_iter().map(|i| i as u32).zip(reps).collect())
 }
 
-fn paths_of<R: Read + Seek>(mut section: &[u8], limit: u64) -> Result<Paths, String> {
+fn paths_of(mut section: &[u8], limit: u64) -> Result<Paths, String> {
     let count = number(&mut section)?;
-    Paths::new(count, columns::<R, 3>(&mut section, limit)?)
+    Paths::new(count, columns::<3>(&mut section, limit)?)
 }
 
 /// Returns the list of fields and the type of the spec of each of `paths` paths.
-fn specs_of<R: Read + Seek>(
+fn specs_of(
     mut section: &[u8],
     paths: usize,
     limit: u64,
 ) -> Result<Vec<Option<(u32, i32)>>, String> {
-    let [numbers, lists, kinds] = columns::<R, 3>(&mut section, limit)?;
+    let [numbers, lists, kinds] = columns::<3>(&mut section, limit)?;
     let mut specs = vec![None; paths];
     for ((number, list), kind) in numbers.into_iter().zip(lists).zip(kinds) {
         match specs.get_mut(number as u32 as usize) {
@@ -370,4 +367,40 @@ fn specs_of<R: Read + Seek>(
         }
     }
     Ok(specs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree(jumps: &[i32]) -> Result<Paths, String> {
+        let numbers = (0..jumps.len() as i32).collect();
+        Paths::new(
+            jumps.len() as u64,
+            [numbers, vec![1; jumps.len()], jumps.to_vec()],
+        )
+    }
+
+    #[test]
+    fn jumps_give_parents() {
+        // A root with a child that has a child, and a sibling of the first child.
+        let paths = tree(&[-1, 2, -2, -2]).unwrap();
+        let parents: Vec<u32> = paths.0.iter().map(|step| step.unwrap().parent).collect();
+        assert_eq!(parents, [NONE, 0, 1, 0]);
+    }
+
+    #[test]
+    fn rejects_paths_with_two_places() {
+        // Each path is its own child and sibling: 2^n places.
+        assert!(tree(&[1; 60]).unwrap_err().contains("two places"));
+        let twice = [vec![0, 0], vec![1, 2], vec![-1, -2]];
+        assert!(
+            Paths::new(2, twice)
+                .unwrap_err()
+                .contains("path 0 occurs twice")
+        );
+        let outside = [vec![0, 7], vec![1, 2], vec![-1, -2]];
+        assert!(Paths::new(2, outside).unwrap_err().contains("path 7 of 2"));
+        assert!(Paths::new(1 << 40, [vec![], vec![], vec![]]).is_err());
+    }
 }

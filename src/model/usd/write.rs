@@ -384,7 +384,7 @@ impl Motion {
             at += len;
             self.close_points(out, run)?;
         }
-        write!(out, "    custom double {TIME}.timeSamples = {{\n")?;
+        writeln!(out, "    custom double {TIME}.timeSamples = {{")?;
         for (seq, time) in &self.times {
             writeln!(out, "        {seq}: {time:?},")?;
         }
@@ -408,7 +408,8 @@ impl Motion {
                 out.write_all(UNIFORM)?;
             }
             changes => {
-                out.write_all(b"        float[] widths (\n            interpolation = \"uniform\"\n        )\n")?;
+                out.write_all(b"        float[] widths")?;
+                out.write_all(UNIFORM)?;
                 out.write_all(b"        float[] widths.timeSamples = {\n")?;
                 for (seq, radii) in changes {
                     write!(out, "            {seq}: ")?;
