@@ -8,8 +8,8 @@
 //!   [attaching a simulator](./attaching/index.html).
 //! - A program that verifies its own frames calls [`Verifier::step`] with a [`CurveSet`], and gets
 //!   a [`Report`].
-//! - [`model`] reads and writes curves and frames: BCC, OBJ, VECT, LAMMPS and NumPy files;
-//!   [`scenes`] generates some with known linking numbers.
+//! - [`model`] reads and writes curves and frames: BCC, OBJ, VECT, USD, LAMMPS and NumPy
+//!   files; [`scenes`] generates some with known linking numbers.
 //! - The README has the command, the verdicts, and which curves to publish.
 //!
 #![cfg_attr(feature = "verify", doc = "```")]

@@ -110,7 +110,7 @@ enum Target {
 impl Target {
     fn of(path: &Path) -> Result<Target> {
         #[cfg(feature = "mcap")]
-        if input::is_recording(path) {
+        if input::is_mcap(path) {
             return Ok(Target::Recording);
         }
         Format::of(path).map(Target::Model)

@@ -1,6 +1,8 @@
 //! Curves of arguments: model files, folders and patterns of them, recordings, generated scenes.
 
 use super::order;
+#[cfg(feature = "mcap")]
+use linkwatch::RecordingReader;
 use linkwatch::model::{Frames, ModelFrame, ReadOptions};
 use linkwatch::scenes::Scene;
 use linkwatch::{CurveLabels, CurveSet, Error, FrameInfo, Result, model};
@@ -23,6 +25,9 @@ pub struct FormatArgs {
         hide_short_help = true
     )]
     counts: Option<Vec<i32>>,
+    /// Topic to read of an MCAP file of another program, if several have curves
+    #[arg(long, value_name = "TOPIC", hide_short_help = true)]
+    topic: Option<String>,
 }
 
 impl FormatArgs {
@@ -35,6 +40,7 @@ impl FormatArgs {
         let mut options = ReadOptions::default();
         options.bonds.clone_from(&self.bonds);
         options.counts.clone_from(&self.counts);
+        options.topic.clone_from(&self.topic);
         options
     }
 }
@@ -174,15 +180,15 @@ fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Returns true if the file is a recording.
-pub fn is_recording(path: &Path) -> bool {
+/// Returns true if the file is a recording, or an MCAP file of another program.
+pub fn is_mcap(path: &Path) -> bool {
     let extension = path.extension();
     extension.is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
 }
 
 /// Returns true if a file of this name may hold several frames.
 pub fn holds_frames(path: &Path) -> bool {
-    is_recording(path) || model::Format::of(path).is_ok_and(model::Format::holds_frames)
+    is_mcap(path) || model::Format::of(path).is_ok_and(model::Format::holds_frames)
 }
 
 /// Frames of a file, in the order of the file.
@@ -191,9 +197,9 @@ type FileFrames = Box<dyn Iterator<Item = Result<ModelFrame>>>;
 /// Opens a model file or a recording.
 fn frames_of(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
     #[cfg(feature = "mcap")]
-    if is_recording(path) && path.is_file() {
+    if is_mcap(path) && path.is_file() && Recorded::is_ours(path)? {
         return Ok(Box::new(Recorded {
-            reader: Some(linkwatch::RecordingReader::open(path).map_err(|e| e.in_file(path))?),
+            reader: Some(RecordingReader::open(path).map_err(|e| e.in_file(path))?),
             path: path.to_owned(),
         }));
     }
@@ -205,7 +211,18 @@ fn frames_of(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
 struct Recorded {
     path: PathBuf,
     /// `None` after an error.
-    reader: Option<linkwatch::RecordingReader<std::io::BufReader<std::fs::File>>>,
+    reader: Option<RecordingReader<std::io::BufReader<std::fs::File>>>,
+}
+
+#[cfg(feature = "mcap")]
+impl Recorded {
+    /// Returns true if linkwatch wrote this file.
+    fn is_ours(path: &Path) -> Result<bool> {
+        let mut reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
+        // The metadata is complete once the first item was read. An error is that of a recording.
+        let first = reader.next_item();
+        Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty())
+    }
 }
 
 #[cfg(feature = "mcap")]

@@ -165,7 +165,7 @@ fn fill(input: &mut impl Read, bytes: &mut [u8], place: impl FnOnce() -> String)
 /// The format has single precision. A set in double precision is rejected, before the file is
 /// created, unless single precision represents each of its coordinates exactly.
 pub fn write_bcc(path: &Path, set: &CurveSet) -> Result<()> {
-    check_precision(set).map_err(|e| e.in_file(path))?;
+    check_precision(FORMAT, set).map_err(|e| e.in_file(path))?;
     let file = File::create(path).map_err(Error::file(path))?;
     let mut out = BufWriter::with_capacity(1 << 16, file);
     write(&mut out, set)
@@ -174,7 +174,7 @@ pub fn write_bcc(path: &Path, set: &CurveSet) -> Result<()> {
 }
 
 /// Fails if single precision would round a coordinate.
-fn check_precision(set: &CurveSet) -> Result<()> {
+pub(super) fn check_precision(format: &'static str, set: &CurveSet) -> Result<()> {
     if set.precision() == Precision::F32 {
         return Ok(());
     }
@@ -186,7 +186,7 @@ fn check_precision(set: &CurveSet) -> Result<()> {
                         "curve {i}, point {k}: coordinate {axis} is {x}, \
                          which the format's single precision would round"
                     );
-                    return Err(Error::unsupported(FORMAT, what));
+                    return Err(Error::unsupported(format, what));
                 }
             }
         }

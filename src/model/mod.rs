@@ -1,5 +1,5 @@
 //! Model files: of one frame (BCC, OBJ lines, Geomview VECT, LAMMPS data), and of many (LAMMPS
-//! dumps, NumPy).
+//! dumps, NumPy, USD).
 //!
 //! | extension | holds | precision kept |
 //! |---|---|---|
@@ -11,6 +11,7 @@
 //! | `.npy` | frames of polylines | single or double |
 //! | `.npz` | frames of all bases, with times, names and radii | single or double |
 //! | `.mcap` | polylines: `foxglove.SceneUpdate`, ROS 2 markers | double |
+//! | `.usda`, `.usdc`, `.usd`, `.usdz` | all of these, with time samples | single |
 //!
 //! A file is not trusted: every count is compared with the length of the file before anything is
 //! allocated, so that memory is linear in that length for any counts. (A compressed array may take
@@ -26,6 +27,8 @@ mod lammps;
 mod mcap;
 mod numpy;
 mod obj;
+#[cfg(feature = "usd")]
+mod usd;
 mod vect;
 mod write;
 
@@ -103,11 +106,14 @@ pub enum Format {
     Npy,
     /// NumPy arrays: points, counts, bases, times, names and radii.
     Npz,
+    /// MCAP of other programs: lines of Foxglove and markers of ROS 2.
     Mcap,
+    /// Curves of a USD stage, with time samples.
+    Usd,
 }
 
 /// Extensions of the formats; [`MODEL_FILES`] lists them for messages.
-const EXTENSIONS: [(&str, Format); 11] = [
+const EXTENSIONS: [(&str, Format); 15] = [
     ("bcc", Format::Bcc),
     ("obj", Format::Obj),
     ("vect", Format::Vect),
@@ -119,6 +125,10 @@ const EXTENSIONS: [(&str, Format); 11] = [
     ("npy", Format::Npy),
     ("npz", Format::Npz),
     ("mcap", Format::Mcap),
+    ("usd", Format::Usd),
+    ("usda", Format::Usd),
+    ("usdc", Format::Usd),
+    ("usdz", Format::Usd),
 ];
 
 /// Starts of the names of LAMMPS files, which may have any extension.
@@ -191,6 +201,14 @@ impl Format {
                 let why = "an MCAP file, which this build does not read (feature mcap)";
                 return Err(Error::unsupported("model", why).in_file(path));
             }
+            #[cfg(feature = "usd")]
+            Format::Usd => {
+                let (input, len) = open(path)?;
+                let file = input.into_inner().into_inner();
+                return usd::open(file, len).map_err(|e| e.in_file(path));
+            }
+            #[cfg(not(feature = "usd"))]
+            Format::Usd => Err(no_usd()),
             Format::Bcc => open(path).and_then(|(input, len)| bcc::read(input, len)),
             Format::Obj => open(path).and_then(|(input, _)| obj::read(input)),
             Format::Vect => open(path).and_then(|(input, len)| vect::read(input, len)),
@@ -211,6 +229,10 @@ impl Format {
             Format::LammpsDump => Box::new(lammps::DumpFile::new(path)),
             Format::Npy => Box::new(numpy::NpyFile::new(path)),
             Format::Npz => Box::new(numpy::NpzFile::new(path)),
+            #[cfg(feature = "usd")]
+            Format::Usd => return usd::create(path),
+            #[cfg(not(feature = "usd"))]
+            Format::Usd => return Err(no_usd().in_file(path)),
             Format::Mcap => {
                 let why = "MCAP is not written from models; `linkwatch check --record` records";
                 return Err(Error::unsupported("model", why));
@@ -222,19 +244,26 @@ impl Format {
     pub fn holds_frames(self) -> bool {
         match self {
             Format::Bcc | Format::Obj | Format::Vect | Format::LammpsData => false,
-            Format::LammpsDump | Format::Npy | Format::Npz | Format::Mcap => true,
+            Format::LammpsDump | Format::Npy | Format::Npz | Format::Mcap | Format::Usd => true,
         }
     }
 
     /// Returns true if a file of this format can hold splines.
     pub fn holds_splines(self) -> bool {
         match self {
-            Format::Bcc | Format::Npz => true,
+            Format::Bcc | Format::Npz | Format::Usd => true,
             Format::Obj | Format::Vect | Format::LammpsData | Format::LammpsDump => false,
             // The positions would be read as those of polylines.
             Format::Npy | Format::Mcap => false,
         }
     }
+}
+
+/// Returns the error of a build that does not read USD.
+#[cfg(not(feature = "usd"))]
+fn no_usd() -> Error {
+    let what = "this build does not read or write it: build linkwatch with the feature usd";
+    Error::unsupported("USD", what)
 }
 
 /// Parses a finite decimal number, or returns an error text.
@@ -301,6 +330,10 @@ mod tests {
             Format::LammpsDump => Box::new(lammps::read_dump(bytes, &[[4, 2], [2, 9], [9, 4]])?),
             Format::Npy => Box::new(numpy::read_npy(bytes, len, &npy)?),
             Format::Npz => Box::new(numpy::read_npz(Cursor::new(bytes), len, &npz)?),
+            #[cfg(feature = "usd")]
+            Format::Usd => usd::open(Cursor::new(bytes.to_vec()), len)?,
+            #[cfg(not(feature = "usd"))]
+            Format::Usd => return Err(no_usd()),
             Format::Mcap => unreachable!("its tests are in mcap"),
         };
         let mut curves = Vec::new();
@@ -335,7 +368,7 @@ mod tests {
                     ITEM: NUMBER OF ATOMS\n4\nITEM: BOX BOUNDS xy xz yz pp pp pp\n0 9 1\n\
                     0 9 0\n0 9 0\nITEM: ATOMS type xs ys zs id\n1 0 0 0 4\n1 .1 0 .1 9\n\
                     1 0 .1 .1 2\n1 0 0 0 6\n";
-        vec![
+        let mut samples: Vec<(Format, Vec<u8>)> = vec![
             (Format::Bcc, bcc),
             (Format::Obj, obj.into()),
             (Format::Vect, vect.into()),
@@ -353,7 +386,14 @@ mod tests {
                 Format::Npz,
                 include_bytes!("../../tests/models/numpy/small-compressed.npz").into(),
             ),
-        ]
+        ];
+        let usd = "#usda 1.0\ndef BasisCurves \"a\" { token type = \"linear\"\n\
+                   int[] curveVertexCounts = [2, 3]\npoint3f[] points =\
+                   [(0,0,0), (1,0.5,0), (1e1,1,0), (0,1,-2), (3,4,5)] }\n";
+        if cfg!(feature = "usd") {
+            samples.insert(4, (Format::Usd, usd.into()));
+        }
+        samples
     }
 
     /// Formats whose files cannot end early.
@@ -473,6 +513,19 @@ mod tests {
         let folder = dir.path().join("folder.vect");
         std::fs::create_dir(&folder).unwrap();
         assert_error_contains(read(&folder), "folder.vect: not a regular file");
+    }
+
+    #[cfg(not(feature = "usd"))]
+    #[test]
+    fn usd_files_are_refused_by_name_without_the_feature() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.usda", "a.usdc", "a.USD", "a.usdz"] {
+            let path = folder.path().join(name);
+            assert!(FrameWriter::create(&path).is_err());
+            assert!(!path.exists());
+            std::fs::write(&path, "#usda 1.0").unwrap();
+            assert_error_contains(read(&path), "build linkwatch with the feature usd");
+        }
     }
 
     #[test]

@@ -39,7 +39,9 @@ fn model_files_and_certificates() {
     let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models/numpy/compressed.npz");
     std::fs::copy(fixture, path("b.npz")).expect("a copy");
     for name in ["a.dump", "a.npy", "a.npz"] {
-        let mut writer = FrameWriter::create(&path(name), Format::of(&path(name)).expect("a format")).expect("a file");
+        let mut writer =
+            FrameWriter::create(&path(name), Format::of(&path(name)).expect("a format"))
+                .expect("a file");
         for seq in 0..2 {
             let curves = model::read(&path("a.vect"));
             writer
@@ -58,7 +60,14 @@ fn model_files_and_certificates() {
     assert_eq!(run.code, 0, "{}", run.stderr);
     let valid = Certificate::read(&certificate).expect("a valid certificate");
     assert!(!valid.links.is_empty());
-    let files = [&names[..], &["a.cert"]].concat();
+    let mut files = [&names[..], &["a.cert"]].concat();
+    if cfg!(feature = "usd") {
+        for name in ["apart.usda", "apart.usdc", "many.usdc"] {
+            let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models");
+            std::fs::copy(sample.join(name), path(name)).expect("a file");
+            files.push(name);
+        }
+    }
     let contents: Vec<Vec<u8>> = (files.iter())
         .map(|name| std::fs::read(path(name)).expect("a file"))
         .collect();

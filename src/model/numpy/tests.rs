@@ -514,7 +514,9 @@ fn writes_the_bytes_that_numpy_writes() {
     let folder = tempfile::tempdir().unwrap();
     for (name, counts) in [("rings.npy", COUNTS), ("points.npy", &[8, -8, -8])] {
         let path = folder.path().join(name);
-        let mut writer = crate::model::FrameWriter::create(&path, crate::model::Format::of(&path).unwrap()).unwrap();
+        let mut writer =
+            crate::model::FrameWriter::create(&path, crate::model::Format::of(&path).unwrap())
+                .unwrap();
         for frame in frames(name, Some(counts)).unwrap() {
             writer.frame(&frame).unwrap();
         }
