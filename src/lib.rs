@@ -190,8 +190,8 @@ pub use sinks::{
 };
 #[cfg(feature = "mcap")]
 pub use sinks::{
-    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,
-    RecordingSink,
+    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
+    RecordingReader, RecordingSink, Retention,
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};

@@ -2,6 +2,8 @@
 
 mod clearance;
 mod junit;
+#[cfg(feature = "mcap")]
+mod keep;
 mod news;
 #[cfg(feature = "bus")]
 mod resume;
@@ -35,9 +37,9 @@ use super::metrics::SessionMetrics;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo,
-    FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary,
-    Strategy, Verdict, Verifier, VerifierOptions, Work,
+    AbortOn, BaselineRecord, Certificate, ClearanceOptions, CurveSet, Defect, DefectKind, Error,
+    Events, FrameInfo, FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route,
+    SinkQueue, SinkSummary, Strategy, Verdict, Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -203,6 +205,8 @@ pub struct Session {
     events: Events,
     queues: Vec<SinkQueue>,
     begun: bool,
+    /// Layout of the last frame whose baseline the sinks have.
+    sent_layout: u32,
     /// Frames that sinks may still hold. The next frame reuses one that is free.
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pool: linkwatch::FramePool,
@@ -305,6 +309,7 @@ impl Session {
             events,
             queues: sinks.open(run.title, &metadata, (clearance, run.overflow))?,
             begun: false,
+            sent_layout: 0,
             #[cfg(any(feature = "bus", feature = "mcap"))]
             pool: linkwatch::FramePool::default(),
             #[cfg(any(feature = "bus", feature = "mcap"))]
@@ -560,22 +565,55 @@ impl Session {
         self.verifier.baseline().cloned()
     }
 
+    /// Begins again: the next frame does not continue the last one, because the frames between them
+    /// are not in the recording. `baseline` replaces the expected linking numbers, unless the user
+    /// chose them.
+    #[cfg(feature = "mcap")]
+    pub fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
+        match baseline {
+            Some(b) => {
+                self.verifier.restart(Arc::unwrap_or_clone(b.certificate));
+                self.origin = Some(b.origin);
+                self.last = None;
+                self.news.forget();
+            }
+            None => self.verifier.cut(),
+        }
+        self.begun = false;
+    }
+
+    /// Passes the baseline to the sinks, if it is known: before the first frame, and if it changes.
+    fn pass_baseline(&mut self, judged: &Judged) {
+        let layout = judged.info.layout;
+        let other_curves = judged.curves.is_some() && layout != self.sent_layout;
+        let is_fresh = |d: &Defect| d.kind == DefectKind::NoBaseline;
+        if self.begun && !other_curves && !judged.report.defects.iter().any(is_fresh) {
+            return;
+        }
+        let Some(certificate) = self.baseline() else {
+            return;
+        };
+        let record = Arc::new(BaselineRecord {
+            certificate: Arc::new(certificate),
+            origin: self.origin.clone().unwrap_or_else(|| "first frame".into()),
+        });
+        for queue in &self.queues {
+            match self.begun {
+                true => queue.expect(Arc::clone(&record)),
+                false => queue.begin(Arc::clone(&record)),
+            }
+        }
+        self.begun = true;
+        if judged.curves.is_some() {
+            self.sent_layout = layout;
+        }
+    }
+
     /// Passes a frame to the sinks, and prints its new findings.
     pub fn publish(&mut self, judged: Judged, tally: FrameCounts) {
         self.tally = tally;
         self.outcome = self.outcome.max(Outcome::of(judged.report.verdict));
-        if !self.begun
-            && let Some(certificate) = self.baseline()
-        {
-            let record = Arc::new(BaselineRecord {
-                certificate: Arc::new(certificate),
-                origin: self.origin.clone().unwrap_or_else(|| "first frame".into()),
-            });
-            self.queues
-                .iter()
-                .for_each(|q| q.begin(Arc::clone(&record)));
-            self.begun = true;
-        }
+        self.pass_baseline(&judged);
         if judged.report.verdict != Verdict::Rejected {
             if self.open_curves.is_none() {
                 self.warn_of_scene(&judged);
@@ -704,7 +742,10 @@ impl Session {
             let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
             let all = plural(summary.written + summary.dropped, "frame");
             match &summary.failed {
-                // The sink logged the reason when it failed.
+                // The sink logged the reason when it failed. Its note tells how much it has.
+                Some(why) if summary.note.is_some() => {
+                    tracing::error!("{} is incomplete: {why}", summary.name);
+                }
                 Some(why) => tracing::error!(
                     "{} is incomplete: it has at least {} of {all}: {why}",
                     summary.name,
@@ -719,6 +760,7 @@ impl Session {
                 }
                 None => {}
             }
+            kept.extend(summary.note.clone());
             if summary.failed.is_some() || complete && summary.dropped > 0 {
                 self.data_lost();
             }

@@ -1,9 +1,13 @@
 //! The options `--record`, `--view`, `--rrd` and `--connect`: destinations of verified frames.
 
+#[cfg(feature = "mcap")]
+use super::keep::KeepArgs;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use crate::cli::files::Content;
+#[cfg(feature = "rerun")]
+use crate::cli::files::claim;
 #[cfg(all(feature = "bus", any(feature = "mcap", feature = "rerun")))]
 use crate::cli::files::with_suffix;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-use crate::cli::files::{Content, claim};
 use crate::cli::files::{Files, Overwrite};
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 #[cfg(feature = "rerun")]
@@ -36,6 +40,9 @@ pub struct Sinks {
     #[cfg(feature = "mcap")]
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
+    #[cfg(feature = "mcap")]
+    #[command(flatten)]
+    keep: KeepArgs,
     /// Show every frame in the viewer (opens an installed `rerun`)
     #[cfg(feature = "rerun")]
     #[arg(long, group = "shown")]
@@ -156,13 +163,11 @@ impl Sinks {
         let Some(path) = self.record.clone() else {
             return Ok(None);
         };
-        let (metadata, overwrite) = (metadata.clone(), self.overwrite);
-        let queue = SinkQueue::spawn("recording", WAITING, overflow, move || {
-            claim(&path, overwrite)?;
-            Ok(Box::new(linkwatch::RecordingSink::create(
-                &path, &metadata,
-            )?))
-        })?;
+        let mut options = linkwatch::RecordingOptions::new(path);
+        options.metadata = metadata.clone();
+        options.overwrite = self.overwrite.force;
+        self.keep.apply(&mut options);
+        let queue = SinkQueue::spawn("recording", WAITING, overflow, move || options.open())?;
         Ok(Some(queue.with_points(WAITING_POINTS)))
     }
 

@@ -7,8 +7,10 @@
 //! Only this module knows the crates `mcap` and `prost`.
 
 mod container;
+mod file;
 mod messages;
 mod reader;
+mod retention;
 #[rustfmt::skip]
 #[allow(dead_code, reason = "generated")]
 mod schema;
@@ -16,6 +18,7 @@ mod writer;
 
 pub use container::Ending;
 pub use reader::{RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader};
+pub use retention::{RecordingOptions, Retention};
 pub use writer::RecordingSink;
 
 /// Topic and message of each channel.

@@ -58,6 +58,9 @@ pub struct RecordedProgress {
     pub work: Work,
     /// Time at which the frame arrived, in nanoseconds since 1970.
     pub received_ns: u64,
+    /// Number of frames before this one that are not in the file on purpose: `verified` and
+    /// `rejected` count them.
+    pub left_out: u64,
 }
 
 /// Curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
@@ -76,7 +79,7 @@ pub struct RecordedFrame {
     /// What the simulator told about the frame; the default in recordings of earlier versions.
     pub info: FrameInfo,
     /// Coordinates, little-endian. Their number may contradict `counts`.
-    positions: Bytes,
+    pub(super) positions: Bytes,
 }
 
 impl RecordedFrame {
@@ -115,6 +118,11 @@ impl RecordedFrame {
             Precision::F32 => receive(frame(Positions::F32(&self.values(f32::from_le_bytes)))),
             Precision::F64 => receive(frame(Positions::F64(&self.values(f64::from_le_bytes)))),
         }
+    }
+
+    /// Returns the buffer of the coordinates, without a copy if nothing else uses it.
+    pub(super) fn into_positions(self) -> Vec<u8> {
+        self.positions.into()
     }
 
     fn values<T, const N: usize>(&self, parse: fn([u8; N]) -> T) -> Vec<T> {
@@ -187,6 +195,7 @@ impl RecordingReader<BufReader<File>> {
             return Err(Error::file(path)(std::io::Error::other(why)));
         }
         let file = File::open(path).map_err(Error::file(path))?;
+        super::file::share(&file);
         RecordingReader::new(BufReader::new(file))
     }
 }
@@ -379,6 +388,7 @@ fn item(
                     // Recordings of earlier versions lack it.
                     work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
                     received_ns,
+                    left_out: p.left_out,
                 },
             }))
         }
