@@ -33,15 +33,13 @@ pub(super) struct Files {
     open: Option<Open>,
     /// Number in the name of the last file.
     number: u64,
-    /// Paths of the files that were ended and not deleted.
+    /// Paths of the files that were ended and may be deleted.
     ended: VecDeque<PathBuf>,
     created: u64,
     deleted: u64,
     last: Option<PathBuf>,
     /// True if a violation was recorded.
     violated: bool,
-    /// File with the first violation, once it was ended.
-    evidence: Option<PathBuf>,
     /// True if the next frame does not continue the previous one.
     again: bool,
     frames: u64,
@@ -81,7 +79,6 @@ impl Files {
             deleted: 0,
             last: None,
             violated: false,
-            evidence: None,
             again: false,
             frames: 0,
         }
@@ -182,9 +179,8 @@ impl Files {
         };
         // The system writes its content to the disk; waiting for that could take seconds.
         open.sink.close()?;
-        match open.is_evidence {
-            true => self.evidence = Some(open.path),
-            false => self.ended.push_back(open.path),
+        if !open.is_evidence {
+            self.ended.push_back(open.path);
         }
         Ok(())
     }
