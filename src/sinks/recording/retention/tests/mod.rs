@@ -13,6 +13,9 @@ mod disks;
 mod parts;
 mod windows;
 
+/// Memory for all frames of a test.
+const MEMORY: u64 = 1 << 30;
+
 /// A frame of triangles, whose verdict is not intact if a pair of curves changed.
 fn frame(seq: u64, curves: usize, changed: Option<u32>) -> FrameRecord {
     let xyz: Vec<f32> = (0..9 * curves).map(|k| k as f32 + seq as f32).collect();

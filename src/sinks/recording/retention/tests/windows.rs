@@ -36,8 +36,6 @@ fn once_a_second(frames: u64, violations: &[u64]) -> Vec<(f64, Option<u32>)> {
     (0..frames).map(|seq| (seq as f64, changed(seq))).collect()
 }
 
-const MEMORY: u64 = 1 << 30;
-
 #[test]
 fn a_window_has_the_frames_before_and_after_a_violation() {
     let folder = TempDir::new().unwrap();
