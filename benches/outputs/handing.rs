@@ -104,8 +104,10 @@ pub fn measure(frames: usize) {
 
 /// Returns the median time of a full run, from a copy of the positions to the report.
 fn full_run(raw: RawFrame<'_>, runs: usize) -> Duration {
-    let mut options = VerifierOptions::default();
-    options.strategy = Strategy::Full;
+    let options = VerifierOptions {
+        strategy: Strategy::Full,
+        ..VerifierOptions::default()
+    };
     let mut verifier = Verifier::new(options).expect("valid options");
     let mut set = None;
     let run = |k| {
@@ -134,8 +136,7 @@ struct Cost {
 fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, (frames, pause): (usize, Duration)) -> Cost {
     let mut pool = FramePool::default();
     let mut verifier = Verifier::default();
-    let receive = |set: &mut Option<CurveSet>| verifier.receive(raw, set);
-    let mut receive = receive;
+    let mut receive = |set: &mut Option<CurveSet>| verifier.receive(raw, set);
     let before = resident();
     let (mut all, mut handed) = (Vec::new(), Vec::new());
     let mut most = before;

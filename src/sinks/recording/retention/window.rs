@@ -137,7 +137,7 @@ impl Window {
         let is_young = |at: Duration| at + self.span > now;
         if self.dropped.is_some_and(is_young) {
             self.short += 1;
-            let first = self.waiting.iter().nth(self.due).map_or(now, |w| w.at);
+            let first = self.waiting.get(self.due).map_or(now, |w| w.at);
             tracing::warn!(
                 "recording: the window before frame {} has {:.1} of {} s: {} bytes of memory hold \
                  no more (--record-window-memory)",
