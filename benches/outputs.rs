@@ -1,8 +1,12 @@
-//! Cost of what happens to a verified frame: recording it, reading it back, writing it for the
-//! viewer, and the round trip between a simulator in lockstep and `linkwatch watch`.
+//! Cost of what happens to a verified frame: recording it, in full and in part, reading it back,
+//! writing it for the viewer, and the round trip between a simulator in lockstep and `linkwatch
+//! watch`.
 //!
 //! `cargo bench --bench outputs` measures; with `--smoke` (or under `cargo test`) it runs each step
 //! a few times.
+
+#[path = "outputs/handing.rs"]
+mod handing;
 
 use linkwatch::scenes::Scene;
 use linkwatch::{
@@ -20,6 +24,7 @@ fn main() {
     let args: Vec<String> = std::env::args().collect();
     let has = |word: &str| args.iter().any(|a| a == word);
     let measures = has("--bench") && !has("--smoke");
+    handing::measure(if measures { 400 } else { 20 });
     let frames = frames(if measures { 60 } else { 3 });
     let folder = tempfile::tempdir().expect("a folder");
     let recording = folder.path().join("frames.mcap");

@@ -192,8 +192,8 @@ pub use sinks::{
 };
 #[cfg(feature = "mcap")]
 pub use sinks::{
-    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,
-    RecordingSink, RecordingTool,
+    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
+    RecordingReader, RecordingSink, RecordingTool, Retention,
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerSink, ViewerTarget};

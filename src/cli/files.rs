@@ -121,6 +121,12 @@ impl Files {
         if found.is_ok() && !self.force {
             return refuse("the file exists; --force overwrites it");
         }
+        #[cfg(feature = "mcap")]
+        if content == Content::Recording
+            && let Err(e) = linkwatch::RecordingSink::check_unused(path)
+        {
+            return Err(Error::Usage(format!("{option} {e}")));
+        }
         try_to_write(path)?;
         self.known.push((identity, name));
         Ok(())
@@ -143,7 +149,7 @@ pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 }
 
 /// Creates an empty file. Fails if the file exists, unless it may be overwritten.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "rerun")]
 pub fn claim(path: &Path, overwrite: Overwrite) -> Result<()> {
     if !overwrite.force {
         File::create_new(path).map_err(failed(path))?;

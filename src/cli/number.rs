@@ -1,6 +1,6 @@
 //! Numbers on the command line. The parser rejects NaN, infinities and numbers out of range.
 
-#[cfg(feature = "bus")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 use std::time::Duration;
 
 /// Parses a number above 0.
@@ -23,8 +23,36 @@ pub fn segments(text: &str) -> Result<u64, String> {
     }
 }
 
+/// Parses a size in bytes: `1000000`, `500MB` or `2GiB`.
+#[cfg(feature = "mcap")]
+pub fn bytes(text: &str) -> Result<u64, String> {
+    /// Units, longest first.
+    const UNITS: [(&str, f64); 9] = [
+        ("kib", 1024.0),
+        ("mib", 1048576.0),
+        ("gib", 1073741824.0),
+        ("tib", 1099511627776.0),
+        ("kb", 1e3),
+        ("mb", 1e6),
+        ("gb", 1e9),
+        ("tb", 1e12),
+        ("b", 1.0),
+    ];
+    let lower = text.to_ascii_lowercase();
+    let unit = UNITS.iter().find_map(|(unit, factor)| {
+        let number = lower.strip_suffix(unit)?;
+        Some((number.trim_end(), *factor))
+    });
+    let (number, factor) = unit.unwrap_or((&lower, 1.0));
+    match number.parse::<f64>() {
+        // Numbers of bytes below 2^53 are exact.
+        Ok(x) if x * factor >= 1.0 && x * factor < 9e15 => Ok((x * factor) as u64),
+        _ => Err("expected a size, `500MB` or `2GiB` for example".into()),
+    }
+}
+
 /// Parses a time in seconds.
-#[cfg(feature = "bus")]
+#[cfg(any(feature = "bus", feature = "mcap"))]
 pub fn seconds(text: &str) -> Result<Duration, String> {
     let time = text.parse().map(Duration::try_from_secs_f64);
     match time {
@@ -45,12 +73,32 @@ pub fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-#[cfg(all(test, feature = "lab"))]
+#[cfg(test)]
 mod tests {
-    use super::segments;
+    #[test]
+    #[cfg(feature = "mcap")]
+    fn sizes_have_decimal_and_binary_units() {
+        for (text, expected) in [
+            ("1000000", 1_000_000),
+            ("500MB", 500_000_000),
+            ("2GiB", 2 << 30),
+            ("1.5 kib", 1536),
+            ("7b", 7),
+            ("0.5TB", 500_000_000_000),
+        ] {
+            assert_eq!(super::bytes(text), Ok(expected), "{text}");
+        }
+        for text in [
+            "", "MB", "0", "-1MB", "nan", "inf", "1e99", "9999TB", "5 XB", "0.1",
+        ] {
+            assert!(super::bytes(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
+    #[cfg(feature = "lab")]
     fn numbers_of_segments_are_whole_and_in_range() {
+        use super::segments;
         assert_eq!(segments("2e5"), Ok(200_000));
         let bad = ["0", "-1", "nan", "1.5", "", "1e99"];
         assert!(bad.iter().all(|s| segments(s).is_err()));

@@ -36,6 +36,8 @@ struct Copied {
     left_out: u64,
     /// Messages of other programs, which are not copied.
     foreign: u64,
+    /// Frames that the recorder left out on purpose.
+    not_recorded: u64,
     ending: Option<Ending>,
     /// Reason why the recording is read no further.
     damaged: Option<Error>,
@@ -108,6 +110,9 @@ fn copy(from: &Path, to: &Path) -> Result<Copied> {
             }
             Ok(Some(RecordedItem::Verdict(verdict))) => {
                 let seq = verdict.report.seq;
+                let left_out = verdict.progress.left_out;
+                sink.leave_out(left_out.saturating_sub(copied.not_recorded));
+                copied.not_recorded = left_out;
                 let frame = waiting.take_if(|frame| frame.seq == seq);
                 sink.frame(&record(*verdict, frame).map_err(in_recording)?)?;
                 copied.frames += 1;

@@ -7,8 +7,8 @@ use super::session::{
 };
 use super::{Outcome, clearance_args};
 use linkwatch::{
-    AbortOn, Ending, Error, Events, FrameInfo, Overflow, RecordedItem, RecordedVerdict,
-    RecordingReader, Report, Result, Verdict,
+    AbortOn, BaselineRecord, Ending, Error, Events, FrameInfo, Overflow, RecordedItem,
+    RecordedVerdict, RecordingReader, Report, Result, Retention, Verdict,
 };
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
@@ -82,6 +82,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     // Earlier versions had no limit.
     let limit = reader.metadata().get(MOTION_LIMIT);
     let limit: f64 = limit.and_then(|l| l.parse().ok()).unwrap_or(f64::INFINITY);
+    let recorded_with = RecordedWith::read(reader.metadata());
     let recorded_clearance = clearance_args::read(reader.metadata());
     let clearance = args.judge.clearance_args.options(recorded_clearance)?;
     let judge = Judge {
@@ -132,8 +133,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         })?,
         comparison: Comparison {
             differing: differing.map(|(option, _)| *option).collect(),
+            recorded_with,
             ..Comparison::default()
         },
+        keeps_baseline: judge.baseline.is_some(),
         policy: args.judge.abort_on,
         tally: FrameCounts::default(),
         waiting: VecDeque::new(),
@@ -143,6 +146,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         motion: recorded_events != Events::Off,
         range,
         left_out: false,
+        restarted: true,
+        unfounded: false,
         ended: false,
     };
     replay
@@ -223,6 +228,34 @@ struct Comparison {
     incomplete: u64,
     /// Frames after missing ones: the motion to them differs from the recorded one.
     after_missing: u64,
+    /// Frames of which the recorder kept only the verdict, on purpose.
+    thinned: u64,
+    /// Frames that the recorder left out on purpose, or put into another file.
+    left_out: u64,
+    #[serde(skip)]
+    recorded_with: RecordedWith,
+}
+
+/// Options with which frames were left out of a recording on purpose.
+#[derive(Default)]
+struct RecordedWith {
+    /// True if frames without curves are thinned ones.
+    every: bool,
+    words: String,
+}
+
+impl RecordedWith {
+    fn read(metadata: &BTreeMap<String, String>) -> RecordedWith {
+        let option = |key, option: &str| metadata.get(key).map(|value| format!("{option} {value}"));
+        let every = option(Retention::EVERY, "--record-every");
+        RecordedWith {
+            every: every.is_some(),
+            words: match every.or(option(Retention::WINDOW, "--record-window")) {
+                Some(option) => format!("recorded with {option}"),
+                None => "they are in other files of this recording".into(),
+            },
+        }
+    }
 }
 
 impl Comparison {
@@ -233,7 +266,7 @@ impl Comparison {
                 self.differing.join(", ")
             );
         }
-        let uncompared = self.rejected + self.incomplete + self.after_missing;
+        let uncompared = self.rejected + self.incomplete + self.after_missing + self.thinned;
         if self.equal + self.unlike + uncompared == 0 {
             return "verdicts: the recording has none to compare with".into();
         }
@@ -252,13 +285,22 @@ impl Comparison {
             ),
             (
                 self.after_missing,
-                "not compared: the frames before them are missing",
+                "not compared: the frames before them are not in the recording",
             ),
+            (
+                self.thinned,
+                "not compared: their curves were left out on purpose",
+            ),
+            (self.left_out, "frames were left out on purpose"),
         ];
         let uncompared = uncompared.iter().filter(|(n, _)| *n > 0);
         let uncompared = uncompared.map(|(n, why)| format!("; {} {why}", count(*n)));
+        let why = match self.thinned + self.left_out {
+            0 => String::new(),
+            _ => format!(" ({})", self.recorded_with.words),
+        };
         format!(
-            "verdicts: {} equal to the recorded ones{unlike}{}",
+            "verdicts: {} equal to the recorded ones{unlike}{}{why}",
             count(self.equal),
             uncompared.collect::<String>()
         )
@@ -301,6 +343,13 @@ struct Replay {
     range: RangeInclusive<u64>,
     /// True if frames just before the next one were left out.
     left_out: bool,
+    /// True if the next frame is the first one after a gap that the recorder left on purpose. It is
+    /// verified without the frames before that.
+    restarted: bool,
+    /// True if the last frame after a gap had defects, which earlier frames may explain.
+    unfounded: bool,
+    /// True if the user chose the expected linking numbers.
+    keeps_baseline: bool,
     /// True if all later frames are left out.
     ended: bool,
 }
@@ -308,14 +357,21 @@ struct Replay {
 impl Replay {
     fn take(&mut self, item: RecordedItem) -> Result<()> {
         match item {
-            RecordedItem::Baseline(_) => {}
+            // Not the first one: frames were left out.
+            RecordedItem::Baseline(baseline) => {
+                self.finish_waiting()?;
+                let baseline = Some(baseline).filter(|_| !self.keeps_baseline);
+                self.begin_again(baseline);
+            }
             RecordedItem::Frame(recorded) if !self.range.contains(&recorded.seq) => {
                 self.left_out |= recorded.seq < *self.range.start();
+                self.restarted = false;
                 self.ended |= recorded.seq > *self.range.end();
             }
             RecordedItem::Verdict(recorded) if !self.range.contains(&recorded.report.seq) => {
                 let progress = &recorded.progress;
                 self.answered = progress.verified + progress.rejected;
+                self.comparison.left_out = progress.left_out;
             }
             RecordedItem::Frame(recorded) => {
                 let info = Ok(recorded.info.clone());
@@ -354,6 +410,12 @@ impl Replay {
         Ok(())
     }
 
+    /// Begins again after frames that the recorder left out on purpose.
+    fn begin_again(&mut self, baseline: Option<BaselineRecord>) {
+        self.session.begin_again(baseline);
+        (self.left_out, self.restarted) = (true, true);
+    }
+
     fn count(&mut self, verdict: Verdict) {
         match verdict {
             Verdict::Rejected => self.tally.rejected += 1,
@@ -370,15 +432,29 @@ impl Replay {
         self.tally.skipped = progress.skipped;
         let answered = progress.verified + progress.rejected;
         let gap = answered.saturating_sub(self.answered + 1);
+        let left_out = progress.left_out.saturating_sub(self.comparison.left_out);
         self.answered = answered;
-        self.missing += gap;
-        // The recorder dropped frames, so the motion to this frame differs from the recorded one.
-        let moved = (gap > 0 || std::mem::take(&mut self.left_out)) && self.motion;
-        match self.last.take().filter(|r| r.seq == report.seq) {
+        self.missing += gap.saturating_sub(left_out);
+        self.comparison.left_out = progress.left_out.max(self.comparison.left_out);
+        let last = self.last.take().filter(|r| r.seq == report.seq);
+        // Frames before this one are not here, so the motion to it differs from the recorded one.
+        let after_gap = last.is_some() && std::mem::take(&mut self.left_out) || gap > 0;
+        let restarted = last.is_some() && std::mem::take(&mut self.restarted);
+        let moved = after_gap && self.motion;
+        let has_defects = |r: &Report| !r.defects.is_empty();
+        if moved {
+            self.unfounded = last.as_deref().is_some_and(has_defects);
+        }
+        // Curves may touch since a frame that is not here.
+        let moved = moved || self.unfounded && has_defects(&report);
+        match last {
             Some(_) if !self.comparison.differing.is_empty() => {}
             Some(_) if !report.missing.is_empty() => self.comparison.incomplete += 1,
+            Some(found) if restarted && alike(&found, &report, after_gap) => {
+                self.comparison.equal += 1;
+            }
             Some(_) if moved => self.comparison.after_missing += 1,
-            Some(found) if alike(&found, &report) => self.comparison.equal += 1,
+            Some(found) if alike(&found, &report, after_gap) => self.comparison.equal += 1,
             Some(found) => {
                 tracing::error!("live:   {}", report.headline());
                 tracing::error!("replay: {}", found.headline());
@@ -406,6 +482,10 @@ impl Replay {
                 };
                 self.session.publish(judged, self.tally);
             }
+            None if self.comparison.recorded_with.every => {
+                self.comparison.thinned += 1;
+                self.begin_again(None);
+            }
             None => {
                 tracing::error!(
                     "frame {}: the recording lacks the frame of a verdict",
@@ -420,9 +500,14 @@ impl Replay {
 
 /// Returns true if a report equals a recorded one. Work counters and clearance are not compared.
 /// Motions and the state to roll back to are not compared if the recording has none, as in earlier
-/// versions. The last intact frame may be one that the recording lacks.
-fn alike(found: &Report, recorded: &Report) -> bool {
+/// versions. The last intact frame may be one that the recording lacks, and after a gap it is
+/// unknown which curves are new.
+fn alike(found: &Report, recorded: &Report, after_gap: bool) -> bool {
     let mut found = found.clone();
+    if after_gap {
+        found.appeared.clone_from(&recorded.appeared);
+        found.gone.clone_from(&recorded.gone);
+    }
     found.stats = recorded.stats;
     // It was measured with options of its own, and depends on the frames before.
     found.clearance = recorded.clearance;

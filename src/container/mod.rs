@@ -104,6 +104,11 @@ impl Container<BufReader<File>> {
         let file = File::open(path).map_err(Error::file(path))?;
         Container::new(BufReader::new(file))
     }
+
+    /// Returns the file.
+    pub fn file(&self) -> &File {
+        self.input.get_ref()
+    }
 }
 
 impl<R: Read + Seek> Container<R> {

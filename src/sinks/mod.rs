@@ -14,8 +14,8 @@ mod viewer;
 pub use queue::{Overflow, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use recording::{
-    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader,
-    RecordingSink, RecordingTool,
+    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
+    RecordingReader, RecordingSink, RecordingTool, Retention,
 };
 pub use times::{FrameTimes, LiveTimes};
 #[cfg(feature = "rerun")]
@@ -23,7 +23,7 @@ pub use viewer::{ViewerSink, ViewerTarget};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "rerun")]
 use crate::error::Error;
 use crate::error::Result;
 use crate::incremental::Work;
@@ -71,15 +71,35 @@ pub trait Sink: Send {
     /// Short name for messages, "recording" for example.
     fn name(&self) -> &'static str;
 
-    /// Records the baseline. Called once, before the first frame that is compared with it. Rejected
-    /// frames may precede it.
+    /// Records the baseline. Called before the first frame that is compared with it. Rejected
+    /// frames may precede it. Called again if the next frame does not continue the previous ones,
+    /// and may have another baseline.
     fn begin(&mut self, baseline: &BaselineRecord) -> Result<()>;
+
+    /// Tells the baseline after the next frame, which changes it: curves appeared or are gone, or
+    /// pairs have linking numbers again. A sink with all frames need not record it, because a
+    /// replay of these frames changes it in the same way.
+    fn expect(&mut self, _baseline: &BaselineRecord) -> Result<()> {
+        Ok(())
+    }
 
     /// Records a frame.
     fn frame(&mut self, record: &FrameRecord) -> Result<()>;
 
     /// Writes all frames so far, so that they survive a crash of this process.
     fn flush(&mut self) -> Result<()>;
+
+    /// Continues work that can wait, one frame of it, while no frame waits for the sink. Returns
+    /// true if more is left.
+    fn work(&mut self) -> Result<bool> {
+        Ok(false)
+    }
+
+    /// Returns words about the result for the summary of the run, if there is more to say than the
+    /// number of frames.
+    fn note(&self) -> Option<String> {
+        None
+    }
 
     /// Closes the destination. A sink that is dropped without this call may leave an incomplete
     /// file.
@@ -88,7 +108,7 @@ pub trait Sink: Send {
 
 /// Creates a regular file, or truncates it. Rejects any other kind, because opening a pipe without
 /// a reader would block without limit.
-#[cfg(any(feature = "mcap", feature = "rerun"))]
+#[cfg(feature = "rerun")]
 fn create_file(path: &std::path::Path) -> Result<std::fs::File> {
     if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
         let source = std::io::Error::other("not a regular file");

@@ -61,10 +61,13 @@ pub struct SinkSummary {
     pub dropped: u64,
     /// Reason of the failure, if it failed.
     pub failed: Option<String>,
+    /// What the sink says about its result when it ends ([`Sink::note`]).
+    pub note: Option<String>,
 }
 
 enum Event {
     Begin(Arc<BaselineRecord>),
+    Expect(Arc<BaselineRecord>),
     /// A frame, and true if its verdict differs from that of the previous frame.
     Frame(Arc<FrameRecord>, bool),
 }
@@ -86,6 +89,7 @@ struct State {
     flushed: u64,
     dropped: u64,
     failed: Option<String>,
+    note: Option<String>,
     closing: bool,
     done: bool,
 }
@@ -261,11 +265,20 @@ impl SinkQueue {
         self.shared.name
     }
 
-    /// Passes the baseline to the sink. It uses no capacity and is never dropped.
+    /// Passes the baseline to the sink ([`Sink::begin`]). It uses no capacity and is never dropped.
     pub fn begin(&self, baseline: Arc<BaselineRecord>) {
+        self.push(Event::Begin(baseline));
+    }
+
+    /// Passes a changed baseline to the sink ([`Sink::expect`]), like [`SinkQueue::begin`].
+    pub fn expect(&self, baseline: Arc<BaselineRecord>) {
+        self.push(Event::Expect(baseline));
+    }
+
+    fn push(&self, event: Event) {
         let mut state = self.shared.lock();
         if state.failed.is_none() {
-            state.events.push_back(Event::Begin(baseline));
+            state.events.push_back(event);
             self.shared.filled.notify_one();
         }
     }
@@ -319,6 +332,7 @@ impl SinkQueue {
             written: state.written,
             dropped: state.dropped,
             failed: state.failed.clone(),
+            note: state.note.clone(),
         }
     }
 
@@ -401,7 +415,9 @@ impl Worker {
         self.shared.lock().opening = Opening::Done(Ok(()));
         self.shared.drained.notify_all();
         let mut sink = sink;
-        let outcome = match self.process_events(sink.as_mut()) {
+        let processed = self.process_events(sink.as_mut());
+        self.shared.lock().note = sink.note();
+        let outcome = match processed {
             Ok(true) => sink.finish(),
             // Another thread marked it as failed because it was late: the sink is dropped here, on
             // its own thread.
@@ -444,6 +460,8 @@ impl Worker {
     fn process_events(&self, sink: &mut dyn Sink) -> Result<bool> {
         let mut flushed = Instant::now();
         let mut dirty = false;
+        // True if the sink may have work that can wait.
+        let mut more = false;
         loop {
             let mut state = self.shared.lock();
             let event = loop {
@@ -455,6 +473,12 @@ impl Worker {
                 }
                 if state.closing {
                     return Ok(true);
+                }
+                if more {
+                    drop(state);
+                    more = sink.work()?;
+                    state = self.shared.lock();
+                    continue;
                 }
                 if !dirty {
                     let wait = self.shared.filled.wait(state);
@@ -478,6 +502,7 @@ impl Worker {
             let mut urgent = event.is_none();
             match event {
                 Some(Event::Begin(baseline)) => sink.begin(&baseline)?,
+                Some(Event::Expect(baseline)) => sink.expect(&baseline)?,
                 Some(Event::Frame(record, _)) => {
                     sink.frame(&record)?;
                     let mut state = self.shared.lock();
@@ -490,6 +515,7 @@ impl Worker {
                         state.patience = self.shared.overflow.max_wait();
                     }
                     urgent = record.report.verdict != Verdict::Intact;
+                    more = true;
                 }
                 None => {}
             }

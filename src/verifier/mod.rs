@@ -481,6 +481,19 @@ impl Verifier {
         }
     }
 
+    /// Begins again with another baseline. The next frame does not continue the previous ones, and
+    /// may have other curves, as after a part of a recording that was left out.
+    pub fn restart(&mut self, baseline: Certificate) {
+        self.cut();
+        self.steps.restart();
+        self.baseline = Some(baseline);
+        self.baseline_changed = true;
+        self.change = None;
+        self.appeared.clear();
+        self.unreported = Default::default();
+        self.set_share(self.share.clone());
+    }
+
     /// Announces that the next frame has other curves than the previous ones.
     ///
     /// Linking numbers of curves that continue are compared with the baseline, and pull-throughs

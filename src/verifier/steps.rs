@@ -116,6 +116,13 @@ impl Steps {
         self.intactness.cut();
     }
 
+    /// Discards all that is known about the curves of earlier frames.
+    pub fn restart(&mut self) {
+        self.forget();
+        self.contacts = Contacts::default();
+        self.touching_from_the_start = None;
+    }
+
     /// Prepares a step to a frame of other curves, of which `origins` has the indices in the
     /// previous frame. Pull-throughs are searched for among the curves that continue with the same
     /// number of points.

@@ -5,6 +5,7 @@ mod clearance;
 mod curves;
 mod exposition;
 mod faults;
+mod keep;
 mod metrics;
 mod recordings;
 mod roles;

@@ -1,7 +1,10 @@
 //! Verification of frames and output to sinks, shared by `watch`, `replay` and `check`.
 
+mod baseline;
 mod clearance;
 mod junit;
+#[cfg(feature = "mcap")]
+mod keep;
 mod news;
 #[cfg(feature = "bus")]
 mod resume;
@@ -36,9 +39,9 @@ use super::metrics::SessionMetrics;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, BaselineRecord, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo,
-    FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary,
-    Strategy, Verdict, Verifier, VerifierOptions, Work,
+    AbortOn, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo, FrameRecord,
+    FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary, Strategy,
+    Verdict, Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -204,6 +207,8 @@ pub struct Session {
     events: Events,
     queues: Vec<SinkQueue>,
     begun: bool,
+    /// Layout of the last frame whose baseline the sinks have.
+    sent_layout: u32,
     /// Frames that sinks may still hold. The next frame reuses one that is free.
     #[cfg(any(feature = "bus", feature = "mcap"))]
     pool: linkwatch::FramePool,
@@ -306,6 +311,7 @@ impl Session {
             events,
             queues: sinks.open(run.title, &metadata, (clearance, run.overflow))?,
             begun: false,
+            sent_layout: 0,
             #[cfg(any(feature = "bus", feature = "mcap"))]
             pool: linkwatch::FramePool::default(),
             #[cfg(any(feature = "bus", feature = "mcap"))]
@@ -565,18 +571,7 @@ impl Session {
     pub fn publish(&mut self, judged: Judged, tally: FrameCounts) {
         self.tally = tally;
         self.outcome = self.outcome.max(Outcome::of(judged.report.verdict));
-        if !self.begun
-            && let Some(certificate) = self.baseline()
-        {
-            let record = Arc::new(BaselineRecord {
-                certificate: Arc::new(certificate),
-                origin: self.origin.clone().unwrap_or_else(|| "first frame".into()),
-            });
-            self.queues
-                .iter()
-                .for_each(|q| q.begin(Arc::clone(&record)));
-            self.begun = true;
-        }
+        self.pass_baseline(&judged);
         if judged.report.verdict != Verdict::Rejected {
             if self.open_curves.is_none() {
                 self.warn_of_scene(&judged);
@@ -705,7 +700,10 @@ impl Session {
             let summary = queue.finish(FINISH.saturating_sub(start.elapsed()));
             let all = plural(summary.written + summary.dropped, "frame");
             match &summary.failed {
-                // The sink logged the reason when it failed.
+                // The sink logged the reason when it failed. Its note tells how much it has.
+                Some(why) if summary.note.is_some() => {
+                    tracing::error!("{} is incomplete: {why}", summary.name);
+                }
                 Some(why) => tracing::error!(
                     "{} is incomplete: it has at least {} of {all}: {why}",
                     summary.name,
@@ -720,6 +718,7 @@ impl Session {
                 }
                 None => {}
             }
+            kept.extend(summary.note.clone());
             if summary.failed.is_some() || complete && summary.dropped > 0 {
                 self.data_lost();
             }

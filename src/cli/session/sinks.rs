@@ -1,18 +1,20 @@
 //! The options `--record`, `--view`, `--rrd` and `--connect`: destinations of verified frames.
 
+#[cfg(feature = "mcap")]
+use super::keep::KeepArgs;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+use crate::cli::files::Content;
+#[cfg(feature = "rerun")]
+use crate::cli::files::claim;
 #[cfg(all(feature = "bus", any(feature = "mcap", feature = "rerun")))]
 use crate::cli::files::with_suffix;
-#[cfg(any(feature = "mcap", feature = "rerun"))]
-use crate::cli::files::{Content, claim};
 use crate::cli::files::{Files, Overwrite};
-use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 #[cfg(feature = "mcap")]
-use linkwatch::{RecordingSink, RecordingTool};
+use linkwatch::RecordingTool;
+use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 #[cfg(feature = "rerun")]
 use linkwatch::{Sink, ViewerSink, ViewerTarget};
 use std::collections::BTreeMap;
-#[cfg(feature = "mcap")]
-use std::collections::BTreeSet;
 #[cfg(feature = "bus")]
 use std::path::Path;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
@@ -69,6 +71,9 @@ pub struct Sinks {
         requires = "record"
     )]
     record_for: Vec<Tool>,
+    #[cfg(feature = "mcap")]
+    #[command(flatten)]
+    keep: KeepArgs,
     /// Show every frame in the viewer (opens an installed `rerun`)
     #[cfg(feature = "rerun")]
     #[arg(long, group = "shown")]
@@ -189,13 +194,12 @@ impl Sinks {
         let Some(path) = self.record.clone() else {
             return Ok(None);
         };
-        let (metadata, overwrite) = (metadata.clone(), self.overwrite);
-        let tools: BTreeSet<RecordingTool> = self.record_for.iter().map(|t| (*t).into()).collect();
-        let queue = SinkQueue::spawn("recording", WAITING, overflow, move || {
-            claim(&path, overwrite)?;
-            let sink = RecordingSink::create(&path, &metadata)?;
-            Ok(Box::new(sink.with_tools(tools)?))
-        })?;
+        let mut options = linkwatch::RecordingOptions::new(path);
+        options.metadata = metadata.clone();
+        options.overwrite = self.overwrite.force;
+        options.tools = self.record_for.iter().map(|t| (*t).into()).collect();
+        self.keep.apply(&mut options);
+        let queue = SinkQueue::spawn("recording", WAITING, overflow, move || options.open())?;
         Ok(Some(queue.with_points(WAITING_POINTS)))
     }
 

@@ -416,3 +416,74 @@ fn no_disk_delays_the_caller_or_loses_an_uncounted_frame() {
         }
     });
 }
+
+/// A sink with work that can wait: each frame makes three pieces of it.
+struct Patient {
+    left: usize,
+    calls: Sender<&'static str>,
+    go: Receiver<()>,
+}
+
+impl Sink for Patient {
+    fn name(&self) -> &'static str {
+        "patient"
+    }
+    fn begin(&mut self, _: &BaselineRecord) -> Result<()> {
+        self.calls.send("begin").ok();
+        Ok(())
+    }
+    fn expect(&mut self, _: &BaselineRecord) -> Result<()> {
+        self.calls.send("expect").ok();
+        Ok(())
+    }
+    fn frame(&mut self, _: &FrameRecord) -> Result<()> {
+        self.go.recv().ok();
+        self.left += 3;
+        self.calls.send("frame").ok();
+        Ok(())
+    }
+    fn work(&mut self) -> Result<bool> {
+        self.left -= 1;
+        self.calls.send("work").ok();
+        Ok(self.left > 0)
+    }
+    fn flush(&mut self) -> Result<()> {
+        Ok(())
+    }
+    fn note(&self) -> Option<String> {
+        Some(format!("{} left", self.left))
+    }
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn work_that_can_wait_is_done_while_no_frame_waits() {
+    let (calls, called) = channel();
+    let (permits, go) = channel();
+    let sink = Patient { left: 0, calls, go };
+    let queue = SinkQueue::spawn("patient", 4, WAIT, move || Ok(Box::new(sink))).unwrap();
+    let baseline = Arc::new(BaselineRecord {
+        certificate: Arc::default(),
+        origin: "baseline".into(),
+    });
+    queue.begin(Arc::clone(&baseline));
+    queue.frame(frame(1, Verdict::Intact));
+    queue.expect(baseline);
+    queue.frame(frame(2, Verdict::Intact));
+    (0..2).for_each(|_| permits.send(()).unwrap());
+    let next = |n: usize| -> Vec<&str> {
+        let next = (0..n).map(|_| called.recv_timeout(LONG).unwrap());
+        next.collect()
+    };
+    // Both frames waited before the first one was taken.
+    let work = vec!["work"; 6];
+    assert_eq!(next(4), ["begin", "frame", "expect", "frame"]);
+    assert_eq!(next(6), work);
+    let summary = queue.finish(LONG);
+    assert_eq!(
+        (summary.written, summary.note.as_deref()),
+        (2, Some("0 left"))
+    );
+}

@@ -8,8 +8,10 @@
 //!
 //! Only this module knows the crates `mcap` and `prost`; the container module reads records.
 
+mod file;
 mod messages;
 mod reader;
+mod retention;
 #[rustfmt::skip]
 #[allow(dead_code, reason = "generated")]
 mod schema;
@@ -18,6 +20,7 @@ mod writer;
 
 pub use crate::container::Ending;
 pub use reader::{RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader};
+pub use retention::{RecordingOptions, Retention};
 pub use tools::RecordingTool;
 pub use writer::RecordingSink;
 

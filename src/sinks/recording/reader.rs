@@ -57,6 +57,9 @@ pub struct RecordedProgress {
     pub work: Work,
     /// Time at which the frame arrived, in nanoseconds since 1970.
     pub received_ns: u64,
+    /// Number of frames before this one that are not in the file on purpose: `verified` and
+    /// `rejected` count them.
+    pub left_out: u64,
 }
 
 /// Curves of a recorded frame, not yet checked: see [`RecordedFrame::ingest`].
@@ -75,7 +78,7 @@ pub struct RecordedFrame {
     /// What the simulator told about the frame; the default in recordings of earlier versions.
     pub info: FrameInfo,
     /// Coordinates, little-endian. Their number may contradict `counts`.
-    positions: Bytes,
+    pub(super) positions: Bytes,
 }
 
 impl RecordedFrame {
@@ -114,6 +117,11 @@ impl RecordedFrame {
             Precision::F32 => receive(frame(Positions::F32(&self.values(f32::from_le_bytes)))),
             Precision::F64 => receive(frame(Positions::F64(&self.values(f64::from_le_bytes)))),
         }
+    }
+
+    /// Returns the buffer of the coordinates, without a copy if nothing else uses it.
+    pub(super) fn into_positions(self) -> Vec<u8> {
+        self.positions.into()
     }
 
     fn values<T, const N: usize>(&self, parse: fn([u8; N]) -> T) -> Vec<T> {
@@ -182,7 +190,9 @@ pub struct RecordingReader<R> {
 impl RecordingReader<BufReader<File>> {
     /// Opens a file. A file that is still being written is read up to its current end.
     pub fn open(path: &Path) -> Result<Self> {
-        Ok(RecordingReader::on(Container::open(path)?))
+        let container = Container::open(path)?;
+        super::file::share(container.file());
+        Ok(RecordingReader::on(container))
     }
 }
 
@@ -386,6 +396,7 @@ fn item(
                     // Recordings of earlier versions lack it.
                     work: p.work.map_or(Ok(Work::default()), Work::try_from)?,
                     received_ns,
+                    left_out: p.left_out,
                 },
             }))
         }

@@ -164,6 +164,10 @@ pub struct Progress {
     /// Times of this frame, stage by stage.
     #[prost(message, optional, tag = "6")]
     pub times: ::core::option::Option<FrameTimes>,
+    /// Number of frames before this one that are not in the file on purpose (--record-window,
+    /// --record-max), with their verdicts. `verified` and `rejected` count them.
+    #[prost(uint64, tag = "7")]
+    pub left_out: u64,
 }
 /// See linkwatch::FrameTimes.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]

@@ -12,9 +12,9 @@
 //! damage is still detected.
 
 use super::messages::{self, DESCRIPTORS, PACKAGE, nanoseconds};
-use super::schema;
 use super::tools::{self, Points, RecordingTool, Scene};
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, VERDICTS};
+use super::{file, schema};
 use crate::curve::{CurveLabels, CurveSet};
 use crate::error::{Error, Result};
 use crate::ingest::FrameInfo;
@@ -32,6 +32,15 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 const CHUNK_BYTES: u64 = 768 << 10;
+
+/// Upper bound of the size of a file without messages: every schema is written twice.
+const FIXED_BYTES: u64 = 2 * 4 * (DESCRIPTORS.len() as u64 + 256) + 8192;
+
+/// Upper bound of the bytes that a chunk adds: its header and its index, twice.
+const CHUNK_OVERHEAD: u64 = 512;
+
+/// Upper bound of the bytes that a message adds to its own: its header, and its entry in the index.
+const MESSAGE_OVERHEAD: u64 = 64;
 
 /// Maximum size of a protobuf message, because decoders count bytes as `int32`.
 const MESSAGE_BYTES: usize = i32::MAX as usize;
@@ -96,17 +105,33 @@ pub struct RecordingSink {
     /// Reused for every frame, so that a frame allocates nothing.
     positions: Vec<u8>,
     encoded: Vec<u8>,
+    /// Upper bound of the size of the file if it were closed now.
+    bytes: u64,
+    /// See [`RecordingSink::leave_out`].
+    left_out: u64,
 }
 
 impl RecordingSink {
-    /// Creates the file, or truncates it. It must be a regular file. `metadata` describes the run
-    /// for a later reader: the service, the abort policy. The version of linkwatch is added.
+    /// Creates the file, or replaces it, unless another process reads or writes it. It must be a
+    /// regular file. `metadata` describes the run for a later reader: the service, the abort
+    /// policy. The version of linkwatch is added.
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingSink> {
-        let file = crate::sinks::create_file(path)?;
-        RecordingSink::on(path, Box::new(file), metadata)
+        RecordingSink::on(path, Box::new(file::create_or_replace(path)?), metadata)
     }
 
-    fn on(
+    /// Same as [`RecordingSink::create`], for a file that must not exist.
+    pub fn create_new(path: &Path, metadata: &BTreeMap<String, String>) -> Result<RecordingSink> {
+        RecordingSink::on(path, Box::new(file::create_new(path)?), metadata)
+    }
+
+    /// Fails if another process reads or writes this recording. Only processes of linkwatch on Unix
+    /// are recognised.
+    pub fn check_unused(path: &Path) -> Result<()> {
+        file::check_unused(path)
+    }
+
+    /// Begins a recording on any output. `path` is for messages.
+    pub(super) fn on(
         path: &Path,
         output: Box<dyn Output>,
         metadata: &BTreeMap<String, String>,
@@ -148,6 +173,8 @@ impl RecordingSink {
             writer,
             positions: Vec::new(),
             encoded: Vec::new(),
+            bytes: FIXED_BYTES,
+            left_out: 0,
         })
     }
 
@@ -184,6 +211,29 @@ impl RecordingSink {
             }
         }
         Ok(())
+    }
+
+    /// Records that frames before the next one are not in this file, on purpose, so that a reader
+    /// does not count them as lost.
+    pub fn leave_out(&mut self, frames: u64) {
+        self.left_out += frames;
+    }
+
+    /// Returns an upper bound of the size of the file if it were closed now.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Writes the index and the end of the file, without waiting for the disk.
+    pub(super) fn close(mut self) -> Result<Box<dyn Output>> {
+        self.writer
+            .finish()
+            .map_err(|e| sink_error(&self.path, e))?;
+        let buffer = self.writer.into_inner().into_inner();
+        let prefix = buffer
+            .into_inner()
+            .map_err(|e| Error::file(&self.path)(e.into_error()))?;
+        Ok(prefix.output)
     }
 
     /// Records the curves of a frame without a verdict. The time of the simulation takes the place
@@ -246,6 +296,9 @@ impl RecordingSink {
         self.encoded.clear();
         // Cannot fail, because a vector grows.
         message.encode(&mut self.encoded).ok();
+        let added = bytes as u64 + MESSAGE_OVERHEAD;
+        let chunks = (self.bytes + added) / CHUNK_BYTES - self.bytes / CHUNK_BYTES;
+        self.bytes += added + chunks * CHUNK_OVERHEAD;
         let header = MessageHeader {
             channel_id: channel,
             // MCAP has 32 bits for the sequence number; the message has all 64.
@@ -284,6 +337,7 @@ impl Sink for RecordingSink {
                 check_ns: nanoseconds(record.times.check()),
                 work: Some((&record.work).into()),
                 times: Some((&record.times).into()),
+                left_out: self.left_out,
             }),
         };
         self.write(self.verdicts, &message, record.report.seq, time)?;
@@ -294,23 +348,18 @@ impl Sink for RecordingSink {
     }
 
     fn flush(&mut self) -> Result<()> {
+        self.bytes += CHUNK_OVERHEAD;
         self.writer.flush().map_err(|e| sink_error(&self.path, e))
     }
 
-    fn finish(mut self: Box<Self>) -> Result<()> {
-        self.writer
-            .finish()
-            .map_err(|e| sink_error(&self.path, e))?;
-        let buffer = self.writer.into_inner().into_inner();
-        let prefix = buffer
-            .into_inner()
-            .map_err(|e| Error::file(&self.path)(e.into_error()))?;
-        prefix.output.sync().map_err(Error::file(&self.path))
+    fn finish(self: Box<Self>) -> Result<()> {
+        let path = self.path.clone();
+        self.close()?.sync().map_err(Error::file(&path))
     }
 }
 
 /// Destination of a recording.
-trait Output: Write + Send {
+pub(super) trait Output: Write + Send {
     /// Makes all data safe from a crash of the machine.
     fn sync(&self) -> io::Result<()>;
 }

@@ -1,0 +1,205 @@
+//! Cost of recording on the verification thread: handing a frame to the queue of a recording, and
+//! copying frames into new memory because the queue or the recording still holds earlier ones.
+
+use linkwatch::scenes::Scene;
+use linkwatch::{
+    BaselineRecord, CurveSet, FrameInfo, FramePool, FrameRecord, Overflow, Positions, RawFrame,
+    RecordingOptions, Report, Retention, SinkQueue, SinkSummary, Strategy, Verdict, Verifier,
+    VerifierOptions,
+};
+use std::num::NonZeroU64;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+
+/// Capacity of the queue, as in the command.
+const WAITING: usize = 8;
+const WAITING_POINTS: usize = 1_000_000;
+
+/// Memory of the frames that wait for a violation.
+const MEMORY: u64 = 256 << 20;
+
+const FINISH: Duration = Duration::from_secs(600);
+
+/// Measures each way to record. `frames` are the frames of a run, of which the last tenth follows a
+/// violation.
+pub fn measure(frames: usize) {
+    let scene: Scene = "chainmail".parse().expect("a scene");
+    let built = scene.build().expect("a scene").curves;
+    // What most simulators publish.
+    let points = (0..built.len()).flat_map(|i| {
+        let points = built.curve(i).points as usize;
+        (0..points).map(move |k| (i, k))
+    });
+    let xyz: Vec<f32> = points
+        .flat_map(|(i, k)| built.point(i, k))
+        .map(|x| x as f32)
+        .collect();
+    let counts: Vec<i32> = built.counts().collect();
+    let raw = RawFrame {
+        basis: built.basis(),
+        counts: &counts,
+        positions: Positions::F32(&xyz),
+    };
+    let full = full_run(raw, frames.min(21));
+    println!(
+        "handing over {} segments, {:.2} MB a frame; a full run takes {full:?}",
+        built.segments(),
+        4e-6 * xyz.len() as f64
+    );
+    let folder = tempfile::tempdir().expect("a folder");
+    let window = Retention::Window {
+        span: Duration::from_secs(3600),
+        memory: MEMORY,
+    };
+    let ten = NonZeroU64::new(10).expect("not zero");
+    let cases = [
+        ("no recording", None, None),
+        ("--record", Some(Retention::All), None),
+        ("--record-every 10", Some(Retention::Every(ten)), None),
+        ("--record-max 50MB", Some(Retention::All), Some(50_000_000)),
+        ("--record-window, 256 MiB", Some(window), None),
+    ];
+    let mut without = Duration::ZERO;
+    for (k, (name, retention, max_bytes)) in cases.into_iter().enumerate() {
+        let folder = folder.path().join(k.to_string());
+        std::fs::create_dir(&folder).expect("a folder");
+        let queue = retention.map(|retention| {
+            let mut options = RecordingOptions::new(folder.join("run.mcap"));
+            (options.retention, options.max_bytes) = (retention, max_bytes);
+            let wait = Overflow::Wait(Duration::from_millis(500));
+            let queue = SinkQueue::spawn("recording", WAITING, wait, move || options.open());
+            queue.expect("a thread").with_points(WAITING_POINTS)
+        });
+        let run = run(raw, queue, (frames, full));
+        if k == 0 {
+            without = run.cost;
+        }
+        let added = run.cost.saturating_sub(without);
+        let share = added.as_secs_f64() / full.as_secs_f64();
+        print!(
+            "{name}: {:?} a frame, handed over in {:?} ({:?} at most), {:.1} % of a full run \
+             added, {} MB more memory",
+            run.cost,
+            run.handed,
+            run.longest,
+            100.0 * share,
+            run.memory >> 20,
+        );
+        if let Some(summary) = run.summary {
+            assert_eq!(
+                (summary.failed, summary.written),
+                (None, frames as u64 - summary.dropped)
+            );
+            let bytes = size(&folder);
+            let each = bytes / frames as u64;
+            print!(
+                "; {each} bytes a frame on disk, {} dropped",
+                summary.dropped
+            );
+        }
+        println!();
+    }
+}
+
+/// Returns the median time of a full run, from a copy of the positions to the report.
+fn full_run(raw: RawFrame<'_>, runs: usize) -> Duration {
+    let options = VerifierOptions {
+        strategy: Strategy::Full,
+        ..VerifierOptions::default()
+    };
+    let mut verifier = Verifier::new(options).expect("valid options");
+    let mut set = None;
+    let run = |k| {
+        let start = Instant::now();
+        verifier.receive(raw, &mut set).expect("curves");
+        let curves = set.as_ref().expect("curves");
+        let report = verifier.step(k as u64, 0.0, curves).expect("a frame");
+        assert_eq!(report.verdict, Verdict::Intact);
+        start.elapsed()
+    };
+    median((0..runs).map(run).collect())
+}
+
+struct Cost {
+    /// Median time to copy a frame and to hand it over.
+    cost: Duration,
+    /// Median and longest time to hand a frame over.
+    handed: Duration,
+    longest: Duration,
+    /// Growth of the memory of the process, in bytes.
+    memory: u64,
+    summary: Option<SinkSummary>,
+}
+
+/// Passes frames to a queue, at the pace of full runs.
+fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, (frames, pause): (usize, Duration)) -> Cost {
+    let mut pool = FramePool::default();
+    let mut verifier = Verifier::default();
+    let mut receive = |set: &mut Option<CurveSet>| verifier.receive(raw, set);
+    let before = resident();
+    let (mut all, mut handed) = (Vec::new(), Vec::new());
+    let mut most = before;
+    for seq in 0..frames as u64 {
+        let begin = Instant::now();
+        let curves = pool.receive(&mut receive).expect("curves");
+        let copied = begin.elapsed();
+        std::thread::sleep(pause);
+        let verdict = match seq < frames as u64 * 9 / 10 {
+            true => Verdict::Intact,
+            false => Verdict::Changed,
+        };
+        let begin = Instant::now();
+        if let Some(queue) = &queue {
+            if seq == 0 {
+                queue.begin(Arc::new(BaselineRecord {
+                    certificate: Arc::default(),
+                    origin: "first frame".into(),
+                }));
+            }
+            queue.frame(Arc::new(FrameRecord {
+                curves: Some(curves),
+                info: FrameInfo::default(),
+                report: Arc::new(Report::new(seq, 0.0, verdict)),
+                verified: seq + 1,
+                skipped: 0,
+                rejected: 0,
+                times: Default::default(),
+                work: Default::default(),
+                received: SystemTime::now(),
+            }));
+        }
+        handed.push(begin.elapsed());
+        all.push(copied + begin.elapsed());
+        most = most.max(resident());
+    }
+    let longest = handed.iter().max().copied().unwrap_or_default();
+    Cost {
+        cost: median(all),
+        handed: median(handed),
+        longest,
+        memory: most - before,
+        summary: queue.map(|queue| queue.finish(FINISH)),
+    }
+}
+
+fn median(mut times: Vec<Duration>) -> Duration {
+    times.sort();
+    times[times.len() / 2]
+}
+
+/// Returns the size of all files in a folder.
+fn size(folder: &Path) -> u64 {
+    let files = std::fs::read_dir(folder).expect("a folder");
+    files
+        .map(|file| file.and_then(|f| f.metadata()).expect("a file").len())
+        .sum()
+}
+
+/// Returns the resident memory of this process in bytes; 0 if the system does not tell.
+fn resident() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|l| l.strip_prefix("VmRSS:"));
+    let kilobytes = line.and_then(|l| l.split_whitespace().next());
+    kilobytes.and_then(|k| k.parse::<u64>().ok()).unwrap_or(0) << 10
+}

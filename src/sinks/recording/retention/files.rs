@@ -1,0 +1,283 @@
+//! Files of a recording: another one is begun before a file exceeds its maximum size.
+//!
+//! A file is not ended before a frame that is not intact or has other curves, if that is possible,
+//! because a replay of such a frame needs the frame before it. Therefore a file may end when an
+//! eighth of its size is left.
+//!
+//! Numbers of later files are not those of sessions and workers (`run-2.mcap`), so that no two of
+//! them use the same name.
+
+use super::super::file::is_taken;
+use super::super::writer::RecordingSink;
+use super::{CONTINUES, PART, RecordingOptions, Start, answered, is_intact, part_of};
+use crate::error::{Error, Result};
+use crate::sinks::{FrameRecord, Sink};
+use std::collections::{BTreeMap, VecDeque};
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+/// Number of names that are tried for a file.
+pub(super) const NAMES: u64 = 10_000;
+
+/// Memory of a finding in a file, in bytes, at most.
+const FINDING_BYTES: u64 = 160;
+
+/// Creates a file with metadata. Fails if the name is taken.
+pub(super) type Create =
+    Box<dyn FnMut(&Path, &BTreeMap<String, String>) -> Result<RecordingSink> + Send>;
+
+/// Files of a recording, of which one is open at a time.
+pub(super) struct Files {
+    options: RecordingOptions,
+    create: Create,
+    open: Option<Open>,
+    /// Number in the name of the last file.
+    number: u64,
+    /// Paths of the files that were ended and may be deleted.
+    ended: VecDeque<PathBuf>,
+    created: u64,
+    deleted: u64,
+    last: Option<PathBuf>,
+    /// True if a violation was recorded.
+    violated: bool,
+    /// True if the next frame does not continue the previous one.
+    again: bool,
+    frames: u64,
+}
+
+/// The file that is being written.
+struct Open {
+    path: PathBuf,
+    sink: RecordingSink,
+    frames: u64,
+    /// True if the baseline was written.
+    begun: bool,
+    /// Number of frames verified or rejected when the last frame was written.
+    answered: u64,
+    /// True if it has the first violation.
+    is_evidence: bool,
+}
+
+impl Files {
+    pub fn new(options: RecordingOptions) -> Files {
+        let create: Create = match options.overwrite {
+            true => Box::new(RecordingSink::create),
+            false => Box::new(RecordingSink::create_new),
+        };
+        Files::created_by(options, create)
+    }
+
+    /// Returns files that a function creates.
+    pub fn created_by(options: RecordingOptions, create: Create) -> Files {
+        Files {
+            options,
+            create,
+            open: None,
+            number: 0,
+            ended: VecDeque::new(),
+            created: 0,
+            deleted: 0,
+            last: None,
+            violated: false,
+            again: false,
+            frames: 0,
+        }
+    }
+
+    /// Creates the first file. Unlike later ones, it has the name that the user chose, or fails.
+    pub fn create_first(&mut self) -> Result<()> {
+        self.number = 1;
+        let path = self.options.path.clone();
+        let sink = self.create(&path)?;
+        self.opened(path, sink);
+        Ok(())
+    }
+
+    /// Number of frames written.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Marks the next frame as not continuing the previous one.
+    pub fn begin_again(&mut self) {
+        self.again = true;
+    }
+
+    /// Writes a frame; before it the baseline, if the frame does not continue the last one in the
+    /// file.
+    pub fn write(&mut self, record: &FrameRecord, start: &Start) -> Result<()> {
+        if self.is_full(record, start) {
+            self.end_file()?;
+        }
+        if self.open.is_none() {
+            self.create_next()?;
+        }
+        let again = std::mem::take(&mut self.again);
+        let Some(open) = &mut self.open else {
+            return Ok(());
+        };
+        let left_out = start.answered.saturating_sub(open.answered);
+        open.sink.leave_out(left_out);
+        if let Some(baseline) = &start.baseline
+            && (!open.begun || left_out > 0 || again)
+        {
+            open.sink.begin(baseline)?;
+            open.begun = true;
+        }
+        open.sink.frame(record)?;
+        open.answered = answered(record);
+        open.frames += 1;
+        self.frames += 1;
+        if !is_intact(record) && !std::mem::replace(&mut self.violated, true) {
+            open.is_evidence = true;
+        }
+        Ok(())
+    }
+
+    pub fn flush(&mut self) -> Result<()> {
+        match &mut self.open {
+            Some(open) => open.sink.flush(),
+            None => Ok(()),
+        }
+    }
+
+    /// Ends the recording, and waits for the disk.
+    pub fn finish(self) -> Result<()> {
+        match self.open {
+            Some(open) => Box::new(open.sink).finish(),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns the files in words, if there are several or the file has another name.
+    pub fn note(&self) -> Option<String> {
+        let last = self.last.as_ref().filter(|_| self.number > 1)?.display();
+        let deleted = match self.deleted {
+            0 => String::new(),
+            n => format!(", of which the oldest {n} were deleted"),
+        };
+        Some(match self.created {
+            1 => format!("recording: the file is {last}"),
+            n => format!("recording: {n} files{deleted}; the last one is {last}"),
+        })
+    }
+
+    /// Returns true if another file must be begun for this frame, or should be.
+    fn is_full(&self, record: &FrameRecord, start: &Start) -> bool {
+        let Some((open, most)) = self.open.as_ref().zip(self.options.max_bytes) else {
+            return false;
+        };
+        let bytes = open.sink.bytes().saturating_add(bytes_of(record, start));
+        let may_end = is_intact(record) && !start.new;
+        let full = bytes > most || bytes > most - most / 8 && may_end;
+        full && open.frames > 0
+    }
+
+    fn end_file(&mut self) -> Result<()> {
+        let Some(open) = self.open.take() else {
+            return Ok(());
+        };
+        // The system writes its content to the disk; waiting for that could take seconds.
+        open.sink.close()?;
+        if !open.is_evidence {
+            self.ended.push_back(open.path);
+        }
+        Ok(())
+    }
+
+    /// Creates a file after the first one, under the next name that is free: an existing file is no
+    /// reason to lose a recording that is hours old.
+    fn create_next(&mut self) -> Result<()> {
+        let last = self.number.saturating_add(NAMES);
+        loop {
+            self.number += 1;
+            let path = part_of(&self.options.path, self.number);
+            match self.create(&path) {
+                Ok(sink) => {
+                    if self.created > 0 || self.number > 1 {
+                        tracing::info!("the recording continues in {}", path.display());
+                    }
+                    self.opened(path, sink);
+                    self.delete_old();
+                    return Ok(());
+                }
+                Err(e) if is_taken(&e) && self.number < last => {
+                    if self.number == 1 {
+                        tracing::warn!("{e}; the recording gets another name");
+                    }
+                }
+                Err(e) => return Err(e),
+            }
+        }
+    }
+
+    fn opened(&mut self, path: PathBuf, sink: RecordingSink) {
+        self.created += 1;
+        self.last = Some(path.clone());
+        self.open = Some(Open {
+            path,
+            sink,
+            frames: 0,
+            begun: false,
+            answered: 0,
+            is_evidence: false,
+        });
+    }
+
+    fn create(&mut self, path: &Path) -> Result<RecordingSink> {
+        let mut metadata = self.options.metadata.clone();
+        if self.number > 1 {
+            metadata.insert(PART.into(), self.number.to_string());
+        }
+        if let Some(last) = &self.last {
+            let name = last.file_name().unwrap_or_default().to_string_lossy();
+            metadata.insert(CONTINUES.into(), name.into());
+        }
+        let sink = (self.create)(path, &metadata)?;
+        sink.with_tools(self.options.tools.iter().copied())
+    }
+
+    /// Deletes the oldest files, beyond the number to keep. A file that is being read is deleted
+    /// later.
+    fn delete_old(&mut self) {
+        let Some(keep) = self.options.keep_files else {
+            return;
+        };
+        let mut extra = (self.ended.len() as u64 + 1).saturating_sub(keep.get());
+        self.ended.retain(|path| {
+            if extra == 0 || RecordingSink::check_unused(path).is_err() {
+                return true;
+            }
+            match std::fs::remove_file(path) {
+                Ok(()) => self.deleted += 1,
+                // Somebody else deleted it.
+                Err(e) if e.kind() == ErrorKind::NotFound => {}
+                Err(e) => tracing::warn!("{}", Error::file(path)(e)),
+            }
+            extra -= 1;
+            false
+        });
+    }
+}
+
+/// Returns an upper bound of the size of a frame in a file.
+fn bytes_of(record: &FrameRecord, start: &Start) -> u64 {
+    let report = &record.report;
+    let curves = record.curves.as_ref().map_or(0, |set| {
+        let positions = set.points() as u64 * 3 * set.precision().bytes() as u64;
+        // Of a new file: names and radii.
+        let labels = &record.info.labels;
+        let names: usize = labels.names.iter().map(|name| name.len() + 4).sum();
+        positions + (5 * set.len() + names + 4 * labels.radii.len()) as u64
+    });
+    let findings = report.changes.len()
+        + report.events.len()
+        + report.defects.len()
+        + report.unresolved.len()
+        + report.adopted.len();
+    let baseline = start.baseline.as_ref().map_or(0, |b| {
+        let c = &b.certificate;
+        24 * (c.links.len() + c.undefined.len()) as u64
+    });
+    curves + FINDING_BYTES * findings as u64 + baseline + 2048
+}
