@@ -37,20 +37,22 @@ pub(super) struct Batch {
 /// Errors: composition that may add or change curves; no curves; curves in forms that are not read.
 pub(super) fn batches<R: Read + Seek>(layer: &Layer, values: &mut Values<R>) -> Result<Vec<Batch>> {
     let flatten = |what: String| {
-        let advice = "write all into one file: usdcat --flatten IN --out OUT";
+        let advice = "write all into one file with `usdcat --flatten IN --out OUT`, or in Python \
+                      with Usd.Stage.Open(IN).Export(OUT)";
         Error::unsupported(FORMAT, format!("{what}: {advice}"))
     };
     if let Some(arc) = layer.arc {
         return Err(flatten(format!("a layer with {arc}")));
     }
-    // For each prim: true if it is in the scene; its purpose; true if it is below an instancer.
-    let mut places: Vec<(bool, Option<String>, bool)> = Vec::with_capacity(layer.prims.len());
+    // For each prim: true if it is in the scene; its purpose; what moves its curves, in words.
+    let mut places: Vec<(bool, Option<String>, Option<&str>)> =
+        Vec::with_capacity(layer.prims.len());
     let mut batches = Vec::new();
     let mut skipped = 0;
     for (k, prim) in layer.prims.iter().enumerate() {
-        let (above, mut purpose, mut instanced) = match prim.parent {
+        let (above, mut purpose, mut moved) = match prim.parent {
             Some(parent) => places[parent].clone(),
-            None => (true, None, false),
+            None => (true, None, None),
         };
         let in_scene = above && prim.defined && !prim.inactive;
         if in_scene {
@@ -58,12 +60,16 @@ pub(super) fn batches<R: Read + Seek>(layer: &Layer, values: &mut Values<R>) -> 
                 return Err(flatten(format!("{} with {arc}", layer.path(k))));
             }
             purpose = word(prim, "purpose", values)?.or(purpose);
-            instanced |= prim.kind == "PointInstancer";
+            if prim.kind == "PointInstancer" {
+                moved = Some("copied by a PointInstancer");
+            } else if prim.attribute("primvars:skel:jointIndices").is_some() {
+                moved = Some("moved by a skeleton");
+            }
             let hidden = matches!(purpose.as_deref(), Some("proxy" | "guide"));
             match prim.kind.as_str() {
                 "BasisCurves" | "NurbsCurves" | "HermiteCurves" if hidden => skipped += 1,
-                "BasisCurves" if instanced => {
-                    let what = format!("{}, which a PointInstancer copies", layer.path(k));
+                "BasisCurves" if let Some(moved) = moved => {
+                    let what = format!("curves that are {moved}: {}", layer.path(k));
                     return Err(Error::unsupported(FORMAT, what));
                 }
                 "BasisCurves" => batches.push(batch(layer, k, values)?),
@@ -78,7 +84,7 @@ pub(super) fn batches<R: Read + Seek>(layer: &Layer, values: &mut Values<R>) -> 
                 _ => {}
             }
         }
-        places.push((in_scene, purpose, instanced));
+        places.push((in_scene, purpose, moved));
     }
     if batches.is_empty() {
         let what = match skipped {
@@ -135,13 +141,8 @@ fn batch<R: Read + Seek>(layer: &Layer, k: usize, values: &mut Values<R>) -> Res
         return Err(Error::unsupported(FORMAT, what));
     }
     let refuse = |what: String| Err(Error::unsupported(FORMAT, format!("{path}: {what}")));
-    for (name, why) in [
-        ("primvars:skel:jointIndices", "a skeleton moves its points"),
-        ("primvars:widths:indices", "widths by indices"),
-    ] {
-        if prim.attribute(name).is_some() {
-            return refuse(why.into());
-        }
+    if prim.attribute("primvars:widths:indices").is_some() {
+        return refuse("widths by indices".into());
     }
     let token = |name: &str, default: &str, values: &mut Values<R>| {
         let given = word(prim, name, values)?;
@@ -196,7 +197,8 @@ fn batch<R: Read + Seek>(layer: &Layer, k: usize, values: &mut Values<R>) -> Res
     })
 }
 
-/// Reads the transforms of prims with curves, and of the prims above them. Others have none.
+/// Reads the transforms of prims with curves, and of the prims above them. Others have none, and
+/// neither have scopes and prims without a type.
 pub(super) fn transforms<R: Read + Seek>(
     layer: &Layer,
     batches: &[Batch],
@@ -211,9 +213,11 @@ pub(super) fn transforms<R: Read + Seek>(
     }
     let prims = layer.prims.iter().zip(needed).enumerate();
     prims
-        .map(|(k, (prim, needed))| match needed {
-            true => Ops::read(prim, &layer.path(k), values),
-            false => Ok(Ops::default()),
-        })
+        .map(
+            |(k, (prim, needed))| match needed && !matches!(&*prim.kind, "" | "Scope") {
+                true => Ops::read(prim, &layer.path(k), values),
+                false => Ok(Ops::default()),
+            },
+        )
         .collect()
 }

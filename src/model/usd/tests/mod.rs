@@ -95,7 +95,7 @@ def Scope "α" (
     asset file = @@@a@b]@@@
     string s = """a\""" # not a comment
     """ ; token t = 'b'
-    matrix4d xformOp:transform:a:b = ( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )
+    matrix4d xformOp:transform:a:b = ( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (7, 8, 9, 1) )
     uniform token[] xformOpOrder = [ "xformOp:transform:a:b", ]
     def BasisCurves "b" { /* several
         lines **/ // one
@@ -119,6 +119,7 @@ def Scope "α" (
     assert_eq!(frames[0].labels.names, ["/α/b[0]", "/α/b[1]"]);
     assert_eq!(frames[0].labels.radii, [2.0, 2.0]);
     assert_eq!(frames[0].time, -1.5 / 24.0);
+    // A scope has no transform.
     let set = frames[2].curves.as_ref().unwrap();
     assert_eq!(set.precision(), Precision::F32);
     let last = f64::from(0.001_f32);
