@@ -1,0 +1,342 @@
+//! Parts of curves within a window around a place.
+//!
+//! Coordinates are relative to the centre of the window, in units of its reach. Curves are clipped
+//! to a ball, so that curves of any length give a bounded picture: of the curves of the finding and
+//! of all others, only the parts closest to the place are kept if there are too many.
+
+use super::violations::Spot;
+use crate::curve::vector::{dot, hypot, mix, sub};
+use crate::curve::{CurveSet, Point, feature, nearest, point_at};
+
+/// Radius of the ball for the curves of the finding, which fills the corners of a picture, and for
+/// the others, which would hide them.
+const OWN: f64 = 1.5;
+const OTHERS: f64 = 1.15;
+
+/// Maximum number of edges of each group.
+const OWN_EDGES: usize = 3000;
+const OTHER_EDGES: usize = 1200;
+
+/// Number of edges of a spline segment.
+const SAMPLES: usize = 8;
+
+/// A window around a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window {
+    pub centre: Point,
+    /// Half of its width.
+    pub reach: f64,
+}
+
+impl Window {
+    /// Returns a window in which the passage of both strands and the shape of the curves are
+    /// visible: large enough for some segments and for the motion, but not larger than the feature
+    /// of the curves that passes. `frames` are the frames before, at and after the finding, with
+    /// the place in each.
+    pub fn around(frames: &[(&CurveSet, Spot)], at: (&CurveSet, Spot)) -> Window {
+        let (set, spot) = at;
+        let ends = || spot.curves.into_iter().zip(spot.segments);
+        let sizes = ends().filter_map(|(i, s)| feature(set, i, s));
+        let size = sizes.min_by(f64::total_cmp).unwrap_or(0.0);
+        let segments = ends().filter_map(|(i, s)| {
+            let (i, s) = (i as usize, s as usize);
+            let there = s < set.curves().get(i)?.segments as usize;
+            there.then(|| hypot(sub(set.knot(i, s + 1), set.knot(i, s))))
+        });
+        let segment = segments.fold(0.0, f64::max);
+        let mut motion = 0.0_f64;
+        for (set, spot) in frames {
+            for (i, s) in spot.curves.into_iter().zip(spot.segments) {
+                if let Some(t) = nearest(set, i, s, spot.point) {
+                    let end = set.eval(i as usize, s as usize, t);
+                    motion = motion.max(hypot(sub(end, spot.point)));
+                }
+            }
+        }
+        let wanted = (8.0 * segment).max(1.3 * motion);
+        let reach = wanted.min(1.7 * size).max(0.5 * size);
+        let reach = reach.max((1.3 * motion).min(3.0 * size));
+        let usable = reach > 0.0 && reach.is_finite();
+        Window {
+            centre: spot.point,
+            reach: match usable {
+                true => reach,
+                false => segment.max(f64::MIN_POSITIVE),
+            },
+        }
+    }
+
+    pub fn local(&self, p: Point) -> Point {
+        sub(p, self.centre).map(|x| x / self.reach)
+    }
+}
+
+/// Group of a strand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    First,
+    Second,
+    Other,
+}
+
+/// A connected part of a curve in a window.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Strand {
+    pub part: Part,
+    /// True if the end is joined to the start, which is then repeated.
+    pub closed: bool,
+    pub points: Vec<Point>,
+}
+
+impl Strand {
+    fn edges(&self) -> usize {
+        self.points.len() - 1
+    }
+}
+
+/// Returns all strands of a frame in a window, those of the finding last.
+pub(super) fn strands(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
+    let [a, b] = spot.curves;
+    let (mut own, mut others) = (Vec::new(), Vec::new());
+    for i in 0..set.len() {
+        let at = i as u32;
+        if at == a || at == b {
+            let part = |s: u32| part_of(set, spot, at, s);
+            clip(set, i, window, OWN, part, &mut own);
+        } else {
+            clip(set, i, window, OTHERS, |_| Part::Other, &mut others);
+        }
+    }
+    limit(&mut own, OWN_EDGES);
+    limit(&mut others, OTHER_EDGES);
+    others.append(&mut own);
+    others
+}
+
+/// Returns the group of segment `s` of curve `i`. If a curve meets itself, its groups are the parts
+/// that are nearer to either segment, along the curve.
+fn part_of(set: &CurveSet, spot: Spot, i: u32, s: u32) -> Part {
+    let [a, b] = spot.curves;
+    let second = if a == b {
+        let curve = set.curve(i as usize);
+        let along = |to: u32| {
+            let apart = to.abs_diff(s);
+            match curve.closed {
+                true => apart.min(curve.segments.saturating_sub(apart)),
+                false => apart,
+            }
+        };
+        let [s, t] = spot.segments.map(along);
+        t < s
+    } else {
+        i == b
+    };
+    match second {
+        true => Part::Second,
+        false => Part::First,
+    }
+}
+
+/// Appends the parts of curve `i` in a ball around the window, of this radius.
+fn clip(
+    set: &CurveSet,
+    i: usize,
+    window: Window,
+    radius: f64,
+    part: impl Fn(u32) -> Part,
+    out: &mut Vec<Strand>,
+) {
+    let curve = set.curve(i);
+    let steps = if set.basis().is_polyline() {
+        1
+    } else {
+        SAMPLES
+    };
+    let first = out.len();
+    // True if the last strand ends where the next edge starts.
+    let mut open = false;
+    for s in 0..curve.segments {
+        let hull = set.segment(i, s as usize).map(|p| window.local(p));
+        let apart = |x: usize| {
+            let x = hull.map(|p| p[x]);
+            x.iter().all(|x| *x > radius) || x.iter().all(|x| *x < -radius)
+        };
+        let finite = hull.as_flattened().iter().all(|x| x.is_finite());
+        if !finite || (0..3).any(apart) {
+            open = false;
+            continue;
+        }
+        let part = part(s);
+        for k in 0..steps {
+            let at = |k: usize| match steps {
+                1 => hull[3 * k],
+                _ => point_at(&hull, k as f64 / steps as f64),
+            };
+            let (a, b) = (at(k), at(k + 1));
+            let Some([from, to]) = within(a, b, radius) else {
+                open = false;
+                continue;
+            };
+            let p = if from > 0.0 { mix(a, b, from) } else { a };
+            let q = if to < 1.0 { mix(a, b, to) } else { b };
+            match out.last_mut() {
+                Some(last) if open && from == 0.0 && last.part == part => last.points.push(q),
+                _ => out.push(Strand {
+                    part,
+                    closed: false,
+                    points: vec![p, q],
+                }),
+            }
+            open = to == 1.0;
+        }
+    }
+    // A closed curve that passes its start within the ball.
+    if !(open && curve.closed && out.len() > first) {
+        return;
+    }
+    let end = out[out.len() - 1].points.last().copied();
+    if end != out[first].points.first().copied() || out[first].part != out[out.len() - 1].part {
+        return;
+    }
+    if out.len() == first + 1 {
+        out[first].closed = true;
+    } else if let Some(mut last) = out.pop() {
+        last.points.extend_from_slice(&out[first].points[1..]);
+        out[first] = last;
+    }
+}
+
+/// Returns the parameters between which an edge lies in the ball, if it does.
+fn within(a: Point, b: Point, radius: f64) -> Option<[f64; 2]> {
+    let along = sub(b, a);
+    let (u, v, w) = (
+        dot(along, along),
+        dot(a, along),
+        dot(a, a) - radius * radius,
+    );
+    if u == 0.0 {
+        return (w <= 0.0).then_some([0.0, 1.0]);
+    }
+    let root = (v * v - u * w).sqrt();
+    // A NaN, if the edge misses the ball, fails the comparison.
+    let [from, to] = [(-v - root) / u, (-v + root) / u];
+    let (from, to) = (from.max(0.0), to.min(1.0));
+    (root >= 0.0 && from < to).then_some([from, to])
+}
+
+/// Keeps at most `most` edges: the strands that come closest to the centre, and of a longer one the
+/// part around its closest point.
+fn limit(strands: &mut Vec<Strand>, most: usize) {
+    if strands.iter().map(Strand::edges).sum::<usize>() <= most {
+        return;
+    }
+    let closest = |strand: &Strand| {
+        let distances = strand.points.iter().map(|p| dot(*p, *p)).enumerate();
+        distances
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .unwrap_or((0, 0.0))
+    };
+    strands.sort_by(|a, b| closest(a).1.total_cmp(&closest(b).1));
+    let mut left = most;
+    for strand in strands.iter_mut() {
+        if strand.edges() > left {
+            let (at, _) = closest(strand);
+            let start = at.saturating_sub(left / 2).min(strand.edges() - left);
+            strand.points = strand.points[start..=start + left].to_vec();
+            strand.closed = false;
+        }
+        left -= strand.edges();
+    }
+    strands.retain(|strand| strand.edges() > 0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::vector::norm;
+    use crate::curve::{Basis, Positions};
+    use std::f64::consts::TAU;
+
+    fn ring(points: usize, radius: f64, basis: Basis) -> CurveSet {
+        let point = |k: usize| {
+            let (sin, cos) = (TAU * k as f64 / points as f64).sin_cos();
+            [radius * cos, radius * sin, 0.0]
+        };
+        let xyz: Vec<f64> = (0..points).flat_map(point).collect();
+        CurveSet::from_counts(basis, &[-(points as i32)], Positions::F64(&xyz)).unwrap()
+    }
+
+    fn spot(segments: [u32; 2]) -> Spot {
+        Spot {
+            curves: [0, 0],
+            segments,
+            point: [0.0; 3],
+        }
+    }
+
+    fn shown(set: &CurveSet, centre: Point, reach: f64) -> Vec<Strand> {
+        let other = Spot {
+            curves: [7, 8],
+            ..spot([0, 0])
+        };
+        strands(set, other, Window { centre, reach })
+    }
+
+    #[test]
+    fn a_closed_curve_inside_the_window_stays_closed() {
+        for basis in [Basis::Polyline, Basis::CatmullRom, Basis::BSpline] {
+            let found = shown(&ring(12, 1.0, basis), [0.0; 3], 2.0);
+            assert_eq!(found.len(), 1, "{basis:?}");
+            assert!(found[0].closed);
+            let steps = if basis.is_polyline() { 1 } else { SAMPLES };
+            assert_eq!(found[0].edges(), 12 * steps);
+            assert_eq!(found[0].points.first(), found[0].points.last());
+        }
+    }
+
+    #[test]
+    fn a_curve_that_leaves_the_window_is_clipped_and_passes_its_start() {
+        // The window is around the start of the curve.
+        let found = shown(&ring(1000, 1.0, Basis::Polyline), [1.0, 0.0, 0.0], 0.1);
+        assert_eq!(found.len(), 1);
+        assert!(!found[0].closed);
+        let ends = [found[0].points[0], *found[0].points.last().unwrap()];
+        for end in ends {
+            assert!((norm(end) - OTHERS).abs() < 1e-9, "{end:?}");
+        }
+    }
+
+    #[test]
+    fn a_huge_edge_through_the_window_is_clipped() {
+        let xyz = [-1e200, 0.0, 0.0, 1e200, 0.0, 0.0, 0.0, 1e200, 0.0];
+        let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&xyz)).unwrap();
+        for strand in shown(&set, [0.0; 3], 1.0) {
+            assert!(strand.points.iter().all(|p| norm(*p) < 1.0 + OTHERS));
+        }
+        let xyz = [-1e9, 0.0, 0.0, 1e9, 0.0, 0.0, 0.0, 1e9, 0.0];
+        let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&xyz)).unwrap();
+        assert_eq!(shown(&set, [0.0; 3], 1.0).len(), 1);
+    }
+
+    #[test]
+    fn the_edges_closest_to_the_place_are_kept() {
+        let found = shown(&ring(100_000, 1.0, Basis::Polyline), [0.9, 0.0, 0.0], 1.0);
+        let edges: usize = found.iter().map(Strand::edges).sum();
+        assert_eq!(edges, OTHER_EDGES);
+        assert!(found[0].points.iter().all(|p| norm(*p) < 0.2));
+    }
+
+    #[test]
+    fn a_curve_that_meets_itself_has_two_parts() {
+        let set = ring(12, 1.0, Basis::Polyline);
+        let window = Window {
+            centre: [0.0; 3],
+            reach: 2.0,
+        };
+        let found = strands(&set, spot([1, 7]), window);
+        let parts: Vec<Part> = found.iter().map(|s| s.part).collect();
+        assert!(parts.contains(&Part::First) && parts.contains(&Part::Second));
+        let edges: usize = found.iter().map(Strand::edges).sum();
+        assert_eq!(edges, 12);
+    }
+}

@@ -1,0 +1,1 @@
+//! Tests of reports about recordings that are written here.
