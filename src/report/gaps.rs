@@ -221,6 +221,6 @@ mod tests {
         let over = line(&[[25.0, -20.0, 9.0], [25.0, 20.0, 9.0]], false);
         let pieces = visible(&[line(&square, true), over]);
         assert_eq!(pieces[0].len(), 1);
-        assert!(pieces[0].contains(&square[0]));
+        assert!(pieces[0][0].contains(&square[0]));
     }
 }

@@ -47,7 +47,10 @@ impl RunReport {
                 .map(|note| format!("<li>{}</li>\n", escape(note)));
             out += &format!("<ul class=\"notes\">\n{}</ul>\n", items.collect::<String>());
         }
-        out += "</header>\n";
+        out += &format!(
+            "<p class=\"dim\">{}</p>\n</header>\n",
+            escape(&facts.summary(&name))
+        );
         if !facts.series.bins.is_empty() {
             out += "<section>\n<h2>Timeline</h2>\n";
             out += &facts.timeline();

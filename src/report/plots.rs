@@ -49,7 +49,10 @@ impl Facts {
                 _ => zero.push(what),
             }
         };
-        let links = |k: usize| each(&|b| b.links[k] as f64);
+        let links = |k: usize| {
+            let count = |b: &Bin| Some(b.links?[k] as f64);
+            bins.iter().map(count).collect::<Vec<_>>()
+        };
         add(
             "changed links",
             of_bin("Links that differ from the baseline", "maximum"),
@@ -58,7 +61,7 @@ impl Facts {
                 figures("gained", "k2", links(1)),
                 figures("other number", "k3", links(2)),
             ],
-            Kind::Lines,
+            Kind::Counts,
         );
         add(
             "pull-throughs",
@@ -107,6 +110,9 @@ impl Facts {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Lines,
+    /// Lines of whole numbers.
+    Counts,
+    /// Bars of whole numbers.
     Bars,
     /// Lines on a logarithmic axis if the values differ by much.
     Times,
@@ -117,6 +123,8 @@ struct Scale {
     low: f64,
     high: f64,
     log: bool,
+    /// True if the values are whole numbers.
+    whole: bool,
 }
 
 impl Scale {
@@ -130,11 +138,13 @@ impl Scale {
                 low: 10f64.powf(low.log10().floor()),
                 high: 10f64.powf(high.log10().ceil()),
                 log: true,
+                whole: false,
             },
             false => Scale {
                 low: 0.0,
                 high: 1.05 * high,
                 log: false,
+                whole: matches!(kind, Kind::Counts | Kind::Bars),
             },
         }
     }
@@ -149,7 +159,8 @@ impl Scale {
 
     fn ticks(&self) -> Vec<f64> {
         if !self.log {
-            return ticks(self.high, 3);
+            let ticks = ticks(self.high, 3).into_iter();
+            return ticks.filter(|t| !self.whole || t.fract() == 0.0).collect();
         }
         let decades = (self.high / self.low).log10().round() as i32;
         let step = (decades / 5 + 1) as usize;

@@ -8,21 +8,49 @@ use std::path::Path;
 use std::time::Duration;
 
 impl Facts {
+    /// Returns the most important facts of the run in a line. `name` is that of the recording.
+    pub fn summary(&self, name: &str) -> String {
+        let mut line = format!("{name}: {}", self.frames());
+        if self.counts.verified > 0 {
+            line += &format!("; {}", self.curves());
+        }
+        for (key, what) in [("service", "service"), ("version", "recorded by linkwatch")] {
+            if let Some(value) = self.metadata.get(key) {
+                line += &format!("; {what} {value}");
+            }
+        }
+        line
+    }
+
+    /// Returns the numbers of frames.
+    fn frames(&self) -> String {
+        let counts = &self.counts;
+        format!(
+            "{} verified, {} skipped, {} rejected",
+            plural(counts.verified, "frame"),
+            count(counts.skipped),
+            count(counts.rejected)
+        )
+    }
+
+    /// Returns the numbers of curves and segments.
+    fn curves(&self) -> String {
+        let open = match self.stats.open_curves {
+            0 => String::new(),
+            n => format!(" ({} open)", count(n)),
+        };
+        let curves = plural(self.stats.curves, "curve");
+        let segments = plural(self.stats.segments, "segment");
+        format!("{curves}{open}, {segments}")
+    }
+
     /// Returns the facts of the run as names and values.
     pub fn run(&self, recording: &Path) -> Vec<(String, String)> {
         let mut rows: Vec<(String, String)> = Vec::new();
         let mut add = |name: &str, value: String| rows.push((name.to_owned(), value));
         add("recording", recording.display().to_string());
         let counts = &self.counts;
-        add(
-            "frames",
-            format!(
-                "{} verified, {} skipped, {} rejected",
-                plural(counts.verified, "frame"),
-                count(counts.skipped),
-                count(counts.rejected)
-            ),
-        );
+        add("frames", self.frames());
         if let Some([first, last]) = self.span {
             add("from", first.to_string());
             add("to", last.to_string());
@@ -38,13 +66,7 @@ impl Facts {
             add("rolled back or jumped", cuts);
         }
         if counts.verified > 0 {
-            let open = match self.stats.open_curves {
-                0 => String::new(),
-                n => format!(" ({} open)", count(n)),
-            };
-            let curves = plural(self.stats.curves, "curve");
-            let segments = plural(self.stats.segments, "segment");
-            add("curves", format!("{curves}{open}, {segments}"));
+            add("curves", self.curves());
             if self.stats.extent > 0.0 {
                 add("extent", significant(self.stats.extent));
             }

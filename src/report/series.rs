@@ -5,7 +5,7 @@
 //! figures: counts are added, and of other figures the extremes are kept.
 
 use super::rows::Moment;
-use crate::verdict::{ChangeKind, Report};
+use crate::verdict::{ChangeKind, Report, Verdict};
 
 /// Maximum number of bins, even.
 pub(super) const MOST: usize = 400;
@@ -31,8 +31,9 @@ pub(super) struct Bin {
     pub frames: u64,
     /// Number of frames with each verdict, in the order of [`Verdict::ALL`].
     pub verdicts: [u64; 6],
-    /// Maximum number of links lost, gained and otherwise changed.
-    pub links: [u64; 3],
+    /// Maximum number of links lost, gained and otherwise changed; `None` if all frames were
+    /// rejected.
+    pub links: Option<[u64; 3]>,
     pub pull_throughs: u64,
     pub unresolved: u64,
     pub skipped: u64,
@@ -54,7 +55,8 @@ impl Bin {
             last_frame: report.seq,
             frames: 1,
             verdicts,
-            links: kinds.map(|kind| report.count(kind) as u64),
+            links: (report.verdict != Verdict::Rejected)
+                .then(|| kinds.map(|kind| report.count(kind) as u64)),
             pull_throughs: report.events.len() as u64,
             unresolved: report.unresolved.len() as u64,
             skipped: sample.skipped,
@@ -72,9 +74,10 @@ impl Bin {
         for (sum, n) in self.verdicts.iter_mut().zip(next.verdicts) {
             *sum += n;
         }
-        for (most, n) in self.links.iter_mut().zip(next.links) {
-            *most = n.max(*most);
-        }
+        self.links = match (self.links, next.links) {
+            (Some(a), Some(b)) => Some([0, 1, 2].map(|k| a[k].max(b[k]))),
+            (a, b) => a.or(b),
+        };
         self.pull_throughs += next.pull_throughs;
         self.unresolved += next.unresolved;
         self.skipped = self.skipped.saturating_add(next.skipped);
@@ -136,7 +139,7 @@ impl Series {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verdict::{Clearance, PullThrough, Verdict};
+    use crate::verdict::{Clearance, PullThrough};
 
     fn series(frames: u64, broken: u64) -> Series {
         let mut series = Series::default();

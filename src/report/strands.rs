@@ -57,11 +57,23 @@ impl Window {
         let reach = wanted.min(1.7 * size).max(0.5 * size);
         let reach = reach.max((1.3 * motion).min(3.0 * size));
         let usable = reach > 0.0 && reach.is_finite();
-        Window {
+        let window = Window {
             centre: spot.point,
             reach: match usable {
                 true => reach,
                 false => segment.max(f64::MIN_POSITIVE),
+            },
+        };
+        // No larger than what there is to see.
+        let shown = frames
+            .iter()
+            .flat_map(|(set, spot)| own(set, *spot, window));
+        let farthest = |strand: Strand| strand.points.into_iter().map(hypot).fold(0.0, f64::max);
+        match shown.map(farthest).fold(0.0, f64::max) {
+            0.0 => window,
+            farthest => Window {
+                reach: window.reach * (1.12 * farthest).min(1.0),
+                ..window
             },
         }
     }
@@ -96,21 +108,27 @@ impl Strand {
 
 /// Returns all strands of a frame in a window, those of the finding last.
 pub(super) fn strands(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
+    let mut others = Vec::new();
+    for i in (0..set.len()).filter(|i| !spot.curves.contains(&(*i as u32))) {
+        clip(set, i, window, OTHERS, |_| Part::Other, &mut others);
+    }
+    limit(&mut others, OTHER_EDGES);
+    others.append(&mut own(set, spot, window));
+    others
+}
+
+/// Returns the strands of the curves of a finding.
+fn own(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
     let [a, b] = spot.curves;
-    let (mut own, mut others) = (Vec::new(), Vec::new());
-    for i in 0..set.len() {
-        let at = i as u32;
-        if at == a || at == b {
-            let part = |s: u32| part_of(set, spot, at, s);
-            clip(set, i, window, OWN, part, &mut own);
-        } else {
-            clip(set, i, window, OTHERS, |_| Part::Other, &mut others);
+    let mut own = Vec::new();
+    for i in std::iter::once(a).chain((a != b).then_some(b)) {
+        if (i as usize) < set.len() {
+            let part = |s: u32| part_of(set, spot, i, s);
+            clip(set, i as usize, window, OWN, part, &mut own);
         }
     }
     limit(&mut own, OWN_EDGES);
-    limit(&mut others, OTHER_EDGES);
-    others.append(&mut own);
-    others
+    own
 }
 
 /// Returns the group of segment `s` of curve `i`. If a curve meets itself, its groups are the parts

@@ -75,12 +75,12 @@ impl Facts {
             };
             out += &format!(
                 "<path class=\"x\" d=\"M{} 3V{}\"/><text class=\"t {class}\" x=\"{}\" \
-                 y=\"{NAMES}\">first {}: frame {}</text>\n",
+                 y=\"{NAMES}\">frame {}: first {}</text>\n",
                 px(x),
                 px(MARKS),
                 px(x + aside),
-                found.verdict,
-                found.moment.frame
+                found.moment.frame,
+                found.verdict
             );
         }
         axis.draw(AXIS, &mut out);
