@@ -20,9 +20,10 @@ const FIRST: usize = 4;
 
 /// How the violations with pictures are chosen.
 pub(super) const CHOICE: &str = "The first four violations, the pair with the most pull-throughs, \
-     and the deepest one (the pair that is furthest apart in the frame in which it changed); then \
-     the next ones. Each is shown in the previous recorded frame, in its own, and in the next one, \
-     in the same window; the second row is the first one after a quarter turn about its vertical.";
+     the deepest one (the pair that is furthest apart in the frame in which it changed), and then \
+     the next ones. Each is shown in the previous recorded frame, in its own, and in the next one. \
+     The window moves with both strands; the second row is the first one after a quarter turn \
+     about its vertical.";
 
 /// A violation with pictures.
 #[derive(Clone, Debug)]
@@ -213,36 +214,29 @@ fn figure(reason: String, shot: Shot, frames: [Option<&Held>; 3]) -> Figure {
             }
         };
     }
-    let Some(at) = frames[1] else {
-        return Figure {
-            reason,
-            shot,
-            captions,
-            rows,
-        };
-    };
-    let placed = frames
-        .iter()
-        .flatten()
-        .filter_map(|held| Some((&held.set, place(held)?)));
-    let placed: Vec<(&CurveSet, Spot)> = placed.collect();
-    let window = Window::around(&placed, (&at.set, shot.spot));
-    let views = views(&strands(&at.set, shot.spot, window));
-    for (k, frame) in frames.into_iter().enumerate() {
-        let Some((held, spot)) = frame.and_then(|held| Some((held, place(held)?))) else {
-            continue;
-        };
-        let strands = strands(&held.set, spot, window);
-        let named = named(&held.set, spot, window);
-        for (row, view) in rows.iter_mut().zip(views) {
-            let panel = Panel {
-                strands: &strands,
-                window,
-                view,
-                named: &named,
-                label: captions[k].clone(),
-            };
-            row[k] = Some(panel.svg());
+    let placed = frames.map(|frame| {
+        let held = frame?;
+        Some((&held.set, place(held)?))
+    });
+    let windows = Window::around(placed);
+    let shown: [Option<_>; 3] = std::array::from_fn(|k| {
+        let ((set, spot), window) = (placed[k]?, windows[k]?);
+        Some((strands(set, spot, window), named(set, spot, window), window))
+    });
+    // The views are those that suit the frame of the violation.
+    let views = shown[1].as_ref().map(|(strands, ..)| views(strands));
+    for (row, view) in rows.iter_mut().zip(views.into_iter().flatten()) {
+        for ((picture, shown), caption) in row.iter_mut().zip(&shown).zip(&captions) {
+            *picture = shown.as_ref().map(|(strands, named, window)| {
+                let panel = Panel {
+                    strands,
+                    window: *window,
+                    view,
+                    named,
+                    label: caption.clone(),
+                };
+                panel.svg()
+            });
         }
     }
     Figure {

@@ -276,10 +276,15 @@ fn draw(figure: &Figure, out: &mut String) {
         format!("<span>{}curve {i}, segment {s}</span>", swatch(&mark))
     };
     *out += &format!(
-        "<figure>\n<figcaption><h3>{}</h3>\n<p class=\"dim\">Chosen as: {}.</p>\n\
+        "<figure>\n<figcaption><h3>{}</h3>\n<p class=\"dim\">{}Chosen as: {}.</p>\n\
          <p class=\"legend\">{}{}<span>{}neighbours</span><span>{}the place</span></p>\
          </figcaption>\n<div class=\"pictures\">\n",
         escape(&format!("{}: {}", figure.shot.moment, figure.shot.sentence)),
+        figure
+            .shot
+            .passage
+            .as_ref()
+            .map_or(String::new(), |p| format!("{}. ", escape(p))),
         escape(&figure.reason),
         curve("sa", i, s),
         if (i, s) == (j, t) {

@@ -19,6 +19,10 @@ const HALF: f64 = SIZE / 2.0;
 const OWN: f64 = 4.5;
 const OTHER: f64 = 1.4;
 
+/// Radius of the mark of the place, and distance of the names of segments from it.
+const MARK: f64 = 20.0;
+const NAMES: f64 = 46.0;
+
 /// Smallest distance of successive points, and largest deviation of a point that is omitted.
 const SPACING: f64 = 0.5;
 const DEVIATION: f64 = 0.12;
@@ -72,7 +76,7 @@ impl Panel<'_> {
                 out += &format!("<path class=\"{class}\" d=\"{data}\"/>\n");
             }
         }
-        out += &format!("<circle class=\"m\" cx=\"{HALF}\" cy=\"{HALF}\" r=\"15\"/>\n");
+        out += &format!("<circle class=\"m\" cx=\"{HALF}\" cy=\"{HALF}\" r=\"{MARK}\"/>\n");
         self.names(&mut out);
         self.scale(&mut out);
         self.axes(&mut out);
@@ -103,7 +107,7 @@ impl Panel<'_> {
                 true => [dx / length, dy / length],
                 false => [0.0, if taken.is_empty() { -1.0 } else { 1.0 }],
             };
-            let distance = (36.0 - length).max(18.0);
+            let distance = (NAMES - length).max(18.0);
             let at = [
                 (x + dx * (distance + half)).clamp(half + 3.0, SIZE - half - 3.0),
                 (y + dy * distance + 4.0).clamp(14.0, SIZE - 34.0),

@@ -69,13 +69,7 @@ impl Facts {
                 format!("Nothing was verified: the recording has no verdict{of}.")
             }
             (Conclusion::Intact | Conclusion::Incomplete, ..) => {
-                let words = match self.gaps() {
-                    gaps if gaps.is_empty() => format!("Intact: {verified}"),
-                    gaps => {
-                        let gaps = gaps.join(", ");
-                        format!("Not complete: {gaps}; the other frames are intact: {verified}")
-                    }
-                };
+                let gaps = self.gaps().join(", ");
                 let span = self.span.map(|[first, last]| match first == last {
                     true => format!(", {first}"),
                     false => format!(", from {first} to {last}"),
@@ -87,7 +81,14 @@ impl Facts {
                         plural_of(n, "open curve was", "open curves were")
                     ),
                 };
-                format!("{words}{}{open}.", span.unwrap_or_default())
+                let frames = format!("{verified}{}{open}", span.unwrap_or_default());
+                match gaps.as_str() {
+                    "" => format!("Intact: {frames}."),
+                    gaps if self.is_incomplete() => {
+                        format!("Not complete: {gaps}; the other frames are intact: {frames}.")
+                    }
+                    gaps => format!("Intact as far as verified: {frames}; {gaps}."),
+                }
             }
             (_, _, Some(found)) => {
                 let intact = self.verdicts[Verdict::Intact as usize];

@@ -28,54 +28,75 @@ pub(super) struct Window {
     pub reach: f64,
 }
 
+/// A frame, and the place of the finding in it.
+pub(super) type Placed<'a> = (&'a CurveSet, Spot);
+
 impl Window {
-    /// Returns a window in which the passage of both strands and the shape of the curves are
-    /// visible: large enough for some segments and for the motion, but not larger than the feature
-    /// of the curves that passes. `frames` are the frames before, at and after the finding, with
-    /// the place in each.
-    pub fn around(frames: &[(&CurveSet, Spot)], at: (&CurveSet, Spot)) -> Window {
-        let (set, spot) = at;
+    /// Returns the windows of the frames before, at and after a finding. They have one reach, in
+    /// which the passage of both strands and the shape of the curves are visible: enough for some
+    /// segments and for the motion, but not more than the feature of the curves that passes. Their
+    /// centres move with the points of the two strands that are closest to the place.
+    ///
+    /// `None` for frames that are `None`; all are if the second one is.
+    pub fn around(frames: [Option<Placed<'_>>; 3]) -> [Option<Window>; 3] {
+        let Some((set, spot)) = frames[1] else {
+            return [None; 3];
+        };
         let ends = || spot.curves.into_iter().zip(spot.segments);
         let sizes = ends().filter_map(|(i, s)| feature(set, i, s));
         let size = sizes.min_by(f64::total_cmp).unwrap_or(0.0);
-        let segments = ends().filter_map(|(i, s)| {
-            let (i, s) = (i as usize, s as usize);
-            let there = s < set.curves().get(i)?.segments as usize;
-            there.then(|| hypot(sub(set.knot(i, s + 1), set.knot(i, s))))
-        });
-        let segment = segments.fold(0.0, f64::max);
-        let mut motion = 0.0_f64;
-        for (set, spot) in frames {
-            for (i, s) in spot.curves.into_iter().zip(spot.segments) {
-                if let Some(t) = nearest(set, i, s, spot.point) {
-                    let end = set.eval(i as usize, s as usize, t);
-                    motion = motion.max(hypot(sub(end, spot.point)));
-                }
+        let mut segment = 0.0_f64;
+        let mut at = [None; 2];
+        for (k, (i, s)) in ends().enumerate() {
+            at[k] = nearest(set, i, s, spot.point);
+            if at[k].is_some() {
+                let (i, s) = (i as usize, s as usize);
+                segment = segment.max(hypot(sub(set.knot(i, s + 1), set.knot(i, s))));
             }
         }
-        let wanted = (8.0 * segment).max(1.3 * motion);
-        let reach = wanted.min(1.7 * size).max(0.5 * size);
-        let reach = reach.max((1.3 * motion).min(3.0 * size));
-        let usable = reach > 0.0 && reach.is_finite();
-        let window = Window {
-            centre: spot.point,
-            reach: match usable {
-                true => reach,
-                false => segment.max(f64::MIN_POSITIVE),
-            },
+        // The points that are closest to the place, and their middle.
+        let points = |(set, spot): Placed<'_>| {
+            let point = |k: usize| {
+                let (i, s) = (spot.curves[k] as usize, spot.segments[k] as usize);
+                at[k].map(|t| set.eval(i, s, t))
+            };
+            [point(0), point(1)]
         };
-        // No larger than what there is to see.
-        let shown = frames
-            .iter()
-            .flat_map(|(set, spot)| own(set, *spot, window));
-        let farthest = |strand: Strand| strand.points.into_iter().map(hypot).fold(0.0, f64::max);
-        match shown.map(farthest).fold(0.0, f64::max) {
-            0.0 => window,
-            farthest => Window {
-                reach: window.reach * (1.12 * farthest).min(1.0),
-                ..window
-            },
+        let centre = |placed: Placed<'_>| match points(placed) {
+            [Some(p), Some(q)] => mix(p, q, 0.5),
+            [p, q] => p.or(q).unwrap_or(spot.point),
+        };
+        let mut motion = 0.0_f64;
+        for placed in frames.into_iter().flatten() {
+            let apart = points(placed).into_iter().flatten();
+            let apart = apart.map(|p| hypot(sub(p, centre(placed))));
+            motion = apart.fold(motion, f64::max);
         }
+        let wanted = (5.0 * segment).max(1.5 * motion);
+        let reach = wanted.min(1.4 * size).max(0.5 * size);
+        let reach = reach.max((1.5 * motion).min(3.0 * size));
+        let reach = match reach > 0.0 && reach.is_finite() {
+            true => reach,
+            false => segment.max(f64::MIN_POSITIVE),
+        };
+        let windows = frames.map(|frame| {
+            let centre = centre(frame?);
+            Some(Window { centre, reach })
+        });
+        // No larger than what there is to see.
+        let shown = frames.into_iter().zip(windows);
+        let shown = shown.filter_map(|(frame, window)| Some((frame?, window?)));
+        let shown = shown.flat_map(|((set, spot), window)| own(set, spot, window));
+        let farthest = |strand: Strand| strand.points.into_iter().map(hypot).fold(0.0, f64::max);
+        let share = match shown.map(farthest).fold(0.0, f64::max) {
+            0.0 => 1.0,
+            farthest => (1.12 * farthest).min(1.0),
+        };
+        windows.map(|window| {
+            let Window { centre, reach } = window?;
+            let reach = share * reach;
+            Some(Window { centre, reach })
+        })
     }
 
     pub fn local(&self, p: Point) -> Point {
@@ -227,19 +248,17 @@ fn clip(
 /// Returns the parameters between which an edge lies in the ball, if it does.
 fn within(a: Point, b: Point, radius: f64) -> Option<[f64; 2]> {
     let along = sub(b, a);
-    let (u, v, w) = (
-        dot(along, along),
-        dot(a, along),
-        dot(a, a) - radius * radius,
-    );
-    if u == 0.0 {
-        return (w <= 0.0).then_some([0.0, 1.0]);
+    let length_sq = dot(along, along);
+    if length_sq == 0.0 {
+        return (dot(a, a) <= radius * radius).then_some([0.0, 1.0]);
     }
-    let root = (v * v - u * w).sqrt();
-    // A NaN, if the edge misses the ball, fails the comparison.
-    let [from, to] = [(-v - root) / u, (-v + root) / u];
-    let (from, to) = (from.max(0.0), to.min(1.0));
-    (root >= 0.0 && from < to).then_some([from, to])
+    // From the point closest to the centre, because long edges would cancel.
+    let closest = -dot(a, along) / length_sq;
+    let p = mix(a, b, closest);
+    // A NaN, if the line misses the ball, fails the comparison.
+    let half = ((radius * radius - dot(p, p)) / length_sq).sqrt();
+    let (from, to) = ((closest - half).max(0.0), (closest + half).min(1.0));
+    (half >= 0.0 && from < to).then_some([from, to])
 }
 
 /// Keeps at most `most` edges: the strands that come closest to the centre, and of a longer one the

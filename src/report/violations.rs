@@ -26,6 +26,8 @@ pub(super) struct Shot {
     pub spot: Spot,
     /// The finding in words.
     pub sentence: String,
+    /// The pull-through in words, if the finding is a changed linking number that it explains.
+    pub passage: Option<String>,
     /// True for a change or a pull-through, false for a pair that is undecided.
     pub changed: bool,
 }
@@ -108,6 +110,7 @@ impl Violations {
             moment,
             spot,
             sentence,
+            passage: None,
             changed,
         };
         let resolved = report.events.iter().map(|event| (event, true));
@@ -139,13 +142,20 @@ impl Violations {
                 }
                 None => pair.link = Some(link_row(change, extent, moment)),
             }
+            let sentence = || change.sentence_named(extent, names);
+            if let Some(shot) = &mut pair.shot
+                && shot.changed
+                && shot.moment == moment
+                && shot.passage.is_none()
+            {
+                shot.passage = Some(std::mem::replace(&mut shot.sentence, sentence()));
+            }
             if let Some(place) = &change.place {
                 let spot = Spot {
                     curves: [change.i, change.j],
                     segments: place.segments,
                     point: place.point,
                 };
-                let sentence = || change.sentence_named(extent, names);
                 pair.shoot(|| shot(spot, sentence(), true), true);
             }
         }
