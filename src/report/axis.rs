@@ -7,7 +7,7 @@ use crate::curve::significant;
 
 /// Width of a picture with a time axis, and its margins.
 pub(super) const WIDTH: f64 = 1000.0;
-const LEFT: f64 = 62.0;
+const LEFT: f64 = 72.0;
 const RIGHT: f64 = 14.0;
 
 /// Maximum number of labels.
@@ -67,14 +67,12 @@ impl<'a> Axis<'a> {
             }
         }
         *out += &format!(
-            "<text class=\"t e d\" x=\"{}\" y=\"{}\">frame</text>\n",
-            px(LEFT - 8.0),
+            "<text class=\"t d\" x=\"0\" y=\"{}\">frame</text>\n",
             px(y + 17.0)
         );
         if timed {
             *out += &format!(
-                "<text class=\"t e d\" x=\"{}\" y=\"{}\">time</text>\n",
-                px(LEFT - 8.0),
+                "<text class=\"t d\" x=\"0\" y=\"{}\">time</text>\n",
                 px(y + 30.0)
             );
         }

@@ -23,8 +23,11 @@ const TEXT: usize = 1000;
 /// Maximum number of entries of the metadata.
 const ENTRIES: usize = 60;
 
+/// Key of the metadata of recordings that have the curves of some frames only, on purpose.
+pub(super) const RECORD_EVERY: &str = "record_every";
+
 /// Maximum number of pull-throughs, and of rejected and incomplete frames, that are listed.
-const PULL_THROUGHS: usize = 1000;
+const PULL_THROUGHS: usize = 400;
 const REMARKS: usize = 100;
 
 /// Finding that the first sentence names.
@@ -159,9 +162,22 @@ impl Facts {
         events.and_then(|e| e.parse().ok()).unwrap_or_default()
     }
 
+    /// Returns the number of frames of which either the curves or the verdict were lost.
+    pub fn recorded_in_part(&self) -> u64 {
+        self.counts.unanswered + self.lost_curves()
+    }
+
+    /// Returns the number of verdicts whose curves were lost, not left out on purpose.
+    pub fn lost_curves(&self) -> u64 {
+        match self.metadata.contains_key(RECORD_EVERY) {
+            true => 0,
+            false => self.counts.without_curves,
+        }
+    }
+
     /// Returns true if the recording lacks something: no verdict, or data that was lost.
     pub fn is_incomplete(&self) -> bool {
-        let lost = self.counts.missing + self.counts.unanswered + self.counts.without_curves;
+        let lost = self.counts.missing.saturating_add(self.recorded_in_part());
         self.counts.verified == 0 || lost > 0 || self.end != End::Finished
     }
 }

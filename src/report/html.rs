@@ -17,9 +17,9 @@ impl RunReport {
     /// Returns the report as an HTML page: one file without scripts and external resources, for
     /// light and dark screens and for print.
     ///
-    /// Texts of the recording are escaped. The size is limited: tables have at most 1,000 rows,
+    /// Texts of the recording are escaped. The size is limited: tables have at most 400 rows,
     /// there are pictures of at most six violations, and plots have at most 400 columns. Usual
-    /// pages have some 100 kB; it stays below [`RunReport::MOST_BYTES`].
+    /// pages have 20 to 100 kB; it stays below [`RunReport::MOST_BYTES`].
     pub fn html(&self) -> String {
         let facts = &self.facts;
         let conclusion = facts.conclusion();
@@ -187,7 +187,7 @@ impl RunReport {
         let heads = [
             "in",
             "curves",
-            "at of the step",
+            "share of the step",
             "sign",
             "at",
             "segments",

@@ -99,7 +99,7 @@ impl Panel<'_> {
                 continue;
             }
             let text = format!("segment {}", named.segment);
-            let half = 3.2 * text.len() as f64;
+            let half = 4.0 * text.len() as f64;
             let [dx, dy] = [x - HALF, y - HALF];
             let length = dx.hypot(dy);
             // Strands that cross at the place itself: one name above, one below.
@@ -159,7 +159,7 @@ impl Panel<'_> {
         );
     }
 
-    /// Draws the axes of the simulation, those towards the viewer longer dashes than the others.
+    /// Draws the axes of the simulation.
     fn axes(&self, out: &mut String) {
         const AT: [f64; 2] = [SIZE - 30.0, SIZE - 28.0];
         for (k, name) in ["x", "y", "z"].into_iter().enumerate() {
@@ -167,7 +167,7 @@ impl Panel<'_> {
             axis[k] = 1.0;
             let [x, y, _] = self.view.project(axis);
             // An axis that points to the viewer, or away, is a point.
-            if x.hypot(y) < 0.2 {
+            if x.hypot(y) < 0.3 {
                 continue;
             }
             *out += &format!(

@@ -1,6 +1,6 @@
 //! What happened, in one sentence, and what limits it.
 
-use super::facts::{End, Facts, Found};
+use super::facts::{End, Facts, Found, RECORD_EVERY};
 use crate::incremental::Events;
 use crate::verdict::Verdict;
 use crate::words::{count, percent, plural, plural_of};
@@ -85,7 +85,7 @@ impl Facts {
                 match gaps.as_str() {
                     "" => format!("Intact: {frames}."),
                     gaps if self.is_incomplete() => {
-                        format!("Not complete: {gaps}; the other frames are intact: {frames}.")
+                        format!("Not complete: {gaps}; what was recorded is intact: {frames}.")
                     }
                     gaps => format!("Intact as far as verified: {frames}; {gaps}."),
                 }
@@ -127,8 +127,7 @@ impl Facts {
         };
         gap(counts.skipped, "skipped");
         gap(counts.missing, "not recorded");
-        let lost = counts.unanswered + counts.without_curves;
-        gap(lost, "recorded in part");
+        gap(self.recorded_in_part(), "recorded in part");
         match &self.end {
             End::Finished => {}
             End::Cut(..) => gaps.push("the recording was cut off".into()),
@@ -201,7 +200,11 @@ impl Facts {
         }
         if counts.without_curves > 0 {
             let verdicts = plural(counts.without_curves, "verdict");
-            notes.push(format!("{verdicts} without the curves of the frame"));
+            let why = match self.metadata.get(RECORD_EVERY) {
+                Some(n) => format!(", left out on purpose (--record-every {n})"),
+                None => String::new(),
+            };
+            notes.push(format!("{verdicts} without the curves of the frame{why}"));
         }
         match &self.end {
             End::Finished => {}

@@ -1,8 +1,8 @@
 //! Parts of curves within a window around a place.
 //!
 //! Coordinates are relative to the centre of the window, in units of its reach. Curves are clipped
-//! to a ball, so that curves of any length give a bounded picture: of the curves of the finding and
-//! of all others, only the parts closest to the place are kept if there are too many.
+//! to a ball, and of those of the finding and of all others only the parts closest to the place are
+//! kept if there are too many, so that curves of any length give a small picture.
 
 use super::violations::Spot;
 use crate::curve::vector::{dot, hypot, mix, sub};
@@ -13,12 +13,14 @@ use crate::curve::{CurveSet, Point, feature, nearest, point_at};
 const OWN: f64 = 1.5;
 const OTHERS: f64 = 1.15;
 
-/// Maximum number of edges of each group.
-const OWN_EDGES: usize = 3000;
-const OTHER_EDGES: usize = 1200;
+/// Maximum number of edges of each group, and their maximum length. A longer line would fill the
+/// picture.
+const OWN_MOST: (usize, f64) = (1500, 60.0);
+const OTHER_MOST: (usize, f64) = (1200, 40.0);
 
-/// Number of edges of a spline segment.
+/// Number of edges of a spline segment, and size of segments that have one edge only.
 const SAMPLES: usize = 8;
+const DOT: f64 = 0.01;
 
 /// A window around a place.
 #[derive(Clone, Copy, Debug)]
@@ -121,6 +123,7 @@ pub(super) struct Strand {
     pub points: Vec<Point>,
 }
 
+#[cfg(test)]
 impl Strand {
     fn edges(&self) -> usize {
         self.points.len() - 1
@@ -133,7 +136,7 @@ pub(super) fn strands(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand>
     for i in (0..set.len()).filter(|i| !spot.curves.contains(&(*i as u32))) {
         clip(set, i, window, OTHERS, |_| Part::Other, &mut others);
     }
-    limit(&mut others, OTHER_EDGES);
+    limit(&mut others, OTHER_MOST);
     others.append(&mut own(set, spot, window));
     others
 }
@@ -148,7 +151,7 @@ fn own(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
             clip(set, i as usize, window, OWN, part, &mut own);
         }
     }
-    limit(&mut own, OWN_EDGES);
+    limit(&mut own, OWN_MOST);
     own
 }
 
@@ -186,11 +189,6 @@ fn clip(
     out: &mut Vec<Strand>,
 ) {
     let curve = set.curve(i);
-    let steps = if set.basis().is_polyline() {
-        1
-    } else {
-        SAMPLES
-    };
     let first = out.len();
     // True if the last strand ends where the next edge starts.
     let mut open = false;
@@ -206,6 +204,12 @@ fn clip(
             continue;
         }
         let part = part(s);
+        let size = [1, 2, 3].map(|k| hypot(sub(hull[k], hull[0])));
+        let is_dot = size.into_iter().all(|x| x < DOT);
+        let steps = match set.basis().is_polyline() || is_dot {
+            true => 1,
+            false => SAMPLES,
+        };
         for k in 0..steps {
             let at = |k: usize| match steps {
                 1 => hull[3 * k],
@@ -261,30 +265,34 @@ fn within(a: Point, b: Point, radius: f64) -> Option<[f64; 2]> {
     (half >= 0.0 && from < to).then_some([from, to])
 }
 
-/// Keeps at most `most` edges: the strands that come closest to the centre, and of a longer one the
-/// part around its closest point.
-fn limit(strands: &mut Vec<Strand>, most: usize) {
-    if strands.iter().map(Strand::edges).sum::<usize>() <= most {
-        return;
-    }
+/// Keeps at most this number of edges, and this length: the strands that come closest to the
+/// centre, and of the last one the part around its closest point.
+fn limit(strands: &mut Vec<Strand>, (mut edges, mut length): (usize, f64)) {
     let closest = |strand: &Strand| {
         let distances = strand.points.iter().map(|p| dot(*p, *p)).enumerate();
         distances
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .unwrap_or((0, 0.0))
     };
-    strands.sort_by(|a, b| closest(a).1.total_cmp(&closest(b).1));
-    let mut left = most;
+    // Squares are not negative, so that their bits have their order.
+    strands.sort_by_cached_key(|strand| closest(strand).1.to_bits());
     for strand in strands.iter_mut() {
-        if strand.edges() > left {
-            let (at, _) = closest(strand);
-            let start = at.saturating_sub(left / 2).min(strand.edges() - left);
-            strand.points = strand.points[start..=start + left].to_vec();
-            strand.closed = false;
+        let (at, last) = (closest(strand).0, strand.points.len() - 1);
+        let (mut from, mut to) = (at, at);
+        while edges > 0 && length > 0.0 && (from > 0 || to < last) {
+            let back = from > 0 && (to == last || at - from <= to - at);
+            match back {
+                true => from -= 1,
+                false => to += 1,
+            }
+            let k = if back { from } else { to - 1 };
+            edges -= 1;
+            length -= hypot(sub(strand.points[k + 1], strand.points[k]));
         }
-        left -= strand.edges();
+        strand.closed &= (from, to) == (0, last);
+        strand.points = strand.points[from..=to].to_vec();
     }
-    strands.retain(|strand| strand.edges() > 0);
+    strands.retain(|strand| strand.points.len() > 1);
 }
 
 #[cfg(test)]
@@ -359,7 +367,7 @@ mod tests {
     fn the_edges_closest_to_the_place_are_kept() {
         let found = shown(&ring(100_000, 1.0, Basis::Polyline), [0.9, 0.0, 0.0], 1.0);
         let edges: usize = found.iter().map(Strand::edges).sum();
-        assert_eq!(edges, OTHER_EDGES);
+        assert_eq!(edges, OTHER_MOST.0);
         assert!(found[0].points.iter().all(|p| norm(*p) < 0.2));
     }
 

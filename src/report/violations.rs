@@ -6,7 +6,7 @@ use crate::verdict::{Change, ChangeKind, DefectKind, Report};
 use std::collections::HashMap;
 
 /// Maximum number of pairs that are listed: the first ones.
-const MOST: usize = 1000;
+const MOST: usize = 400;
 
 /// A place between two curves, for a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
