@@ -1,5 +1,10 @@
 //! Numbers with their nouns and units in messages, which the command and reports of recordings share.
 
+#![cfg_attr(
+    not(feature = "cli"),
+    allow(dead_code, reason = "the command uses all")
+)]
+
 use std::time::Duration;
 
 /// Formats a count with separators, `211,680`.

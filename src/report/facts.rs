@@ -175,9 +175,19 @@ impl Facts {
         }
     }
 
-    /// Returns true if the recording lacks something: no verdict, or data that was lost.
+    /// Returns the number of verified frames whose clearance was to be measured, but was not.
+    pub fn unmeasured(&self) -> u64 {
+        match self.metadata.contains_key("thickness") {
+            true => self.counts.verified - self.clearances[0].min(self.counts.verified),
+            false => 0,
+        }
+    }
+
+    /// Returns true if the recording lacks something: no verdict, or data that was lost or not
+    /// measured.
     pub fn is_incomplete(&self) -> bool {
-        let lost = self.counts.missing.saturating_add(self.recorded_in_part());
+        let lost = self.recorded_in_part() + self.unmeasured();
+        let lost = self.counts.missing.saturating_add(lost);
         self.counts.verified == 0 || lost > 0 || self.end != End::Finished
     }
 }

@@ -128,6 +128,7 @@ impl Facts {
         gap(counts.skipped, "skipped");
         gap(counts.missing, "not recorded");
         gap(self.recorded_in_part(), "recorded in part");
+        gap(self.unmeasured(), "verified without the clearance");
         match &self.end {
             End::Finished => {}
             End::Cut(..) => gaps.push("the recording was cut off".into()),
@@ -151,15 +152,17 @@ impl Facts {
         }
         if self.changed.is_some() {
             let changed = self.verdicts[Verdict::Changed as usize];
-            let frames = plural_of(changed, "frame differs", "frames differ");
+            let frames = plural_of(changed, "frame has", "frames have");
             let pairs = self.violations.pairs.iter().filter(|pair| pair.changed());
-            let pairs = plural_of(pairs.count() as u64, "pair", "pairs");
+            let pairs = plural(pairs.count() as u64, "pair");
             let more = if self.violations.more {
                 "more than "
             } else {
                 ""
             };
-            notes.push(format!("in all, {frames}, in {more}{pairs} of curves"));
+            notes.push(format!(
+                "{frames} a changed topology, in {more}{pairs} of curves"
+            ));
         }
         for (verdict, what) in [
             (
@@ -234,6 +237,10 @@ impl Facts {
                 "pull-throughs were not searched for (--events): two that cancel are not \
                  detected{open}"
             ));
+        }
+        if self.unmeasured() > 0 {
+            let frames = plural(self.unmeasured(), "frame");
+            notes.push(format!("the clearance of {frames} was not measured"));
         }
         if let Some(closest) = &self.closest {
             let low = match self.clearances[1] {

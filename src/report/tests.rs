@@ -6,7 +6,7 @@ use crate::curve::{Basis, CurveLabels, CurveSet, Positions};
 use crate::incremental::Work;
 use crate::ingest::FrameInfo;
 use crate::sinks::{BaselineRecord, FrameRecord, FrameTimes, RecordingSink, Sink};
-use crate::verdict::{Change, Defect, DefectKind, Place, PullThrough, Report, Verdict};
+use crate::verdict::{Change, Clearance, Defect, DefectKind, Place, PullThrough, Report, Verdict};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -208,6 +208,41 @@ fn no_sentence_hides_frames_that_are_not_known_to_be_intact() {
 }
 
 #[test]
+fn a_clearance_that_was_not_measured_makes_a_run_incomplete() {
+    let measured = |r: &mut Report| {
+        r.clearance = Some(Clearance {
+            at_least: 1.0,
+            closest: None,
+            low: false,
+            frames_left: None,
+        });
+    };
+    let run = || Recorded::default().with("thickness", "0.1");
+    let all = run().frame(Verdict::Intact, measured);
+    says(all, Conclusion::Intact, "Intact: 1 frame, frame 0.");
+    let some = run().frame(Verdict::Intact, measured).intact();
+    let sentence = "Not complete: 1 frame was verified without the clearance; what was recorded \
+                    is intact: 2 frames, from frame 0 to frame 1 at 0.5 s.";
+    says(some, Conclusion::Incomplete, sentence);
+}
+
+#[test]
+fn curves_that_were_left_out_on_purpose_are_not_lost() {
+    let mut run = Recorded::default().intact().intact();
+    run.reports[1].1 = None;
+    assert_eq!(run.report().conclusion(), Conclusion::Incomplete);
+    let mut run = Recorded::default().intact().intact();
+    run.reports[1].1 = None;
+    let report = run.with("record_every", "2").report();
+    assert_eq!(report.conclusion(), Conclusion::Intact);
+    let text = report.to_string();
+    assert!(
+        text.contains("left out on purpose (--record-every 2)"),
+        "{text}"
+    );
+}
+
+#[test]
 fn open_curves_that_were_not_verified_are_in_the_sentence() {
     let open = |r: &mut Report| r.stats.open_curves = 2;
     let run = Recorded::default().frame(Verdict::Intact, open);
@@ -260,7 +295,10 @@ fn the_pair_that_was_pulled_through_first_is_named() {
     assert!(sentence.contains("curves 2 and 3 came apart"), "{sentence}");
     let notes = report.facts.notes();
     assert_eq!(notes[0], "frame 1 at 0.5 s has 3 more findings");
-    assert_eq!(notes[1], "in all, 1 frame differs, in 2 pairs of curves");
+    assert_eq!(
+        notes[1],
+        "1 frame has a changed topology, in 2 pairs of curves"
+    );
 }
 
 #[test]
