@@ -1,4 +1,4 @@
-//! Numbers with their nouns and units in messages, which the command and reports of recordings share.
+//! Numbers with their nouns and units in messages, for the command and for reports of recordings.
 
 #![cfg_attr(
     not(feature = "cli"),

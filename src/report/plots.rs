@@ -183,7 +183,8 @@ fn draw(axis: &Axis<'_>, title: String, content: &[Figures], kind: Kind) -> Plot
     for tick in scale.ticks() {
         let y = scale.y(tick);
         svg += &format!(
-            "<path class=\"g\" d=\"M{} {}H{}\"/><text class=\"t e d\" x=\"{}\" y=\"{}\">{}</text>\n",
+            "<path class=\"g\" d=\"M{} {}H{}\"/><text class=\"t e d\" x=\"{}\" y=\"{}\">{}\
+             </text>\n",
             px(left),
             px(y),
             px(right),
