@@ -400,6 +400,56 @@ fn hostile_texts_do_not_become_markup_or_control_the_terminal() {
 }
 
 #[test]
+fn impossible_findings_of_a_hostile_recording_are_reported_without_a_panic() {
+    for (curves, segments, point) in [
+        ([7, 8], [0, 0], [0.0; 3]),
+        ([0, 1], [u32::MAX, 9], [0.0; 3]),
+        ([1, 0], [1, 3], [f64::NAN, 0.0, f64::INFINITY]),
+        ([1, 1], [0, u32::MAX], [f64::MAX; 3]),
+        ([u32::MAX, 0], [3, 3], [-1e-320; 3]),
+    ] {
+        let [i, j] = curves;
+        let place = Place {
+            segments,
+            point,
+            distance: f64::NAN,
+        };
+        let run = Recorded::default().intact().frame(Verdict::Changed, |r| {
+            r.time = f64::NAN;
+            r.stats.extent = f64::INFINITY;
+            r.changes = vec![Change {
+                expected: i64::MIN,
+                found: i64::MAX,
+                place: Some(place),
+                ..change(i, j)
+            }];
+            r.events = vec![PullThrough {
+                segments,
+                point,
+                fraction: f64::INFINITY,
+                ..pull_through(i, j)
+            }];
+            r.defects = vec![Defect {
+                i,
+                j: None,
+                kind: DefectKind::Degenerate,
+                place,
+            }];
+        });
+        let report = run.intact().report();
+        assert_eq!(report.conclusion(), Conclusion::Changed);
+        for row in report.figures.iter().flat_map(|f| &f.rows) {
+            for svg in row.iter().flatten() {
+                // The first line has the time of the frame, which is not a number.
+                let (_, svg) = svg.split_once('\n').unwrap();
+                assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+            }
+        }
+        assert!(report.html().ends_with("</html>\n"));
+    }
+}
+
+#[test]
 fn pages_of_broken_scenes_stay_small() {
     const CURVES: u32 = 3000;
     let names = (0..CURVES).map(|k| format!("{k:05}{}", "\"".repeat(250)));
