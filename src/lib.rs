@@ -58,7 +58,7 @@
 //! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
 //! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
-//! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer |
+//! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer; `RunReport` |
 //! | simulators | the bus: `Client`, and `Sidecar` for a watcher of your own |
 //! | test scenes | [`scenes`] |
 //!
@@ -77,7 +77,7 @@
 //! | `cli` | the command `linkwatch`; no API | clap |
 //! | `lab` | measurements: `lab`; `study` and `devices --measure` of the command | plotters |
 //! | `gpu` | kernels on a GPU: `VerifierOptions::device` | wgpu |
-//! | `mcap` | recordings: `RecordingSink`, `RecordingReader` | mcap |
+//! | `mcap` | recordings: `RecordingSink`, `RecordingReader`, `RunReport` | mcap |
 //! | `rerun` | the viewer: `ViewerSink` | rerun |
 //! | `metrics` | `watch --metrics` of the command; no API | prometheus |
 //!
@@ -142,6 +142,8 @@ pub mod plan;
 mod pool;
 #[cfg(feature = "verify")]
 mod random;
+#[cfg(feature = "mcap")]
+mod report;
 #[cfg(feature = "verify")]
 pub mod scenes;
 #[cfg(feature = "verify")]
@@ -153,6 +155,8 @@ mod thickness;
 mod verdict;
 #[cfg(feature = "verify")]
 mod verifier;
+#[cfg(any(feature = "cli", feature = "mcap"))]
+mod words;
 #[cfg(all(doc, feature = "client"))]
 #[doc = include_str!("../docs/attaching.md")]
 pub mod attaching {}
@@ -186,6 +190,8 @@ pub use ingest::{FrameInfo, FramePool, RawFrame};
 pub use pairs::{Partition, Share};
 #[cfg(feature = "verify")]
 pub use plan::Plan;
+#[cfg(feature = "mcap")]
+pub use report::{Conclusion, RunReport};
 #[cfg(feature = "verify")]
 pub use sinks::{
     BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, Sink, SinkQueue, SinkSummary,

@@ -30,6 +30,8 @@ mod repair;
 mod repeat;
 #[cfg(feature = "mcap")]
 mod replay;
+#[cfg(feature = "mcap")]
+mod report;
 #[cfg(feature = "bus")]
 mod services;
 mod session;
@@ -110,6 +112,8 @@ enum Command {
     Services(services::Args),
     #[cfg(feature = "mcap")]
     Replay(replay::Args),
+    #[cfg(feature = "mcap")]
+    Report(report::Args),
     #[cfg(feature = "mcap")]
     Repair(repair::Args),
     Certify(certify::Args),
@@ -219,6 +223,8 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Watch(args) => watch::run(args, cli.json),
         #[cfg(feature = "mcap")]
         Command::Replay(args) => replay::run(args, cli.json),
+        #[cfg(feature = "mcap")]
+        Command::Report(args) => report::run(args, cli.json),
         #[cfg(feature = "mcap")]
         Command::Repair(args) => repair::run(args, cli.json),
         #[cfg(feature = "bus")]

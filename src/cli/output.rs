@@ -1,6 +1,7 @@
 //! Output of the command: results on stdout, everything else on stderr.
 
 use super::stream::{self, Lost, Target};
+pub use crate::words::{count, millis, percent, plural, plural_of};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use linkwatch::{CurveSet, Events, Progress, Stats};
 use std::fmt;
@@ -148,40 +149,6 @@ pub fn console_on_stderr() -> bool {
     stream::is_terminal()
 }
 
-/// Formats a count with separators, `211,680`.
-pub fn count(n: u64) -> String {
-    let digits = n.to_string();
-    let mut out = String::new();
-    for (k, c) in digits.chars().enumerate() {
-        if k > 0 && (digits.len() - k).is_multiple_of(3) {
-            out.push(',');
-        }
-        out.push(c);
-    }
-    out
-}
-
-/// Formats a share from 0 to 1, `12.50 %`. Only 0 is shown as 0.
-pub fn percent(share: f64) -> String {
-    match share * 100.0 {
-        x if x > 0.0 && x < 0.01 => "under 0.01 %".to_owned(),
-        x => format!("{x:.2} %"),
-    }
-}
-
-/// Formats a count with its noun, `1 link`, `2 links`.
-pub fn plural(n: u64, noun: &str) -> String {
-    plural_of(n, noun, &format!("{noun}s"))
-}
-
-/// Formats a count with its noun, `1 vertex`, `2 vertices`.
-pub fn plural_of(n: u64, one: &str, many: &str) -> String {
-    match n {
-        1 => format!("1 {one}"),
-        _ => format!("{} {many}", count(n)),
-    }
-}
-
 /// Warns of open curves. `events` is the setting for pull-throughs, if the command sees several
 /// frames.
 pub fn warn_of_open_curves(name: &str, stats: &Stats, events: Option<Events>) {
@@ -220,16 +187,6 @@ pub fn warn_of_long_segment(name: &str, curves: &CurveSet) {
     );
 }
 
-/// Formats a duration in milliseconds: two decimals below 10 ms, else none.
-pub fn millis(d: Duration) -> String {
-    let ms = d.as_secs_f64() * 1e3;
-    if ms < 10.0 {
-        format!("{ms:.2} ms")
-    } else {
-        format!("{ms:.0} ms")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,17 +201,5 @@ mod tests {
         assert_eq!((bar.position(), bar.length()), (0, Some(12)));
         show_pairs(&bar, (5, 12));
         assert_eq!((bar.position(), bar.length()), (5, Some(12)));
-    }
-
-    #[test]
-    fn counts_have_separators() {
-        assert_eq!(count(0), "0");
-        assert_eq!(count(999), "999");
-        assert_eq!(count(1000), "1,000");
-        assert_eq!(count(1_234_567), "1,234,567");
-        assert_eq!(plural(1, "link"), "1 link");
-        assert_eq!(plural(2000, "link"), "2,000 links");
-        assert_eq!(millis(Duration::from_micros(1234)), "1.23 ms");
-        assert_eq!(millis(Duration::from_millis(1234)), "1234 ms");
     }
 }

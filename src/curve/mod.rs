@@ -22,6 +22,8 @@ mod labels;
 mod lazy;
 #[cfg(feature = "verify")]
 mod leaf_boxes;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+mod local;
 mod notation;
 mod positions;
 #[cfg(feature = "verify")]
@@ -50,6 +52,8 @@ pub use labels::{CurveChange, CurveLabels};
 pub(crate) use labels::{words_of_change, words_of_curve};
 #[cfg(feature = "verify")]
 pub(crate) use lazy::Received;
+#[cfg(any(feature = "mcap", feature = "rerun"))]
+pub(crate) use local::{feature, nearest};
 pub(crate) use notation::{Notation, significant};
 pub use positions::{Positions, Precision};
 #[cfg(feature = "verify")]

@@ -36,17 +36,22 @@ impl Change {
         self.sentence_named(extent, &[])
     }
 
-    /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
-    pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
+    /// Returns the change in a few words: "curves 3 and 4 came apart".
+    pub(crate) fn words(&self, names: &[String]) -> String {
         let what = match self.kind() {
             ChangeKind::Lost => "came apart",
             ChangeKind::Gained => "became linked",
             ChangeKind::Changed => "changed their link",
         };
+        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
+        format!("curves {i} and {j} {what}")
+    }
+
+    /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
+    pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let mut text = format!(
-            "curves {} and {} {what}: linking number was {}, is {}",
-            words_of_curve(self.i, names),
-            words_of_curve(self.j, names),
+            "{}: linking number was {}, is {}",
+            self.words(names),
             self.expected,
             self.found
         );
@@ -71,6 +76,15 @@ impl PullThrough {
         self.sentence_named(extent, &[])
     }
 
+    /// Returns the pull-through in a few words: "curves 3 and 4 passed through one another".
+    pub(crate) fn words(&self, names: &[String]) -> String {
+        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
+        match self.i == self.j {
+            true => format!("curve {i} passed through itself"),
+            false => format!("curves {i} and {j} passed through one another"),
+        }
+    }
+
     /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
         let PullThrough {
@@ -79,11 +93,7 @@ impl PullThrough {
             segments: [s, t],
             ..
         } = self;
-        let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
-        let what = match self.i == self.j {
-            true => format!("curve {i} passed through itself"),
-            false => format!("curves {i} and {j} passed through one another"),
-        };
+        let what = self.words(names);
         let point = Notation::of_scene(extent, self.point).point(self.point);
         format!("{what} at {fraction:.3} of the step ({sign:+}), at {point}, segments {s} and {t}")
     }
@@ -102,19 +112,24 @@ impl Defect {
         self.sentence_named(extent, &[])
     }
 
+    /// Returns the defect in a few words: "curves 3 and 4 touch".
+    pub(crate) fn words(&self, names: &[String]) -> String {
+        let (i, what) = (words_of_curve(self.i, names), self.kind.words());
+        match self.j {
+            Some(j) if j == self.i => format!("parts of curve {i} {what}"),
+            Some(j) => format!("curves {i} and {} {what}", words_of_curve(j, names)),
+            None => format!("curve {i} {what}"),
+        }
+    }
+
     /// Same as [`sentence`](Self::sentence), with the names of all curves, or without if empty.
     pub fn sentence_named(&self, extent: f64, names: &[String]) -> String {
-        let (i, what) = (words_of_curve(self.i, names), self.kind.words());
-        let place = self.place.words(extent);
+        let (what, point) = (self.words(names), self.place.point);
         match self.j {
-            Some(j) if j == self.i => format!("parts of curve {i} {what}, {place}"),
-            Some(j) => {
-                let j = words_of_curve(j, names);
-                format!("curves {i} and {j} {what}, {place}")
-            }
+            Some(_) => format!("{what}, {}", self.place.words(extent)),
             None => {
-                let point = Notation::of_scene(extent, self.place.point).point(self.place.point);
-                format!("curve {i} {what}, at {point}")
+                let point = Notation::of_scene(extent, point).point(point);
+                format!("{what}, at {point}")
             }
         }
     }
@@ -209,6 +224,14 @@ pub(crate) fn words_of_roll_back(
     })
 }
 
+/// Returns the number of a frame and its simulation time: see [`Report::frame`].
+pub(crate) fn words_of_frame(seq: u64, time: f64) -> String {
+    match time {
+        0.0 => format!("frame {seq}"),
+        time => format!("frame {seq} at {} s", significant(time)),
+    }
+}
+
 impl Report {
     /// Returns the state to which a simulator can roll back, in words. `None` if this frame is
     /// known to be intact, or if no frame is.
@@ -230,10 +253,7 @@ impl Report {
     /// Returns the number of the frame and its simulation time: "frame 28 at 0.28 s". Omits the
     /// time if it is 0, as for frames without one.
     pub fn frame(&self) -> String {
-        match self.time {
-            0.0 => format!("frame {}", self.seq),
-            time => format!("frame {} at {} s", self.seq, significant(time)),
-        }
+        words_of_frame(self.seq, self.time)
     }
 
     /// Returns one line with the frame, the verdict, and the number of findings of each kind.
@@ -303,7 +323,7 @@ impl Report {
     }
 
     /// Returns the sentence for a defect.
-    fn defect(&self, defect: &Defect, names: &[String]) -> String {
+    pub(crate) fn defect(&self, defect: &Defect, names: &[String]) -> String {
         let sentence = defect.sentence_named(self.stats.extent, names);
         if defect.kind != DefectKind::NoBaseline {
             return sentence;

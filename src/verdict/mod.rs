@@ -8,6 +8,8 @@ mod pull_through;
 
 pub use change::{Change, ChangeKind, Link};
 pub use clearance::{Clearance, CloseStrands};
+#[cfg(feature = "mcap")]
+pub(crate) use message::words_of_frame;
 #[cfg(feature = "client")]
 pub(crate) use message::words_of_roll_back;
 pub use policy::AbortOn;

@@ -1,0 +1,70 @@
+//! `linkwatch report`: what a recorded run showed, for people without a viewer.
+
+use super::Outcome;
+use super::files::{Content, Files, Overwrite, write_text};
+use super::output::{self, count, plural};
+use linkwatch::{Conclusion, Result, RunReport};
+use std::path::PathBuf;
+
+/// Write what happened in a recording to an HTML page: a sentence, a timeline, tables, plots, and
+/// pictures of the worst violations
+///
+/// The page is one file without scripts and external resources. It reports the recorded verdicts;
+/// `linkwatch replay` verifies them again. A recording that was cut off is reported up to its end.
+/// The exit code is that of the recorded verdicts: 0 intact, 1 changed, 3 undecided, or frames are
+/// missing from the recording.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A recording, as written by `linkwatch watch --record`
+    #[arg(value_name = "FILE.mcap")]
+    recording: PathBuf,
+    /// The page [default: the name of the recording with .html, in the current folder; none with
+    /// --text or --json]
+    #[arg(short, long, value_name = "FILE.html", help_heading = super::WRITE)]
+    output: Option<PathBuf>,
+    /// Print the report as plain text
+    #[arg(long, help_heading = super::WRITE, conflicts_with = "json")]
+    text: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, json: bool) -> Result<Outcome> {
+    let page = match &args.output {
+        Some(path) => Some(path.clone()),
+        None if args.text || json => None,
+        None => {
+            let name = args.recording.file_name().unwrap_or_default();
+            Some(PathBuf::from(name).with_extension("html"))
+        }
+    };
+    let mut files = Files::new(args.overwrite);
+    files.reads(&args.recording);
+    if let Some(path) = &page {
+        files.writes("-o", path, Content::Text)?;
+    }
+    let report = RunReport::read(&args.recording)?;
+    if json {
+        output::json(&report.json());
+    } else if args.text {
+        output::line(&report);
+    } else {
+        output::line(report.sentence());
+    }
+    if let Some(path) = &page {
+        let html = report.html();
+        write_text(path, args.overwrite, &html)?;
+        tracing::info!(
+            "{}: {} kB, pictures of {}",
+            path.display(),
+            count((html.len() as u64).div_ceil(1000)),
+            plural(report.figures() as u64, "violation"),
+        );
+    }
+    Ok(match report.conclusion() {
+        Conclusion::Intact => Outcome::Fine,
+        Conclusion::Changed => Outcome::Changed,
+        _ => Outcome::Undecided,
+    })
+}

@@ -1,0 +1,364 @@
+//! Facts of a recorded run, collected item by item in bounded memory.
+
+use super::rows::{Moment, PullThroughRow, Remark, Rows};
+use super::series::{Sample, Series};
+use super::svg::plain;
+use super::violations::Violations;
+use crate::curve::{CurveLabels, Notation};
+use crate::error::Result;
+use crate::incremental::Events;
+use crate::sinks::{Ending, RecordedItem, RecordedVerdict, RecordingReader};
+use crate::verdict::{DefectKind, Report, Stats, Verdict};
+use std::collections::BTreeMap;
+use std::io::{Read, Seek};
+use std::sync::Arc;
+
+/// Maximum length of a name of a curve in a report, in characters. Valid names have at most 255
+/// bytes.
+const NAME: usize = 255;
+
+/// Maximum length of a text of the recording: a value of the metadata, or a reason.
+const TEXT: usize = 1000;
+
+/// Maximum number of entries of the metadata.
+const ENTRIES: usize = 60;
+
+/// Key of the metadata of recordings that have the curves of some frames only, on purpose.
+pub(super) const RECORD_EVERY: &str = "record_every";
+
+/// Maximum number of pull-throughs, and of rejected and incomplete frames, that are listed.
+const PULL_THROUGHS: usize = 400;
+const REMARKS: usize = 100;
+
+/// Finding that the first sentence names.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    pub moment: Moment,
+    pub verdict: Verdict,
+    /// The finding in a few words: "curves 3 and 4 came apart". `None` if the frame has none.
+    pub what: Option<String>,
+    /// Its place.
+    pub place: Option<String>,
+    /// Number of other findings of the frame.
+    pub more: usize,
+}
+
+/// The baseline of the run.
+#[derive(Clone, Debug, serde::Serialize)]
+pub(super) struct Baseline {
+    pub origin: String,
+    pub curves: usize,
+    pub links: usize,
+    /// Pairs and curves without a linking number.
+    pub undefined: usize,
+}
+
+/// Numbers of frames.
+#[derive(Clone, Copy, Debug, Default, serde::Serialize)]
+pub(super) struct Counts {
+    /// Frames with a verdict that is not `rejected`.
+    pub verified: u64,
+    /// Frames that were published, but not verified.
+    pub skipped: u64,
+    pub rejected: u64,
+    /// Frames that were verified, but are not in the recording.
+    pub missing: u64,
+    /// Frames without a verdict.
+    pub unanswered: u64,
+    /// Verdicts without the curves of their frame, other than those on rejected frames.
+    pub without_curves: u64,
+    /// Frames that do not continue the previous one: the simulator rolled back or jumped.
+    pub cuts: u64,
+    /// Frames in which the verification in full disagreed (`--paranoid`).
+    pub disagreed: u64,
+}
+
+/// Lowest clearance.
+#[derive(Clone, Debug, serde::Serialize)]
+pub(super) struct Closest {
+    #[serde(flatten)]
+    pub moment: Moment,
+    /// Distance of the center lines, as a share of the sum of the radii.
+    pub ratio: f64,
+    pub sentence: String,
+}
+
+/// End of the recording.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) enum End {
+    #[default]
+    Finished,
+    /// First byte of the incomplete part, and its name.
+    Cut(u64, &'static str),
+    /// The error in the middle of the file.
+    Damaged(String),
+}
+
+/// Facts of a run.
+#[derive(Debug, Default)]
+pub(super) struct Facts {
+    pub metadata: BTreeMap<String, String>,
+    pub baseline: Option<Baseline>,
+    pub counts: Counts,
+    /// Number of frames with each verdict, in the order of [`Verdict::ALL`].
+    pub verdicts: [u64; 6],
+    /// First and last frame.
+    pub span: Option<[Moment; 2]>,
+    /// Time at which they arrived, in nanoseconds since 1970.
+    pub received_ns: [u64; 2],
+    /// Counters of the last verified frame, which have the size of the scene.
+    pub stats: Stats,
+    /// First frame with a changed topology, and first frame with any other verdict than intact.
+    pub changed: Option<Found>,
+    pub unsettled: Option<Found>,
+    pub violations: Violations,
+    pub pull_throughs: Rows<PullThroughRow>,
+    /// Number of unresolved pull-throughs.
+    pub unresolved: u64,
+    /// Rejected and incomplete frames, with the reason.
+    pub remarks: Rows<Remark>,
+    pub closest: Option<Closest>,
+    /// Number of frames whose clearance was measured, and of those in which it was low.
+    pub clearances: [u64; 2],
+    pub series: Series,
+    pub end: End,
+    /// Number of messages of other programs.
+    pub foreign: u64,
+}
+
+impl Facts {
+    /// Reads all verdicts of a recording.
+    ///
+    /// Errors: the file is damaged before its first verdict. Later damage is a fact.
+    pub fn collect<R: Read + Seek>(reader: &mut RecordingReader<R>) -> Result<Facts> {
+        let mut collector = Collector::default();
+        collector.facts.pull_throughs = Rows::new(PULL_THROUGHS);
+        collector.facts.remarks = Rows::new(REMARKS);
+        let damage = loop {
+            match reader.next_item() {
+                Ok(Some(item)) => collector.add(item),
+                Ok(None) => break None,
+                Err(e) if collector.facts.verdicts == [0; 6] => return Err(e),
+                Err(e) => break Some(plain(&e.to_string(), TEXT)),
+            }
+        };
+        let mut facts = collector.facts;
+        facts.counts.unanswered += u64::from(collector.frame.is_some());
+        facts.foreign = reader.skipped();
+        let entries = reader.metadata().iter().take(ENTRIES);
+        let entries = entries.map(|(key, value)| (plain(key, TEXT), plain(value, TEXT)));
+        facts.metadata = entries.collect();
+        facts.end = match (damage, reader.ending()) {
+            (Some(why), _) => End::Damaged(why),
+            (None, Some(&Ending::Cut { at, what })) => End::Cut(at, what),
+            (None, _) => End::Finished,
+        };
+        Ok(facts)
+    }
+
+    /// Returns the pull-throughs that were searched for.
+    pub fn events(&self) -> Events {
+        let events = self.metadata.get("events");
+        events.and_then(|e| e.parse().ok()).unwrap_or_default()
+    }
+
+    /// Returns the number of frames of which either the curves or the verdict were lost.
+    pub fn recorded_in_part(&self) -> u64 {
+        self.counts.unanswered + self.lost_curves()
+    }
+
+    /// Returns the number of verdicts whose curves were lost, not left out on purpose.
+    pub fn lost_curves(&self) -> u64 {
+        match self.metadata.contains_key(RECORD_EVERY) {
+            true => 0,
+            false => self.counts.without_curves,
+        }
+    }
+
+    /// Returns the number of verified frames whose clearance was to be measured, but was not.
+    pub fn unmeasured(&self) -> u64 {
+        match self.metadata.contains_key("thickness") {
+            true => self.counts.verified - self.clearances[0].min(self.counts.verified),
+            false => 0,
+        }
+    }
+
+    /// Returns true if the recording lacks something: no verdict, or data that was lost or not
+    /// measured.
+    pub fn is_incomplete(&self) -> bool {
+        let lost = self.recorded_in_part() + self.unmeasured();
+        let lost = self.counts.missing.saturating_add(lost);
+        self.counts.verified == 0 || lost > 0 || self.end != End::Finished
+    }
+}
+
+/// Facts so far, and the state of the recording.
+#[derive(Default)]
+struct Collector {
+    facts: Facts,
+    /// Number of frames so far.
+    frames: u64,
+    /// Number of the last frame if it has no verdict yet: its sequence number, and its position
+    /// among all frames of the file.
+    frame: Option<(u64, u64)>,
+    labels: Arc<CurveLabels>,
+    /// Their names, as they are printed.
+    names: Vec<String>,
+    cuts: Option<u32>,
+    /// Counts of the last verdict: frames that had one, and frames that were skipped.
+    answered: u64,
+    skipped: u64,
+}
+
+impl Collector {
+    fn add(&mut self, item: RecordedItem) {
+        match item {
+            RecordedItem::Baseline(b) => {
+                self.facts.baseline = Some(Baseline {
+                    origin: plain(&b.origin, TEXT),
+                    curves: b.certificate.curves,
+                    links: b.certificate.links.len(),
+                    undefined: b.certificate.undefined.len(),
+                });
+            }
+            RecordedItem::Frame(frame) => {
+                let before = self.frame.replace((frame.seq, self.frames));
+                self.facts.counts.unanswered += u64::from(before.is_some());
+                self.frames += 1;
+                let cuts = self.cuts.replace(frame.info.cuts);
+                self.facts.counts.cuts += u64::from(cuts.is_some_and(|c| c != frame.info.cuts));
+                if !Arc::ptr_eq(&self.labels, &frame.info.labels) {
+                    let names = frame.info.labels.names.iter();
+                    self.names = names.map(|name| plain(name, NAME)).collect();
+                    self.facts.violations.rename(&self.names);
+                    self.labels = frame.info.labels;
+                }
+            }
+            RecordedItem::Verdict(recorded) => self.judge(*recorded),
+        }
+    }
+
+    fn judge(&mut self, recorded: RecordedVerdict) {
+        let RecordedVerdict { report, progress } = recorded;
+        let facts = &mut self.facts;
+        let ordinal = self.frame.take_if(|(seq, _)| *seq == report.seq);
+        let ordinal = ordinal.map(|(_, ordinal)| ordinal);
+        let answered = progress.verified.saturating_add(progress.rejected);
+        let missing = answered.saturating_sub(self.answered.saturating_add(1));
+        let skipped = progress.skipped.saturating_sub(self.skipped);
+        (self.answered, self.skipped) = (answered, progress.skipped);
+        let moment = Moment::of(&report);
+        let counts = &mut facts.counts;
+        counts.missing = counts.missing.saturating_add(missing);
+        counts.skipped = progress.skipped;
+        counts.disagreed += u64::from(progress.work.disagreed);
+        facts.verdicts[report.verdict as usize] += 1;
+        if report.verdict == Verdict::Rejected {
+            counts.rejected += 1;
+        } else {
+            counts.verified += 1;
+            counts.without_curves += u64::from(ordinal.is_none());
+            facts.stats = report.stats;
+        }
+        let received = progress.received_ns;
+        match &mut facts.span {
+            Some([_, last]) => (*last, facts.received_ns[1]) = (moment, received),
+            None => (facts.span, facts.received_ns) = (Some([moment; 2]), [received; 2]),
+        }
+        facts.series.add(&Sample {
+            report: &report,
+            milliseconds: progress.times.check().as_secs_f64() * 1e3,
+            skipped,
+            missing,
+        });
+        for why in report.rejected.iter().chain(&report.missing) {
+            facts.remarks.push(|| Remark {
+                moment,
+                verdict: report.verdict,
+                reason: plain(why, TEXT),
+            });
+        }
+        self.findings(&report, ordinal);
+    }
+
+    /// Adds the findings of a report.
+    fn findings(&mut self, report: &Report, ordinal: Option<u64>) {
+        let (facts, names) = (&mut self.facts, &self.names);
+        let extent = report.stats.extent;
+        facts.violations.add(report, names, ordinal);
+        let resolved = report.events.iter().map(|event| (event, false));
+        let unresolved = report.unresolved.iter().map(|event| (event, true));
+        facts.unresolved += report.unresolved.len() as u64;
+        for (event, unresolved) in resolved.chain(unresolved) {
+            facts.pull_throughs.push(|| PullThroughRow {
+                moment: Moment::of(report),
+                curves: [event.i, event.j],
+                names: super::rows::names_of([event.i, event.j], names),
+                event: *event,
+                unresolved,
+                place: Notation::of_scene(extent, event.point).point(event.point),
+            });
+        }
+        if report.verdict == Verdict::Changed && facts.changed.is_none() {
+            facts.changed = Some(found(report, names));
+        }
+        if report.verdict != Verdict::Intact && facts.unsettled.is_none() {
+            facts.unsettled = Some(found(report, names));
+        }
+        let Some(clearance) = &report.clearance else {
+            return;
+        };
+        facts.clearances[0] += 1;
+        facts.clearances[1] += u64::from(clearance.low);
+        if let Some(closest) = &clearance.closest
+            && facts
+                .closest
+                .as_ref()
+                .is_none_or(|c| closest.ratio < c.ratio)
+        {
+            facts.closest = Some(Closest {
+                moment: Moment::of(report),
+                ratio: closest.ratio,
+                sentence: closest.sentence_named(extent, names),
+            });
+        }
+    }
+}
+
+/// Returns the finding of a frame that the first sentence names: the change of the pair that was
+/// pulled through first, a pull-through, or a defect.
+fn found(report: &Report, names: &[String]) -> Found {
+    let extent = report.stats.extent;
+    let at = |point| Some(Notation::of_scene(extent, point).point(point));
+    let event = report.events.first().or(report.unresolved.first());
+    let pulled = |i, j| event.is_some_and(|e| (e.i, e.j) == (i, j));
+    let change = report.changes.iter().find(|c| pulled(c.i, c.j));
+    let change = change.or(report.changes.first());
+    // An undecided step says less than a contact.
+    let defect = report.defects.iter().min_by_key(|d| match d.kind {
+        DefectKind::Contact => 0,
+        kind => 1 + u32::from(kind.is_of_step()),
+    });
+    let (what, place) = match (change, event, defect) {
+        (Some(c), ..) => (Some(c.words(names)), c.place.and_then(|p| at(p.point))),
+        (None, Some(e), _) if !report.events.is_empty() => (Some(e.words(names)), at(e.point)),
+        (None, _, Some(d)) => (Some(d.words(names)), at(d.place.point)),
+        (None, Some(e), None) => {
+            let what = format!("unresolved: {}", e.words(names));
+            (Some(what), at(e.point))
+        }
+        (None, None, None) => {
+            let why = report.rejected.iter().chain(&report.missing).next();
+            (why.map(|why| plain(why, TEXT)), None)
+        }
+    };
+    let findings = report.changes.len() + report.events.len();
+    let findings = findings + report.defects.len() + report.unresolved.len();
+    Found {
+        moment: Moment::of(report),
+        verdict: report.verdict,
+        what,
+        place,
+        more: findings.saturating_sub(1),
+    }
+}

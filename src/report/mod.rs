@@ -1,0 +1,110 @@
+//! Report of a recorded run for people without a viewer: what happened in one sentence, a timeline,
+//! tables of the findings, plots, and pictures of the worst violations.
+//!
+//! ```text
+//! first pass: verdicts ─▶ facts ─┬─▶ sentence, notes ─┐
+//!                                ├─▶ bins ─▶ timeline, plots ─┬▶ HTML, text, JSON
+//!                                └─▶ violations ─▶ choice     │
+//! second pass: frames of the chosen ones ─▶ strands in a window ─▶ two views ─▶ pictures
+//! ```
+//!
+//! The report is about the recorded verdicts. It verifies nothing; a replay does.
+//!
+//! Cost: two passes over the file, the second up to the last frame that a picture needs. Memory: a
+//! few frames, however long the recording is. Bins are merged when there are too many, and tables
+//! and pictures are limited.
+
+mod axis;
+mod facts;
+mod figures;
+mod gaps;
+mod html;
+mod picture;
+mod plots;
+mod rows;
+mod run;
+mod sentence;
+mod series;
+mod strands;
+mod svg;
+#[cfg(test)]
+mod tests;
+mod text;
+mod timeline;
+mod view;
+mod violations;
+
+pub use sentence::Conclusion;
+
+use self::facts::Facts;
+use self::figures::Figure;
+use crate::error::{Error, Result};
+use crate::sinks::RecordingReader;
+use std::path::{Path, PathBuf};
+
+/// Report of a recorded run: what happened, for people without a viewer.
+///
+/// ```
+/// use linkwatch::{Conclusion, RunReport};
+///
+/// let report = RunReport::read("recordings/squares.mcap".as_ref())?;
+/// assert_eq!(report.conclusion(), Conclusion::Changed);
+/// assert!(report.sentence().starts_with("The topology changed in frame 11"));
+/// println!("{report}"); // as plain text
+/// let page = report.html();
+/// assert!(page.starts_with("<!DOCTYPE html>"));
+/// # Ok::<(), linkwatch::Error>(())
+/// ```
+pub struct RunReport {
+    recording: PathBuf,
+    facts: Facts,
+    figures: Vec<Figure>,
+}
+
+impl RunReport {
+    /// Upper bound of the size of the HTML page.
+    pub const MOST_BYTES: usize = 8 << 20;
+
+    /// Reads a recording, also one that was cut off. Damage after the first verdict is a part of
+    /// the report.
+    ///
+    /// Errors: the file cannot be read, is not a recording, or is damaged before its first verdict.
+    pub fn read(path: &Path) -> Result<RunReport> {
+        let in_file = |e: Error| e.in_file(path);
+        let mut reader = RecordingReader::open(path).map_err(in_file)?;
+        let facts = Facts::collect(&mut reader).map_err(in_file)?;
+        let reader = RecordingReader::open(path).map_err(in_file)?;
+        Ok(RunReport {
+            recording: path.to_owned(),
+            figures: figures::draw(reader, &facts.violations),
+            facts,
+        })
+    }
+
+    /// Returns the conclusion.
+    pub fn conclusion(&self) -> Conclusion {
+        self.facts.conclusion()
+    }
+
+    /// Returns what happened, in one sentence.
+    pub fn sentence(&self) -> String {
+        self.facts.sentence()
+    }
+
+    /// Returns the number of violations with pictures.
+    pub fn figures(&self) -> usize {
+        self.figures.len()
+    }
+}
+
+/// Returns two curves with their names, if they have some: "3 (sleeve) and 4 (cuff)".
+fn words_of_curves([i, j]: [u32; 2], names: &Option<[String; 2]>) -> String {
+    let words = |i: u32, k: usize| match names {
+        Some(names) => format!("{i} ({})", names[k]),
+        None => i.to_string(),
+    };
+    match i == j {
+        true => words(i, 0),
+        false => format!("{} and {}", words(i, 0), words(j, 1)),
+    }
+}

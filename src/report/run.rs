@@ -1,0 +1,158 @@
+//! Facts of the run, as names and values.
+
+use super::facts::Facts;
+use crate::curve::significant;
+use crate::incremental::Events;
+use crate::words::{count, plural, plural_of};
+use std::path::Path;
+use std::time::Duration;
+
+impl Facts {
+    /// Returns the most important facts of the run in a line. `name` is that of the recording.
+    pub fn summary(&self, name: &str) -> String {
+        let mut line = format!("{name}: {}", self.frames());
+        if self.counts.verified > 0 {
+            line += &format!("; {}", self.curves());
+        }
+        for (key, what) in [("service", "service"), ("version", "recorded by linkwatch")] {
+            if let Some(value) = self.metadata.get(key) {
+                line += &format!("; {what} {value}");
+            }
+        }
+        line
+    }
+
+    /// Returns the numbers of frames.
+    fn frames(&self) -> String {
+        let counts = &self.counts;
+        format!(
+            "{} verified, {} skipped, {} rejected",
+            plural(counts.verified, "frame"),
+            count(counts.skipped),
+            count(counts.rejected)
+        )
+    }
+
+    /// Returns the numbers of curves and segments.
+    fn curves(&self) -> String {
+        let open = match self.stats.open_curves {
+            0 => String::new(),
+            n => format!(" ({} open)", count(n)),
+        };
+        let curves = plural(self.stats.curves, "curve");
+        let segments = plural(self.stats.segments, "segment");
+        format!("{curves}{open}, {segments}")
+    }
+
+    /// Returns the facts of the run as names and values.
+    pub fn run(&self, recording: &Path) -> Vec<(String, String)> {
+        let mut rows: Vec<(String, String)> = Vec::new();
+        let mut add = |name: &str, value: String| rows.push((name.to_owned(), value));
+        add("recording", recording.display().to_string());
+        let counts = &self.counts;
+        add("frames", self.frames());
+        if let Some([first, last]) = self.span {
+            add("from", first.to_string());
+            add("to", last.to_string());
+            let [start, end] = self.received_ns;
+            if start > 0 {
+                let lasted = Duration::from_nanos(end.saturating_sub(start)).as_secs_f64();
+                let lasted = significant((lasted * 1e3).round() / 1e3);
+                add("recorded", format!("{}, in {lasted} s", date(start)));
+            }
+        }
+        if counts.cuts > 0 {
+            let cuts = plural_of(counts.cuts, "time", "times");
+            add("rolled back or jumped", cuts);
+        }
+        if counts.verified > 0 {
+            add("curves", self.curves());
+            if self.stats.extent > 0.0 {
+                add("extent", significant(self.stats.extent));
+            }
+            let total: f64 = self.series.bins.iter().map(|b| b.total_ms).sum();
+            let frames: u64 = self.series.bins.iter().map(|b| b.frames).sum();
+            let longest = self
+                .series
+                .bins
+                .iter()
+                .map(|b| b.max_ms)
+                .fold(0.0, f64::max);
+            let mean = significant((1e3 * total / frames as f64).round() / 1e3);
+            let longest = significant((1e3 * longest).round() / 1e3);
+            add(
+                "a check took",
+                format!("{mean} ms on average, {longest} ms at most"),
+            );
+        }
+        if let Some(baseline) = &self.baseline {
+            let links = plural(baseline.links as u64, "link");
+            let undefined = match baseline.undefined {
+                0 => String::new(),
+                n => format!(", {} without a linking number", count(n as u64)),
+            };
+            add(
+                "baseline",
+                format!("{}: {links}{undefined}", baseline.origin),
+            );
+        }
+        if self.metadata.contains_key("events") {
+            let words = match self.events() {
+                Events::Off => "not searched for",
+                Events::Between => "between two curves",
+                Events::All => "between two curves, and of a curve through itself",
+            };
+            add("pull-throughs", words.into());
+        }
+        for (key, value) in &self.metadata {
+            let name = match key.as_str() {
+                "events" => continue,
+                "abort_on" => "stops the simulator on",
+                "version" => "recorded by linkwatch",
+                "motion_limit" => "motion limit",
+                "min_clearance" => "low clearance below",
+                "replay_of" => "replay of",
+                "repaired_from" => "repaired from",
+                other => other,
+            };
+            add(name, value.clone());
+        }
+        rows
+    }
+}
+
+/// Formats a time in nanoseconds since 1970 as a date and a time of day, in UTC.
+fn date(ns: u64) -> String {
+    let seconds = ns / 1_000_000_000;
+    let (days, second) = (seconds / 86_400, seconds % 86_400);
+    // Days since March 1 of the year 0, in eras of 400 years (Howard Hinnant, "chrono-Compatible
+    // Low-Level Date Algorithms").
+    let days = days + 719_468;
+    let (era, day) = (days / 146_097, days % 146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let day = day - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = 400 * era + year + u64::from(month <= 2);
+    let [hour, minute, second] = [second / 3600, second / 60 % 60, second % 60];
+    format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::date;
+
+    #[test]
+    fn times_are_dates_in_utc() {
+        for (seconds, expected) in [
+            (0, "1970-01-01 00:00:00 UTC"),
+            (951_782_399, "2000-02-28 23:59:59 UTC"),
+            (951_782_400, "2000-02-29 00:00:00 UTC"),
+            (1_767_225_599, "2025-12-31 23:59:59 UTC"),
+            (4_107_542_400, "2100-03-01 00:00:00 UTC"),
+        ] {
+            assert_eq!(date(seconds * 1_000_000_000), expected);
+        }
+    }
+}

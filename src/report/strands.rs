@@ -1,0 +1,387 @@
+//! Parts of curves within a window around a place.
+//!
+//! Coordinates are relative to the centre of the window, in units of its reach. Curves are clipped
+//! to a ball, and of those of the finding and of all others only the parts closest to the place are
+//! kept if there are too many, so that curves of any length give a small picture.
+
+use super::violations::Spot;
+use crate::curve::vector::{dot, hypot, mix, sub};
+use crate::curve::{CurveSet, Point, feature, nearest, point_at};
+
+/// Radius of the ball for the curves of the finding, which fills the corners of a picture, and for
+/// the others, which would hide them.
+const OWN: f64 = 1.5;
+const OTHERS: f64 = 1.15;
+
+/// Maximum number of edges of each group, and their maximum length. A longer line would fill the
+/// picture.
+const OWN_MOST: (usize, f64) = (1500, 60.0);
+const OTHER_MOST: (usize, f64) = (1200, 40.0);
+
+/// Number of edges of a spline segment, and size of segments that have one edge only.
+const SAMPLES: usize = 8;
+const DOT: f64 = 0.01;
+
+/// A window around a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window {
+    pub centre: Point,
+    /// Half of its width.
+    pub reach: f64,
+}
+
+/// A frame, and the place of the finding in it.
+pub(super) type Placed<'a> = (&'a CurveSet, Spot);
+
+impl Window {
+    /// Returns the windows of the frames before, at and after a finding. They have one reach, in
+    /// which the passage of both strands and the shape of the curves are visible: enough for some
+    /// segments and for the motion, but not more than the feature of the curves that passes. Their
+    /// centres move with the points of the two strands that are closest to the place.
+    ///
+    /// `None` for frames that are `None`; all are if the second one is.
+    pub fn around(frames: [Option<Placed<'_>>; 3]) -> [Option<Window>; 3] {
+        let Some((set, spot)) = frames[1] else {
+            return [None; 3];
+        };
+        let ends = || spot.curves.into_iter().zip(spot.segments);
+        let sizes = ends().filter_map(|(i, s)| feature(set, i, s));
+        let size = sizes.min_by(f64::total_cmp).unwrap_or(0.0);
+        let mut segment = 0.0_f64;
+        let mut at = [None; 2];
+        for (k, (i, s)) in ends().enumerate() {
+            at[k] = nearest(set, i, s, spot.point);
+            if at[k].is_some() {
+                let (i, s) = (i as usize, s as usize);
+                segment = segment.max(hypot(sub(set.knot(i, s + 1), set.knot(i, s))));
+            }
+        }
+        // The points that are closest to the place, and their middle.
+        let points = |(set, spot): Placed<'_>| {
+            let point = |k: usize| {
+                let (i, s) = (spot.curves[k] as usize, spot.segments[k] as usize);
+                at[k].map(|t| set.eval(i, s, t))
+            };
+            [point(0), point(1)]
+        };
+        let centre = |placed: Placed<'_>| match points(placed) {
+            [Some(p), Some(q)] => mix(p, q, 0.5),
+            [p, q] => p.or(q).unwrap_or(spot.point),
+        };
+        let mut motion = 0.0_f64;
+        for placed in frames.into_iter().flatten() {
+            let apart = points(placed).into_iter().flatten();
+            let apart = apart.map(|p| hypot(sub(p, centre(placed))));
+            motion = apart.fold(motion, f64::max);
+        }
+        let wanted = (5.0 * segment).max(1.5 * motion);
+        let reach = wanted.min(1.4 * size).max(0.5 * size);
+        let reach = reach.max((1.5 * motion).min(3.0 * size));
+        let reach = match reach > 0.0 && reach.is_finite() {
+            true => reach,
+            false => segment.max(f64::MIN_POSITIVE),
+        };
+        let windows = frames.map(|frame| {
+            let centre = centre(frame?);
+            Some(Window { centre, reach })
+        });
+        // No larger than what there is to see.
+        let shown = frames.into_iter().zip(windows);
+        let shown = shown.filter_map(|(frame, window)| Some((frame?, window?)));
+        let shown = shown.flat_map(|((set, spot), window)| own(set, spot, window));
+        let farthest = |strand: Strand| strand.points.into_iter().map(hypot).fold(0.0, f64::max);
+        let share = match shown.map(farthest).fold(0.0, f64::max) {
+            0.0 => 1.0,
+            farthest => (1.12 * farthest).min(1.0),
+        };
+        windows.map(|window| {
+            let Window { centre, reach } = window?;
+            let reach = share * reach;
+            Some(Window { centre, reach })
+        })
+    }
+
+    pub fn local(&self, p: Point) -> Point {
+        sub(p, self.centre).map(|x| x / self.reach)
+    }
+}
+
+/// Group of a strand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    First,
+    Second,
+    Other,
+}
+
+/// A connected part of a curve in a window.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Strand {
+    pub part: Part,
+    /// True if the end is joined to the start, which is then repeated.
+    pub closed: bool,
+    pub points: Vec<Point>,
+}
+
+#[cfg(test)]
+impl Strand {
+    fn edges(&self) -> usize {
+        self.points.len() - 1
+    }
+}
+
+/// Returns all strands of a frame in a window, those of the finding last.
+pub(super) fn strands(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
+    let mut others = Vec::new();
+    for i in (0..set.len()).filter(|i| !spot.curves.contains(&(*i as u32))) {
+        clip(set, i, window, OTHERS, |_| Part::Other, &mut others);
+    }
+    limit(&mut others, OTHER_MOST);
+    others.append(&mut own(set, spot, window));
+    others
+}
+
+/// Returns the strands of the curves of a finding.
+fn own(set: &CurveSet, spot: Spot, window: Window) -> Vec<Strand> {
+    let [a, b] = spot.curves;
+    let mut own = Vec::new();
+    for i in std::iter::once(a).chain((a != b).then_some(b)) {
+        if (i as usize) < set.len() {
+            let part = |s: u32| part_of(set, spot, i, s);
+            clip(set, i as usize, window, OWN, part, &mut own);
+        }
+    }
+    limit(&mut own, OWN_MOST);
+    own
+}
+
+/// Returns the group of segment `s` of curve `i`. If a curve meets itself, its groups are the parts
+/// that are nearer to either segment, along the curve.
+fn part_of(set: &CurveSet, spot: Spot, i: u32, s: u32) -> Part {
+    let [a, b] = spot.curves;
+    let second = if a == b {
+        let curve = set.curve(i as usize);
+        let along = |to: u32| {
+            let apart = to.abs_diff(s);
+            match curve.closed {
+                true => apart.min(curve.segments.saturating_sub(apart)),
+                false => apart,
+            }
+        };
+        let [s, t] = spot.segments.map(along);
+        t < s
+    } else {
+        i == b
+    };
+    match second {
+        true => Part::Second,
+        false => Part::First,
+    }
+}
+
+/// Appends the parts of curve `i` in a ball around the window, of this radius.
+fn clip(
+    set: &CurveSet,
+    i: usize,
+    window: Window,
+    radius: f64,
+    part: impl Fn(u32) -> Part,
+    out: &mut Vec<Strand>,
+) {
+    let curve = set.curve(i);
+    let first = out.len();
+    // True if the last strand ends where the next edge starts.
+    let mut open = false;
+    for s in 0..curve.segments {
+        let hull = set.segment(i, s as usize).map(|p| window.local(p));
+        let apart = |x: usize| {
+            let x = hull.map(|p| p[x]);
+            x.iter().all(|x| *x > radius) || x.iter().all(|x| *x < -radius)
+        };
+        let finite = hull.as_flattened().iter().all(|x| x.is_finite());
+        if !finite || (0..3).any(apart) {
+            open = false;
+            continue;
+        }
+        let part = part(s);
+        let size = [1, 2, 3].map(|k| hypot(sub(hull[k], hull[0])));
+        let is_dot = size.into_iter().all(|x| x < DOT);
+        let steps = match set.basis().is_polyline() || is_dot {
+            true => 1,
+            false => SAMPLES,
+        };
+        for k in 0..steps {
+            let at = |k: usize| match steps {
+                1 => hull[3 * k],
+                _ => point_at(&hull, k as f64 / steps as f64),
+            };
+            let (a, b) = (at(k), at(k + 1));
+            let Some([from, to]) = within(a, b, radius) else {
+                open = false;
+                continue;
+            };
+            let p = if from > 0.0 { mix(a, b, from) } else { a };
+            let q = if to < 1.0 { mix(a, b, to) } else { b };
+            match out.last_mut() {
+                Some(last) if open && from == 0.0 && last.part == part => last.points.push(q),
+                _ => out.push(Strand {
+                    part,
+                    closed: false,
+                    points: vec![p, q],
+                }),
+            }
+            open = to == 1.0;
+        }
+    }
+    // A closed curve that passes its start within the ball.
+    if !(open && curve.closed && out.len() > first) {
+        return;
+    }
+    let end = out[out.len() - 1].points.last().copied();
+    if end != out[first].points.first().copied() || out[first].part != out[out.len() - 1].part {
+        return;
+    }
+    if out.len() == first + 1 {
+        out[first].closed = true;
+    } else if let Some(mut last) = out.pop() {
+        last.points.extend_from_slice(&out[first].points[1..]);
+        out[first] = last;
+    }
+}
+
+/// Returns the parameters between which an edge lies in the ball, if it does.
+fn within(a: Point, b: Point, radius: f64) -> Option<[f64; 2]> {
+    let along = sub(b, a);
+    let length_sq = dot(along, along);
+    if length_sq == 0.0 {
+        return (dot(a, a) <= radius * radius).then_some([0.0, 1.0]);
+    }
+    // From the point closest to the centre, because long edges would cancel.
+    let closest = -dot(a, along) / length_sq;
+    let p = mix(a, b, closest);
+    // A NaN, if the line misses the ball, fails the comparison.
+    let half = ((radius * radius - dot(p, p)) / length_sq).sqrt();
+    let (from, to) = ((closest - half).max(0.0), (closest + half).min(1.0));
+    (half >= 0.0 && from < to).then_some([from, to])
+}
+
+/// Keeps at most this number of edges, and this length: the strands that come closest to the
+/// centre, and of the last one the part around its closest point.
+fn limit(strands: &mut Vec<Strand>, (mut edges, mut length): (usize, f64)) {
+    let closest = |strand: &Strand| {
+        let distances = strand.points.iter().map(|p| dot(*p, *p)).enumerate();
+        distances
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .unwrap_or((0, 0.0))
+    };
+    // Squares are not negative, so that their bits have their order.
+    strands.sort_by_cached_key(|strand| closest(strand).1.to_bits());
+    for strand in strands.iter_mut() {
+        let (at, last) = (closest(strand).0, strand.points.len() - 1);
+        let (mut from, mut to) = (at, at);
+        while edges > 0 && length > 0.0 && (from > 0 || to < last) {
+            let back = from > 0 && (to == last || at - from <= to - at);
+            match back {
+                true => from -= 1,
+                false => to += 1,
+            }
+            let k = if back { from } else { to - 1 };
+            edges -= 1;
+            length -= hypot(sub(strand.points[k + 1], strand.points[k]));
+        }
+        strand.closed &= (from, to) == (0, last);
+        strand.points = strand.points[from..=to].to_vec();
+    }
+    strands.retain(|strand| strand.points.len() > 1);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::curve::vector::norm;
+    use crate::curve::{Basis, Positions};
+    use std::f64::consts::TAU;
+
+    fn ring(points: usize, radius: f64, basis: Basis) -> CurveSet {
+        let point = |k: usize| {
+            let (sin, cos) = (TAU * k as f64 / points as f64).sin_cos();
+            [radius * cos, radius * sin, 0.0]
+        };
+        let xyz: Vec<f64> = (0..points).flat_map(point).collect();
+        CurveSet::from_counts(basis, &[-(points as i32)], Positions::F64(&xyz)).unwrap()
+    }
+
+    fn spot(segments: [u32; 2]) -> Spot {
+        Spot {
+            curves: [0, 0],
+            segments,
+            point: [0.0; 3],
+        }
+    }
+
+    fn shown(set: &CurveSet, centre: Point, reach: f64) -> Vec<Strand> {
+        let other = Spot {
+            curves: [7, 8],
+            ..spot([0, 0])
+        };
+        strands(set, other, Window { centre, reach })
+    }
+
+    #[test]
+    fn a_closed_curve_inside_the_window_stays_closed() {
+        for basis in [Basis::Polyline, Basis::CatmullRom, Basis::BSpline] {
+            let found = shown(&ring(12, 1.0, basis), [0.0; 3], 2.0);
+            assert_eq!(found.len(), 1, "{basis:?}");
+            assert!(found[0].closed);
+            let steps = if basis.is_polyline() { 1 } else { SAMPLES };
+            assert_eq!(found[0].edges(), 12 * steps);
+            assert_eq!(found[0].points.first(), found[0].points.last());
+        }
+    }
+
+    #[test]
+    fn a_curve_that_leaves_the_window_is_clipped_and_passes_its_start() {
+        // The window is around the start of the curve.
+        let found = shown(&ring(1000, 1.0, Basis::Polyline), [1.0, 0.0, 0.0], 0.1);
+        assert_eq!(found.len(), 1);
+        assert!(!found[0].closed);
+        let ends = [found[0].points[0], *found[0].points.last().unwrap()];
+        for end in ends {
+            assert!((norm(end) - OTHERS).abs() < 1e-9, "{end:?}");
+        }
+    }
+
+    #[test]
+    fn a_huge_edge_through_the_window_is_clipped() {
+        let xyz = [-1e200, 0.0, 0.0, 1e200, 0.0, 0.0, 0.0, 1e200, 0.0];
+        let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&xyz)).unwrap();
+        for strand in shown(&set, [0.0; 3], 1.0) {
+            assert!(strand.points.iter().all(|p| norm(*p) < 1.0 + OTHERS));
+        }
+        let xyz = [-1e9, 0.0, 0.0, 1e9, 0.0, 0.0, 0.0, 1e9, 0.0];
+        let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&xyz)).unwrap();
+        assert_eq!(shown(&set, [0.0; 3], 1.0).len(), 1);
+    }
+
+    #[test]
+    fn the_edges_closest_to_the_place_are_kept() {
+        let found = shown(&ring(100_000, 1.0, Basis::Polyline), [0.9, 0.0, 0.0], 1.0);
+        let edges: usize = found.iter().map(Strand::edges).sum();
+        assert_eq!(edges, OTHER_MOST.0);
+        assert!(found[0].points.iter().all(|p| norm(*p) < 0.2));
+    }
+
+    #[test]
+    fn a_curve_that_meets_itself_has_two_parts() {
+        let set = ring(12, 1.0, Basis::Polyline);
+        let window = Window {
+            centre: [0.0; 3],
+            reach: 2.0,
+        };
+        let found = strands(&set, spot([1, 7]), window);
+        let parts: Vec<Part> = found.iter().map(|s| s.part).collect();
+        assert!(parts.contains(&Part::First) && parts.contains(&Part::Second));
+        let edges: usize = found.iter().map(Strand::edges).sum();
+        assert_eq!(edges, 12);
+    }
+}
