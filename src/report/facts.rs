@@ -63,6 +63,8 @@ pub(super) struct Counts {
     pub rejected: u64,
     /// Frames that were verified, but are not in the recording.
     pub missing: u64,
+    /// Frames that were verified, and left out of the recording on purpose.
+    pub left_out: u64,
     /// Frames without a verdict.
     pub unanswered: u64,
     /// Verdicts without the curves of their frame, other than those on rejected frames.
@@ -244,7 +246,10 @@ impl Collector {
         let ordinal = self.frame.take_if(|(seq, _)| *seq == report.seq);
         let ordinal = ordinal.map(|(_, ordinal)| ordinal);
         let answered = progress.verified.saturating_add(progress.rejected);
+        let left_out = progress.left_out.saturating_sub(facts.counts.left_out);
+        facts.counts.left_out += left_out;
         let missing = answered.saturating_sub(self.answered.saturating_add(1));
+        let missing = missing.saturating_sub(left_out);
         let skipped = progress.skipped.saturating_sub(self.skipped);
         (self.answered, self.skipped) = (answered, progress.skipped);
         let moment = Moment::of(&report);

@@ -127,6 +127,7 @@ impl Facts {
         };
         gap(counts.skipped, "skipped");
         gap(counts.missing, "not recorded");
+        gap(counts.left_out, "left out of the recording on purpose");
         gap(self.recorded_in_part(), "recorded in part");
         gap(self.unmeasured(), "verified without the clearance");
         match &self.end {
@@ -196,6 +197,13 @@ impl Facts {
         if counts.missing > 0 {
             let frames = plural(counts.missing, "frame");
             notes.push(format!("{frames} missing: verified, but not recorded"));
+        }
+        if counts.left_out > 0 {
+            let frames = plural(counts.left_out, "frame");
+            notes.push(format!(
+                "{frames} left out on purpose (--record-window or --record-max): verified, but \
+                 their verdicts are not in this file"
+            ));
         }
         if counts.unanswered > 0 {
             let frames = plural(counts.unanswered, "frame");

@@ -75,6 +75,8 @@ struct Recorded {
     /// Number of skipped frames before the last one, and of verified frames that are not recorded.
     skipped: u64,
     missing: u64,
+    /// Number of verified frames before the last one that are left out on purpose.
+    left_out: u64,
 }
 
 impl Recorded {
@@ -123,6 +125,10 @@ impl Recorded {
             let is_last = k + 1 == last;
             if is_last {
                 verified += self.missing;
+            }
+            if is_last {
+                sink.leave_out(self.left_out);
+                verified += self.left_out;
             }
             sink.frame(&FrameRecord {
                 curves: curves.map(Arc::new),
@@ -240,6 +246,17 @@ fn curves_that_were_left_out_on_purpose_are_not_lost() {
         text.contains("left out on purpose (--record-every 2)"),
         "{text}"
     );
+}
+
+#[test]
+fn frames_that_were_left_out_on_purpose_are_named_and_not_missing() {
+    let run = Recorded {
+        left_out: 7,
+        ..Recorded::default().intact().intact()
+    };
+    let sentence = "Intact: 2 frames, from frame 0 to frame 1 at 0.5 s; 7 frames were left out of \
+                    the recording on purpose.";
+    says(run, Conclusion::Intact, sentence);
 }
 
 #[test]
