@@ -194,7 +194,7 @@ pub use sinks::{
     RecordingSink,
 };
 #[cfg(feature = "rerun")]
-pub use sinks::{ViewerSink, ViewerTarget};
+pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};
 #[cfg(feature = "verify")]
 pub use thickness::{
     ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks, struts,

@@ -54,10 +54,21 @@ impl View {
         })
     }
 
+    /// Returns the unit vector that points to the right on the screen.
+    pub fn right(&self) -> Point {
+        let [x, y, _] = self.from;
+        unit([-y, x, 0.0])
+    }
+
     /// Returns the unit vector that points down on the screen.
     pub fn down(&self) -> Point {
         let [x, y, z] = self.from;
         unit([z * x, z * y, z * z - 1.0])
+    }
+
+    /// Returns a quarter of the distance of the eye from a place with a feature of this size.
+    pub fn unit(&self, size: f64) -> f64 {
+        size.min(EYE_DISTANCE * self.radius / EYE_DISTANCE_NEAR)
     }
 
     /// Returns an eye that sees all curves, or those around a place if one is given. Viewers draw
@@ -65,7 +76,7 @@ impl View {
     pub fn eye(&self, place: Option<(Point, f64)>, scale: f64) -> EyeControls3D {
         let far = EYE_DISTANCE * self.radius;
         let (target, away) = match place {
-            Some((point, size)) if size > 0.0 => (point, (EYE_DISTANCE_NEAR * size).min(far)),
+            Some((point, size)) if size > 0.0 => (point, EYE_DISTANCE_NEAR * self.unit(size)),
             Some((point, _)) => (point, far),
             None => (self.center, far),
         };
@@ -124,7 +135,11 @@ mod tests {
         let points = [0.0, 0.0, 0.0, 200.0, 0.0, 0.0, 0.0, 200.0, 40.0];
         let set = CurveSet::from_counts(Basis::Polyline, &[-3], Positions::F64(&points)).unwrap();
         let scene = View::of(&set).unwrap();
-        let down = scene.down();
+        let (right, down) = (scene.right(), scene.down());
+        let along: f64 = (0..3)
+            .map(|x| right[x] * scene.from[x] + right[x] * down[x])
+            .sum();
+        assert!(along.abs() < 1e-12 && right[0] > 0.0, "{right:?}");
         let across: f64 = (0..3).map(|x| down[x] * scene.from[x]).sum();
         assert!(across.abs() < 1e-12 && down[2] < 0.0, "{down:?}");
         let position = |place, scale| {
