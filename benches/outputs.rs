@@ -4,6 +4,7 @@
 //! `cargo bench --bench outputs` measures; with `--smoke` (or under `cargo test`) it runs each step
 //! a few times.
 
+use linkwatch::lab::timed;
 use linkwatch::scenes::Scene;
 use linkwatch::{
     Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Overflow, Positions,
@@ -79,7 +80,7 @@ fn moving(frames: &[FrameRecord], every: usize) -> Vec<FrameRecord> {
         let set = frame.curves.as_deref().expect("curves");
         let shift = |i: usize| {
             if i % every == 0 {
-                1e-6 * f64::from(k)
+                1e-3 * f64::from(k)
             } else {
                 0.0
             }
@@ -99,13 +100,27 @@ fn moving(frames: &[FrameRecord], every: usize) -> Vec<FrameRecord> {
     moved.collect()
 }
 
-/// Writes frames for the viewer, each after the previous one is written.
+/// Writes frames for the viewer, and passes them to its thread.
 fn view(what: &str, frames: &[FrameRecord], path: &std::path::Path) {
-    let target = ViewerTarget::File(path.to_owned());
-    let sink = ViewerSink::open(&target, what).expect("a file for the viewer");
-    write(&format!("viewer, {what}"), Box::new(sink), frames);
-    let bytes = std::fs::metadata(path).expect("the file").len() / frames.len() as u64;
-    println!("viewer, {what}: {bytes} bytes a frame");
+    let written = |frames: &[FrameRecord]| {
+        let target = ViewerTarget::File(path.to_owned());
+        let mut sink = Box::new(ViewerSink::open(&target, what).expect("a file for the viewer"));
+        let (_, cpu) = timed(|| {
+            frames
+                .iter()
+                .for_each(|f| sink.frame(f).expect("it is written"))
+        });
+        sink.finish().expect("the file is closed");
+        (std::fs::metadata(path).expect("the file").len(), cpu.cpu_ms)
+    };
+    // The first frames have all curves.
+    let [(some, some_ms), (all, all_ms)] = [&frames[..2], frames].map(written);
+    let count = frames.len() as u64 - 2;
+    println!(
+        "viewer, {what}: {} bytes and {:.2} ms of CPU time a frame",
+        (all - some) / count,
+        (all_ms - some_ms) / count as f64
+    );
     // What the thread of the verification pays.
     let target = ViewerTarget::File(path.with_extension("queue.rrd"));
     let patience = Overflow::WaitForProgress(DEADLINE);

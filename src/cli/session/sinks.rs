@@ -65,8 +65,8 @@ pub struct Sinks {
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "URL", group = "shown")]
     connect: Option<String>,
-    /// Show every frame in a browser on this machine, at http://127.0.0.1:PORT (starts an installed
-    /// `rerun` as server, which stays when the run ends; uses PORT + 1, too) [default PORT: 9090]
+    /// Show every frame in a browser on this machine: starts an installed `rerun` as a server, which
+    /// stays when the run ends, and prints the address. PORT + 1 is used, too [default PORT: 9090]
     #[cfg(feature = "rerun")]
     #[arg(
         long, value_name = "PORT", group = "shown", num_args = 0..=1,

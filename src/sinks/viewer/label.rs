@@ -6,13 +6,13 @@
 
 use super::local::Spot;
 use super::view::View;
-use crate::curve::vector::{add_scaled, dot, sub};
+use crate::curve::vector::add_scaled;
 use crate::curve::{CurveSet, Point};
 
 /// Size of a letter, and the margin around the text, in sizes of the feature (see
 /// [`super::local::feature`]) at the distance of the eye, in a view of some 600 pixels.
-const LETTER: [f64; 2] = [0.05, 0.13];
-const MARGIN: f64 = 0.07;
+const LETTER: [f64; 2] = [0.042, 0.11];
+const MARGIN: f64 = 0.06;
 
 /// Distances of a label from its mark that are tried, the nearest first.
 const DISTANCES: [f64; 6] = [0.35, 0.65, 1.0, 1.4, 1.8, 2.3];
@@ -33,12 +33,15 @@ pub(super) struct Label {
     pub leader: [Point; 2],
 }
 
-/// Places a text beside the first mark of a spot of this size.
-pub(super) fn place(set: &CurveSet, spot: &Spot, size: f64, text: &str, view: &View) -> Label {
+/// Places a text beside the first mark of the first of some spots. `size` is that of the feature
+/// there.
+pub(super) fn place(set: &CurveSet, spots: &[&Spot], size: f64, text: &str, view: &View) -> Label {
     let axes = [view.right(), view.down()];
-    let mark = spot.marks[0];
-    let on_screen = |p: Point| axes.map(|axis| dot(sub(p, mark), axis) / size);
-    let covered: Vec<[f64; 2]> = curve_points(set, spot).map(on_screen).collect();
+    let mark = spots[0].marks[0];
+    let covered = spots.iter().flat_map(|spot| curve_points(set, spot));
+    let covered: Vec<[f64; 2]> = covered
+        .filter_map(|p| view.on_screen(p, mark, size))
+        .collect();
     let letters = text.lines().map(|line| line.chars().count()).max();
     let width = letters.unwrap_or(0) as f64 * LETTER[0] + 2.0 * MARGIN;
     let height = text.lines().count() as f64 * LETTER[1] + 2.0 * MARGIN;
@@ -122,9 +125,8 @@ mod tests {
         let place = set.knot(0, 3);
         let spot = local::spot(&set, [0, centers.len() as u32 - 1], [3, 3], place);
         let size = view.unit(spot.size);
-        let label = super::place(&set, &spot, size, text, &view);
-        let axes = [view.right(), view.down()];
-        let at = |p: Point| axes.map(|axis| dot(sub(p, spot.marks[0]), axis) / size);
+        let label = super::place(&set, &[&spot], size, text, &view);
+        let at = |p: Point| view.on_screen(p, spot.marks[0], size).unwrap();
         assert_eq!(label.leader[0], spot.marks[0]);
         let far = distance(label.leader[0], label.leader[1]) / size;
         assert!(

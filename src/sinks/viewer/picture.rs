@@ -100,16 +100,19 @@ pub(super) fn draw_places(rec: &RecordingStream, set: &CurveSet, report: &Report
     log(rec, entity::STARS, &lines(rays, 2.0).with_colors([CYAN]))?;
 
     let near_sq = (NEAR * radius).powi(2);
-    let mut labels: Vec<(&Spot, Vec<&str>, u32)> = Vec::new();
+    let mut labels: Vec<(Vec<&Spot>, Vec<&str>, u32)> = Vec::new();
     for (spot, text, color) in marked.iter().chain(events.iter().take(SHOWN)) {
         let point = spot.marks[0];
         let close = |other: &Spot| {
             let other = other.marks[0];
             (0..3).map(|x| (other[x] - point[x]).powi(2)).sum::<f64>() < near_sq
         };
-        match labels.iter_mut().find(|(other, ..)| close(other)) {
-            Some((_, texts, _)) => texts.push(text),
-            None => labels.push((spot, vec![text], *color)),
+        match labels.iter_mut().find(|(spots, ..)| close(spots[0])) {
+            Some((spots, texts, _)) => {
+                spots.push(spot);
+                texts.push(text);
+            }
+            None => labels.push((vec![spot], vec![text], *color)),
         }
     }
     let colors: Vec<u32> = labels.iter().map(|(.., color)| *color).collect();
@@ -117,12 +120,12 @@ pub(super) fn draw_places(rec: &RecordingStream, set: &CurveSet, report: &Report
         .iter()
         .map(|(_, texts, _)| texts.join("\n"))
         .collect();
-    let place = |((spot, ..), text): (&(&Spot, Vec<&str>, u32), &String)| match &view {
-        Some(view) => label::place(set, spot, view.unit(size(spot)), text, view),
+    let place = |((spots, ..), text): (&(Vec<&Spot>, Vec<&str>, u32), &String)| match &view {
+        Some(view) => label::place(set, spots, view.unit(size(spots[0])), text, view),
         // Without extent.
         None => Label {
-            anchor: spot.marks[0],
-            leader: [spot.marks[0]; 2],
+            anchor: spots[0].marks[0],
+            leader: [spots[0].marks[0]; 2],
         },
     };
     let placed: Vec<Label> = labels.iter().zip(&texts).map(place).collect();
