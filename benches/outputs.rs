@@ -79,7 +79,7 @@ fn moving(frames: &[FrameRecord], every: usize) -> Vec<FrameRecord> {
     let moved = frames.map(|(frame, k)| {
         let set = frame.curves.as_deref().expect("curves");
         let shift = |i: usize| {
-            if i % every == 0 {
+            if i.is_multiple_of(every) {
                 1e-3 * f64::from(k)
             } else {
                 0.0

@@ -247,7 +247,7 @@ impl Curves {
             // A group without curves gets its style with the first one. One that never had a curve
             // is unknown to the viewer.
             let restyled = counts[group as usize] > 0 && *known != Some(style);
-            if known.is_none() && !restyled || !changed && !restyled {
+            if !restyled && (known.is_none() || !changed) {
                 continue;
             }
             if changed {
