@@ -8,11 +8,12 @@
 #[path = "outputs/handing.rs"]
 mod handing;
 
+use linkwatch::lab::timed;
 use linkwatch::scenes::Scene;
 use linkwatch::{
-    Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Positions, Precision,
-    RecordedItem, RecordingReader, RecordingSink, RecordingTool, Sink, Verdict, Verifier,
-    ViewerSink, ViewerTarget, Work,
+    Basis, Client, ClientOptions, CurveSet, FrameInfo, FrameRecord, Outcome, Overflow, Positions,
+    Precision, RecordedItem, RecordingReader, RecordingSink, RecordingTool, Sink, SinkQueue,
+    Verdict, Verifier, ViewerSink, ViewerTarget, Work,
 };
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -40,9 +41,13 @@ fn main() {
         println!("{what}: {} bytes a frame", bytes / frames.len() as u64);
         read(&recording, frames.len());
     }
-    let target = ViewerTarget::File(folder.path().join("frames.rrd"));
-    let sink = ViewerSink::open(&target, "frames").expect("a file for the viewer");
-    write("viewer", Box::new(sink), &frames);
+    for (what, every) in [("all curves move", 1), ("1 % of the curves move", 100)] {
+        view(
+            what,
+            &moving(&frames, every),
+            &folder.path().join(format!("{every}.rrd")),
+        );
+    }
     for (curves, segments) in [(2, 4), (100, 10), (100, 20), (400, 50)] {
         round_trips(curves, segments, if measures { 2000 } else { 20 });
     }
@@ -80,6 +85,71 @@ fn write(what: &str, mut sink: Box<dyn Sink>, frames: &[FrameRecord]) {
     sink.finish().expect("the file is closed");
     let written = start.elapsed() / frames.len() as u32;
     println!("{what}: taken in {taken:?}, on disk after {written:?}, a frame");
+}
+
+/// Returns at most 20 frames in which every n-th ring moves a little.
+fn moving(frames: &[FrameRecord], every: usize) -> Vec<FrameRecord> {
+    let frames = frames.iter().take(20).zip(0..);
+    let moved = frames.map(|(frame, k)| {
+        let set = frame.curves.as_deref().expect("curves");
+        let shift = |i: usize| {
+            if i.is_multiple_of(every) {
+                1e-3 * f64::from(k)
+            } else {
+                0.0
+            }
+        };
+        let points = (0..set.len()).flat_map(|i| {
+            let points = (0..set.curve(i).points as usize).map(move |k| set.point(i, k));
+            points.flat_map(move |[x, y, z]| [x + shift(i), y, z])
+        });
+        let points: Vec<f32> = points.map(|x| x as f32).collect();
+        let counts: Vec<i32> = set.counts().collect();
+        let set = CurveSet::from_counts(set.basis(), &counts, Positions::F32(&points));
+        FrameRecord {
+            curves: Some(Arc::new(set.expect("curves"))),
+            ..frame.clone()
+        }
+    });
+    moved.collect()
+}
+
+/// Writes frames for the viewer, and passes them to its thread.
+fn view(what: &str, frames: &[FrameRecord], path: &std::path::Path) {
+    let written = |frames: &[FrameRecord]| {
+        let target = ViewerTarget::File(path.to_owned());
+        let mut sink = Box::new(ViewerSink::open(&target, what).expect("a file for the viewer"));
+        let (_, cpu) = timed(|| {
+            frames
+                .iter()
+                .for_each(|f| sink.frame(f).expect("it is written"))
+        });
+        sink.finish().expect("the file is closed");
+        (std::fs::metadata(path).expect("the file").len(), cpu.cpu_ms)
+    };
+    // The first frames have all curves.
+    let [(some, some_ms), (all, all_ms)] = [&frames[..2], frames].map(written);
+    let count = frames.len() as u64 - 2;
+    println!(
+        "viewer, {what}: {} bytes and {:.2} ms of CPU time a frame",
+        (all - some) / count,
+        (all_ms - some_ms) / count as f64
+    );
+    // What the thread of the verification pays.
+    let target = ViewerTarget::File(path.with_extension("queue.rrd"));
+    let patience = Overflow::WaitForProgress(DEADLINE);
+    let queue = SinkQueue::spawn("viewer", frames.len(), patience, move || {
+        Ok(Box::new(ViewerSink::open(&target, "frames")?))
+    })
+    .expect("a thread");
+    let frames: Vec<_> = frames.iter().cloned().map(Arc::new).collect();
+    let start = Instant::now();
+    frames
+        .iter()
+        .for_each(|frame| queue.frame(Arc::clone(frame)));
+    let taken = start.elapsed() / frames.len() as u32;
+    println!("viewer, {what}: passed to its thread in {taken:?} a frame");
+    assert_eq!(queue.finish(DEADLINE).dropped, 0);
 }
 
 fn read(recording: &std::path::Path, frames: usize) {

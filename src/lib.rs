@@ -202,7 +202,7 @@ pub use sinks::{
     RecordingReader, RecordingSink, RecordingTool, Retention,
 };
 #[cfg(feature = "rerun")]
-pub use sinks::{ViewerSink, ViewerTarget};
+pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};
 #[cfg(feature = "verify")]
 pub use thickness::{
     ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks, struts,

@@ -168,6 +168,7 @@ fn record(seq: u64, curves: Option<CurveSet>) -> FrameRecord {
                 wait: Duration::from_millis(seq),
                 send: Duration::from_nanos(seq),
             }),
+            ..FrameTimes::default()
         },
         work: work(seq),
         received: SystemTime::UNIX_EPOCH + Duration::from_nanos(1_700_000_000_000_000_000 + seq),

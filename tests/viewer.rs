@@ -10,7 +10,8 @@
 use linkwatch::{
     BaselineRecord, Basis, Certificate, Change, CurveSet, Defect, DefectKind, Events, FrameInfo,
     FrameRecord, FrameTimes, Link, LiveTimes, Overflow, Place, Positions, PullThrough, Report,
-    Route, Sink, SinkQueue, Verdict, Verifier, VerifierOptions, ViewerSink, ViewerTarget, Work,
+    Route, Sink, SinkQueue, Timings, Verdict, Verifier, VerifierOptions, ViewerSink, ViewerTarget,
+    Work,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -141,6 +142,7 @@ fn verified(set: Arc<CurveSet>, report: Report, work: Work) -> FrameRecord {
         times: FrameTimes {
             ingest: Duration::from_micros(400 + 50 * (seq * 3 % 7)),
             verification: Duration::from_micros(1400 + 300 * (seq * 7 % 5)),
+            stages: Timings::default(),
             live: (seq > 0).then(|| LiveTimes {
                 interval: Duration::from_millis(16),
                 wait: Duration::from_micros(14_000 - 300 * (seq * 7 % 5)),

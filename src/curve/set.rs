@@ -433,6 +433,27 @@ impl CurveSet {
         self.coordinates.has_arrays()
     }
 
+    /// Returns for each curve if one of its points differs from that of an earlier frame of the same
+    /// layout.
+    #[cfg(feature = "rerun")]
+    pub(crate) fn moved_since(&self, before: &CurveSet) -> Vec<bool> {
+        fn differ<T: PartialEq>(curves: &[Curve], now: &[T], before: &[T]) -> Vec<bool> {
+            let of =
+                |c: &Curve| 3 * c.first_point as usize..3 * (c.first_point + c.points) as usize;
+            curves.iter().map(|c| now[of(c)] != before[of(c)]).collect()
+        }
+        if self.contents == before.contents {
+            return vec![false; self.len()];
+        }
+        let (now, before) = (self.positions(), before.positions());
+        match (now.as_positions(), before.as_positions()) {
+            (Positions::F32(now), Positions::F32(before)) => differ(&self.curves, now, before),
+            (Positions::F64(now), Positions::F64(before)) => differ(&self.curves, now, before),
+            // Another precision is another layout.
+            _ => vec![true; self.len()],
+        }
+    }
+
     /// Returns the positions of all control points in the order of the input, as received if
     /// possible.
     pub(crate) fn positions(&self) -> InOrder<'_> {

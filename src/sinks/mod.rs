@@ -19,7 +19,7 @@ pub use recording::{
 };
 pub use times::{FrameTimes, LiveTimes};
 #[cfg(feature = "rerun")]
-pub use viewer::{ViewerSink, ViewerTarget};
+pub use viewer::{ViewerOptions, ViewerSink, ViewerTarget};
 
 use crate::certificate::Certificate;
 use crate::curve::CurveSet;

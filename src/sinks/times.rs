@@ -1,5 +1,6 @@
 //! Times of a frame, stage by stage.
 
+use crate::verifier::Timings;
 use std::time::Duration;
 
 /// Times of a frame in a run. They depend on the machine, unlike its report.
@@ -9,6 +10,9 @@ pub struct FrameTimes {
     pub ingest: Duration,
     /// Comparison with the baseline, and the search for pull-throughs.
     pub verification: Duration,
+    /// Stages of the verification, if it has stages: a frame that moved little has none, and a
+    /// frame of a recording has not been verified. What remains of it is the comparison.
+    pub stages: Timings,
     /// Exchange with the simulator, if the frame is a live one and not the first.
     pub live: Option<LiveTimes>,
 }

@@ -15,9 +15,9 @@ mod tests;
 mod words;
 
 pub(crate) use self::clearance::ClearanceMonitor;
-#[cfg(feature = "rerun")]
-pub(crate) use self::clearance::REACH;
 pub use self::clearance::{ClearanceOptions, CloseBlock, close_blocks};
+#[cfg(feature = "rerun")]
+pub(crate) use self::clearance::{REACH, close_blocks_within};
 use self::edges::{Edges, Found};
 use self::octree::Octree;
 use self::splines::Chords;

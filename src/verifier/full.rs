@@ -261,6 +261,8 @@ impl FullRun {
         self.timings = Timings {
             boxes: boxed - start,
             pairs: boxed.elapsed(),
+            // A partial run searches for pull-throughs first.
+            events: self.timings.events,
             ..Timings::default()
         };
         // Only polylines can have repeated vertices.

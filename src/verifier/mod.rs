@@ -94,6 +94,8 @@ pub struct Timings {
     pub pairs: Duration,
     /// Time of the discretization and the linking numbers of all potential links.
     pub links: Duration,
+    /// Time of the search for pull-throughs.
+    pub events: Duration,
     /// Time of the clearance.
     pub clearance: Duration,
     /// Total time, comparison included.
@@ -604,6 +606,8 @@ impl Verifier {
         let start = Instant::now();
         self.full.heed_cancel(true);
         self.work = Work::default();
+        // A partial run does not start all stages.
+        self.full.timings = Timings::default();
         // Needed here, because a partial run does not start the frame.
         self.full.gpu.start_frame();
         let Compared {
@@ -905,7 +909,9 @@ impl Verifier {
 
     /// Searches the step from the previous frame: these pairs, or all.
     fn search_step(&mut self, set: &CurveSet, pairs: Option<Vec<Pair>>) -> Outcome {
+        let start = Instant::now();
         let mut outcome = self.steps.outcome(set, pairs.as_deref());
+        self.full.timings.events += start.elapsed();
         self.work.searched = outcome.counts.pairs;
         if self.strategy == Strategy::Paranoid && pairs.is_some() {
             let full = self.steps.outcome(set, None);

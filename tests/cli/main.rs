@@ -8,6 +8,7 @@ mod output;
 mod sequences;
 #[path = "../support/mod.rs"]
 mod support;
+mod viewer;
 
 use linkwatch::{Basis, CurveSet, Positions, model};
 use std::path::{Path, PathBuf};

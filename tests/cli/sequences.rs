@@ -26,7 +26,7 @@ fn rings(height: f64, unit: f64) -> Vec<f64> {
 }
 
 /// Writes 11 frames of a ring that is pulled out of another one in frame 8.
-fn motion(folder: &Path, unit: f64, closed: bool) -> Vec<String> {
+pub fn motion(folder: &Path, unit: f64, closed: bool) -> Vec<String> {
     let frame = |k: u32| {
         let height = if k < 8 { 0.1 * f64::from(k) } else { 1.7 };
         let counts = [20, 20].map(|n| if closed { -n } else { n });
@@ -40,7 +40,7 @@ fn motion(folder: &Path, unit: f64, closed: bool) -> Vec<String> {
 }
 
 /// Runs `check` in a folder, so that names are short.
-fn check(models: &[String], options: &[&str]) -> Run {
+pub fn check(models: &[String], options: &[&str]) -> Run {
     let models: Vec<&str> = models.iter().map(String::as_str).collect();
     linkwatch(&[&["check"], &models[..], options].concat())
 }

@@ -41,7 +41,7 @@ use linkwatch::kernels::Offload;
 use linkwatch::{
     AbortOn, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo, FrameRecord,
     FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary, Strategy,
-    Verdict, Verifier, VerifierOptions, Work,
+    Timings, Verdict, Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -439,8 +439,11 @@ impl Session {
             let report = self.step(seq, time, &info, &set)?;
             Ok((report, Some(set)))
         });
-        let measured = outcome.is_ok().then(|| self.verifier.timings().clearance);
-        let measured = measured.filter(|_| self.clearance.is_some());
+        let stages = match &outcome {
+            Ok(_) => self.verifier.timings(),
+            Err(_) => Timings::default(),
+        };
+        let measured = outcome.is_ok() && self.clearance.is_some();
         let (report, curves) = match outcome {
             Ok(verified) => verified,
             Err(Error::CertificateMismatch { certificate, model }) if self.origin.is_none() => {
@@ -461,6 +464,7 @@ impl Session {
         let times = FrameTimes {
             ingest: took,
             verification: start.elapsed(),
+            stages,
             live: None,
         };
         #[cfg(feature = "bus")]
@@ -487,7 +491,7 @@ impl Session {
             info,
             model: None,
             latency: None,
-            clearance: measured,
+            clearance: measured.then_some(stages.clearance),
         })
     }
 

@@ -1,4 +1,5 @@
-//! The options `--record`, `--view`, `--rrd` and `--connect`: destinations of verified frames.
+//! The options `--record`, `--view`, `--rrd`, `--connect` and `--serve`: destinations of verified
+//! frames.
 
 #[cfg(feature = "mcap")]
 use super::keep::KeepArgs;
@@ -13,8 +14,10 @@ use crate::cli::files::{Files, Overwrite};
 use linkwatch::RecordingTool;
 use linkwatch::{ClearanceOptions, Overflow, Result, SinkQueue};
 #[cfg(feature = "rerun")]
-use linkwatch::{Sink, ViewerSink, ViewerTarget};
+use linkwatch::{Sink, ViewerOptions, ViewerSink, ViewerTarget};
 use std::collections::BTreeMap;
+#[cfg(feature = "rerun")]
+use std::num::NonZeroU64;
 #[cfg(feature = "bus")]
 use std::path::Path;
 #[cfg(any(feature = "mcap", feature = "rerun"))]
@@ -54,6 +57,20 @@ impl From<Tool> for RecordingTool {
     }
 }
 
+/// Port of `--serve` alone: that of the viewer for browsers.
+#[cfg(feature = "rerun")]
+const SERVE: &str = "9090";
+
+/// Curves that are shown.
+#[cfg(feature = "rerun")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Shown {
+    /// All curves
+    All,
+    /// Curves that took part in a finding so far, and their neighbours
+    Violated,
+}
+
 /// Destinations of verified frames.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = crate::cli::WRITE)]
@@ -86,6 +103,28 @@ pub struct Sinks {
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "URL", group = "shown")]
     connect: Option<String>,
+    /// Show every frame in a browser on this machine: starts an installed `rerun` as a server, which
+    /// stays when the run ends, and prints the address. PORT + 1 is used, too [default PORT: 9090]
+    #[cfg(feature = "rerun")]
+    #[arg(
+        long, value_name = "PORT", group = "shown", num_args = 0..=1,
+        default_missing_value = SERVE, value_parser = clap::value_parser!(u16).range(1..65535)
+    )]
+    serve: Option<u16>,
+    /// Show the curves of every N-th frame only, and those of each frame whose verdict is not intact
+    /// or differs from the previous one; plots and log have all frames
+    #[cfg(feature = "rerun")]
+    #[arg(long, value_name = "N", requires = "shown", hide_short_help = true)]
+    view_every: Option<NonZeroU64>,
+    /// Curves to show [default: all]
+    #[cfg(feature = "rerun")]
+    #[arg(
+        long,
+        value_name = "CURVES",
+        requires = "shown",
+        hide_short_help = true
+    )]
+    view_only: Option<Shown>,
     #[command(flatten)]
     pub overwrite: Overwrite,
     /// True if the run does not wait until the viewer is open, and continues without it if it
@@ -117,7 +156,7 @@ impl Sinks {
     #[cfg(feature = "bus")]
     pub fn are_used(&self) -> bool {
         #[cfg(feature = "rerun")]
-        if self.view || self.connect.is_some() {
+        if self.view || self.connect.is_some() || self.serve.is_some() {
             return true;
         }
         !self.paths().is_empty()
@@ -220,8 +259,12 @@ impl Sinks {
         overflow: Overflow,
     ) -> Result<Option<SinkQueue>> {
         let (title, overwrite) = (title.to_owned(), self.overwrite);
+        let options = ViewerOptions {
+            every: self.view_every.unwrap_or(NonZeroU64::MIN),
+            only_violated: self.view_only == Some(Shown::Violated),
+        };
         let open = move |target: &ViewerTarget| {
-            let sink = ViewerSink::open(target, &title)?;
+            let sink = ViewerSink::open(target, &title)?.with_options(options);
             let sink = match clearance {
                 Some(clearance) => sink.with_clearance(clearance)?,
                 None => sink,
@@ -235,10 +278,11 @@ impl Sinks {
             });
             return Ok(Some(queue?.with_points(WAITING_POINTS)));
         }
-        let target = match &self.connect {
-            Some(url) => ViewerTarget::Connect(url.clone()),
-            None if self.view => ViewerTarget::Spawn,
-            None => return Ok(None),
+        let target = match (&self.connect, self.serve) {
+            (Some(url), _) => ViewerTarget::Connect(url.clone()),
+            (None, Some(port)) => ViewerTarget::Serve(port),
+            (None, None) if self.view => ViewerTarget::Spawn,
+            (None, None) => return Ok(None),
         };
         // A file must be complete, because a gap would mislead; a live viewer may miss a frame.
         let queue = SinkQueue::spawn("viewer", WAITING, Overflow::DropOldest, move || {

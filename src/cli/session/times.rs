@@ -172,7 +172,7 @@ mod tests {
         let mut times = FrameTimes {
             ingest: ms(1),
             verification: ms(2),
-            live: None,
+            ..FrameTimes::default()
         };
         let mut run = RunTimes::default();
         run.add(&times);

@@ -200,6 +200,7 @@ impl From<schema::FrameTimes> for FrameTimes {
                 wait: Duration::from_nanos(live.wait_ns),
                 send: Duration::from_nanos(live.send_ns),
             }),
+            ..FrameTimes::default()
         }
     }
 }

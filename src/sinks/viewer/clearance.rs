@@ -8,8 +8,7 @@ use crate::curve::vector::distance;
 use crate::curve::{CurveSet, Point};
 use crate::error::Result;
 use crate::simd::LANES;
-use crate::sinks::FrameRecord;
-use crate::thickness::{ClearanceOptions, CloseBlock, REACH, close_blocks};
+use crate::thickness::{ClearanceOptions, CloseBlock, REACH, close_blocks_within};
 use crate::verdict::{Clearance, CloseStrands};
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{LineStrips3D, Scalars, SeriesLines};
@@ -21,13 +20,16 @@ const MARKS: usize = 20;
 /// Marks closer than this to a closer place, in sums of the radii, are left out.
 const APART: f64 = 4.0;
 
+/// Least clearance up to which strands are drawn.
+const LEAST_REACH: f64 = 0.25;
+
 /// Number of points per segment of a spline.
 const POINTS_PER_SEGMENT: usize = 4;
 
 /// Colour of the strands at a clearance of [`REACH`], where they begin to be drawn.
 const FAR: u32 = 0x3d7a8cff;
 
-/// Logs the names and colours of the plot.
+/// Logs the names and colours of the plots.
 pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
     for (path, color, name) in [
         (entity::CLEARANCE, YELLOW, "clearance, diameters"),
@@ -39,36 +41,80 @@ pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
             .with_widths([2.5]);
         log_static(rec, path, &style)?;
     }
-    Ok(())
+    super::plots::describe_clearance(rec)
 }
 
-/// Logs the clearance of a frame. Strands are drawn if their radii are known.
-pub(super) fn add(
-    rec: &RecordingStream,
-    record: &FrameRecord,
-    options: &ClearanceOptions,
-) -> Result<()> {
-    let (Some(clearance), Some(set)) = (&record.report.clearance, &record.curves) else {
-        return Ok(());
-    };
-    plot(rec, clearance, options)?;
-    let radii: Vec<f64> = match options.radius {
-        Some(radius) => vec![radius; set.len()],
-        None => {
-            let radii = record.info.labels.radii.iter();
-            radii.map(|&radius| radius.into()).collect()
+/// What is shown of the clearance.
+pub(super) struct ClearanceView {
+    options: ClearanceOptions,
+    /// True if the clearance of the last frame was low.
+    was_low: bool,
+    /// Clearance up to which strands are drawn.
+    reach: f64,
+}
+
+impl ClearanceView {
+    pub fn new(options: ClearanceOptions) -> ClearanceView {
+        ClearanceView {
+            options,
+            was_low: false,
+            reach: REACH,
         }
-    };
-    // The clearance was measured, so the radii are known.
-    let blocks = close_blocks(set, &radii)?;
-    draw_strands(rec, set, &blocks, options.low)?;
-    draw_marks(rec, clearance, &blocks, options.low)
-}
+    }
 
-fn plot(rec: &RecordingStream, clearance: &Clearance, options: &ClearanceOptions) -> Result<()> {
-    let ratio = clearance.closest.map_or(REACH, |c| c.ratio);
-    log(rec, entity::CLEARANCE, &Scalars::single(ratio))?;
-    log(rec, entity::CLEARANCE_LOW, &Scalars::single(options.low))
+    /// Returns true if the clearance of a frame is low and that of the previous one was not.
+    pub fn becomes_low(&mut self, clearance: &Clearance) -> bool {
+        let was_low = std::mem::replace(&mut self.was_low, clearance.low);
+        clearance.low && !was_low
+    }
+
+    /// Draws the clearance of a frame with these radii of the curves, unless the options have one of
+    /// all.
+    pub fn draw(
+        &mut self,
+        rec: &RecordingStream,
+        set: &CurveSet,
+        radii: &[f32],
+        clearance: &Clearance,
+    ) -> Result<()> {
+        let radii: Vec<f64> = match self.options.radius {
+            Some(radius) => vec![radius; set.len()],
+            None => radii.iter().map(|&radius| radius.into()).collect(),
+        };
+        let blocks = self.close_blocks(set, &radii);
+        let low = self.options.low;
+        draw_strands(rec, set, &blocks, low)?;
+        draw_marks(rec, clearance, &blocks, low)
+    }
+
+    /// Returns the parts of curves that are close. If there are too many, only closer ones are drawn
+    /// in this frame and all later ones, and none if that does not suffice.
+    fn close_blocks(&mut self, set: &CurveSet, radii: &[f64]) -> Vec<CloseBlock> {
+        while self.reach >= LEAST_REACH {
+            match close_blocks_within(set, radii, self.reach) {
+                Ok(blocks) => return blocks,
+                Err(e) => {
+                    tracing::warn!(
+                        "strands closer than {:.0} % of their diameter are not drawn any more: {e}",
+                        100.0 * self.reach
+                    );
+                    self.reach *= 0.5;
+                }
+            }
+        }
+        Vec::new()
+    }
+
+    /// Logs the clearance of a frame and the limit of the warning.
+    pub fn plot(&self, rec: &RecordingStream, clearance: &Clearance) -> Result<()> {
+        let ratio = clearance.closest.map_or(REACH, |c| c.ratio);
+        log(rec, entity::CLEARANCE, &Scalars::single(ratio))?;
+        log(
+            rec,
+            entity::CLEARANCE_LOW,
+            &Scalars::single(self.options.low),
+        )
+    }
 }
 
 /// Logs the parts of curves that are close, from `FAR` over yellow, where strands touch, to red,
@@ -179,6 +225,21 @@ fn color(ratio: f64, low: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::curve::{Basis, Positions};
+
+    #[test]
+    fn too_many_close_strands_are_not_drawn_and_stop_nothing() {
+        // Each segment is a block: 6,000 blocks within a unit cube.
+        let mut random = crate::random::Random::new(3);
+        let count = 6000;
+        let xyz: Vec<f64> = (0..3 * count).flat_map(|_| random.point(1.0)).collect();
+        let counts = vec![-3; count];
+        let set = CurveSet::from_counts(Basis::Polyline, &counts, Positions::F64(&xyz)).unwrap();
+        let mut view = ClearanceView::new(ClearanceOptions::new(Some(10.0)));
+        // The limit is exceeded at every distance.
+        assert!(view.close_blocks(&set, &vec![10.0; count]).is_empty());
+        assert!(view.reach < LEAST_REACH);
+    }
 
     #[test]
     fn colours_go_from_far_over_contact_to_the_warning() {

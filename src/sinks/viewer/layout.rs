@@ -52,8 +52,7 @@ pub(super) fn send(
     let links = TimeSeriesView::new("links and pull-throughs").with_contents(["/links/**"]);
     let close = TimeSeriesView::new("clearance, diameters").with_contents(["/clearance/**"]);
     let check = TimeSeriesView::new("check, ms").with_contents(["/check/**"]);
-    let times =
-        TimeSeriesView::new("ingest, verification, sending, ms").with_contents(["/times/**"]);
+    let times = TimeSeriesView::new("stages, ms").with_contents(["/times/**"]);
     let wait = TimeSeriesView::new("wait for the frame, ms").with_contents(["/wait/**"]);
     let marked = TimeSeriesView::new("blocks marked, %").with_contents(["/marked/**"]);
     let recomputed = TimeSeriesView::new("pairs recomputed").with_contents(["/recomputed/**"]);

@@ -7,6 +7,9 @@ use crate::verdict::Report;
 
 /// Place of a finding, for the picture.
 pub(super) struct Spot {
+    /// The curves, and a segment of each.
+    pub curves: [u32; 2],
+    pub segments: [u32; 2],
     /// Points to mark, one on each curve; the place itself if there is no curve to mark.
     pub marks: Vec<Point>,
     /// Size of the smaller feature of the two curves; 0 if there is none.
@@ -26,13 +29,17 @@ pub(super) fn spot(set: &CurveSet, curves: [u32; 2], segments: [u32; 2], point: 
     }
     let sizes = strands().filter_map(|(i, s)| feature(set, i, s));
     let size = sizes.min_by(f64::total_cmp).unwrap_or(0.0);
-    Spot { marks, size }
+    Spot {
+        curves,
+        segments,
+        marks,
+        size,
+    }
 }
 
-/// Returns the place of the first finding of a report, and the size of its surroundings. A
-/// pull-through is preferred, because its place is more specific than the closest approach after
-/// it.
-pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
+/// Returns the curves, the segments and the point of each finding that has a place. Pull-throughs
+/// come first, because their places are more specific than the closest approach after them.
+pub(super) fn places(report: &Report) -> impl Iterator<Item = ([u32; 2], [u32; 2], Point)> + '_ {
     let events = report.events.iter().chain(&report.unresolved);
     let events = events.map(|e| ([e.i, e.j], e.segments, e.point));
     let changes = report.changes.iter().filter_map(|c| {
@@ -43,7 +50,12 @@ pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
         let place = d.place;
         ([d.i, d.j.unwrap_or(d.i)], place.segments, place.point)
     });
-    let (curves, segments, point) = events.chain(changes).chain(defects).next()?;
+    events.chain(changes).chain(defects)
+}
+
+/// Returns the place of the first finding of a report, and the size of its surroundings.
+pub(super) fn first(set: &CurveSet, report: &Report) -> Option<(Point, f64)> {
+    let (curves, segments, point) = places(report).next()?;
     Some((point, spot(set, curves, segments, point).size))
 }
 

@@ -2,8 +2,8 @@
 //! for later.
 //!
 //! The picture answers three questions at a glance: is the topology intact, which curves broke, and
-//! since which frame. Intact curves are thin and muted, curves of a change are thick and red, and
-//! those without a verdict are orange; each group is a separate entity. Marks name the pair, its
+//! since which frame. Intact curves are thin and muted, and more so beside a violation; curves of a
+//! change are thick and red, and those without a verdict are orange. Marks name the pair, its
 //! expected number and its current one. A pull-through is marked at its place, in its own colour; a
 //! small mark stays on the curve from then on. Widths are in screen points, so that scenes of any
 //! size look the same. The size of stars and the distance of labels follow from the curves around
@@ -11,18 +11,28 @@
 //!
 //! The eye moves to the first violation, once; later the user controls it.
 //!
-//! Curves are one strip each: one strip per segment was measured to cost seven times as much.
+//! Curves are one strip each: one strip per segment was measured to cost seven times as much. Those
+//! that did not move are not logged again (see [`curves`]).
+//!
+//! A simulator that rolls back publishes times that were shown before. These frames are on the
+//! timeline of frames only, because two runs would mix on the timeline of times.
 //!
 //! Only this module knows the crate `rerun`.
 
 mod clearance;
+#[cfg(test)]
+mod curve_tests;
+mod curves;
+mod label;
 mod layout;
 mod local;
 mod log;
 mod names;
+mod options;
 mod passed;
 mod picture;
 mod plots;
+mod serve;
 mod status;
 mod stream;
 mod style;
@@ -31,14 +41,17 @@ mod target;
 mod tests;
 mod view;
 
+pub use options::ViewerOptions;
 pub use target::ViewerTarget;
 
+use self::clearance::ClearanceView;
+use self::curves::Curves;
 use self::log::{Log, line};
 use self::names::{FRAME, SIM_TIME, UNTIL, entity};
 use self::passed::Passed;
 use self::stream::{failed, log, log_static};
 use self::view::View;
-use crate::curve::{CurveSet, Point};
+use crate::curve::Point;
 use crate::error::Result;
 use crate::sinks::{BaselineRecord, FrameRecord, Sink};
 use crate::thickness::ClearanceOptions;
@@ -46,11 +59,14 @@ use crate::verdict::Verdict;
 use re_sdk::RecordingStream;
 use re_sdk_types::archetypes::{TextDocument, TextLog, Transform3D};
 use re_sdk_types::blueprint::archetypes::EyeControls3D;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// Time limit of the viewer to accept all data at the end.
 const FLUSH_LIMIT: Duration = Duration::from_secs(10);
+
+/// Number of frames after which a live viewer receives all curves again. A server drops its oldest
+/// data at some time, and a browser that opens later would not show curves that are at rest.
+const REPEAT: u64 = 1000;
 
 /// Logs frames to rerun. Use it behind a [`crate::SinkQueue`] that drops the oldest frames, because
 /// a viewer that stops reading blocks it.
@@ -61,12 +77,20 @@ pub struct ViewerSink {
     greeting: Option<String>,
     log: Log,
     is_file: bool,
+    options: ViewerOptions,
+    /// Number of frames so far, and the verdict on the last one.
+    frames: u64,
+    verdict: Option<Verdict>,
+    /// The latest simulation time so far, and true if that of the last frame was earlier.
+    latest: f64,
+    is_earlier: bool,
+    /// True if the next picture has all curves, moved or not.
+    redraws: bool,
     /// Pull-throughs of the frames so far.
     passed: Passed,
     /// Layout of the newest curves.
     layout: u32,
-    /// The newest curves.
-    last: Option<Arc<CurveSet>>,
+    curves: Curves,
     /// Factor by which curves are enlarged. Known with the first curves.
     scale: Option<f64>,
     /// The newest status.
@@ -74,8 +98,7 @@ pub struct ViewerSink {
     /// True if a frame with times of a live run was logged.
     live: bool,
     first: Option<First>,
-    /// What is shown of the clearance, and whether that of the last frame was low.
-    clearance: Option<(ClearanceOptions, bool)>,
+    clearance: Option<ClearanceView>,
 }
 
 /// The first violation.
@@ -103,10 +126,16 @@ impl ViewerSink {
             greeting: None,
             log: Log::default(),
             is_file,
+            options: ViewerOptions::default(),
+            frames: 0,
+            verdict: None,
+            latest: f64::NEG_INFINITY,
+            is_earlier: false,
+            redraws: false,
             passed: Passed::default(),
             live: false,
             layout: 0,
-            last: None,
+            curves: Curves::default(),
             scale: None,
             status: String::new(),
             first: None,
@@ -119,9 +148,18 @@ impl ViewerSink {
         Ok(sink)
     }
 
+    /// Shows a part of the curves or of the frames.
+    pub fn with_options(mut self, options: ViewerOptions) -> ViewerSink {
+        if options.only_violated {
+            self.curves.only_violated();
+        }
+        self.options = options;
+        self
+    }
+
     /// Also shows the clearance of strands, if the frames have it.
     pub fn with_clearance(mut self, options: ClearanceOptions) -> Result<ViewerSink> {
-        self.clearance = Some((options, false));
+        self.clearance = Some(ClearanceView::new(options));
         self.layout(FRAME, None)?;
         let key = format!("{}\n{}", layout::KEY, layout::CLEARANCE_KEY);
         log_static(&self.rec, entity::KEY, &TextDocument::from_markdown(key))?;
@@ -129,18 +167,20 @@ impl ViewerSink {
         Ok(self)
     }
 
-    /// Shows the clearance of a frame, and logs a line if it becomes low.
-    fn add_clearance(&mut self, record: &FrameRecord) -> Result<()> {
-        let (Some((options, was_low)), Some(found)) =
-            (&mut self.clearance, &record.report.clearance)
-        else {
+    /// Shows the clearance of a frame, on its curves if they are drawn, and logs a line if it becomes
+    /// low.
+    fn add_clearance(&mut self, record: &FrameRecord, draws: bool) -> Result<()> {
+        let (Some(view), Some(found)) = (&mut self.clearance, &record.report.clearance) else {
             return Ok(());
         };
-        clearance::add(&self.rec, record, options)?;
-        let turned = std::mem::replace(was_low, found.low) != found.low;
-        let (extent, names) = (record.report.stats.extent, &record.info.labels.names);
-        match found.sentence_named(extent, names) {
-            Some(text) if turned && found.low => {
+        view.plot(&self.rec, found)?;
+        let labels = &record.info.labels;
+        if let Some(set) = record.curves.as_deref().filter(|_| draws) {
+            view.draw(&self.rec, set, &labels.radii, found)?;
+        }
+        let becomes_low = view.becomes_low(found);
+        match found.sentence_named(record.report.stats.extent, &labels.names) {
+            Some(text) if becomes_low => {
                 let text = format!("low clearance: {text}");
                 self.log_line(&line(Verdict::Undecided, text))
             }
@@ -162,6 +202,37 @@ impl ViewerSink {
         }
     }
 
+    /// Places the following data at a simulation time.
+    fn set_time(&mut self, time: f64) -> Result<()> {
+        if !time.is_finite() {
+            return Ok(());
+        }
+        let was_earlier = std::mem::replace(&mut self.is_earlier, time < self.latest);
+        if self.is_earlier {
+            self.rec.disable_timeline(SIM_TIME);
+            return Ok(());
+        }
+        self.rec.set_duration_secs(SIM_TIME, time);
+        self.latest = time;
+        if was_earlier {
+            // The timeline misses what was logged at earlier times.
+            self.redraws = true;
+            let status = TextDocument::from_markdown(self.status.clone());
+            log(&self.rec, entity::STATUS, &status)?;
+        }
+        Ok(())
+    }
+
+    /// Returns true if the curves of the next frame are to be logged: those of every n-th frame, and
+    /// if its verdict is not intact or differs from the previous one.
+    fn is_drawn(&mut self, verdict: Verdict) -> bool {
+        let turns = self.verdict.replace(verdict) != Some(verdict);
+        let due = self.frames.is_multiple_of(self.options.every.get());
+        self.frames += 1;
+        self.redraws |= !self.is_file && self.frames.is_multiple_of(REPEAT);
+        due || turns || verdict != Verdict::Intact
+    }
+
     fn layout(&self, timeline: &str, eye: Option<&EyeControls3D>) -> Result<()> {
         let clearance = self.clearance.is_some();
         layout::send(&self.rec, timeline, eye, clearance).map_err(failed)
@@ -169,7 +240,7 @@ impl ViewerSink {
 
     /// Returns an eye that sees all of the newest curves, or those around a place if one is given.
     fn eye(&self, place: Option<(Point, f64)>) -> Option<EyeControls3D> {
-        let view = View::of(self.last.as_deref()?)?;
+        let view = View::of(self.curves.shown()?)?;
         Some(view.eye(place, self.scale.unwrap_or(1.0)))
     }
 
@@ -254,16 +325,16 @@ impl Sink for ViewerSink {
                 Some(_) => self.rec.disable_timeline(UNTIL),
             }
         }
-        if report.time.is_finite() {
-            self.rec.set_duration_secs(SIM_TIME, report.time);
-        }
+        self.set_time(report.time)?;
         if let Some(text) = self.greeting.take() {
             self.log_line(&line(Verdict::Intact, text))?;
         }
-        if let Some(set) = &record.curves {
+        let draws = self.is_drawn(report.verdict);
+        if let Some(set) = record.curves.as_ref().filter(|_| draws) {
             if std::mem::replace(&mut self.layout, record.info.layout) != record.info.layout {
                 // The marks are on curves with other indices.
                 self.passed.forget_marks();
+                self.curves.forget_violated();
             }
             if self.scale.is_none() {
                 let scale = view::scale(set);
@@ -271,10 +342,10 @@ impl Sink for ViewerSink {
                 log_static(&self.rec, entity::CURVES, &larger)?;
                 self.scale = Some(scale);
             }
-            picture::draw_curves(&self.rec, set, report)?;
+            let all = std::mem::take(&mut self.redraws);
+            self.curves.draw(&self.rec, set, report, all)?;
             picture::draw_places(&self.rec, set, report)?;
             picture::draw_passed(&self.rec, &self.passed, set)?;
-            self.last = Some(Arc::clone(set));
         }
         if self.passed.words().is_none() && !report.events.is_empty() {
             plots::describe_events(&self.rec)?;
@@ -284,7 +355,7 @@ impl Sink for ViewerSink {
             plots::describe_live(&self.rec)?;
         }
         plots::add(&self.rec, record)?;
-        self.add_clearance(record)?;
+        self.add_clearance(record, draws)?;
         let news = self
             .log
             .news(report, &record.info.labels.names, &self.passed);

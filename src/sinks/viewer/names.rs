@@ -14,7 +14,9 @@ pub(super) const UNTIL: &str = "until_violation";
 /// Paths of the entities.
 pub(super) mod entity {
     pub const CURVES: &str = "curves";
-    pub const INTACT: &str = "curves/intact";
+    pub const MOVING: &str = "curves/intact/moving";
+    /// Parent of the blocks of curves at rest.
+    pub const AT_REST: &str = "curves/intact/at_rest";
     pub const BROKEN: &str = "curves/broken";
     pub const UNDECIDED: &str = "curves/undecided";
     pub const PLACES: &str = "curves/places";
@@ -43,6 +45,11 @@ pub(super) mod entity {
     pub const INGEST: &str = "times/ingest";
     pub const VERIFICATION: &str = "times/verification";
     pub const SEND: &str = "times/send";
+    pub const BOXES: &str = "times/verification/boxes";
+    pub const PAIRS: &str = "times/verification/pairs";
+    pub const LINKING: &str = "times/verification/links";
+    pub const SEARCH: &str = "times/verification/pull-throughs";
+    pub const MEASURE: &str = "times/verification/clearance";
     pub const MARKED: &str = "marked/blocks";
     pub const RECOMPUTED: &str = "recomputed/pairs";
     pub const SKIPPED: &str = "skipped/frames";

@@ -1,17 +1,16 @@
-//! Picture of a frame: its curves in groups, and marks and labels at the places of its findings.
+//! Marks and labels at the places of the findings of a frame.
 
+use super::label::{self, Label};
 use super::local::{self, Spot};
 use super::names::entity;
 use super::passed::{self, Passed};
 use super::stream::log;
-use super::style::{CYAN, ORANGE, PALE_ORANGE, PALE_RED, QUIET, RED, lines, narrow, points};
+use super::style::{CYAN, PALE_ORANGE, PALE_RED, lines, narrow, points};
 use super::view::View;
 use crate::curve::CurveSet;
 use crate::error::Result;
 use crate::verdict::Report;
 use re_sdk::RecordingStream;
-use re_sdk_types::archetypes::LineStrips3D;
-use re_sdk_types::components::Radius;
 
 /// Maximum number of findings of a kind with a mark and a table row, and of findings with a log
 /// line, because more would hide one another.
@@ -20,68 +19,16 @@ pub(super) const SHOWN: usize = 20;
 /// Marks closer than this, in radii of the scene, share a label.
 const NEAR: f64 = 0.12;
 
-/// Length of the rays of a pull-through's star, and distance of a label from its place, in sizes of
-/// the feature there (see [`local::feature`]). A ray is a fifth of the radius of a ring.
+/// Length of the rays of a pull-through's star, in sizes of the feature there (see
+/// [`local::feature`]): a fifth of the radius of a ring.
 const STAR: f64 = 0.14;
-const DROP: f64 = 0.4;
 
 /// Size of a feature without extent, in radii of the scene.
 const DOT: f64 = 0.05;
 
-/// Number of curves from which on intact ones are drawn thinner, because they would merge into a
-/// surface.
-const MANY: usize = 2000;
-
-/// Maximum number of points per segment of a spline, and approximate number of points in all.
-const POINTS_PER_SEGMENT: usize = 6;
-const POINTS: usize = 400_000;
-
-/// Logs all curves, each in its group. Empty groups are logged too, which clears those of the
-/// previous frame. Curves are thin lines also if they have a radius, because thick ones hide the
-/// marks.
-pub(super) fn draw_curves(rec: &RecordingStream, set: &CurveSet, report: &Report) -> Result<()> {
-    let mut groups: Vec<u8> = vec![0; set.len()];
-    let mut mark = |i: u32, group| {
-        if let Some(g) = groups.get_mut(i as usize) {
-            *g = group;
-        }
-    };
-    for d in &report.defects {
-        mark(d.i, 1);
-        d.j.into_iter().for_each(|j| mark(j, 1));
-    }
-    for e in &report.unresolved {
-        mark(e.i, 1);
-        mark(e.j, 1);
-    }
-    for c in &report.changes {
-        mark(c.i, 2);
-        mark(c.j, 2);
-    }
-    for e in &report.events {
-        mark(e.i, 2);
-        mark(e.j, 2);
-    }
-    let detail = (POINTS / set.segments().max(1)).clamp(1, POINTS_PER_SEGMENT);
-    let quiet = if set.len() < MANY { 0.8 } else { 0.35 };
-    for (group, path, color, width) in [
-        (0, entity::INTACT, QUIET, quiet),
-        (1, entity::UNDECIDED, ORANGE, 2.0),
-        (2, entity::BROKEN, RED, 2.5),
-    ] {
-        let members = (0..set.len()).filter(|&i| groups[i] == group);
-        let strips = members.map(|i| set.display_polyline(i, detail));
-        let strips = LineStrips3D::new(strips)
-            .with_colors([color])
-            .with_radii([Radius::new_ui_points(width)]);
-        log(rec, path, &strips)?;
-    }
-    Ok(())
-}
-
-/// Logs a dot on each curve of a finding, a star at each pull-through of this frame, and a
-/// label beside each place, broken pairs first. Findings close together share a label, because
-/// labels would cover one another.
+/// Logs a dot on each curve of a finding, a star at each pull-through of this frame, and a label
+/// beside each place, broken pairs first. Findings close together share a label, because labels
+/// would cover one another.
 pub(super) fn draw_places(rec: &RecordingStream, set: &CurveSet, report: &Report) -> Result<()> {
     let changes = report.changes.iter().filter_map(|c| {
         let (numbers, place) = ((c.expected, c.found), c.place?);
@@ -135,7 +82,7 @@ pub(super) fn draw_places(rec: &RecordingStream, set: &CurveSet, report: &Report
         true => None,
         false => View::of(set),
     };
-    let (radius, down) = view.map_or((0.0, [0.0; 3]), |v| (v.radius, v.down()));
+    let radius = view.as_ref().map_or(0.0, |view| view.radius);
     let size = |spot: &Spot| match spot.size > 0.0 {
         true => spot.size.min(radius),
         false => DOT * radius,
@@ -153,30 +100,41 @@ pub(super) fn draw_places(rec: &RecordingStream, set: &CurveSet, report: &Report
     log(rec, entity::STARS, &lines(rays, 2.0).with_colors([CYAN]))?;
 
     let near_sq = (NEAR * radius).powi(2);
-    let mut labels: Vec<(&Spot, Vec<&str>, u32)> = Vec::new();
+    let mut labels: Vec<(Vec<&Spot>, Vec<&str>, u32)> = Vec::new();
     for (spot, text, color) in marked.iter().chain(events.iter().take(SHOWN)) {
         let point = spot.marks[0];
         let close = |other: &Spot| {
             let other = other.marks[0];
             (0..3).map(|x| (other[x] - point[x]).powi(2)).sum::<f64>() < near_sq
         };
-        match labels.iter_mut().find(|(other, ..)| close(other)) {
-            Some((_, texts, _)) => texts.push(text),
-            None => labels.push((spot, vec![text], *color)),
+        match labels.iter_mut().find(|(spots, ..)| close(spots[0])) {
+            Some((spots, texts, _)) => {
+                spots.push(spot);
+                texts.push(text);
+            }
+            None => labels.push((vec![spot], vec![text], *color)),
         }
     }
     let colors: Vec<u32> = labels.iter().map(|(.., color)| *color).collect();
-    // From the mark to the label, which is below its point.
-    let leaders = labels.iter().map(|(spot, ..)| {
-        let (start, drop) = (spot.marks[0], DROP * size(spot));
-        [start, [0, 1, 2].map(|x| start[x] + drop * down[x])].map(narrow)
-    });
-    let leaders: Vec<_> = leaders.collect();
-    let labelled = points(leaders.iter().map(|[_, end]| *end), 0.0)
-        .with_labels(labels.iter().map(|(_, texts, _)| texts.join("\n")))
+    let texts: Vec<String> = labels
+        .iter()
+        .map(|(_, texts, _)| texts.join("\n"))
+        .collect();
+    let place = |((spots, ..), text): (&(Vec<&Spot>, Vec<&str>, u32), &String)| match &view {
+        Some(view) => label::place(set, spots, view.unit(size(spots[0])), text, view),
+        // Without extent.
+        None => Label {
+            anchor: spots[0].marks[0],
+            leader: [spots[0].marks[0]; 2],
+        },
+    };
+    let placed: Vec<Label> = labels.iter().zip(&texts).map(place).collect();
+    let labelled = points(placed.iter().map(|label| narrow(label.anchor)), 0.0)
+        .with_labels(texts)
         .with_colors(colors.clone())
         .with_show_labels(true);
     log(rec, entity::LABELS, &labelled)?;
+    let leaders = placed.iter().map(|label| label.leader.map(narrow));
     log(
         rec,
         entity::LEADERS,

@@ -2,7 +2,7 @@
 
 use super::names::entity;
 use super::stream::{log, log_static};
-use super::style::{CYAN, DARK_GREEN, GREEN, ORANGE, RED, VIOLET, series_points};
+use super::style::{CYAN, DARK_GREEN, GREEN, ORANGE, QUIET, RED, VIOLET, YELLOW, series_points};
 use crate::error::Result;
 use crate::incremental::Route;
 use crate::sinks::FrameRecord;
@@ -21,6 +21,10 @@ pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
         (entity::CHECK, DARK_GREEN, "check, ms a frame"),
         (entity::INGEST, CYAN, "ingest"),
         (entity::VERIFICATION, DARK_GREEN, "verification"),
+        (entity::BOXES, QUIET, "boxes"),
+        (entity::PAIRS, ORANGE, "potential links"),
+        (entity::LINKING, RED, "linking numbers"),
+        (entity::SEARCH, GREEN, "search for pull-throughs"),
         (entity::MARKED, ORANGE, "blocks marked, %"),
         (entity::RECOMPUTED, RED, "pairs recomputed"),
         (entity::SKIPPED, ORANGE, "frames skipped so far"),
@@ -44,9 +48,8 @@ pub(super) fn describe(rec: &RecordingStream) -> Result<()> {
 fn describe_line(rec: &RecordingStream, path: &str, color: u32, name: &str) -> Result<()> {
     // Counts change in steps; times are measured at single frames.
     let mode = match path {
-        entity::CHECK | entity::WAIT | entity::INGEST | entity::VERIFICATION | entity::SEND => {
-            InterpolationMode::Linear
-        }
+        _ if path.starts_with("times/") => InterpolationMode::Linear,
+        entity::CHECK | entity::WAIT => InterpolationMode::Linear,
         _ => InterpolationMode::StepAfter,
     };
     let style = SeriesLines::new()
@@ -61,7 +64,12 @@ fn describe_line(rec: &RecordingStream, path: &str, color: u32, name: &str) -> R
 /// earlier, because the viewer reports an error for a series without data.
 pub(super) fn describe_live(rec: &RecordingStream) -> Result<()> {
     describe_line(rec, entity::WAIT, VIOLET, "wait for the frame")?;
-    describe_line(rec, entity::SEND, ORANGE, "verdict sent")
+    describe_line(rec, entity::SEND, VIOLET, "verdict sent")
+}
+
+/// Logs the name and colour of the time of the clearance, if it is measured.
+pub(super) fn describe_clearance(rec: &RecordingStream) -> Result<()> {
+    describe_line(rec, entity::MEASURE, YELLOW, "clearance")
 }
 
 /// Logs the name and colour of the pull-throughs. Call it before the first one but no earlier,
@@ -101,6 +109,18 @@ pub(super) fn add(rec: &RecordingStream, record: &FrameRecord) -> Result<()> {
     }
     if record.report.verdict != Verdict::Rejected {
         let work = &record.work;
+        let stages = &times.stages;
+        for (path, time) in [
+            (entity::BOXES, stages.boxes),
+            (entity::PAIRS, stages.pairs),
+            (entity::LINKING, stages.links),
+            (entity::SEARCH, stages.events),
+        ] {
+            log(rec, path, &Scalars::single(ms(time)))?;
+        }
+        if record.report.clearance.is_some() {
+            log(rec, entity::MEASURE, &Scalars::single(ms(stages.clearance)))?;
+        }
         let route = entity::ROUTES[work.route as usize];
         log(rec, route, &Scalars::single(check_ms))?;
         // A frame that was not compared with a reference frame has no blocks to mark.

@@ -1,21 +1,23 @@
-//! Destinations of the viewer sink: a file for later, a running viewer, or one to start.
+//! Destinations of the viewer sink: a file for later, a running viewer, or one to start, on the
+//! screen or for browsers.
 
 use super::names::APPLICATION;
+use super::serve;
 use super::stream::failed;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use re_sdk::{RecordingStream, RecordingStreamBuilder, SpawnOptions};
 use std::net::{TcpStream, ToSocketAddrs};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Default port of viewers.
 const PORT: u16 = 9876;
 
 /// Time limit of a running viewer to accept a connection.
-const PROBE_LIMIT: Duration = Duration::from_secs(2);
+pub(super) const PROBE_LIMIT: Duration = Duration::from_secs(2);
 
 /// Program to start.
-const PROGRAM: &str = "rerun";
+pub(super) const PROGRAM: &str = "rerun";
 
 /// Destination of frames to show.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,6 +28,9 @@ pub enum ViewerTarget {
     Connect(String),
     /// A new viewer on this machine, or the one that already runs here.
     Spawn,
+    /// Browsers on this machine, which open `http://127.0.0.1:PORT`: a new server on this port, or
+    /// the one that already runs. It uses the next port as well.
+    Serve(u16),
 }
 
 impl ViewerTarget {
@@ -43,20 +48,22 @@ impl ViewerTarget {
                 builder.connect_grpc_opts(url).map_err(failed)
             }
             ViewerTarget::Spawn => {
-                let path = std::env::var_os("PATH").unwrap_or_default();
                 let options = SpawnOptions {
                     wait_for_bind: true,
                     hide_welcome_screen: true,
+                    // Only this machine sends frames to it.
+                    extra_args: vec!["--bind=127.0.0.1".into()],
                     ..SpawnOptions::default()
                 };
                 let running = TcpStream::connect_timeout(&options.connect_addr(), PROBE_LIMIT);
-                if running.is_err() && !std::env::split_paths(&path).any(|d| has_program(&d)) {
-                    return Err(failed(format_args!(
-                        "no program `{PROGRAM}` in PATH to show frames; \
-                         `pip install rerun-sdk` installs it"
-                    )));
+                if running.is_err() && find_program().is_none() {
+                    return Err(no_program());
                 }
                 builder.spawn_opts(&options).map_err(failed)
+            }
+            ViewerTarget::Serve(port) => {
+                let url = serve::start(*port)?;
+                builder.connect_grpc_opts(url).map_err(failed)
             }
         }
     }
@@ -93,11 +100,22 @@ fn probe(host: &str) -> Result<()> {
     Err(unreachable(last))
 }
 
-fn has_program(folder: &Path) -> bool {
-    folder
-        .join(PROGRAM)
-        .with_extension(std::env::consts::EXE_EXTENSION)
-        .is_file()
+/// Returns the path of the installed program, if there is one.
+pub(super) fn find_program() -> Option<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let program = |folder: PathBuf| {
+        let program = folder.join(PROGRAM);
+        program.with_extension(std::env::consts::EXE_EXTENSION)
+    };
+    std::env::split_paths(&path)
+        .map(program)
+        .find(|program| program.is_file())
+}
+
+pub(super) fn no_program() -> Error {
+    failed(format_args!(
+        "no program `{PROGRAM}` in PATH to show frames; `pip install rerun-sdk==0.36.3` installs it"
+    ))
 }
 
 #[cfg(test)]
@@ -130,6 +148,27 @@ mod tests {
         let target = ViewerTarget::Connect(format!("127.0.0.1:{port}"));
         let e = target.open("test").err().unwrap().to_string();
         assert!(e.starts_with("viewer: no viewer at 127.0.0.1:"), "{e}");
+    }
+
+    #[test]
+    fn a_server_needs_two_free_ports() {
+        let listener = || std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = |l: &std::net::TcpListener| l.local_addr().unwrap().port();
+        // The port before it is free.
+        let is_second = |l: &std::net::TcpListener| {
+            std::net::TcpListener::bind(("127.0.0.1", port(l) - 1)).is_ok()
+        };
+        let used = std::iter::repeat_with(listener).find(is_second).unwrap();
+        let e = ViewerTarget::Serve(port(&used) - 1)
+            .open("test")
+            .err()
+            .unwrap();
+        let why = format!("viewer: port {} is in use", port(&used));
+        assert!(e.to_string().starts_with(&why), "{e}");
+        for port in [0, u16::MAX] {
+            let e = ViewerTarget::Serve(port).open("test").err().unwrap();
+            assert!(e.to_string().contains("expected 1 to 65534"), "{e}");
+        }
     }
 
     #[test]

@@ -153,6 +153,15 @@ pub struct CloseBlock {
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 pub fn close_blocks(set: &CurveSet, radii: &[f64]) -> Result<Vec<CloseBlock>> {
+    close_blocks_within(set, radii, REACH)
+}
+
+/// [`close_blocks`] for another distance, in sums of the radii, at most [`REACH`].
+pub(crate) fn close_blocks_within(
+    set: &CurveSet,
+    radii: &[f64],
+    within: f64,
+) -> Result<Vec<CloseBlock>> {
     if radii.len() != set.len() {
         let what = format!("{} radii for {} curves", radii.len(), set.len());
         return Err(Error::Usage(what));
@@ -162,15 +171,15 @@ pub fn close_blocks(set: &CurveSet, radii: &[f64]) -> Result<Vec<CloseBlock>> {
     let positions = set.positions();
     let strands = layout.strands(set, positions.as_positions(), radii);
     let reach = Reach {
-        ratio: REACH,
+        ratio: within,
         skin: 0.0,
     };
     let list = list_pairs(&strands, reach, &mut LinkSearch::default())?;
-    let pairs = list.below(REACH).into_iter().map(|k| list.blocks_of(k));
+    let pairs = list.below(within).into_iter().map(|k| list.blocks_of(k));
     let pairs: Vec<[u32; 2]> = pairs.collect();
     let mut closest: Vec<Option<CloseStrands>> = vec![None; layout.blocks.len()];
-    for (pair, measured) in pairs.iter().zip(strands.measure(&pairs, REACH)) {
-        let Some(found) = measured.closest.filter(|found| found.ratio < REACH) else {
+    for (pair, measured) in pairs.iter().zip(strands.measure(&pairs, within)) {
+        let Some(found) = measured.closest.filter(|found| found.ratio < within) else {
             continue;
         };
         for number in pair {

@@ -1,0 +1,289 @@
+//! Curves of the picture, in groups: those of the findings, those that move, and blocks of curves
+//! at rest. A group is an entity, and is logged only if one of its curves moved, joined or left.
+//!
+//! A curve at rest that moves leaves its block for the group of moving curves. It returns with
+//! others after [`REST`] frames at rest. Every curve is in one group at most, so a frame never takes
+//! more than all curves once, and a row per group.
+//!
+//! Cost: a comparison of all points with those of the previous frame, which is exact, and the
+//! points of the groups that changed. If curves move by turns, different ones in each frame, most
+//! blocks are logged in each.
+
+use super::local;
+use super::names::entity;
+use super::stream::log;
+use super::style::{DIMMED, ORANGE, QUIET, RED};
+use crate::curve::CurveSet;
+use crate::curve::vector::distance;
+use crate::error::Result;
+use crate::verdict::Report;
+use re_sdk::RecordingStream;
+use re_sdk_types::archetypes::LineStrips3D;
+use re_sdk_types::components::Radius;
+use std::sync::Arc;
+
+/// Number of frames that a curve must be at rest to join its block again. Curves join every so many
+/// frames.
+const REST: u64 = 30;
+
+/// Number of points of a block, and maximum number of blocks, because viewers draw many entities
+/// slowly.
+const BLOCK_POINTS: usize = 8192;
+const MOST_BLOCKS: usize = 64;
+
+/// Number of curves from which on intact ones are drawn thinner, because they would merge into a
+/// surface.
+const MANY: usize = 2000;
+
+/// Maximum number of points per segment of a spline, and approximate number of points in all.
+const POINTS_PER_SEGMENT: usize = 6;
+const POINTS: usize = 400_000;
+
+/// Curves closer than this to a finding are its neighbours, in sizes of the feature there (see
+/// [`local::feature`]).
+const NEIGHBOURHOOD: f64 = 1.5;
+
+/// Maximum number of findings of a frame whose neighbours are searched for.
+const SEARCHED: usize = 20;
+
+/// Groups. Blocks have the following numbers.
+const BROKEN: u32 = 0;
+const UNDECIDED: u32 = 1;
+const MOVING: u32 = 2;
+const BLOCKS: u32 = 3;
+/// Group of the curves that are not shown.
+const HIDDEN: u32 = u32::MAX;
+
+/// Colour, and width on the screen.
+type Style = (u32, f32);
+
+/// Curves as they were last logged.
+#[derive(Default)]
+pub(super) struct Curves {
+    shown: Option<Arc<CurveSet>>,
+    /// Number of frames so far.
+    frames: u64,
+    /// Group of each curve, and the frame in which it last moved.
+    groups: Vec<u32>,
+    moved: Vec<u64>,
+    /// Block of each curve.
+    blocks: Vec<u32>,
+    /// Style of each group that was ever logged.
+    styles: Vec<Option<Style>>,
+    /// Curves that took part in a finding, and their neighbours, if no others are shown.
+    violated: Option<Vec<bool>>,
+}
+
+impl Curves {
+    /// Shows only curves that took part in a finding, and their neighbours.
+    pub fn only_violated(&mut self) {
+        self.violated = Some(Vec::new());
+    }
+
+    /// Forgets which curves took part in a finding, because later frames have other curves.
+    pub fn forget_violated(&mut self) {
+        self.violated.iter_mut().for_each(Vec::clear);
+    }
+
+    /// Returns the curves as they were last logged.
+    pub fn shown(&self) -> Option<&Arc<CurveSet>> {
+        self.shown.as_ref()
+    }
+
+    /// Logs the groups that changed; `all`: all groups. Curves are thin lines also if they have a
+    /// radius, because thick ones hide the marks.
+    pub fn draw(
+        &mut self,
+        rec: &RecordingStream,
+        set: &Arc<CurveSet>,
+        report: &Report,
+        all: bool,
+    ) -> Result<()> {
+        self.frames += 1;
+        self.note_violated(set, report);
+        let mut changed = vec![all; self.styles.len()];
+        let before = self.shown.take().filter(|before| before.same_layout(set));
+        let moved = match &before {
+            Some(before) => set.moved_since(before),
+            None => {
+                // Clears the groups of other curves.
+                changed.fill(true);
+                self.divide(set);
+                vec![false; set.len()]
+            }
+        };
+        let groups = self.arrange(report, &moved);
+        changed.resize(self.styles.len(), all);
+        for (k, (&new, &old)) in groups.iter().zip(&self.groups).enumerate() {
+            for group in [new, old] {
+                if (new != old || moved[k]) && group != HIDDEN {
+                    changed[group as usize] = true;
+                }
+            }
+        }
+        self.groups = groups;
+        self.shown = Some(Arc::clone(set));
+        self.log_groups(rec, set, &changed)
+    }
+
+    /// Divides new curves into blocks. All are at rest.
+    fn divide(&mut self, set: &CurveSet) {
+        let size = BLOCK_POINTS.max(set.points().div_ceil(MOST_BLOCKS));
+        let mut before = 0;
+        let block = |points: &mut usize, count: u32| {
+            let block = *points / size;
+            *points += count as usize;
+            Some(BLOCKS + block as u32)
+        };
+        let counts = set.curves().iter().map(|c| c.points);
+        self.blocks = counts
+            .filter_map(|count| block(&mut before, count))
+            .collect();
+        self.groups = vec![HIDDEN; set.len()];
+        self.moved = vec![0; set.len()];
+        let groups = self.blocks.last().map_or(BLOCKS, |last| last + 1) as usize;
+        if self.styles.len() < groups {
+            self.styles.resize(groups, None);
+        }
+    }
+
+    /// Returns the groups of the curves in this frame.
+    fn arrange(&mut self, report: &Report, moved: &[bool]) -> Vec<u32> {
+        let now = self.frames;
+        let returns = now.is_multiple_of(REST);
+        let at_rest = |k: usize, last: &mut u64| {
+            if moved[k] {
+                *last = now;
+            }
+            match self.groups[k] {
+                // Since the first frame.
+                _ if *last == 0 => true,
+                MOVING => returns && now - *last >= REST,
+                BROKEN | UNDECIDED | HIDDEN => now - *last >= REST,
+                _ => !moved[k],
+            }
+        };
+        let mut groups: Vec<u32> = Vec::with_capacity(moved.len());
+        for (k, last) in self.moved.iter_mut().enumerate() {
+            let hidden = self.violated.as_ref().is_some_and(|v| !v[k]);
+            groups.push(match at_rest(k, last) {
+                _ if hidden => HIDDEN,
+                true => self.blocks[k],
+                false => MOVING,
+            });
+        }
+        for (curves, group) in groups_of_findings(report) {
+            for i in curves {
+                if let Some(g) = groups.get_mut(i as usize) {
+                    *g = group.min(*g);
+                }
+            }
+        }
+        groups
+    }
+
+    /// Notes the curves of new findings, and their neighbours, if only these are shown.
+    fn note_violated(&mut self, set: &CurveSet, report: &Report) {
+        let Some(violated) = &mut self.violated else {
+            return;
+        };
+        violated.resize(set.len(), false);
+        let mut places = Vec::new();
+        for (curves, segments, point) in local::places(report) {
+            let is_new = |&i: &u32| violated.get(i as usize) == Some(&false);
+            if places.len() < SEARCHED && curves.iter().any(is_new) {
+                let size = local::spot(set, curves, segments, point).size;
+                places.push((point, NEIGHBOURHOOD * size));
+            }
+        }
+        let findings = groups_of_findings(report).flat_map(|(curves, _)| curves);
+        for i in findings {
+            if let Some(v) = violated.get_mut(i as usize) {
+                *v = true;
+            }
+        }
+        for (i, curve) in set.curves().iter().enumerate() {
+            let mut points = (0..curve.points as usize).map(|k| set.point(i, k));
+            let near = |p| {
+                places
+                    .iter()
+                    .any(|&(place, reach)| distance(p, place) < reach)
+            };
+            violated[i] |= !places.is_empty() && points.any(near);
+        }
+    }
+
+    fn log_groups(
+        &mut self,
+        rec: &RecordingStream,
+        set: &CurveSet,
+        changed: &[bool],
+    ) -> Result<()> {
+        let detail = (POINTS / set.segments().max(1)).clamp(1, POINTS_PER_SEGMENT);
+        let mut members: Vec<Vec<usize>> = vec![Vec::new(); changed.len()];
+        let mut counts = vec![0; changed.len()];
+        for (k, &group) in self
+            .groups
+            .iter()
+            .enumerate()
+            .filter(|(_, g)| **g != HIDDEN)
+        {
+            counts[group as usize] += 1;
+            if changed[group as usize] {
+                members[group as usize].push(k);
+            }
+        }
+        let violation = counts[BROKEN as usize] + counts[UNDECIDED as usize] > 0;
+        let many = set.len() >= MANY;
+        for (group, members) in (0..).zip(members) {
+            let (known, changed) = (&mut self.styles[group as usize], changed[group as usize]);
+            let style = match group {
+                BROKEN => (RED, 2.5),
+                UNDECIDED => (ORANGE, 2.0),
+                _ if violation => (DIMMED, if many { 0.3 } else { 0.7 }),
+                _ => (QUIET, if many { 0.35 } else { 0.8 }),
+            };
+            let mut lines = LineStrips3D::update_fields();
+            // A group without curves gets its style with the first one. One that never had a curve
+            // is unknown to the viewer.
+            let restyled = counts[group as usize] > 0 && *known != Some(style);
+            if !restyled && (known.is_none() || !changed) {
+                continue;
+            }
+            if changed {
+                let strips = members.iter().map(|&i| set.display_polyline(i, detail));
+                lines = lines.with_strips(strips);
+            }
+            if restyled {
+                let (color, width) = style;
+                lines = lines.with_colors([color]);
+                lines = lines.with_radii([Radius::new_ui_points(width)]);
+                *known = Some(style);
+            }
+            log(rec, &path(group), &lines)?;
+        }
+        Ok(())
+    }
+}
+
+/// Returns the path of a group.
+fn path(group: u32) -> String {
+    match group {
+        BROKEN => entity::BROKEN.into(),
+        UNDECIDED => entity::UNDECIDED.into(),
+        MOVING => entity::MOVING.into(),
+        block => format!("{}/{}", entity::AT_REST, block - BLOCKS),
+    }
+}
+
+/// Returns the curves of each finding, and their group.
+fn groups_of_findings(report: &Report) -> impl Iterator<Item = ([u32; 2], u32)> + '_ {
+    let changes = report.changes.iter().map(|c| ([c.i, c.j], BROKEN));
+    let events = report.events.iter().map(|e| ([e.i, e.j], BROKEN));
+    let defects = report
+        .defects
+        .iter()
+        .map(|d| ([d.i, d.j.unwrap_or(d.i)], UNDECIDED));
+    let unresolved = report.unresolved.iter().map(|e| ([e.i, e.j], UNDECIDED));
+    changes.chain(events).chain(defects).chain(unresolved)
+}

@@ -1,0 +1,79 @@
+//! The options of the viewer.
+
+use crate::sequences::{check, motion};
+use crate::support::command::{Run, command};
+use std::net::TcpListener;
+use std::path::Path;
+use tempfile::TempDir;
+
+#[test]
+fn a_file_with_fewer_curves_is_smaller() {
+    let folder = TempDir::new().unwrap();
+    let models = motion(folder.path(), 1.0, true);
+    let size = |options: &[&str]| {
+        let path = folder.path().join("run.rrd");
+        let output = ["--force", "--rrd", path.to_str().unwrap()];
+        let run = check(&models, &[&output, options].concat());
+        assert_eq!(run.code, 1, "{}", run.stderr);
+        std::fs::metadata(&path).unwrap().len()
+    };
+    let all = size(&[]);
+    assert!(size(&["--view-every", "4"]) < all);
+    assert!(size(&["--view-only", "violated"]) < all);
+}
+
+#[test]
+fn a_choice_of_curves_needs_a_viewer() {
+    let folder = TempDir::new().unwrap();
+    let models = motion(folder.path(), 1.0, true);
+    for option in [["--view-every", "2"], ["--view-only", "violated"]] {
+        let run = check(&models, &option);
+        assert_eq!(run.code, 2, "{}", run.stdout);
+        assert!(run.stderr.contains("--rrd <FILE.rrd>"), "{}", run.stderr);
+    }
+    let run = check(&models, &["--rrd", "never.rrd", "--view-every", "0"]);
+    assert_eq!(run.code, 2, "{}", run.stdout);
+}
+
+/// Runs `check --serve` with programs of a folder only.
+fn serve(models: &[String], programs: &Path) -> Run {
+    // Two ports that are free.
+    let first = || {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        listener.local_addr().unwrap().port()
+    };
+    let next_is_free = |&port: &u16| TcpListener::bind(("127.0.0.1", port + 1)).is_ok();
+    let port = std::iter::repeat_with(first).find(next_is_free).unwrap();
+    let mut command = command();
+    command.arg("check").args(models).env("PATH", programs);
+    command.args(["--serve", &port.to_string()]);
+    command.output().unwrap().into()
+}
+
+#[test]
+fn a_server_for_browsers_needs_the_program() {
+    let folder = TempDir::new().unwrap();
+    let models = motion(folder.path(), 1.0, true);
+    let run = serve(&models, folder.path());
+    assert_eq!(run.code, 2, "{}", run.stdout);
+    assert!(
+        run.stderr.contains("no program `rerun` in PATH"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn a_server_that_ends_at_once_is_an_error() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = TempDir::new().unwrap();
+    let models = motion(folder.path(), 1.0, true);
+    let program = folder.path().join("rerun");
+    std::fs::write(&program, "#!/bin/sh\nexit 7\n").unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let run = serve(&models, folder.path());
+    assert_eq!(run.code, 2, "{}", run.stdout);
+    let why = "`rerun --serve-web` ended before it served (exit status: 7)";
+    assert!(run.stderr.contains(why), "{}", run.stderr);
+}
