@@ -7,6 +7,7 @@
 //! Only this module knows the crates `mcap` and `prost`.
 
 mod container;
+mod diff;
 mod messages;
 mod reader;
 #[rustfmt::skip]
@@ -15,7 +16,11 @@ mod schema;
 mod writer;
 
 pub use container::Ending;
-pub use reader::{RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader};
+pub use diff::{Alignment, CurveDiff, FrameDiff, OnlyIn, RunDiff, diff_runs};
+pub use reader::{
+    FramePlace, Outline, OutlinedVerdict, RecordedFrame, RecordedItem, RecordedProgress,
+    RecordedVerdict, RecordingReader,
+};
 pub use writer::RecordingSink;
 
 /// Topic and message of each channel.
