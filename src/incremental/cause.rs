@@ -215,10 +215,8 @@ mod tests {
     /// The motion of a planted passage is known: both of its segments move as a whole.
     #[test]
     fn motions_are_those_of_planted_pull_throughs() {
-        let mut ledger = Ledger {
-            motion_limit: f64::INFINITY,
-            ..Ledger::default()
-        };
+        let mut ledger = Ledger::default();
+        ledger.motion_limit = f64::INFINITY;
         for basis in [Basis::Polyline, Basis::Bezier] {
             let mut r = Random::new(31);
             let mut done = 0;
@@ -252,10 +250,8 @@ mod tests {
     /// with a longer one it does not.
     #[test]
     fn a_step_just_below_the_limit_ends_before_the_pull_through_and_one_above_does_not() {
-        let mut ledger = Ledger {
-            motion_limit: f64::INFINITY,
-            ..Ledger::default()
-        };
+        let mut ledger = Ledger::default();
+        ledger.motion_limit = f64::INFINITY;
         let mut r = Random::new(77);
         let mut done = 0;
         while done < 200 {

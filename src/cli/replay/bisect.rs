@@ -5,7 +5,7 @@
 
 mod print;
 
-use self::print::Found;
+use self::print::{Found, Recorded};
 use super::Args;
 use super::source::{Frame, Recording, Source};
 use super::verify::{recorded_events, warn_of_cut};
@@ -19,6 +19,10 @@ use linkwatch::{
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Number of frames before a changed one in which an intact one is searched, as the start of a
+/// passage through a contact.
+const CONTACT: usize = 16;
 
 /// A frame in memory.
 struct Loaded {
@@ -167,34 +171,70 @@ impl<'a> Search<'a> {
     fn run(mut self) -> Result<Found> {
         let last = self.frames.len() - 1;
         let mut first = bisect(0..=last, |frame| self.is_changed(frame))?;
-        if first.is_none()
-            && let Some(hint) = self.recorded_change()
-        {
-            // The change reverted before the last frame.
-            first = bisect(0..=hint, |frame| self.is_changed(frame))?;
+        // An earlier change may have reverted, or changed no linking number.
+        let recorded = self.recorded_change();
+        let earlier = recorded.filter(|(frame, _)| first.is_none_or(|first| *frame < first));
+        let mut step = None;
+        match earlier {
+            Some((frame, true)) => {
+                first = bisect(0..=frame, |frame| self.is_changed(frame))?.or(first);
+            }
+            Some((frame, false)) if frame > 0 && self.settings.events != Events::Off => {
+                let search = self.search_step(frame)?;
+                if search.report.verdict == Verdict::Changed {
+                    (first, step) = (Some(frame), Some(search));
+                }
+            }
+            _ => {}
         }
-        let verified = self.reports.len();
         let mut found = Found {
             frames: self.frames.len(),
-            verified,
+            names: self.load(first.unwrap_or(last))?.info.labels.names.clone(),
             ..Found::default()
         };
-        let Some(changed) = first else {
-            found.before = self.report(last);
-            found.recorded = self.recorded_words(None);
-            return Ok(found);
-        };
-        found.changed = self.report(changed);
-        found.before = changed
-            .checked_sub(1)
-            .and_then(|before| self.report(before));
-        found.recorded = self.recorded_words(Some(self.frames[changed].seq));
-        found.names = self.load(changed)?.info.labels.names.clone();
-        if changed > 0 && self.settings.events != Events::Off {
-            let pair = [self.load(changed - 1)?, self.load(changed)?];
-            found.step = Some(search_step(&self.settings, &pair)?);
+        match first {
+            None => found.before = self.report(last),
+            Some(changed) => {
+                if step.is_none() && changed > 0 && self.settings.events != Events::Off {
+                    step = Some(self.search_step(changed)?);
+                }
+                found.changed = match &step {
+                    Some(step) => Some(step.report.clone()),
+                    None => self.report(changed),
+                };
+                found.before = changed
+                    .checked_sub(1)
+                    .and_then(|before| self.report(before));
+            }
         }
+        found.step = step;
+        found.verified = self.reports.len();
+        found.recorded = self.compare_with_recorded(first, recorded.map(|(frame, _)| frame));
         Ok(found)
+    }
+
+    /// Searches the step to a frame for pull-throughs. Begins with the last intact frame before it,
+    /// if that is one of the last few: a passage through a contact takes several frames.
+    fn search_step(&mut self, frame: usize) -> Result<Step> {
+        let mut start = frame - 1;
+        while self.verdict(start)? != Verdict::Intact && start > 0 && frame - start < CONTACT {
+            start -= 1;
+        }
+        let mut verifier = self.settings.searching(Strategy::Full)?;
+        let mut before = self.load(start)?;
+        let _ = verifier.step(before.seq, before.time, &before.curves)?;
+        for k in start + 1..=frame {
+            let next = self.load(k)?;
+            if next.info.cuts != before.info.cuts {
+                verifier.cut();
+            }
+            let report = verifier.step(next.seq, next.time, &next.curves)?;
+            if k == frame {
+                return Ok(Step::new(report, &[before, next]));
+            }
+            before = next;
+        }
+        unreachable!("the loop ends with the frame")
     }
 
     fn report(&self, frame: usize) -> Option<Report> {
@@ -203,12 +243,15 @@ impl<'a> Search<'a> {
     }
 
     fn is_changed(&mut self, frame: usize) -> Result<bool> {
-        let known = self.report(frame);
-        let report = match known {
-            Some(report) => report,
-            None => self.verify(frame)?,
-        };
-        Ok(report.verdict == Verdict::Changed)
+        Ok(self.verdict(frame)? == Verdict::Changed)
+    }
+
+    /// Returns the verdict on a frame alone, which is verified once.
+    fn verdict(&mut self, frame: usize) -> Result<Verdict> {
+        match self.report(frame) {
+            Some(report) => Ok(report.verdict),
+            None => Ok(self.verify(frame)?.verdict),
+        }
     }
 
     /// Verifies a frame alone.
@@ -249,40 +292,46 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Returns the first frame of which the recorded verdict says that linking numbers changed.
-    fn recorded_change(&self) -> Option<usize> {
+    /// Returns the first frame that the recorded verdicts call changed, and true if its linking
+    /// numbers changed.
+    fn recorded_change(&self) -> Option<(usize, bool)> {
         let mut verdicts = self.outline.verdicts.iter();
-        let seq = verdicts.find(|verdict| verdict.changes > 0)?.at.seq;
-        self.frames.iter().position(|frame| frame.seq == seq)
+        let first = verdicts.find(|v| v.verdict == Verdict::Changed)?;
+        let mut frames = self.frames.iter();
+        let frame = frames.position(|frame| frame.seq == first.at.seq)?;
+        Some((frame, first.changes > 0))
     }
 
-    /// Returns what the recorded verdicts say about the result.
-    fn recorded_words(&self, changed: Option<u64>) -> Option<String> {
-        let verdicts = &self.outline.verdicts;
-        if verdicts.is_empty() {
+    /// Compares the result with the recorded verdicts, if there are any.
+    fn compare_with_recorded(
+        &self,
+        found: Option<usize>,
+        recorded: Option<usize>,
+    ) -> Option<Recorded> {
+        if self.outline.verdicts.is_empty() {
             return None;
         }
-        let bad = |v: &&linkwatch::OutlinedVerdict| v.verdict == Verdict::Changed;
-        let first = verdicts.iter().find(bad);
-        Some(match (first, changed) {
-            (Some(v), Some(seq)) if v.at.seq == seq => {
-                "the recorded verdicts say the same".to_owned()
-            }
-            (Some(v), _) => {
-                let what = match v.changes {
-                    0 => "by a pull-through that changed no linking number",
-                    _ => "by its linking numbers",
-                };
-                format!(
-                    "the recorded verdicts disagree: their first changed frame is {}, {what}; \
-                     `linkwatch replay` verifies every frame",
-                    v.at.seq
-                )
-            }
-            (None, Some(_)) => "the recorded verdicts disagree: no frame was changed; they had \
-                                another baseline, or are wrong (`linkwatch replay` verifies them)"
-                .into(),
-            (None, None) => "the recorded verdicts say the same".into(),
+        let seq = |frame: usize| self.frames[frame].seq;
+        Some(match (found, recorded) {
+            _ if found == recorded => Recorded {
+                agrees: true,
+                words: "the recorded verdicts say the same".into(),
+            },
+            (_, Some(frame)) => Recorded {
+                agrees: false,
+                words: format!(
+                    "the recorded verdicts disagree: their first changed frame is {}; verify all \
+                     frames without --bisect, with --events for pull-throughs that change no \
+                     linking number",
+                    seq(frame)
+                ),
+            },
+            (_, None) => Recorded {
+                agrees: false,
+                words: "the recorded verdicts disagree: they call no frame changed; `linkwatch \
+                        replay` without --bisect verifies them"
+                    .into(),
+            },
         })
     }
 }
@@ -382,16 +431,4 @@ impl Step {
             report,
         }
     }
-}
-
-/// Searches the step between two frames for pull-throughs.
-fn search_step(settings: &Settings, pair: &[Loaded; 2]) -> Result<Step> {
-    let [before, after] = pair;
-    let mut verifier = settings.searching(Strategy::Full)?;
-    let _ = verifier.step(before.seq, before.time, &before.curves)?;
-    if before.info.cuts != after.info.cuts {
-        verifier.cut();
-    }
-    let report = verifier.step(after.seq, after.time, &after.curves)?;
-    Ok(Step::new(report, pair))
 }

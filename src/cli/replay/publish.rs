@@ -514,9 +514,9 @@ impl Publisher {
             }
             if self.gaps > 0 {
                 line += &format!(
-                    "\n{} between the published frames are not recorded: the watcher counts them \
-                     as skipped",
-                    plural(self.gaps, "frame number")
+                    "\nnot recorded between the published frames: {}, which the watcher counts as \
+                     skipped",
+                    plural(self.gaps, "frame")
                 );
             }
             line += &format!("\n{}", self.answers.words(self.numbered));

@@ -252,3 +252,57 @@ impl RunDiff {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    fn diff(names: [&str; 2], alignment: Alignment) -> Result<RunDiff> {
+        let paths = names.map(|name| PathBuf::from(format!("recordings/{name}.mcap")));
+        let [mut a, mut b] = paths.each_ref().map(|p| RecordingReader::open(p).unwrap());
+        diff_runs([(&paths[0], &mut a), (&paths[1], &mut b)], alignment)
+    }
+
+    #[test]
+    fn a_recording_does_not_differ_from_itself() {
+        for (name, verdicts, frames) in [("squares", 20, 19), ("flight", 5, 5)] {
+            for alignment in [Alignment::Number, Alignment::Time] {
+                let found = diff([name, name], alignment).unwrap();
+                let expected = RunDiff {
+                    compared: verdicts,
+                    curves: CurveDiff {
+                        compared: frames,
+                        equal: frames,
+                        first: None,
+                    },
+                    ..RunDiff::default()
+                };
+                assert_eq!(found, expected);
+            }
+        }
+    }
+
+    /// `chainmail_steps` has every time step of the first frames of `chainmail`.
+    #[test]
+    fn frames_of_runs_with_other_numbers_are_aligned_by_time() {
+        let names = ["chainmail", "chainmail_steps"];
+        let found = diff(names, Alignment::Time).unwrap();
+        assert_eq!((found.compared, found.different), (5, 0));
+        assert_eq!((found.curves.compared, found.curves.equal), (5, 5));
+        assert_eq!(found.only[0].range, Some([5, 59]));
+        assert_eq!(found.only[1].frames, 60);
+        let found = diff(names, Alignment::Number).unwrap();
+        assert_eq!((found.compared, found.other_time), (60, Some(1)));
+        assert_eq!(found.curves.first, Some([1, 1]));
+    }
+
+    #[test]
+    fn runs_of_other_curves_are_not_compared() {
+        let message = diff(["flight", "chainmail"], Alignment::Number)
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("2 curves in frame 0"), "{message}");
+        assert!(message.contains("65 in frame 0"), "{message}");
+    }
+}

@@ -26,17 +26,29 @@ pub struct Found {
     pub before: Option<Report>,
     /// Names of the curves.
     pub names: Vec<String>,
-    /// What the recorded verdicts say about the result.
-    pub recorded: Option<String>,
+    /// Comparison with the recorded verdicts, if there are any.
+    pub recorded: Option<Recorded>,
     pub step: Option<Step>,
+}
+
+/// Comparison of the result with the recorded verdicts.
+#[derive(serde::Serialize)]
+pub struct Recorded {
+    /// True if both call the same frame the first changed one, or none.
+    pub agrees: bool,
+    pub words: String,
 }
 
 impl Found {
     pub fn outcome(&self) -> Outcome {
+        let agrees = self
+            .recorded
+            .as_ref()
+            .is_none_or(|recorded| recorded.agrees);
         match (&self.changed, &self.before) {
             (Some(_), _) => Outcome::Changed,
-            (None, Some(last)) => Outcome::of(last.verdict),
-            (None, None) => Outcome::Undecided,
+            (None, Some(last)) if agrees => Outcome::of(last.verdict),
+            (None, _) => Outcome::Undecided,
         }
     }
 
@@ -47,9 +59,7 @@ impl Found {
         match &self.changed {
             Some(changed) => {
                 output::line(format_args!("first changed frame: {}", changed.headline()));
-                for finding in changed.findings_named(&self.names).take(FINDINGS) {
-                    output::line(format_args!("  {finding}"));
-                }
+                self.print_findings(changed);
                 if let Some(before) = &self.before {
                     output::line(format_args!("the frame before it: {}", before.headline()));
                 }
@@ -61,7 +71,7 @@ impl Found {
         }
         output::line(self.proof());
         if let Some(recorded) = &self.recorded {
-            output::line(recorded);
+            output::line(&recorded.words);
         }
         let verified = count(self.verified as u64);
         let frames = match self.in_sequence {
@@ -75,6 +85,17 @@ impl Found {
             ),
         };
         output::line(format_args!("{frames} in {}", millis(took)));
+    }
+
+    /// Prints the findings of the changed frame. Pull-throughs are printed with their causes.
+    fn print_findings(&self, changed: &Report) {
+        let mut findings = changed.clone();
+        if self.step.is_some() {
+            findings.events.clear();
+        }
+        let all = findings.findings_named(&self.names);
+        all.take(FINDINGS)
+            .for_each(|finding| output::line(format_args!("  {finding}")));
     }
 
     /// Returns a sentence about what is proven, and what is assumed.
