@@ -1,6 +1,6 @@
 //! `replay A --diff B`: compares the recorded verdicts of two runs.
 
-use super::Args;
+use super::{Args, OUTPUTS, SETTINGS};
 use crate::cli::Outcome;
 use crate::cli::output::{self, count, plural};
 use linkwatch::{Alignment, Error, FrameDiff, OnlyIn, RecordingReader, Result, RunDiff, diff_runs};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Settings of a run that change its verdicts, by their names in the metadata of a recording.
-const SETTINGS: [&str; 2] = ["events", "motion_limit"];
+const RECORDED: [&str; 2] = ["events", "motion_limit"];
 
 /// Maximum number of findings that are printed for each run.
 const FINDINGS: usize = 8;
@@ -21,10 +21,9 @@ pub struct DiffArgs {
     /// could be compared
     #[arg(
         long, value_name = "OTHER.mcap",
-        conflicts_with_all = [
-            "from", "to", "bisect", "Judge", "EventArgs", "ClearanceArgs", "Sinks", "Overwrite",
-            "JunitArgs", "KernelArgs"
-        ]
+        conflicts_with_all = ["from", "to", "bisect"],
+        conflicts_with_all = SETTINGS,
+        conflicts_with_all = OUTPUTS
     )]
     pub diff: Option<PathBuf>,
     /// With --diff: frames with the same simulation time are the same frame [default: with the same
@@ -85,7 +84,7 @@ pub fn run(args: &Args, other: &Path, json: bool) -> Result<Outcome> {
 /// Returns the settings that differ, in words.
 fn other_settings(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> Vec<String> {
     let values = |name: &str| [a, b].map(|m| m.get(name).map_or("unknown", String::as_str));
-    let settings = SETTINGS.map(|name| (name, values(name)));
+    let settings = RECORDED.map(|name| (name, values(name)));
     let differing = settings.iter().filter(|(_, [a, b])| a != b);
     differing
         .map(|(name, [a, b])| format!("{name} is {a} in the first, {b} in the second"))

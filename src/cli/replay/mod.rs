@@ -26,6 +26,26 @@ use std::time::Duration;
 /// counted.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// Settings of the verification, by their identifiers, for options that verify nothing.
+const SETTINGS: &[&str] = &[
+    "baseline",
+    "abort_on",
+    "max_pairs",
+    "paranoid",
+    "EventArgs",
+    "ClearanceArgs",
+    "KernelArgs",
+];
+
+/// Outputs for verified frames.
+const OUTPUTS: &[&str] = &[
+    "record",
+    #[cfg(feature = "rerun")]
+    "shown",
+    "Overwrite",
+    "JunitArgs",
+];
+
 /// Verify a recording again, frame by frame, and compare with the recorded verdicts
 ///
 /// Without options, the settings and the baseline are those of the recording, and the verdicts must
@@ -48,9 +68,8 @@ pub struct Args {
     /// in the step to it, how fast they moved, and the time step that would have kept them apart
     #[arg(
         long,
-        conflicts_with_all = [
-            "abort_on", "paranoid", "ClearanceArgs", "Sinks", "Overwrite", "JunitArgs"
-        ]
+        conflicts_with_all = OUTPUTS,
+        conflicts_with_all = ["abort_on", "paranoid", "ClearanceArgs"]
     )]
     bisect: bool,
     #[command(flatten)]

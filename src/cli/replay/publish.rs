@@ -1,21 +1,23 @@
 //! `replay --publish`: publishes recorded frames onto the bus, as a simulator does.
 
 mod answers;
+mod frames;
+mod pace;
 
 use self::answers::Answers;
-use super::Args;
-use super::source::{Frame, Item, Source};
+use self::frames::{Described, Frames, Ready, Values};
+use self::pace::{Clock, Speed};
+use super::source::Source;
 use super::verify::warn_of_cut;
-use crate::cli::number::{positive, seconds};
+use super::{Args, OUTPUTS, SETTINGS};
+use crate::cli::number::seconds;
 use crate::cli::output::{self, count, plural};
 use crate::cli::signals::{TICK, stop_on_signals};
 use crate::cli::{Outcome, live::Live};
 use linkwatch::{
-    Basis, Client, ClientOptions, CurveLabels, Error, FrameInfo, Outcome as Waited, Overflow,
-    Precision, RawFrame, Result, VerdictMessage,
+    Client, ClientOptions, CurveLabels, Error, Outcome as Waited, Overflow, Positions, Result,
+    VerdictMessage,
 };
-use std::collections::VecDeque;
-use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -39,10 +41,9 @@ pub struct PublishArgs {
     /// and those of a run with verdicts their numbers
     #[arg(
         long, value_name = "SERVICE", num_args = 0..=1, default_missing_value = "linkwatch",
-        conflicts_with_all = [
-            "bisect", "Judge", "EventArgs", "ClearanceArgs", "Sinks", "Overwrite", "JunitArgs",
-            "KernelArgs"
-        ]
+        conflicts_with_all = ["bisect", "diff"],
+        conflicts_with_all = SETTINGS,
+        conflicts_with_all = OUTPUTS
     )]
     pub publish: Option<String>,
     /// Pace of the frames: a factor of the recorded pace, or `max` for as fast as they can be read.
@@ -63,26 +64,6 @@ pub struct PublishArgs {
     /// Give up if no watcher connects within this time [default: wait without limit]
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "publish")]
     wait: Option<Duration>,
-}
-
-/// Pace of the frames.
-#[derive(Clone, Copy, Debug)]
-enum Speed {
-    Factor(f64),
-    Max,
-}
-
-impl FromStr for Speed {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "max" => Ok(Speed::Max),
-            factor => positive(factor)
-                .map(Speed::Factor)
-                .map_err(|e| format!("{e}, or `max`")),
-        }
-    }
 }
 
 /// Reason for the end of the run.
@@ -152,72 +133,6 @@ fn wait_for_watcher(
     }
 }
 
-/// Frames of the source within the range. Recorded verdicts go to the comparison.
-struct Frames {
-    source: Source,
-    range: super::Range,
-    before: VecDeque<Item>,
-    /// True if the source has verdicts.
-    has_verdicts: bool,
-}
-
-impl Frames {
-    fn new(args: &Args, mut source: Source) -> Result<Frames> {
-        let mut before = VecDeque::new();
-        let mut frames = 0;
-        // A verdict follows its frame, if there are verdicts.
-        while frames < 2 && !matches!(before.back(), Some(Item::Verdict(_))) {
-            let Some(item) = source.next()? else { break };
-            frames += u32::from(matches!(item, Item::Frame(_)));
-            before.push_back(item);
-        }
-        let has_verdicts = matches!(before.back(), Some(Item::Verdict(_)));
-        if args.range.from.is_some() && source.go_to_start(&args.range)?.is_some() {
-            before.clear();
-        }
-        Ok(Frames {
-            source,
-            range: args.range,
-            before,
-            has_verdicts,
-        })
-    }
-
-    /// Returns the next frame of the range.
-    fn next(&mut self, answers: &mut Answers) -> Result<Option<Frame>> {
-        loop {
-            let item = match self.before.pop_front() {
-                Some(item) => Some(item),
-                None => self.source.next()?,
-            };
-            match item {
-                None => return Ok(None),
-                Some(Item::Baseline(_)) => {}
-                Some(Item::Verdict(recorded)) => {
-                    let report = &recorded.report;
-                    if self.range.contains(report.seq, report.time) {
-                        answers.recorded(report);
-                    }
-                }
-                Some(Item::Frame(frame)) if self.range.is_before(frame.seq, frame.time) => {
-                    return Ok(None);
-                }
-                Some(Item::Frame(frame)) if self.range.is_after(frame.seq, frame.time) => {}
-                Some(Item::Frame(frame)) => return Ok(Some(frame)),
-            }
-        }
-    }
-}
-
-/// Curves that were described last.
-#[derive(PartialEq)]
-struct Described {
-    basis: Basis,
-    precision: Precision,
-    counts: Vec<i32>,
-    labels: Arc<CurveLabels>,
-}
-
 /// A simulator that publishes recorded frames.
 struct Publisher {
     client: Client,
@@ -235,57 +150,6 @@ struct Publisher {
     left_out: u64,
     /// Numbers between published frames, which the watcher counts as skipped frames.
     gaps: u64,
-}
-
-/// A frame in memory, ready to be published.
-struct Ready {
-    seq: u64,
-    time: f64,
-    received_ns: Option<u64>,
-    info: FrameInfo,
-    described: Described,
-    positions: Values,
-}
-
-enum Values {
-    F32(Vec<f32>),
-    F64(Vec<f64>),
-}
-
-impl Ready {
-    fn new(frame: Frame) -> Result<Ready> {
-        let Frame {
-            seq,
-            time,
-            received_ns,
-            ..
-        } = frame;
-        let info = frame.info.clone();
-        let mut copied = None;
-        frame.read(|raw: RawFrame<'_>| {
-            let positions = match raw.positions {
-                linkwatch::Positions::F32(values) => Values::F32(values.to_vec()),
-                linkwatch::Positions::F64(values) => Values::F64(values.to_vec()),
-            };
-            let described = Described {
-                basis: raw.basis,
-                precision: raw.positions.precision(),
-                counts: raw.counts.to_vec(),
-                labels: Arc::clone(&info.labels),
-            };
-            copied = Some((described, positions));
-            Ok(())
-        })?;
-        let (described, positions) = copied.expect("the frame was read");
-        Ok(Ready {
-            seq,
-            time,
-            received_ns,
-            info,
-            described,
-            positions,
-        })
-    }
 }
 
 impl Publisher {
@@ -322,7 +186,7 @@ impl Publisher {
         let mut clock = Clock::new(args.publish.speed);
         let mut next = Some(first);
         while let Some(ready) = next {
-            let due = clock.due(&ready);
+            let due = clock.due(ready.recorded());
             loop {
                 self.read_verdicts()?;
                 if let Some(end) = self.end(args, stop) {
@@ -374,8 +238,8 @@ impl Publisher {
             self.gaps += self.last.map_or(0, |last| ready.seq - last - 1);
         }
         let positions = match &ready.positions {
-            Values::F32(values) => linkwatch::Positions::F32(values),
-            Values::F64(values) => linkwatch::Positions::F64(values),
+            Values::F32(values) => Positions::F32(values),
+            Values::F64(values) => Positions::F64(values),
         };
         let seq = self.client.publish(ready.time, positions)?;
         self.last = Some(seq);
@@ -523,34 +387,5 @@ impl Publisher {
             output::line(line);
         }
         Ok(self.answers.outcome(complete))
-    }
-}
-
-/// Times at which frames are due.
-struct Clock {
-    speed: Speed,
-    /// Time of the first frame: when it was published, and recorded in seconds.
-    start: Option<(Instant, f64)>,
-}
-
-impl Clock {
-    fn new(speed: Speed) -> Clock {
-        Clock { speed, start: None }
-    }
-
-    /// Returns the time at which a frame is due. Frames whose time went backwards, or has no end,
-    /// are due now.
-    fn due(&mut self, ready: &Ready) -> Instant {
-        let now = Instant::now();
-        let Speed::Factor(factor) = self.speed else {
-            return now;
-        };
-        let recorded = match ready.received_ns {
-            Some(ns) => ns as f64 * 1e-9,
-            None => ready.time,
-        };
-        let (start, first) = *self.start.get_or_insert((now, recorded));
-        let after = Duration::try_from_secs_f64((recorded - first) / factor);
-        after.ok().and_then(|t| start.checked_add(t)).unwrap_or(now)
     }
 }
