@@ -87,17 +87,10 @@ impl Cause {
         }
     }
 
-    /// Returns sentences about the motion and the time step. `frames` are the numbers of both
-    /// frames; `safe_fraction` is the proven share of the step in which nothing was pulled through
-    /// ([`Report::safe_fraction`](crate::Report::safe_fraction)), if it is known.
-    pub fn sentences(&self, frames: [u64; 2], safe_fraction: Option<f64>) -> Vec<String> {
-        let [from, to] = frames;
+    /// Returns a sentence about the motion. `frames` are the numbers of both frames.
+    pub fn motion(&self, [from, to]: [u64; 2]) -> String {
         if self.lengths == 0.0 {
-            return vec![
-                "the strands touched in a frame and went on to the other side: no time step \
-                 follows from their motion"
-                    .into(),
-            ];
+            return "the strands touched in a frame before they went on to the other side".into();
         }
         let mut motion = format!(
             "from frame {from} to {to} the strands moved {} relative to one another, {} segment \
@@ -105,17 +98,32 @@ impl Cause {
             significant(rounded(self.distance)),
             significant(rounded(self.lengths)),
         );
-        if let (Some(interval), Some(speed)) = (self.interval, self.speed) {
+        if let (Some(interval), Some(speed), Some(until)) = (self.interval, self.speed, self.until)
+        {
             motion += &format!(
-                ", in {} s: {} a second",
+                ", in {} s: {} a second; they met after {} s",
                 significant(rounded(interval)),
-                significant(rounded(speed))
+                significant(rounded(speed)),
+                significant(rounded(until)),
             );
+        }
+        motion
+    }
+
+    /// Returns a sentence about the time step, if this is the first pull-through of the step from
+    /// frame `from` on. `safe_fraction` is the proven share of the step in which nothing was pulled
+    /// through ([`Report::safe_fraction`](crate::Report::safe_fraction)), if it is known.
+    ///
+    /// The advice is for the motion between these frames, at its speed: forces between the strands
+    /// would have to stop them in the steps after that.
+    pub fn advice(&self, from: u64, safe_fraction: Option<f64>) -> String {
+        if self.lengths == 0.0 {
+            return "no time step follows from a passage through a contact in a frame".into();
         }
         // Proven for all curves, and just below the first pull-through.
         let share = safe_fraction.map_or(self.fraction, |safe| safe.min(self.fraction));
         let percent = format!("{:.1} %", (1e3 * share).floor() / 10.0);
-        let advice = match (self.interval, self.time_step, self.steps) {
+        match (self.interval, self.time_step, self.steps) {
             (Some(interval), Some(step), Some(steps)) if share * interval > step => format!(
                 "frames are {} time steps of {} s apart, and the strands met after about {}: the \
                  time step alone is not the cause; publish every step to see more",
@@ -126,20 +134,19 @@ impl Cause {
             (Some(interval), step, _) => {
                 let limit = significant(rounded_down(share * interval));
                 let known = match step {
-                    Some(step) => format!("the time step was {} s", significant(rounded(step))),
-                    None => "the time step of the simulator is unknown".into(),
+                    Some(step) => format!("it was {} s", significant(rounded(step))),
+                    None => "it is unknown, and may be less already".into(),
                 };
                 format!(
                     "a time step of at most {limit} s from frame {from} on, {percent} of the time \
-                     between the frames, would have kept them apart at this speed; {known}"
+                     between the frames, would have kept all strands apart at this speed; {known}"
                 )
             }
             (None, ..) => format!(
-                "a step of at most {percent} of this one would have kept them apart at this \
+                "a step of at most {percent} of this one would have kept all strands apart at this \
                  speed; the frames have no time"
             ),
-        };
-        vec![motion, advice]
+        }
     }
 }
 
@@ -304,26 +311,24 @@ mod tests {
         let every_step = cause((0.004, 0.004));
         assert!((every_step.distance - 0.012).abs() < 1e-15);
         assert_eq!(
-            every_step.sentences([27, 28], None),
-            [
-                "from frame 27 to 28 the strands moved 0.012 relative to one another, 0.5 segment \
-                 lengths, in 0.004 s: 3 a second",
-                "a time step of at most 0.00102 s from frame 27 on, 25.5 % of the time between the \
-                 frames, would have kept them apart at this speed; the time step was 0.004 s",
-            ]
+            every_step.motion([27, 28]),
+            "from frame 27 to 28 the strands moved 0.012 relative to one another, 0.5 segment \
+             lengths, in 0.004 s: 3 a second; they met after 0.00102 s"
         );
-        let [_, advice] = &cause((0.004, 0.0005)).sentences([27, 28], Some(0.2499))[..] else {
-            panic!("two sentences");
-        };
         assert_eq!(
-            advice,
+            every_step.advice(27, None),
+            "a time step of at most 0.00102 s from frame 27 on, 25.5 % of the time between the \
+             frames, would have kept all strands apart at this speed; it was 0.004 s"
+        );
+        assert_eq!(
+            cause((0.004, 0.0005)).advice(27, Some(0.2499)),
             "frames are 8 time steps of 0.0005 s apart, and the strands met after about 2: the \
              time step alone is not the cause; publish every step to see more"
         );
-        let [motion, advice] = &cause((0.0, 0.0)).sentences([3, 4], Some(0.2499))[..] else {
-            panic!("two sentences");
-        };
+        let without_times = cause((0.0, 0.0));
+        let motion = without_times.motion([3, 4]);
         assert!(motion.ends_with("0.5 segment lengths"), "{motion}");
+        let advice = without_times.advice(3, Some(0.2499));
         assert!(
             advice.starts_with("a step of at most 24.9 % of this one"),
             "{advice}"

@@ -433,7 +433,8 @@ fn a_replay_begins_and_ends_at_simulation_times() {
     );
 }
 
-/// The frames before `--from` need not be read, so damage there does not matter.
+/// The chunks before `--from` are not read, except the first one, which has the baseline. So damage
+/// there does not matter.
 #[test]
 fn a_replay_of_the_last_frames_skips_the_chunks_before_them() {
     let folder = TempDir::new().unwrap();
@@ -447,8 +448,8 @@ fn a_replay_of_the_last_frames_skips_the_chunks_before_them() {
     run.record(&path, linkwatch::Events::Off, true);
     let mut bytes = std::fs::read(&path).unwrap();
     assert!(bytes.len() > 2 << 20, "{} bytes", bytes.len());
-    // A coordinate of a frame in the first chunk.
-    bytes[1 << 18] ^= 1;
+    // A coordinate of a frame in the second chunk.
+    bytes[1 << 20] ^= 1;
     std::fs::write(&path, &bytes).unwrap();
     assert_eq!(replay(&path).code, Some(2));
     let last = replay_with(&path, &["--from", "25"]);

@@ -13,7 +13,7 @@ use super::{Args, OUTPUTS, SETTINGS};
 use crate::cli::number::seconds;
 use crate::cli::output::{self, count, plural};
 use crate::cli::signals::{TICK, stop_on_signals};
-use crate::cli::{Outcome, live::Live};
+use crate::cli::{Outcome, WATCH, live::Live};
 use linkwatch::{
     Client, ClientOptions, CurveLabels, Error, Outcome as Waited, Overflow, Positions, Result,
     VerdictMessage,
@@ -34,13 +34,13 @@ const LOOK: Duration = Duration::from_secs(1);
 
 /// Publishing of frames.
 #[derive(Debug, clap::Args)]
-#[command(next_help_heading = crate::cli::WATCH)]
 pub struct PublishArgs {
     /// Publish the frames on this service [default: linkwatch], as their simulator did, instead of
     /// verifying them: for a test of another watcher, viewer or setting. Frames keep their times,
     /// and those of a run with verdicts their numbers
     #[arg(
-        long, value_name = "SERVICE", num_args = 0..=1, default_missing_value = "linkwatch",
+        long, help_heading = WATCH, value_name = "SERVICE", num_args = 0..=1,
+        default_missing_value = "linkwatch",
         conflicts_with_all = ["bisect", "diff"],
         conflicts_with_all = SETTINGS,
         conflicts_with_all = OUTPUTS
@@ -52,17 +52,21 @@ pub struct PublishArgs {
         long,
         value_name = "FACTOR|max",
         default_value = "1",
-        requires = "publish"
+        requires = "publish",
+        help_heading = WATCH
     )]
     speed: Speed,
     /// Wait for the verdict on each frame, so that none is skipped
-    #[arg(long, requires = "publish")]
+    #[arg(long, requires = "publish", help_heading = WATCH)]
     lockstep: bool,
     /// Stop when the watcher asks for it [default: report it and go on, as the recorded run did]
-    #[arg(long, requires = "publish")]
+    #[arg(long, requires = "publish", help_heading = WATCH)]
     stop_on_abort: bool,
     /// Give up if no watcher connects within this time [default: wait without limit]
-    #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "publish")]
+    #[arg(
+        long, value_name = "SECONDS", value_parser = seconds, requires = "publish",
+        help_heading = WATCH
+    )]
     wait: Option<Duration>,
 }
 

@@ -164,17 +164,16 @@ impl Step {
             plural(events.len() as u64, "pull-through")
         ));
         let extent = self.report.stats.extent;
-        for (k, (event, cause)) in events.iter().zip(&self.causes).enumerate().take(FINDINGS) {
+        for (event, cause) in events.iter().zip(&self.causes).take(FINDINGS) {
             output::line(format_args!("  {}", event.sentence_named(extent, names)));
-            // The proven share is that of the first one.
-            let safe = self.report.safe_fraction.filter(|_| k == 0);
-            for sentence in cause.sentences(self.frames, safe) {
-                output::line(format_args!("    {sentence}"));
-            }
+            output::line(format_args!("    {}", cause.motion(self.frames)));
         }
         if events.len() > FINDINGS {
             let more = count((events.len() - FINDINGS) as u64);
             output::line(format_args!("  and {more} more"));
+        }
+        if let Some(first) = self.causes.first() {
+            output::line(first.advice(from, self.report.safe_fraction));
         }
     }
 
@@ -185,6 +184,9 @@ impl Step {
             "pull_throughs": self.report.events,
             "causes": self.causes,
             "safe_fraction": self.report.safe_fraction,
+            "advice": self.causes.first().map(|first| {
+                first.advice(self.frames[0], self.report.safe_fraction)
+            }),
             "unresolved": self.report.unresolved,
         })
     }
