@@ -183,7 +183,7 @@ pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 pub use discretize::{Polylines, chords, homotopic_polylines};
 pub use error::{Error, Result};
 #[cfg(feature = "verify")]
-pub use incremental::{Events, Route, Work};
+pub use incremental::{Cause, Events, Route, Work};
 #[cfg(feature = "verify")]
 pub use ingest::{FrameInfo, FramePool, RawFrame};
 #[cfg(feature = "verify")]
@@ -192,14 +192,15 @@ pub use pairs::{Partition, Share};
 pub use plan::Plan;
 #[cfg(feature = "mcap")]
 pub use report::{Conclusion, RunReport};
+#[cfg(feature = "mcap")]
+pub use sinks::{
+    Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,
+    RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
+    RecordingReader, RecordingSink, RecordingTool, Retention, RunDiff, diff_runs,
+};
 #[cfg(feature = "verify")]
 pub use sinks::{
     BaselineRecord, FrameRecord, FrameTimes, LiveTimes, Overflow, Sink, SinkQueue, SinkSummary,
-};
-#[cfg(feature = "mcap")]
-pub use sinks::{
-    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
-    RecordingReader, RecordingSink, RecordingTool, Retention,
 };
 #[cfg(feature = "rerun")]
 pub use sinks::{ViewerOptions, ViewerSink, ViewerTarget};
@@ -209,11 +210,12 @@ pub use thickness::{
 };
 pub use verdict::{
     AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Link, Place,
-    PullThrough, Report, Stats, Verdict,
+    PullThrough, Report, ReportDifference, Stats, Verdict,
 };
 #[cfg(feature = "verify")]
 pub use verifier::{
     Intactness, Joiner, Ladder, Part, Progress, Strategy, Timings, Verifier, VerifierOptions,
+    bisect,
 };
 
 /// Compiles the examples of the README.

@@ -84,7 +84,8 @@ impl FrameLoan<'_> {
 /// [`wait_for_watcher`](Client::wait_for_watcher) and [`finish_within`](Client::finish_within). A
 /// watcher that is slow, stopped, killed or absent costs the simulator nothing.
 ///
-/// A client is one session: its frames are numbered from 0. If it is dropped
+/// A client is one session: its frames are numbered from 0, unless
+/// [`number_next`](Client::number_next) says otherwise. If it is dropped
 /// without [`finish`](Client::finish), by an error or a panic, the watcher is informed that the
 /// session ended early.
 ///
@@ -198,6 +199,22 @@ impl Client {
             return Err(Error::Usage(what));
         }
         self.frames.time_step = seconds;
+        Ok(())
+    }
+
+    /// Gives the next frame this number, for frames that were numbered before, as in a recording.
+    /// The watcher counts the numbers that were left out as skipped frames. A gap must not exceed
+    /// the number of frames that a simulator can publish meanwhile, or the watcher rejects the
+    /// frame.
+    ///
+    /// Errors: [`Error::Usage`] if a frame with this number, or a later one, was published.
+    pub fn number_next(&mut self, seq: u64) -> Result<()> {
+        if seq < self.frames.next {
+            let next = self.frames.next;
+            let what = format!("frame number {seq} after {next} frames, expected at least {next}");
+            return Err(Error::Usage(what));
+        }
+        self.frames.next = seq;
         Ok(())
     }
 

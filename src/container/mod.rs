@@ -18,6 +18,7 @@
 
 mod unpack;
 
+mod skim;
 use crate::error::{Error, Result};
 use prost::bytes::{Buf, Bytes};
 use std::fs::File;
@@ -40,6 +41,13 @@ pub(crate) mod op {
 
 /// Bytes of the opcode and the length.
 const RECORD_HEADER: u64 = 9;
+
+/// Bytes of the header of a chunk without compression: start and end time, length and checksum of
+/// the records, length of the name of the compression, length as stored.
+const CHUNK_HEADER: u64 = 8 + 8 + 8 + 4 + 4 + 8;
+
+/// Length of the name of the compression, in the header of a chunk.
+const COMPRESSION: std::ops::Range<usize> = 28..32;
 
 /// Maximum size of a record: a protobuf message has at most 2 GiB, and a chunk written by linkwatch
 /// holds one of them.
@@ -66,12 +74,20 @@ pub enum Ending {
     },
 }
 
+/// Place of a record, for [`Container::go_to`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Place {
+    /// Position in the file of the record, or of its chunk.
+    pub at: u64,
+    /// Position of the record within the unpacked records of its chunk; 0 outside of chunks.
+    within: u64,
+}
+
 /// A record that readers of messages use.
 pub(crate) struct Record {
     pub opcode: u8,
     pub body: Bytes,
-    /// Position of the record (or its chunk) in the file.
-    pub at: u64,
+    pub place: Place,
 }
 
 /// Reads records. Returns no more after the first error or the end.
@@ -82,14 +98,17 @@ pub(crate) struct Container<R> {
     at: u64,
     /// True if the end of the file is that of a finished one.
     closed: bool,
-    /// Records of the last chunk, and its position.
+    /// Records of the last chunk, last first, and the place of the next one.
     chunk: Vec<Bytes>,
-    chunk_at: u64,
+    next: Place,
+    /// Chunk whose records are read from the file one by one: its position, that of its first
+    /// record, and its end.
+    walked: Option<[u64; 3]>,
     ending: Option<Ending>,
     failed: bool,
     /// Checksum of all bytes read so far. The data section ends with the expected one, which
-    /// detects damage between chunks.
-    checksum: crc32fast::Hasher,
+    /// detects damage between chunks. `None` after bytes were not read.
+    checksum: Option<crc32fast::Hasher>,
 }
 
 impl Container<BufReader<File>> {
@@ -122,10 +141,11 @@ impl<R: Read + Seek> Container<R> {
             at: 0,
             closed: false,
             chunk: Vec::new(),
-            chunk_at: 0,
+            next: Place { at: 0, within: 0 },
+            walked: None,
             ending: None,
             failed: false,
-            checksum: crc32fast::Hasher::new(),
+            checksum: None,
         };
         if length >= 2 * magic {
             container.input.seek(SeekFrom::Start(length - magic))?;
@@ -133,7 +153,7 @@ impl<R: Read + Seek> Container<R> {
         }
         container.input.seek(SeekFrom::Start(0))?;
         container.at = 0;
-        container.checksum.reset();
+        container.checksum = Some(crc32fast::Hasher::new());
         let start = container.take(length.min(magic))?;
         if start[..] != MAGIC[..start.len()] {
             return Err(invalid("start of the file", "not an MCAP file"));
@@ -152,13 +172,8 @@ impl<R: Read + Seek> Container<R> {
     /// Returns the next record. The records of chunks are returned one by one.
     pub fn next(&mut self) -> Result<Option<Record>> {
         loop {
-            if let Some(body) = self.chunk.pop() {
-                let opcode = body[0];
-                return Ok(Some(Record {
-                    opcode,
-                    body: body.slice(RECORD_HEADER as usize..),
-                    at: self.chunk_at,
-                }));
+            if let Some(record) = self.pop() {
+                return Ok(Some(record));
             }
             if self.failed || self.ending.is_some() {
                 return Ok(None);
@@ -174,6 +189,39 @@ impl<R: Read + Seek> Container<R> {
         }
     }
 
+    /// Returns the next record of a chunk in memory.
+    fn pop(&mut self) -> Option<Record> {
+        let bytes = self.chunk.pop()?;
+        let place = self.next;
+        self.next.within += bytes.len() as u64;
+        Some(Record {
+            opcode: bytes[0],
+            body: bytes.slice(RECORD_HEADER as usize..),
+            place,
+        })
+    }
+
+    /// Returns the end of the file, or of the chunk whose records are read one by one.
+    fn end(&self) -> u64 {
+        self.walked.map_or(self.length, |[_, _, end]| end)
+    }
+
+    /// Leaves the chunk whose records are read one by one, if this is its end.
+    fn leave_chunk(&mut self) {
+        self.walked.take_if(|[_, _, end]| self.at >= *end);
+    }
+
+    /// Returns the place of a record that is read from the file.
+    fn place_of(&self, at: u64) -> Place {
+        match self.walked {
+            Some([chunk, first, _]) => Place {
+                at: chunk,
+                within: at - first,
+            },
+            None => Place { at, within: 0 },
+        }
+    }
+
     /// Returns no more records, because after damage the length of a record may be wrong.
     pub fn fail(&mut self) {
         self.chunk.clear();
@@ -186,8 +234,9 @@ impl<R: Read + Seek> Container<R> {
 
     /// Reads one record of the file. The records of a chunk are stored for [`Container::next`].
     fn step(&mut self) -> Result<Option<Record>> {
+        self.leave_chunk();
         let at = self.at;
-        let left = self.length - at;
+        let left = self.end() - at;
         if left == 0 && !self.closed {
             self.cut(at, "the end of the file");
             return Ok(None);
@@ -206,7 +255,8 @@ impl<R: Read + Seek> Container<R> {
         }
         match opcode {
             op::DATA_END if length == 4 && left >= 4 => {
-                let (expected, found) = (self.take(4)?.get_u32_le(), before.finalize());
+                let expected = self.take(4)?.get_u32_le();
+                let found = before.map_or(expected, crc32fast::Hasher::finalize);
                 if expected != 0 && expected != found {
                     let what = format!("checksum {found:08x}, expected {expected:08x}");
                     return Err(invalid("data of the whole file", what));
@@ -220,8 +270,12 @@ impl<R: Read + Seek> Container<R> {
                 self.open_chunk(body, at)?;
             }
             op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => {
-                let body = self.take(length)?;
-                return Ok(Some(Record { opcode, body, at }));
+                let (place, body) = (self.place_of(at), self.take(length)?);
+                return Ok(Some(Record {
+                    opcode,
+                    body,
+                    place,
+                }));
             }
             0 | op::DATA_END | op::FOOTER => {
                 let what = format!("a record with opcode {opcode} and {length} bytes");
@@ -243,22 +297,18 @@ impl<R: Read + Seek> Container<R> {
     /// Enters the chunk in which a truncated file ends. Its records are then read like those
     /// outside of chunks, up to the first incomplete one.
     fn open_tail(&mut self, at: u64) -> Result<()> {
-        // Start and end time, length and checksum of the records, length of the name of the
-        // compression; length as stored.
-        const FIXED: u64 = 8 + 8 + 8 + 4 + 4;
-        const STORED: u64 = 8;
-        if self.length - self.at < FIXED + STORED {
+        if self.length - self.at < CHUNK_HEADER {
             self.cut(at, "a chunk");
             return Ok(());
         }
-        let mut head = self.take(FIXED)?;
-        head.advance(FIXED as usize - 4);
-        if head.get_u32_le() > 0 {
+        let head = self.take(CHUNK_HEADER)?;
+        if head[COMPRESSION] != [0; 4] {
             // Truncated compressed data may end in the middle of any record.
             self.cut(at, "a compressed chunk");
             return Ok(());
         }
-        self.take(STORED).map(drop)
+        self.walked = Some([at, self.at, self.length]);
+        Ok(())
     }
 
     /// Handles a record that extends past the end of the file.
@@ -284,13 +334,15 @@ impl<R: Read + Seek> Container<R> {
             });
         }
         self.at += n;
-        self.checksum.update(&bytes);
+        if let Some(checksum) = &mut self.checksum {
+            checksum.update(&bytes);
+        }
         Ok(bytes.into())
     }
 
     /// Stores the records of a chunk, last first.
     fn open_chunk(&mut self, body: Bytes, at: u64) -> Result<()> {
-        self.chunk_at = at;
+        self.next = Place { at, within: 0 };
         let place = || format!("chunk at byte {at}");
         let mut rest = body.clone();
         // Start and end time, length and checksum of the records, compression, length as stored.

@@ -20,6 +20,7 @@
 
 mod affine;
 mod blocks;
+mod cause;
 mod coverage;
 mod covered;
 mod events;
@@ -33,6 +34,7 @@ mod stream;
 mod tests;
 mod work;
 
+pub use cause::Cause;
 pub(crate) use coverage::Coverage;
 pub use events::Events;
 pub(crate) use ledger::{Contacts, Ledger, MOTION_LIMIT, Outcome, Touching, sort_by_time};

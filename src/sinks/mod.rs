@@ -14,8 +14,9 @@ mod viewer;
 pub use queue::{Overflow, SinkQueue, SinkSummary};
 #[cfg(feature = "mcap")]
 pub use recording::{
-    Ending, RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
-    RecordingReader, RecordingSink, RecordingTool, Retention,
+    Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,
+    RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingOptions,
+    RecordingReader, RecordingSink, RecordingTool, Retention, RunDiff, diff_runs,
 };
 pub use times::{FrameTimes, LiveTimes};
 #[cfg(feature = "rerun")]

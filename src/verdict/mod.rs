@@ -2,12 +2,14 @@
 
 mod change;
 mod clearance;
+mod difference;
 mod message;
 mod policy;
 mod pull_through;
 
 pub use change::{Change, ChangeKind, Link};
 pub use clearance::{Clearance, CloseStrands};
+pub use difference::ReportDifference;
 #[cfg(feature = "mcap")]
 pub(crate) use message::words_of_frame;
 #[cfg(feature = "client")]

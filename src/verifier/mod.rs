@@ -3,6 +3,7 @@
 //! It uses no file and no socket, and its clock only measures. Live frames, recordings, model files
 //! and tests use it alike.
 
+mod bisect;
 mod full;
 mod intactness;
 mod ladder;
@@ -13,6 +14,7 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
+pub use bisect::bisect;
 pub use intactness::Intactness;
 pub use ladder::Ladder;
 pub use options::{Strategy, VerifierOptions};

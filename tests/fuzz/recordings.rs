@@ -32,6 +32,17 @@ fn read(bytes: &[u8]) -> (usize, Option<String>) {
     }
 }
 
+/// Goes to every frame of the outline of a recording, to the end or the first error.
+fn go_to_all(bytes: &[u8]) -> Result<(), linkwatch::Error> {
+    let mut reader = RecordingReader::new(Cursor::new(bytes))?;
+    let outline = reader.outline()?;
+    for frame in &outline.frames {
+        reader.go_to(frame)?;
+        reader.next_item()?;
+    }
+    Ok(())
+}
+
 #[test]
 fn recordings() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings");
@@ -49,6 +60,8 @@ fn recordings() {
         let bytes = changed(&files[k], random);
         let ((found, error), most) = peak(|| read(&bytes));
         assert!(most <= MEMORY, "{most} bytes");
+        let (_, most) = peak(|| go_to_all(&bytes));
+        assert!(most <= MEMORY, "{most} bytes for the outline");
         match error {
             Some(why) => {
                 assert!(!why.is_empty());

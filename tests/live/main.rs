@@ -1,12 +1,15 @@
 //! Tests of `linkwatch watch` as a process, with simulators in this process or in processes that
 //! are killed.
 
+mod bisect;
 mod clearance;
 mod curves;
+mod diff;
 mod exposition;
 mod faults;
 mod keep;
 mod metrics;
+mod publish;
 mod recordings;
 mod roles;
 mod services;
@@ -18,6 +21,7 @@ mod supervise;
 #[path = "../support/mod.rs"]
 mod support;
 mod verdicts;
+mod written;
 
 use linkwatch::{Basis, Client, ClientOptions, Outcome, Positions, Precision, Verdict};
 use serde_json::Value;

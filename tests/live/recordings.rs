@@ -53,7 +53,7 @@ fn recordings_of_earlier_versions_give_the_same_verdicts() {
 
 /// Writes the recording of the flight again, with other reports. A frame whose report is dropped
 /// leaves a gap.
-fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
+pub fn rewrite_flight(to: &Path, mut keep: impl FnMut(&mut Report) -> bool) {
     let mut reader = RecordingReader::open(&recordings().join("flight.mcap")).unwrap();
     let (mut sink, mut curves, mut set) = (None, None, None);
     while let Some(item) = reader.next_item().unwrap() {
@@ -427,6 +427,102 @@ fn a_repair_writes_the_messages_for_other_tools_again() {
     assert_eq!(expected.len(), 2 * 5);
     assert!(pictures(&repaired) == expected);
     assert_eq!(replay(&repaired).reports(), replay(&flight).reports());
+}
+
+#[test]
+fn a_replay_begins_and_ends_at_simulation_times() {
+    let squares = recordings().join("squares.mcap");
+    let seqs = |args: &[&str]| -> Vec<u64> {
+        let run = replay_with(&squares, args);
+        assert_eq!(
+            run.summary()["recorded_verdicts"]["unlike"],
+            0,
+            "{}",
+            run.stderr
+        );
+        let reports = run.reports().into_iter();
+        reports.map(|r| r["seq"].as_u64().unwrap()).collect()
+    };
+    // Frame 15 was rejected; its verdict is in the range as well.
+    assert_eq!(
+        seqs(&["--from", "1.15s", "--to", "1.65s"]),
+        [12, 13, 14, 15, 16]
+    );
+    assert_eq!(seqs(&["--from", "15", "--to", "1.65s"]), [15, 16]);
+    assert_eq!(seqs(&["--to", "0.1s"]), [0, 1]);
+    let wrong = replay_with(&squares, &["--from", "2s", "--to", "1s"]);
+    assert_eq!(wrong.code, Some(2));
+    assert!(
+        wrong.stderr.contains("--from 2s is after --to 1s"),
+        "{}",
+        wrong.stderr
+    );
+    let wrong = replay_with(&squares, &["--from", "1.5"]);
+    assert_eq!(wrong.code, Some(2));
+    assert!(
+        wrong.stderr.contains("a simulation time in seconds (1.5s)"),
+        "{}",
+        wrong.stderr
+    );
+}
+
+/// The chunks before `--from` are not read, except the first one, which has the baseline. So damage
+/// there does not matter.
+#[test]
+fn a_replay_of_the_last_frames_skips_the_chunks_before_them() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("run.mcap");
+    let run = super::written::Chainmail {
+        scene: "chainmail:rows=12,columns=12".into(),
+        frames: 30,
+        pulled: u64::MAX,
+        released: u64::MAX,
+    };
+    run.record(&path, linkwatch::Events::Off, true);
+    let mut bytes = std::fs::read(&path).unwrap();
+    assert!(bytes.len() > 2 << 20, "{} bytes", bytes.len());
+    // A coordinate of a frame in the second chunk.
+    bytes[1 << 20] ^= 1;
+    std::fs::write(&path, &bytes).unwrap();
+    assert_eq!(replay(&path).code, Some(2));
+    let last = replay_with(&path, &["--from", "25"]);
+    assert_eq!(last.code, Some(0), "{}", last.stderr);
+    assert_eq!(last.summary()["recorded_verdicts"]["equal"], 5);
+}
+
+#[test]
+fn files_without_verdicts_are_verified_with_a_note() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("run.mcap");
+    std::fs::copy(recordings().join("chainmail.mcap"), &path).unwrap();
+    super::written::drop_verdicts(&path);
+    let last = |path: &Path, args: &[&str]| {
+        let (code, all) = printed(&[&["replay", path.to_str().unwrap()], args].concat());
+        assert_eq!(code, Some(0), "{all}");
+        let line = all.lines().find(|l| l.starts_with("verdicts: "));
+        line.unwrap_or_else(|| panic!("{all}")).to_owned()
+    };
+    for args in [&[][..], &["--events"], &["--from", "20"]] {
+        let expected = "verdicts: the recording has none to compare with";
+        assert_eq!(last(&path, args), expected);
+    }
+    let model = folder.path().join("mail.bcc");
+    let scene = [
+        "generate",
+        "chainmail:rows=2,columns=2",
+        "-o",
+        model.to_str().unwrap(),
+    ];
+    assert_eq!(printed(&scene).0, Some(0));
+    let recording = folder.path().join("model.mcap");
+    let args = ["--events", "--record", recording.to_str().unwrap()];
+    assert_eq!(
+        last(&model, &args),
+        "verdicts: the file has none to compare with"
+    );
+    let replayed = replay(&recording);
+    assert_eq!(replayed.code, Some(0), "{}", replayed.stderr);
+    assert_eq!(replayed.summary()["recorded_verdicts"]["equal"], 1);
 }
 
 #[test]

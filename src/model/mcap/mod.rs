@@ -97,7 +97,7 @@ impl Channels {
         let mut schemas: HashMap<u16, Schema> = HashMap::new();
         while let Some(record) = container.next()? {
             let mut body = record.body;
-            let bad = |what| invalid(&format!("byte {}", record.at), what);
+            let bad = |what| invalid(&format!("byte {}", record.place.at), what);
             match record.opcode {
                 op::SCHEMA => {
                     let schema = container::schema(&mut body);
@@ -249,7 +249,7 @@ impl<R: Read + Seek> McapFrames<R> {
             if record.opcode != op::MESSAGE {
                 continue;
             }
-            let place = format!("message at byte {}", record.at);
+            let place = format!("message at byte {}", record.place.at);
             let mut body = record.body;
             let bad = |what| invalid(&place, what);
             let header = container::message(&mut body);

@@ -8,6 +8,7 @@
 //!
 //! Only this module knows the crates `mcap` and `prost`; the container module reads records.
 
+mod diff;
 mod file;
 mod messages;
 mod reader;
@@ -19,7 +20,11 @@ mod tools;
 mod writer;
 
 pub use crate::container::Ending;
-pub use reader::{RecordedFrame, RecordedItem, RecordedProgress, RecordedVerdict, RecordingReader};
+pub use diff::{Alignment, CurveDiff, FrameDiff, OnlyIn, RunDiff, diff_runs};
+pub use reader::{
+    FramePlace, Outline, OutlinedVerdict, RecordedFrame, RecordedItem, RecordedProgress,
+    RecordedVerdict, RecordingReader,
+};
 pub use retention::{RecordingOptions, Retention};
 pub use tools::RecordingTool;
 pub use writer::RecordingSink;

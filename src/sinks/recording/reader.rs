@@ -1,16 +1,20 @@
 //! Reads a recording: the same bits that were verified, and the same reports.
 
+mod outline;
+
+pub use outline::{FramePlace, Outline, OutlinedVerdict};
+
 use super::messages::{self, PACKAGE, invalid};
 use super::schema;
 use super::{BASELINE, FRAMES, LABELS, METADATA, PROTOBUF, RecordingTool, VERDICTS};
-use crate::container::{self, Container, Ending, op, string};
+use crate::container::{self, Container, Ending, Record, op, string};
 use crate::curve::{Basis, CurveLabels, CurveSet, Positions, Precision};
 use crate::error::{Error, Result};
 use crate::incremental::Work;
 use crate::ingest::{FrameInfo, RawFrame, ingest};
 use crate::sinks::{BaselineRecord, FrameTimes};
 use crate::verdict::Report;
-use prost::Message;
+use prost::Message as _;
 use prost::bytes::{Buf, Bytes};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::File;
@@ -77,6 +81,8 @@ pub struct RecordedFrame {
     pub counts: Vec<i32>,
     /// What the simulator told about the frame; the default in recordings of earlier versions.
     pub info: FrameInfo,
+    /// Time at which the frame arrived, in nanoseconds since 1970.
+    pub received_ns: u64,
     /// Coordinates, little-endian. Their number may contradict `counts`.
     pub(super) positions: Bytes,
 }
@@ -124,6 +130,13 @@ impl RecordedFrame {
         self.positions.into()
     }
 
+    /// Returns true if both frames have the same curves with the same bits.
+    pub fn same_curves(&self, other: &RecordedFrame) -> bool {
+        (self.basis, self.precision) == (other.basis, other.precision)
+            && self.counts == other.counts
+            && self.positions == other.positions
+    }
+
     fn values<T, const N: usize>(&self, parse: fn([u8; N]) -> T) -> Vec<T> {
         self.positions
             .as_chunks()
@@ -145,6 +158,16 @@ enum Channel {
     Tool,
     /// Other content: skipped and counted.
     Foreign,
+}
+
+/// A message with its channel.
+struct Message {
+    channel: Channel,
+    /// Time at which it was logged.
+    time_ns: u64,
+    body: Bytes,
+    /// Its place in the file, in words.
+    place: String,
 }
 
 /// Reads a recording, item by item, in the order of writing.
@@ -248,52 +271,74 @@ impl<R: Read + Seek> RecordingReader<R> {
 
     fn read_item(&mut self) -> Result<Option<RecordedItem>> {
         while let Some(record) = self.container.next()? {
-            let place = format!("byte {}", record.at);
-            let mut body = record.body;
-            let bad = |what| invalid(&place, what);
-            match record.opcode {
-                op::SCHEMA => {
-                    let schema = container::schema(&mut body);
-                    let (id, schema) = schema.ok_or_else(|| bad("an invalid schema"))?;
-                    self.schemas.insert(id, schema.name);
-                }
-                op::CHANNEL => {
-                    let channel = container::channel(&mut body);
-                    let (id, channel) = channel.ok_or_else(|| bad("an invalid channel"))?;
-                    let content = self.content(&channel)?;
-                    self.channels.insert(id, content);
-                }
-                op::METADATA => {
-                    let (name, map) =
-                        metadata(&mut body).ok_or_else(|| bad("an invalid metadata record"))?;
-                    if name == METADATA {
-                        self.metadata.extend(map);
-                    }
-                }
-                op::MESSAGE => {
-                    let header = container::message(&mut body);
-                    let header = header.ok_or_else(|| bad("a message without a header"))?;
-                    let channel = self.channels.get(&header.channel).copied();
-                    let channel = channel.ok_or_else(|| bad("a message of an unknown channel"))?;
-                    if let Channel::Tool = channel {
-                        continue;
-                    }
-                    if let Channel::Labels = channel {
-                        let labels = labels(body).map_err(|e| invalid(&place, e))?;
-                        self.labels = Arc::new(labels);
-                        continue;
-                    }
-                    let item = item(channel, body, (&self.labels, header.log_time));
-                    if let Some(item) = item.map_err(|e| invalid(&place, e))? {
-                        return Ok(Some(item));
-                    }
-                    self.skipped += 1;
-                }
-                // Other opcodes that the container returns from chunks.
-                _ => {}
+            if record.opcode != op::MESSAGE {
+                self.describe(record)?;
+                continue;
             }
+            let message = self.message(record)?;
+            let place = message.place;
+            if let Channel::Tool = message.channel {
+                continue;
+            }
+            if let Channel::Labels = message.channel {
+                let labels = labels(message.body).map_err(|e| invalid(&place, e))?;
+                self.labels = Arc::new(labels);
+                continue;
+            }
+            let about = (&self.labels, message.time_ns);
+            let item = item(message.channel, message.body, about);
+            if let Some(item) = item.map_err(|e| invalid(&place, e))? {
+                return Ok(Some(item));
+            }
+            self.skipped += 1;
         }
         Ok(None)
+    }
+
+    /// Takes note of a record that describes messages, or the run.
+    fn describe(&mut self, record: Record) -> Result<()> {
+        let place = format!("byte {}", record.place.at);
+        let mut body = record.body;
+        let bad = |what| invalid(&place, what);
+        match record.opcode {
+            op::SCHEMA => {
+                let schema = container::schema(&mut body);
+                let (id, schema) = schema.ok_or_else(|| bad("an invalid schema"))?;
+                self.schemas.insert(id, schema.name);
+            }
+            op::CHANNEL => {
+                let channel = container::channel(&mut body);
+                let (id, channel) = channel.ok_or_else(|| bad("an invalid channel"))?;
+                let content = self.content(&channel)?;
+                self.channels.insert(id, content);
+            }
+            op::METADATA => {
+                let parsed = metadata(&mut body);
+                let (name, map) = parsed.ok_or_else(|| bad("an invalid metadata record"))?;
+                if name == METADATA {
+                    self.metadata.extend(map);
+                }
+            }
+            // Other opcodes that the container returns from chunks.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Parses the header of a message.
+    fn message(&self, record: Record) -> Result<Message> {
+        let place = format!("byte {}", record.place.at);
+        let mut body = record.body;
+        let header = container::message(&mut body);
+        let header = header.ok_or_else(|| invalid(&place, "a message without a header"))?;
+        let channel = self.channels.get(&header.channel).copied();
+        let unknown = || invalid(&place, "a message of an unknown channel");
+        Ok(Message {
+            channel: channel.ok_or_else(unknown)?,
+            time_ns: header.log_time,
+            body,
+            place,
+        })
     }
 
     /// Returns the content of a channel, or an error for a linkwatch topic of another version.
@@ -371,6 +416,7 @@ fn item(
                     time_step: m.time_step,
                     labels: Arc::clone(labels),
                 },
+                received_ns,
                 positions: m.positions,
             })
         }

@@ -72,6 +72,8 @@ impl Packer {
             precision: packed.precision,
             counts: packed.counts.to_vec(),
             info: record.info.clone(),
+            // The time is in the record.
+            received_ns: 0,
             positions: Bytes::from(packed.positions),
         };
         let (counts, precision) = (packed.counts, packed.precision);

@@ -1,89 +1,49 @@
-//! `linkwatch replay`: verifies a recording again.
+//! Verifies the frames of a replay, and compares their verdicts with the recorded ones.
 
-use super::kernel::KernelArgs;
-use super::output::{self, count, plural};
-use super::session::{
-    FrameCounts, Ingested, Judge, Judged, JunitArgs, MOTION_LIMIT, Run, Session, Sinks,
-};
-use super::{Outcome, clearance_args};
+use super::Args;
+use super::comparison::{Comparison, RecordedWith, alike};
+use super::range::Range;
+use super::source::{Item, Source};
+use crate::cli::output::{self, count, plural};
+use crate::cli::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session};
+use crate::cli::{Outcome, clearance_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Ending, Error, Events, FrameInfo, Overflow, RecordedItem,
-    RecordedVerdict, RecordingReader, Report, Result, Retention, Verdict,
+    AbortOn, BaselineRecord, Ending, Error, Events, FrameInfo, Overflow, RecordedVerdict, Report,
+    Result, Retention, Verdict,
 };
-use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
-use std::ops::RangeInclusive;
-use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
-
-/// Maximum wait for a blocked sink or standard output. After that, frames or lines are dropped and
-/// counted.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-/// Verify a recording again, frame by frame, and compare with the recorded verdicts
-///
-/// Without options, the settings and the baseline are those of the recording, and the verdicts must
-/// be the same. The last line reports how many are.
-#[derive(Debug, clap::Args)]
-pub struct Args {
-    /// A recording, as written by `linkwatch watch --record`
-    #[arg(value_name = "FILE.mcap")]
-    recording: PathBuf,
-    /// Verify only the frames from this sequence number on
-    #[arg(long, value_name = "SEQ")]
-    from: Option<u64>,
-    /// Verify only the frames up to this sequence number
-    #[arg(long, value_name = "SEQ")]
-    to: Option<u64>,
-    #[command(flatten)]
-    judge: Judge,
-    #[command(flatten)]
-    junit: JunitArgs,
-    #[command(flatten)]
-    sinks: Sinks,
-    #[command(flatten)]
-    kernel: KernelArgs,
-}
 
 /// Runs the command.
-pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let range = args.from.unwrap_or(0)..=args.to.unwrap_or(u64::MAX);
-    if range.is_empty() {
-        let what = format!("--from {} is after --to {}", range.start(), range.end());
-        return Err(Error::Usage(what));
+pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
+    let range = args.range;
+    let name = args.file.display().to_string();
+    let title = format!("replay of {name}");
+    let metadata = BTreeMap::from([("replay_of".to_owned(), name.clone())]);
+    let Start {
+        baseline,
+        mut before,
+        mut answered,
+    } = Start::read(&mut source)?;
+    let mut left_out = false;
+    // Windows have baselines of their own, which must be read.
+    let windows = source.metadata().contains_key(Retention::WINDOW);
+    if range.from.is_some()
+        && !windows
+        && let Some(skipped) = source.go_to_start(&range)?
+    {
+        // These are read again if they are in the range.
+        before.clear();
+        (left_out, answered) = (skipped > 0, None);
     }
-    let in_recording = |e: Error| e.in_file(&args.recording);
-    let mut reader = RecordingReader::open(&args.recording).map_err(in_recording)?;
-    let title = format!("replay of {}", args.recording.display());
-    let metadata = BTreeMap::from([("replay_of".to_owned(), args.recording.display().to_string())]);
-    // The baseline comes before the first frame that was compared with it; rejected frames may come
-    // earlier.
-    let mut baseline = None;
-    let mut before = Vec::new();
-    while let Some(item) = reader.next_item().map_err(in_recording)? {
-        if let RecordedItem::Baseline(b) = item {
-            baseline = Some((Arc::unwrap_or_clone(b.certificate), b.origin));
-            break;
-        }
-        let frame = matches!(item, RecordedItem::Frame(_));
-        before.push(item);
-        if frame {
-            break;
-        }
-    }
+    let baseline = baseline.map(|b| (Arc::unwrap_or_clone(b.certificate), b.origin));
     // Available after the first item was read.
-    let policy = reader.metadata().get("abort_on");
+    let recorded_metadata = source.metadata();
+    let policy = recorded_metadata.get("abort_on");
     let recorded: Option<AbortOn> = policy.and_then(|a| a.parse().ok());
-    let recorded_events = reader.metadata().get("events");
-    let recorded_events: Events = recorded_events
-        .and_then(|e| e.parse().ok())
-        .unwrap_or_default();
-    // Earlier versions had no limit.
-    let limit = reader.metadata().get(MOTION_LIMIT);
-    let limit: f64 = limit.and_then(|l| l.parse().ok()).unwrap_or(f64::INFINITY);
-    let recorded_with = RecordedWith::read(reader.metadata());
-    let recorded_clearance = clearance_args::read(reader.metadata());
+    let recorded_with = RecordedWith::read(&recorded_metadata);
+    let (recorded_events, limit) = recorded_events(&recorded_metadata);
+    let recorded_clearance = clearance_args::read(&recorded_metadata);
     let clearance = args.judge.clearance_args.options(recorded_clearance)?;
     let judge = Judge {
         abort_on: args.judge.abort_on.or(recorded),
@@ -91,8 +51,8 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         ..args.judge.clone()
     };
     let mut files = judge.files(args.sinks.overwrite);
-    files.reads(&args.recording);
-    let overflow = Overflow::WaitForProgress(PATIENCE);
+    files.reads(&args.file);
+    let overflow = Overflow::WaitForProgress(super::PATIENCE);
     output::detach(overflow)?;
     // Other settings give other verdicts, intentionally.
     let settings = [
@@ -124,7 +84,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             strategy: judge.strategy(),
             models: false,
             baseline,
-            recorded_events: Some((recorded_events, limit)),
+            recorded_events: source.recording().map(|_| (recorded_events, limit)),
             recorded_clearance,
             title: &title,
             metadata,
@@ -141,27 +101,24 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         tally: FrameCounts::default(),
         waiting: VecDeque::new(),
         last: None,
-        answered: 0,
+        answered,
         missing: 0,
         motion: recorded_events != Events::Off,
         range,
-        left_out: false,
+        left_out,
         restarted: true,
         unfounded: false,
         ended: false,
     };
-    replay
-        .session
-        .live()
-        .note(format_args!("replaying {}", args.recording.display()));
-    super::signals::cancel_on_signals(replay.session.progress())?;
+    replay.session.live().note(format_args!("replaying {name}"));
+    signals::cancel_on_signals(replay.session.progress())?;
     let mut read = None;
     let all = || -> Result<()> {
         for item in before {
             replay.take(item)?;
         }
         while !replay.ended {
-            match reader.next_item().map_err(in_recording) {
+            match source.next() {
                 Ok(Some(item)) => replay.take(item)?,
                 Ok(None) => break,
                 // The frames before the error still get their verdicts.
@@ -188,20 +145,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         missing,
         ..
     } = replay;
-    if let Some(Ending::Cut { at, what }) = reader.ending() {
-        tracing::warn!(
-            "{}: the recording is truncated at byte {}, in {what}: the recorder was stopped, or \
-             its disk was full; the complete frames were replayed",
-            args.recording.display(),
-            count(*at),
-        );
+    if warn_of_cut(&source) {
         session.data_lost();
     }
     if missing > 0 {
         tracing::warn!(
-            "{}: {} missing: verified, but not recorded, because the disk of the recorder was \
+            "{name}: {} missing: verified, but not recorded, because the disk of the recorder was \
              too slow",
-            args.recording.display(),
             plural(missing, "frame"),
         );
         session.data_lost();
@@ -211,100 +161,67 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         tracing::error!("{verdicts} different from the recorded ones");
         session.data_lost();
     }
-    session.compared(comparison.words(), serde_json::json!(comparison));
+    session.compared(
+        comparison.words(source.noun()),
+        serde_json::json!(comparison),
+    );
     Ok(session.finish(tally))
 }
 
-/// Comparison of the verdicts of a replay with the recorded ones.
-#[derive(Default, Serialize)]
-struct Comparison {
-    /// Options that differ from those of the recording; if there are any, nothing is compared.
-    differing: Vec<&'static str>,
-    equal: u64,
-    unlike: u64,
-    /// Rejected frames. Their curves are not recorded, so their verdicts cannot be repeated.
-    rejected: u64,
-    /// Frames of which a shard did not verify its share of the pairs.
-    incomplete: u64,
-    /// Frames after missing ones: the motion to them differs from the recorded one.
-    after_missing: u64,
-    /// Frames of which the recorder kept only the verdict, on purpose.
-    thinned: u64,
-    /// Frames that the recorder left out on purpose, or put into another file.
-    left_out: u64,
-    #[serde(skip)]
-    recorded_with: RecordedWith,
+/// Begin of a source: its baseline, and the items before and including the first frame.
+struct Start {
+    baseline: Option<linkwatch::BaselineRecord>,
+    before: Vec<Item>,
+    /// See [`Replay::answered`].
+    answered: Option<u64>,
 }
 
-/// Options with which frames were left out of a recording on purpose.
-#[derive(Default)]
-struct RecordedWith {
-    /// True if frames without curves are thinned ones.
-    every: bool,
-    words: String,
-}
-
-impl RecordedWith {
-    fn read(metadata: &BTreeMap<String, String>) -> RecordedWith {
-        let option = |key, option: &str| metadata.get(key).map(|value| format!("{option} {value}"));
-        let every = option(Retention::EVERY, "--record-every");
-        RecordedWith {
-            every: every.is_some(),
-            words: match every.or(option(Retention::WINDOW, "--record-window")) {
-                Some(option) => format!("recorded with {option}"),
-                None => "they are in other files of this recording".into(),
-            },
+impl Start {
+    /// Reads the baseline, which comes before the first frame that was compared with it. Rejected
+    /// frames may come earlier.
+    fn read(source: &mut Source) -> Result<Start> {
+        let mut start = Start {
+            baseline: None,
+            before: Vec::new(),
+            answered: Some(0),
+        };
+        while let Some(item) = source.next()? {
+            match item {
+                Item::Baseline(baseline) => {
+                    start.baseline = Some(baseline);
+                    break;
+                }
+                Item::Frame(_) => {
+                    start.before.push(item);
+                    break;
+                }
+                Item::Verdict(_) => start.before.push(item),
+            }
         }
+        Ok(start)
     }
 }
 
-impl Comparison {
-    fn words(&self) -> String {
-        if !self.differing.is_empty() {
-            return format!(
-                "verdicts: not compared with the recorded ones: recorded with another {}",
-                self.differing.join(", ")
-            );
-        }
-        let uncompared = self.rejected + self.incomplete + self.after_missing + self.thinned;
-        if self.equal + self.unlike + uncompared == 0 {
-            return "verdicts: the recording has none to compare with".into();
-        }
-        let unlike = match self.unlike {
-            0 => String::new(),
-            n => format!(", {} different", count(n)),
-        };
-        let uncompared = [
-            (
-                self.rejected,
-                "not compared: the curves of rejected frames are not recorded",
-            ),
-            (
-                self.incomplete,
-                "not compared: a shard did not verify its pairs",
-            ),
-            (
-                self.after_missing,
-                "not compared: the frames before them are not in the recording",
-            ),
-            (
-                self.thinned,
-                "not compared: their curves were left out on purpose",
-            ),
-            (self.left_out, "frames were left out on purpose"),
-        ];
-        let uncompared = uncompared.iter().filter(|(n, _)| *n > 0);
-        let uncompared = uncompared.map(|(n, why)| format!("; {} {why}", count(*n)));
-        let why = match self.thinned + self.left_out {
-            0 => String::new(),
-            _ => format!(" ({})", self.recorded_with.words),
-        };
-        format!(
-            "verdicts: {} equal to the recorded ones{unlike}{}{why}",
-            count(self.equal),
-            uncompared.collect::<String>()
-        )
-    }
+/// Returns the events and the motion limit of a recorded run.
+pub fn recorded_events(metadata: &BTreeMap<String, String>) -> (Events, f64) {
+    let events = metadata.get("events").and_then(|e| e.parse().ok());
+    // Earlier versions had no limit.
+    let limit = metadata.get(MOTION_LIMIT).and_then(|l| l.parse().ok());
+    (events.unwrap_or_default(), limit.unwrap_or(f64::INFINITY))
+}
+
+/// Warns of a recording that was cut off, once its end is reached. Returns true if it was.
+pub fn warn_of_cut(source: &Source) -> bool {
+    let Some(Ending::Cut { at, what }) = source.ending() else {
+        return false;
+    };
+    tracing::warn!(
+        "{}: the recording is truncated at byte {}, in {what}: the recorder was stopped, or its \
+         disk was full; the complete frames were replayed",
+        source.path().display(),
+        count(*at),
+    );
+    true
 }
 
 /// A frame to judge, or a recorded verdict.
@@ -333,14 +250,15 @@ struct Replay {
     tally: FrameCounts,
     /// Report on the previous frame.
     last: Option<Arc<Report>>,
-    /// Number of frames that had a verdict when the last recorded one was written.
-    answered: u64,
+    /// Number of frames that had a verdict when the last recorded one was written. `None` if the
+    /// recorded verdicts before the next one were not read.
+    answered: Option<u64>,
     /// Frames that the recorder dropped.
     missing: u64,
     /// True if the recorded verdicts depend on the previous frame.
     motion: bool,
     /// Frames to verify.
-    range: RangeInclusive<u64>,
+    range: Range,
     /// True if frames just before the next one were left out.
     left_out: bool,
     /// True if the next frame is the first one after a gap that the recorder left on purpose. It is
@@ -355,36 +273,36 @@ struct Replay {
 }
 
 impl Replay {
-    fn take(&mut self, item: RecordedItem) -> Result<()> {
+    fn take(&mut self, item: Item) -> Result<()> {
         match item {
             // Not the first one: frames were left out.
-            RecordedItem::Baseline(baseline) => {
+            Item::Baseline(baseline) => {
                 self.finish_waiting()?;
                 let baseline = Some(baseline).filter(|_| !self.keeps_baseline);
                 self.begin_again(baseline);
             }
-            RecordedItem::Frame(recorded) if !self.range.contains(&recorded.seq) => {
-                self.left_out |= recorded.seq < *self.range.start();
+            Item::Frame(frame) if !self.range.contains(frame.seq, frame.time) => {
+                self.left_out |= self.range.is_after(frame.seq, frame.time);
                 self.restarted = false;
-                self.ended |= recorded.seq > *self.range.end();
+                self.ended |= self.range.is_before(frame.seq, frame.time);
             }
-            RecordedItem::Verdict(recorded) if !self.range.contains(&recorded.report.seq) => {
+            Item::Verdict(recorded)
+                if !self
+                    .range
+                    .contains(recorded.report.seq, recorded.report.time) =>
+            {
                 let progress = &recorded.progress;
-                self.answered = progress.verified + progress.rejected;
+                self.answered = Some(progress.verified + progress.rejected);
                 self.comparison.left_out = progress.left_out;
             }
-            RecordedItem::Frame(recorded) => {
-                let info = Ok(recorded.info.clone());
-                let frame = self.session.ingest(info, |receive| recorded.read(receive));
+            Item::Frame(frame) => {
+                let (seq, time, info) = (frame.seq, frame.time, Ok(frame.info.clone()));
+                let frame = self.session.ingest(info, |receive| frame.read(receive));
                 self.session.announce(&frame);
                 self.finish_waiting()?;
-                self.waiting.push_back(Waiting::Frame {
-                    seq: recorded.seq,
-                    time: recorded.time,
-                    frame,
-                });
+                self.waiting.push_back(Waiting::Frame { seq, time, frame });
             }
-            RecordedItem::Verdict(recorded) => {
+            Item::Verdict(recorded) => {
                 self.waiting.push_back(Waiting::Verdict(recorded));
                 if self.waiting.len() > MOST_WAITING {
                     self.finish_waiting()?;
@@ -430,10 +348,11 @@ impl Replay {
             progress,
         } = recorded;
         self.tally.skipped = progress.skipped;
+        self.comparison.recorded += 1;
         let answered = progress.verified + progress.rejected;
-        let gap = answered.saturating_sub(self.answered + 1);
+        let before = self.answered.replace(answered);
+        let gap = before.map_or(0, |before| answered.saturating_sub(before + 1));
         let left_out = progress.left_out.saturating_sub(self.comparison.left_out);
-        self.answered = answered;
         self.missing += gap.saturating_sub(left_out);
         self.comparison.left_out = progress.left_out.max(self.comparison.left_out);
         let last = self.last.take().filter(|r| r.seq == report.seq);
@@ -496,27 +415,4 @@ impl Replay {
         }
         Ok(())
     }
-}
-
-/// Returns true if a report equals a recorded one. Work counters and clearance are not compared.
-/// Motions and the state to roll back to are not compared if the recording has none, as in earlier
-/// versions. The last intact frame may be one that the recording lacks, and after a gap it is
-/// unknown which curves are new.
-fn alike(found: &Report, recorded: &Report, after_gap: bool) -> bool {
-    let mut found = found.clone();
-    if after_gap {
-        found.appeared.clone_from(&recorded.appeared);
-        found.gone.clone_from(&recorded.gone);
-    }
-    found.stats = recorded.stats;
-    // It was measured with options of its own, and depends on the frames before.
-    found.clearance = recorded.clearance;
-    found.last_intact = recorded.last_intact;
-    if found.safe_fraction.is_none() || recorded.safe_fraction.is_none() {
-        found.safe_fraction = recorded.safe_fraction;
-    }
-    if recorded.events.iter().all(|e| e.lengths == 0.0) {
-        found.events.iter_mut().for_each(|e| e.lengths = 0.0);
-    }
-    found == *recorded
 }

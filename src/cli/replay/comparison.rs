@@ -1,0 +1,123 @@
+//! Comparison of the verdicts of a replay with the recorded ones.
+
+use crate::cli::output::count;
+use linkwatch::{Report, Retention};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Numbers of verdicts of a replay that equal the recorded ones, and that do not.
+#[derive(Default, Serialize)]
+pub struct Comparison {
+    /// Options that differ from those of the recording; if there are any, nothing is compared.
+    pub differing: Vec<&'static str>,
+    /// Recorded verdicts on the replayed frames.
+    pub recorded: u64,
+    pub equal: u64,
+    pub unlike: u64,
+    /// Rejected frames. Their curves are not recorded, so their verdicts cannot be repeated.
+    pub rejected: u64,
+    /// Frames of which a shard did not verify its share of the pairs.
+    pub incomplete: u64,
+    /// Frames after missing ones: the motion to them differs from the recorded one.
+    pub after_missing: u64,
+    /// Frames of which the recorder kept only the verdict, on purpose.
+    pub thinned: u64,
+    /// Frames that the recorder left out on purpose, or put into another file.
+    pub left_out: u64,
+    #[serde(skip)]
+    pub recorded_with: RecordedWith,
+}
+
+/// Options with which frames were left out of a recording on purpose.
+#[derive(Default)]
+pub struct RecordedWith {
+    /// True if frames without curves are thinned ones.
+    pub every: bool,
+    words: String,
+}
+
+impl RecordedWith {
+    pub fn read(metadata: &BTreeMap<String, String>) -> RecordedWith {
+        let option = |key, option: &str| metadata.get(key).map(|value| format!("{option} {value}"));
+        let every = option(Retention::EVERY, "--record-every");
+        RecordedWith {
+            every: every.is_some(),
+            words: match every.or(option(Retention::WINDOW, "--record-window")) {
+                Some(option) => format!("recorded with {option}"),
+                None => "they are in other files of this recording".into(),
+            },
+        }
+    }
+}
+
+impl Comparison {
+    /// Returns a sentence about a replay of a file: a "recording", or another "file".
+    pub fn words(&self, noun: &str) -> String {
+        if self.recorded == 0 {
+            return format!("verdicts: the {noun} has none to compare with");
+        }
+        if !self.differing.is_empty() {
+            return format!(
+                "verdicts: not compared with the recorded ones: recorded with another {}",
+                self.differing.join(", ")
+            );
+        }
+        let unlike = match self.unlike {
+            0 => String::new(),
+            n => format!(", {} different", count(n)),
+        };
+        let uncompared = [
+            (
+                self.rejected,
+                "not compared: the curves of rejected frames are not recorded",
+            ),
+            (
+                self.incomplete,
+                "not compared: a shard did not verify its pairs",
+            ),
+            (
+                self.after_missing,
+                "not compared: the frames before them are not in the recording",
+            ),
+            (
+                self.thinned,
+                "not compared: their curves were left out on purpose",
+            ),
+            (self.left_out, "frames were left out on purpose"),
+        ];
+        let uncompared = uncompared.iter().filter(|(n, _)| *n > 0);
+        let uncompared = uncompared.map(|(n, why)| format!("; {} {why}", count(*n)));
+        let why = match self.thinned + self.left_out {
+            0 => String::new(),
+            _ => format!(" ({})", self.recorded_with.words),
+        };
+        format!(
+            "verdicts: {} equal to the recorded ones{unlike}{}{why}",
+            count(self.equal),
+            uncompared.collect::<String>()
+        )
+    }
+}
+
+/// Returns true if a report equals a recorded one. Work counters and clearance are not compared.
+/// Motions and the state to roll back to are not compared if the recording has none, as in earlier
+/// versions. The last intact frame may be one that the recording lacks, and after a gap it is
+/// unknown which curves are new.
+pub fn alike(found: &Report, recorded: &Report, after_gap: bool) -> bool {
+    let mut found = found.clone();
+    if after_gap {
+        found.appeared.clone_from(&recorded.appeared);
+        found.gone.clone_from(&recorded.gone);
+    }
+    found.stats = recorded.stats;
+    // It was measured with options of its own, and depends on the frames before.
+    found.clearance = recorded.clearance;
+    found.last_intact = recorded.last_intact;
+    if found.safe_fraction.is_none() || recorded.safe_fraction.is_none() {
+        found.safe_fraction = recorded.safe_fraction;
+    }
+    if recorded.events.iter().all(|e| e.lengths == 0.0) {
+        found.events.iter_mut().for_each(|e| e.lengths = 0.0);
+    }
+    found == *recorded
+}

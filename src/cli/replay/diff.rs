@@ -1,0 +1,181 @@
+//! `replay A --diff B`: compares the recorded verdicts of two runs.
+
+use super::{Args, OUTPUTS, SETTINGS};
+use crate::cli::Outcome;
+use crate::cli::output::{self, count, plural};
+use linkwatch::{Alignment, Error, FrameDiff, OnlyIn, RecordingReader, Result, RunDiff, diff_runs};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Settings of a run that change its verdicts, by their names in the metadata of a recording.
+const RECORDED: [&str; 2] = ["events", "motion_limit"];
+
+/// Maximum number of findings that are printed for each run.
+const FINDINGS: usize = 8;
+
+/// Comparison with another recording.
+#[derive(Debug, clap::Args)]
+pub struct DiffArgs {
+    /// Compare the recorded verdicts with those of another recording, frame by frame, and report
+    /// the first difference. Nothing is verified. Exit code: 0 equal, 1 different, 3 not all frames
+    /// could be compared
+    #[arg(
+        long, value_name = "OTHER.mcap",
+        conflicts_with_all = ["from", "to", "bisect"],
+        conflicts_with_all = SETTINGS,
+        conflicts_with_all = OUTPUTS
+    )]
+    pub diff: Option<PathBuf>,
+    /// With --diff: frames with the same simulation time are the same frame [default: with the same
+    /// number]
+    #[arg(long, requires = "diff")]
+    pub by_time: bool,
+}
+
+/// Runs the command.
+pub fn run(args: &Args, other: &Path, json: bool) -> Result<Outcome> {
+    let paths = [args.file.as_path(), other];
+    let same = paths.map(|path| std::fs::canonicalize(path).ok());
+    if same[0].is_some() && same[0] == same[1] {
+        let what = format!("--diff {}: both are the same file", other.display());
+        return Err(Error::Usage(what));
+    }
+    let open = |path: &Path| RecordingReader::open(path).map_err(|e| e.in_file(path));
+    let [mut a, mut b] = [open(paths[0])?, open(paths[1])?];
+    let alignment = match args.diff.by_time {
+        true => Alignment::Time,
+        false => Alignment::Number,
+    };
+    let diff = diff_runs([(paths[0], &mut a), (paths[1], &mut b)], alignment)?;
+    let settings = other_settings(a.metadata(), b.metadata());
+    let names = paths.map(|path| path.display().to_string());
+    if json {
+        output::json(&serde_json::json!({
+            "diff": diff,
+            "files": paths,
+            "by_time": args.diff.by_time,
+            "other_settings": settings,
+        }));
+    } else {
+        print(&diff, &names, alignment);
+    }
+    for setting in &settings {
+        tracing::warn!("the runs were recorded with other settings: {setting}");
+    }
+    for (name, _) in names.iter().zip(diff.cut).filter(|(_, cut)| *cut) {
+        tracing::warn!("{name}: the recording was cut off");
+    }
+    if let Some(seq) = diff.other_time.filter(|_| alignment == Alignment::Number) {
+        tracing::warn!(
+            "frame {seq} has another simulation time in each run; --by-time compares frames of the \
+             same time"
+        );
+    }
+    let only = diff.only.iter().any(|only| only.frames > 0);
+    Ok(if diff.different > 0 {
+        Outcome::Changed
+    } else if diff.compared == 0 || only || diff.without_verdict > 0 || diff.cut != [false; 2] {
+        Outcome::Undecided
+    } else {
+        Outcome::Fine
+    })
+}
+
+/// Returns the settings that differ, in words.
+fn other_settings(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>) -> Vec<String> {
+    let values = |name: &str| [a, b].map(|m| m.get(name).map_or("unknown", String::as_str));
+    let settings = RECORDED.map(|name| (name, values(name)));
+    let differing = settings.iter().filter(|(_, [a, b])| a != b);
+    differing
+        .map(|(name, [a, b])| format!("{name} is {a} in the first, {b} in the second"))
+        .collect()
+}
+
+fn print(diff: &RunDiff, names: &[String; 2], alignment: Alignment) {
+    let RunDiff {
+        compared,
+        different,
+        first,
+        curves,
+        ..
+    } = diff;
+    match different {
+        0 => output::line(format_args!(
+            "verdicts: {} equal, none different",
+            count(*compared)
+        )),
+        n => output::line(format_args!(
+            "verdicts: {} equal, {} different",
+            count(compared - n),
+            count(*n)
+        )),
+    }
+    if let Some(first) = first {
+        print_frame(first, names);
+    }
+    match curves.first {
+        _ if curves.compared == 0 => {}
+        None => output::line(format_args!(
+            "curves: the same bits in all {}",
+            plural(curves.compared, "frame")
+        )),
+        Some(seq) => output::line(format_args!(
+            "curves: the runs diverge at {}; {} of {} have the same bits",
+            frame(seq),
+            count(curves.equal),
+            plural(curves.compared, "frame")
+        )),
+    }
+    for (name, only) in names.iter().zip(&diff.only) {
+        if let OnlyIn {
+            frames,
+            range: Some([from, to]),
+            ..
+        } = only
+        {
+            let frames = plural(*frames, "frame");
+            output::line(format_args!(
+                "only in {name}: {frames}, from {from} to {to}"
+            ));
+        }
+    }
+    if diff.without_verdict > 0 {
+        output::line(format_args!(
+            "not compared: {} without a verdict in one or both",
+            plural(diff.without_verdict, "frame")
+        ));
+    }
+    if *compared == 0 && diff.without_verdict == 0 {
+        let (what, advice) = match alignment {
+            Alignment::Number => ("number", "; --by-time compares by simulation time"),
+            Alignment::Time => ("simulation time", ""),
+        };
+        output::line(format_args!("no frame has the same {what} in both{advice}"));
+    }
+}
+
+/// Prints the first frame with different verdicts.
+fn print_frame(first: &FrameDiff, names: &[String; 2]) {
+    output::line(format_args!("first difference: {}", frame(first.seq)));
+    let runs = names.iter().zip(&first.headlines);
+    for ((name, headline), only) in runs.zip(&first.difference.only) {
+        output::line(format_args!("  {name}: {headline}"));
+        for finding in only.iter().take(FINDINGS) {
+            output::line(format_args!("    only here: {finding}"));
+        }
+        if only.len() > FINDINGS {
+            output::line(format_args!(
+                "    and {} more",
+                count((only.len() - FINDINGS) as u64)
+            ));
+        }
+    }
+}
+
+/// Returns the words for a frame that may have another number in the second run.
+fn frame([a, b]: [u64; 2]) -> String {
+    match a == b {
+        true => format!("frame {a}"),
+        false => format!("frame {a} ({b} in the second)"),
+    }
+}

@@ -1,0 +1,119 @@
+//! The options `--from` and `--to`: frames by number or by simulation time.
+
+use linkwatch::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+/// Number of a frame, or a simulation time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bound {
+    Seq(u64),
+    /// In seconds.
+    Time(f64),
+}
+
+impl FromStr for Bound {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        let parsed = match text.strip_suffix('s') {
+            Some(seconds) => seconds.trim_end().parse().ok().map(Bound::Time),
+            None => text.parse().ok().map(Bound::Seq),
+        };
+        parsed
+            .filter(|bound| !matches!(bound, Bound::Time(t) if !t.is_finite()))
+            .ok_or("expected the number of a frame (28), or a simulation time in seconds (1.5s)")
+    }
+}
+
+impl fmt::Display for Bound {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Bound::Seq(seq) => write!(f, "{seq}"),
+            Bound::Time(time) => write!(f, "{time}s"),
+        }
+    }
+}
+
+/// Frames to replay.
+#[derive(Clone, Copy, Debug, Default, clap::Args)]
+pub struct Range {
+    /// Begin with this frame: its number, or a simulation time in seconds (`1.5s`)
+    #[arg(long, value_name = "SEQ|TIME", allow_negative_numbers = true)]
+    pub from: Option<Bound>,
+    /// End with this frame: its number, or a simulation time in seconds (`2s`)
+    #[arg(long, value_name = "SEQ|TIME", allow_negative_numbers = true)]
+    pub to: Option<Bound>,
+}
+
+impl Range {
+    /// Fails if the range is empty.
+    pub fn check(&self) -> Result<()> {
+        let empty = match (self.from, self.to) {
+            (Some(Bound::Seq(from)), Some(Bound::Seq(to))) => from > to,
+            (Some(Bound::Time(from)), Some(Bound::Time(to))) => from > to,
+            _ => false,
+        };
+        match (self.from, self.to) {
+            (Some(from), Some(to)) if empty => {
+                Err(Error::Usage(format!("--from {from} is after --to {to}")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Returns true if a frame is before the range.
+    pub fn is_after(&self, seq: u64, time: f64) -> bool {
+        match self.from {
+            Some(Bound::Seq(from)) => seq < from,
+            Some(Bound::Time(from)) => time < from,
+            None => false,
+        }
+    }
+
+    /// Returns true if a frame is after the range.
+    pub fn is_before(&self, seq: u64, time: f64) -> bool {
+        match self.to {
+            Some(Bound::Seq(to)) => seq > to,
+            Some(Bound::Time(to)) => time > to,
+            None => false,
+        }
+    }
+
+    pub fn contains(&self, seq: u64, time: f64) -> bool {
+        !self.is_after(seq, time) && !self.is_before(seq, time)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_are_numbers_of_frames_or_times_in_seconds() {
+        assert_eq!("28".parse(), Ok(Bound::Seq(28)));
+        assert_eq!("1.5s".parse(), Ok(Bound::Time(1.5)));
+        assert_eq!("-2 s".parse(), Ok(Bound::Time(-2.0)));
+        for bad in ["", "s", "1.5", "-1", "nans", "infs", "1ms", "28f"] {
+            assert!(bad.parse::<Bound>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_range_has_both_of_its_bounds() {
+        let range = |from: &str, to: &str| Range {
+            from: Some(from.parse().unwrap()),
+            to: Some(to.parse().unwrap()),
+        };
+        let numbers = range("2", "4");
+        assert_eq!(
+            [1, 2, 4, 5].map(|n| numbers.contains(n, 0.0)),
+            [false, true, true, false]
+        );
+        let mixed = range("0.5s", "4");
+        assert!(mixed.contains(3, 0.5) && !mixed.contains(3, 0.4) && !mixed.contains(5, 1.0));
+        assert!(range("4", "4").check().is_ok() && range("9", "1s").check().is_ok());
+        let message = range("2s", "1s").check().unwrap_err().to_string();
+        assert_eq!(message, "--from 2s is after --to 1s");
+    }
+}

@@ -1,0 +1,136 @@
+//! Difference of two reports on the same frame, from two runs.
+
+use super::{Report, Verdict};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Difference of two reports on the same frame.
+///
+/// Findings are the same if they concern the same curves with the same numbers: places and moments
+/// are not compared, because they differ whenever the curves do.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ReportDifference {
+    /// Verdicts of both reports.
+    pub verdicts: [Verdict; 2],
+    /// Findings that only the first report and only the second one has, in words.
+    pub only: [Vec<String>; 2],
+}
+
+/// Identity of a finding: its kind, its curves, and a number or the code of a defect.
+type Key = (u8, u32, Option<u32>, [i64; 2]);
+
+impl Report {
+    /// Returns the difference from a report on the same frame; `None` if the verdicts and findings
+    /// are equal. `names` are those of the curves of both, or empty.
+    ///
+    /// Not compared: times, places, work counters, clearance, the abort flag (it depends on the
+    /// policy), and the state to roll back to.
+    pub fn difference(&self, other: &Report, names: &[String]) -> Option<ReportDifference> {
+        let mut both = [self, other].map(|report| report.by_identity(names));
+        let [first, second] = &mut both;
+        for (key, found) in first.iter_mut() {
+            if let Some(others) = second.get_mut(key) {
+                let common = found.len().min(others.len());
+                found.drain(..common);
+                others.drain(..common);
+            }
+        }
+        let verdicts = [self.verdict, other.verdict];
+        let [first, second] = both.map(|all| all.into_values().flatten().collect::<Vec<_>>());
+        let equal = verdicts[0] == verdicts[1] && first.is_empty() && second.is_empty();
+        (!equal).then_some(ReportDifference {
+            verdicts,
+            only: [first, second],
+        })
+    }
+
+    /// Returns all findings in words, by their identity.
+    fn by_identity(&self, names: &[String]) -> BTreeMap<Key, Vec<String>> {
+        // In the order of the sentences.
+        let changes = self.changes.iter();
+        let changes = changes.map(|c| (0, c.i, Some(c.j), [c.expected, c.found]));
+        let pull_through =
+            |kind| move |p: &super::PullThrough| (kind, p.i, Some(p.j), [i64::from(p.sign), 0]);
+        let events = self.events.iter().map(pull_through(1));
+        let defects = self.defects.iter();
+        let defects = defects.map(|d| (2, d.i, d.j, [i64::from(d.kind as u32), 0]));
+        let unresolved = self.unresolved.iter().map(pull_through(3));
+        let keys = changes.chain(events).chain(defects).chain(unresolved);
+        let mut all = BTreeMap::<Key, Vec<String>>::new();
+        for (key, sentence) in keys.zip(self.findings_named(names)) {
+            all.entry(key).or_default().push(sentence);
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::{Change, PullThrough};
+
+    fn report(changes: &[(u32, u32, i64)], signs: &[i32]) -> Report {
+        let mut report = Report::new(5, 0.5, Verdict::Changed);
+        report.changes = changes
+            .iter()
+            .map(|&(i, j, found)| Change {
+                i,
+                j,
+                expected: 1,
+                found,
+                place: None,
+            })
+            .collect();
+        report.events = signs
+            .iter()
+            .map(|&sign| PullThrough {
+                i: 3,
+                j: 4,
+                segments: [0, 1],
+                fraction: 0.5,
+                sign,
+                point: [0.0; 3],
+                lengths: 0.1,
+            })
+            .collect();
+        report
+    }
+
+    #[test]
+    fn equal_findings_in_another_order_and_at_other_places_are_no_difference() {
+        let first = report(&[(0, 1, 0), (2, 3, 2)], &[1, -1]);
+        let mut second = report(&[(2, 3, 2), (0, 1, 0)], &[-1, 1]);
+        second.events[0].fraction = 0.25;
+        second.events[0].segments = [7, 7];
+        second.stats.tests = 99;
+        assert_eq!(first.difference(&second, &[]), None);
+    }
+
+    #[test]
+    fn names_the_findings_that_only_one_report_has() {
+        let first = report(&[(0, 1, 0), (2, 3, 2)], &[1, 1]);
+        let second = report(&[(0, 1, 2), (2, 3, 2)], &[1]);
+        let difference = first.difference(&second, &[]).unwrap();
+        let [only_first, only_second] = &difference.only;
+        assert_eq!(
+            only_second[..],
+            ["curves 0 and 1 changed their link: linking number was 1, is 2"]
+        );
+        assert_eq!(
+            only_first[0],
+            "curves 0 and 1 came apart: linking number was 1, is 0"
+        );
+        assert!(only_first[1].starts_with("curves 3 and 4 passed through one another"));
+        assert_eq!(only_first.len(), 2);
+    }
+
+    #[test]
+    fn another_verdict_is_a_difference_without_findings() {
+        let first = Report::new(1, 0.0, Verdict::Intact);
+        let second = Report::new(1, 0.0, Verdict::Rejected);
+        let difference = first.difference(&second, &[]).unwrap();
+        assert_eq!(difference.verdicts, [Verdict::Intact, Verdict::Rejected]);
+        assert_eq!(difference.only, [vec![], vec![]] as [Vec<String>; 2]);
+    }
+}

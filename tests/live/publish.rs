@@ -1,0 +1,288 @@
+//! `linkwatch replay --publish`: recorded frames on the bus.
+
+use super::written::Chainmail;
+use super::*;
+use linkwatch::{
+    Events, FrameInfo, FrameRecord, RecordedItem, RecordedVerdict, RecordingReader, RecordingSink,
+    Sink,
+};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// Publishes a recording as fast as a watch answers. Returns the results of both.
+fn publish(name: &str, recording: &Path, args: &[&str], watch: &[&str]) -> [Ended; 2] {
+    let folder = TempDir::new().unwrap();
+    let service = service(name);
+    let watch = Watch::start(folder.path(), "watch", &service, watch);
+    let always = ["--publish", &service, "--speed", "max", "--lockstep"];
+    let published = replay_with(recording, &[&always[..], args].concat());
+    [published, watch.end()]
+}
+
+fn items(recording: &Path) -> Vec<RecordedItem> {
+    let mut reader = RecordingReader::open(recording).unwrap();
+    let next = || reader.next_item().unwrap();
+    std::iter::from_fn(next).collect()
+}
+
+#[test]
+fn a_watch_of_a_published_recording_gives_the_recorded_verdicts() {
+    let flight = recordings().join("flight.mcap");
+    let watch = ["--events", "--abort-on", "event", "--motion-limit", "10"];
+    let [published, watch] = publish("again", &flight, &[], &watch);
+    assert_eq!(
+        (published.code, watch.code),
+        (Some(1), Some(1)),
+        "{}",
+        published.stderr
+    );
+    assert_eq!(watch.reports(), replay(&flight).reports());
+    let summary = published.summary();
+    assert_eq!(summary["published"], 5);
+    let expected = serde_json::json!({ "equal": 5, "different": 0 });
+    assert_eq!(summary["recorded_verdicts"], expected);
+    assert_eq!(summary["watcher"]["verified"], 5);
+    assert_eq!(summary["aborts"], 1);
+    assert!(
+        published.stderr.contains("frame 3: the watcher asks"),
+        "{}",
+        published.stderr
+    );
+    assert!(
+        watch.stderr.contains("the simulator ended after 5 frames"),
+        "{}",
+        watch.stderr
+    );
+}
+
+#[test]
+fn a_watch_with_other_settings_gives_other_verdicts_which_are_named() {
+    let flight = recordings().join("flight.mcap");
+    let [published, watch] = publish("settings", &flight, &[], &[]);
+    assert_eq!(
+        (published.code, watch.code),
+        (Some(3), Some(0)),
+        "{}",
+        published.stderr
+    );
+    assert_eq!(published.summary()["recorded_verdicts"]["different"], 1);
+    let words = "frame 3: the watcher says intact; recorded was changed, 4 pull-throughs";
+    assert!(published.stderr.contains(words), "{}", published.stderr);
+}
+
+#[test]
+fn published_frames_keep_their_numbers_and_rejected_ones_are_left_out() {
+    let squares = recordings().join("squares.mcap");
+    let [published, watch] = publish("numbers", &squares, &["--from", "12", "--to", "17"], &[]);
+    let seqs: Vec<_> = watch
+        .reports()
+        .iter()
+        .map(|r| r["seq"].as_u64().unwrap())
+        .collect();
+    assert_eq!(seqs, [12, 13, 14, 16, 17]);
+    let summary = published.summary();
+    let counts = ["published", "rejected", "numbers_between"].map(|n| summary[n].as_u64());
+    assert_eq!(counts, [Some(5), Some(1), Some(1)]);
+    // The first published frame is the baseline of the watch.
+    assert_eq!(
+        summary["recorded_verdicts"]["different"], 5,
+        "{}",
+        published.stderr
+    );
+}
+
+#[test]
+fn publishing_stops_on_an_abort_if_that_is_requested() {
+    let squares = recordings().join("squares.mcap");
+    let [published, watch] = publish("abort", &squares, &["--stop-on-abort"], &[]);
+    assert_eq!(published.code, Some(3), "{}", published.stderr);
+    assert_eq!(published.summary()["published"], 11);
+    assert_eq!(watch.reports().len(), 11);
+    let words = "stopped, because the watcher asked for it";
+    assert!(published.stderr.contains(words), "{}", published.stderr);
+    // The watch saw a proper end.
+    assert!(
+        watch.stderr.contains("the simulator ended after 11 frames"),
+        "{}",
+        watch.stderr
+    );
+}
+
+/// Writes a recording again, with a rollback before frame 2 and a change of the curves before
+/// frame 4.
+fn with_cut_and_change(from: &Path, to: &Path) {
+    let mut sink = Box::new(RecordingSink::create(to, &Default::default()).unwrap());
+    let (mut curves, mut set, mut info) = (None, None, FrameInfo::default());
+    for item in items(from) {
+        match item {
+            RecordedItem::Baseline(baseline) => sink.begin(&baseline).unwrap(),
+            RecordedItem::Frame(frame) => {
+                frame.ingest(&mut set).unwrap();
+                curves = set.clone().map(Arc::new);
+                info = frame.info.clone();
+                info.cuts = 5 + u32::from(frame.seq >= 2);
+                if frame.seq >= 4 {
+                    let mut labels = (*info.labels).clone();
+                    labels.names.swap(0, 1);
+                    (info.layout, info.labels) = (1, Arc::new(labels));
+                }
+            }
+            RecordedItem::Verdict(recorded) => {
+                let RecordedVerdict { report, progress } = *recorded;
+                let record = FrameRecord {
+                    curves: curves.take(),
+                    info: info.clone(),
+                    report: Arc::new(report),
+                    verified: progress.verified,
+                    skipped: progress.skipped,
+                    rejected: progress.rejected,
+                    times: progress.times,
+                    work: progress.work,
+                    received: SystemTime::now(),
+                };
+                sink.frame(&record).unwrap();
+            }
+        }
+    }
+    sink.finish().unwrap();
+}
+
+#[test]
+fn names_time_steps_cuts_and_changes_of_curves_are_published() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let scene = "chainmail:rows=2,columns=3".to_owned();
+    let run = Chainmail {
+        scene,
+        frames: 6,
+        pulled: u64::MAX,
+        released: u64::MAX,
+    };
+    run.record(&at("plain.mcap"), Events::Off, true);
+    with_cut_and_change(&at("plain.mcap"), &at("run.mcap"));
+    let again = at("again.mcap");
+    let record = ["--record", again.to_str().unwrap()];
+    let [published, watch] = publish("labels", &at("run.mcap"), &[], &record);
+    assert_eq!(watch.code, published.code, "{}", watch.stderr);
+    let infos = |path: &Path| -> Vec<FrameInfo> {
+        let frames = items(path).into_iter().filter_map(|item| match item {
+            RecordedItem::Frame(frame) => Some(frame.info),
+            _ => None,
+        });
+        frames.collect()
+    };
+    let (before, after) = (infos(&at("run.mcap")), infos(&again));
+    assert_eq!(before.len(), 6);
+    for (k, [before, after]) in before.iter().zip(&after).map(|(a, b)| [a, b]).enumerate() {
+        assert_eq!(after.labels, before.labels, "frame {k}");
+        assert_eq!(after.time_step, before.time_step);
+        assert_eq!(after.cuts, before.cuts - 5);
+        assert_eq!(after.layout, 1 + before.layout);
+    }
+    assert_eq!(after.len(), 6);
+}
+
+#[test]
+fn publishing_waits_for_a_watcher_and_gives_up_after_the_limit() {
+    let flight = recordings().join("flight.mcap");
+    let service = service("nobody");
+    let args = ["--publish", &service, "--wait", "0.2"];
+    let published = replay_with(&flight, &args);
+    assert_eq!(published.code, Some(3));
+    let words = "no watcher connected within the limit of --wait";
+    assert!(published.stderr.contains(words), "{}", published.stderr);
+}
+
+#[test]
+fn a_signal_ends_publishing_with_a_proper_end_of_the_session() {
+    let folder = TempDir::new().unwrap();
+    let service = service("signal");
+    let watch = Watch::start(folder.path(), "watch", &service, &[]);
+    let stderr = folder.path().join("publish.err");
+    let mut publishing = command()
+        .args(["replay", "--publish", &service, "--speed", "0.0001"])
+        .arg(recordings().join("chainmail.mcap"))
+        .stdout(Stdio::null())
+        .stderr(std::fs::File::create(&stderr).unwrap())
+        .spawn()
+        .unwrap();
+    lines_of(&watch, 1);
+    let pid = publishing.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-s", "INT", &pid])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert_eq!(wait(&mut publishing).code(), Some(3));
+    let ended = watch.end();
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("the simulator ended after 1 frame"),
+        "{}",
+        ended.stderr
+    );
+    let stderr = std::fs::read_to_string(stderr).unwrap();
+    assert!(stderr.contains("stopped by a signal"), "{stderr}");
+}
+
+#[test]
+fn a_model_is_published_as_one_frame() {
+    let folder = TempDir::new().unwrap();
+    let model = folder.path().join("mail.bcc");
+    let scene = [
+        "generate",
+        "chainmail:rows=2,columns=2",
+        "-o",
+        model.to_str().unwrap(),
+    ];
+    assert_eq!(printed(&scene).0, Some(0));
+    let [published, watch] = publish("model", &model, &[], &[]);
+    assert_eq!(
+        (published.code, watch.code),
+        (Some(0), Some(0)),
+        "{}",
+        published.stderr
+    );
+    assert_eq!(watch.reports().len(), 1);
+    assert_eq!(published.summary()["published"], 1);
+}
+
+#[test]
+fn options_of_the_verification_are_refused_with_publish() {
+    let flight = recordings().join("flight.mcap");
+    let path = flight.to_str().unwrap();
+    for option in [
+        &["--events"][..],
+        &["--abort-on", "never"],
+        &["--baseline", "first-frame"],
+        &["--max-pairs", "5"],
+        &["--paranoid"],
+        &["--view"],
+        &["--rrd", "x.rrd"],
+        &["--thickness", "1"],
+        &["--kernel", "direct"],
+        &["--record", "x.mcap"],
+        &["--junit", "x.xml"],
+        &["--force"],
+        &["--bisect"],
+        &["--diff", "x.mcap"],
+    ] {
+        let publish = ["replay", path, "--wait", "0", "--publish", "nobody"];
+        let args = [&publish[..], option].concat();
+        let (code, all) = printed(&args);
+        assert_eq!(code, Some(2), "{option:?}: {all}");
+        assert!(all.contains("cannot be used with"), "{option:?}: {all}");
+    }
+    for option in [
+        "--lockstep",
+        "--stop-on-abort",
+        "--speed=2",
+        "--wait=1",
+        "--by-time",
+    ] {
+        let (code, all) = printed(&["replay", path, option]);
+        assert_eq!(code, Some(2), "{option}: {all}");
+    }
+}
