@@ -437,20 +437,33 @@ impl CurveSet {
     /// layout.
     #[cfg(feature = "rerun")]
     pub(crate) fn moved_since(&self, before: &CurveSet) -> Vec<bool> {
-        fn differ<T: PartialEq>(curves: &[Curve], now: &[T], before: &[T]) -> Vec<bool> {
-            let of =
-                |c: &Curve| 3 * c.first_point as usize..3 * (c.first_point + c.points) as usize;
-            curves.iter().map(|c| now[of(c)] != before[of(c)]).collect()
+        fn differ<T: PartialEq, const N: usize>(
+            curves: impl Iterator<Item = Range<usize>>,
+            [now, before]: [[&[T]; N]; 2],
+        ) -> Vec<bool> {
+            let moved = |r: Range<usize>| (0..N).any(|x| now[x][r.clone()] != before[x][r.clone()]);
+            curves.map(moved).collect()
         }
         if self.contents == before.contents {
             return vec![false; self.len()];
         }
-        let (now, before) = (self.positions(), before.positions());
-        match (now.as_positions(), before.as_positions()) {
-            (Positions::F32(now), Positions::F32(before)) => differ(&self.curves, now, before),
-            (Positions::F64(now), Positions::F64(before)) => differ(&self.curves, now, before),
-            // Another precision is another layout.
-            _ => vec![true; self.len()],
+        let received = [self, before].map(|set| set.coordinates.received());
+        let in_order = self.curves.iter().map(|c| {
+            let first = c.first_point as usize;
+            3 * first..3 * (first + c.points as usize)
+        });
+        match received {
+            [Some(Positions::F32(v)), Some(Positions::F32(w))] => differ(in_order, [[v], [w]]),
+            [Some(Positions::F64(v)), Some(Positions::F64(w))] => differ(in_order, [[v], [w]]),
+            _ => {
+                let slots = (0..self.len()).map(|i| self.body(i));
+                match (self.axes(), before.axes()) {
+                    (Axes::F32(v), Axes::F32(w)) => differ(slots, [v, w]),
+                    (Axes::F64(v), Axes::F64(w)) => differ(slots, [v, w]),
+                    // Another precision is another layout.
+                    _ => vec![true; self.len()],
+                }
+            }
         }
     }
 
