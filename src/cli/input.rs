@@ -191,13 +191,30 @@ pub fn holds_frames(path: &Path) -> bool {
     is_mcap(path) || model::Format::of(path).is_ok_and(model::Format::holds_frames)
 }
 
+/// Returns true if a file is to be read as a recording of linkwatch: it is one, or no model by its
+/// name.
+#[cfg(feature = "mcap")]
+pub fn is_recording(path: &Path) -> Result<bool> {
+    if !path.is_file() {
+        return Ok(is_mcap(path));
+    }
+    if !is_mcap(path) {
+        let format = model::Format::of(path);
+        return Ok(matches!(format, Err(Error::UnknownModel { .. })));
+    }
+    let mut reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
+    // The metadata is complete once the first item was read. An error is that of a recording.
+    let first = reader.next_item();
+    Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty())
+}
+
 /// Frames of a file, in the order of the file.
 type FileFrames = Box<dyn Iterator<Item = Result<ModelFrame>>>;
 
 /// Opens a model file or a recording.
 fn frames_of(path: &Path, args: &FormatArgs) -> Result<FileFrames> {
     #[cfg(feature = "mcap")]
-    if is_mcap(path) && path.is_file() && Recorded::is_ours(path)? {
+    if is_mcap(path) && is_recording(path)? {
         return Ok(Box::new(Recorded {
             reader: Some(RecordingReader::open(path).map_err(|e| e.in_file(path))?),
             path: path.to_owned(),
@@ -212,17 +229,6 @@ struct Recorded {
     path: PathBuf,
     /// `None` after an error.
     reader: Option<RecordingReader<std::io::BufReader<std::fs::File>>>,
-}
-
-#[cfg(feature = "mcap")]
-impl Recorded {
-    /// Returns true if linkwatch wrote this file.
-    fn is_ours(path: &Path) -> Result<bool> {
-        let mut reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
-        // The metadata is complete once the first item was read. An error is that of a recording.
-        let first = reader.next_item();
-        Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty())
-    }
 }
 
 #[cfg(feature = "mcap")]

@@ -16,6 +16,7 @@ use self::publish::PublishArgs;
 use self::range::Range;
 use self::source::Source;
 use super::Outcome;
+use super::input::FormatArgs;
 use super::kernel::KernelArgs;
 use super::session::{Judge, JunitArgs, Sinks};
 use linkwatch::Result;
@@ -57,6 +58,8 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
+    format: FormatArgs,
+    #[command(flatten)]
     range: Range,
     #[cfg(feature = "bus")]
     #[command(flatten)]
@@ -88,7 +91,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if let Some(other) = &args.diff.diff {
         return diff::run(args, other, json);
     }
-    let source = Source::open(&args.file)?;
+    let source = Source::open(&args.file, &args.format)?;
     #[cfg(feature = "bus")]
     if let Some(service) = &args.publish.publish {
         return publish::run(args, source, service, json);

@@ -1,7 +1,7 @@
 //! Source of a replay: a recording, or a model file with one or several frames.
 
 use super::range::Range;
-use linkwatch::model::{self, ModelFrame, ReadOptions};
+use crate::cli::input::{self, FormatArgs, Sequence};
 use linkwatch::{
     BaselineRecord, CurveSet, Ending, Error, FrameInfo, Positions, Precision, RawFrame,
     RecordedFrame, RecordedItem, RecordedVerdict, RecordingReader, Result,
@@ -10,7 +10,6 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Reader of recordings.
 pub type Recording = RecordingReader<BufReader<File>>;
@@ -85,6 +84,18 @@ impl From<RecordedFrame> for Frame {
     }
 }
 
+impl From<input::Frame> for Frame {
+    fn from(frame: input::Frame) -> Frame {
+        Frame {
+            seq: frame.seq,
+            time: frame.time,
+            info: frame.info,
+            received_ns: None,
+            curves: Curves::Model(frame.curves),
+        }
+    }
+}
+
 fn values<T, const N: usize>(bytes: &[u8], parse: fn([u8; N]) -> T) -> Vec<T> {
     bytes.as_chunks().0.iter().map(|b| parse(*b)).collect()
 }
@@ -104,28 +115,20 @@ pub struct Source {
 
 enum Input {
     Recording(Box<Recording>),
-    Models(Models),
+    Models(Sequence),
 }
 
 impl Source {
-    /// Opens a model file if its extension is that of one, else a recording.
-    pub fn open(path: &Path) -> Result<Source> {
-        let is_recording = path
-            .extension()
-            .is_some_and(|extension| extension.eq_ignore_ascii_case("mcap"));
-        let models = match is_recording {
-            true => None,
-            false => match model::Frames::open(path, &ReadOptions::default()) {
-                Ok(frames) => Some(frames),
-                Err(Error::UnknownModel { .. }) => None,
-                Err(e) => return Err(e),
-            },
-        };
-        let input = match models {
-            Some(frames) => Input::Models(Models::new(frames)),
-            None => {
+    /// Opens a recording, a model file, a folder or a pattern of model files.
+    pub fn open(path: &Path, args: &FormatArgs) -> Result<Source> {
+        let input = match input::is_recording(path)? {
+            true => {
                 let reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
                 Input::Recording(Box::new(reader))
+            }
+            false => {
+                let files = input::expand(&[path.to_owned()], false)?;
+                Input::Models(Sequence::new(files, args))
             }
         };
         Ok(Source {
@@ -157,7 +160,10 @@ impl Source {
     /// Returns the next item, or `None` at the end. Errors name the file.
     pub fn next(&mut self) -> Result<Option<Item>> {
         let item = match &mut self.input {
-            Input::Models(models) => return Ok(models.next()?.map(Item::Frame)),
+            Input::Models(models) => {
+                let frame = models.next().transpose()?;
+                return Ok(frame.map(|frame| Item::Frame(frame.into())));
+            }
             Input::Recording(reader) => reader.next_item().map_err(|e| e.in_file(&self.path))?,
         };
         Ok(item.map(|item| match item {
@@ -211,63 +217,5 @@ impl Source {
             Input::Recording(reader) => reader.ending(),
             Input::Models(_) => None,
         }
-    }
-}
-
-/// Frames of a model file, as a simulator would describe them.
-struct Models {
-    frames: model::Frames,
-    /// What the last frame told, and the points of its curves.
-    last: Option<(FrameInfo, Vec<i32>)>,
-}
-
-impl Models {
-    fn new(frames: model::Frames) -> Models {
-        Models { frames, last: None }
-    }
-
-    fn next(&mut self) -> Result<Option<Frame>> {
-        let Some(frame) = self.frames.next().transpose()? else {
-            return Ok(None);
-        };
-        Ok(Some(Frame {
-            seq: frame.seq,
-            time: frame.time,
-            info: self.info(&frame),
-            received_ns: None,
-            curves: Curves::Model(frame.curves),
-        }))
-    }
-
-    /// Returns what a simulator would tell about this frame: named curves are described again if
-    /// they change. Curves without names keep the radii of the first frame.
-    fn info(&mut self, frame: &ModelFrame) -> FrameInfo {
-        let counts = frame.curves.as_ref().map(|set| set.counts().collect());
-        let Ok(counts) = counts else {
-            return self
-                .last
-                .as_ref()
-                .map(|(info, _)| info.clone())
-                .unwrap_or_default();
-        };
-        let info = match &self.last {
-            None => FrameInfo {
-                labels: Arc::clone(&frame.labels),
-                ..FrameInfo::default()
-            },
-            Some((last, before)) => {
-                let same = *last.labels == *frame.labels && *before == counts;
-                match same || frame.labels.names.is_empty() {
-                    true => last.clone(),
-                    false => FrameInfo {
-                        layout: last.layout + 1,
-                        labels: Arc::clone(&frame.labels),
-                        ..last.clone()
-                    },
-                }
-            }
-        };
-        self.last = Some((info.clone(), counts));
-        info
     }
 }
