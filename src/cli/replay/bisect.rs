@@ -372,7 +372,7 @@ fn in_sequence(args: &Args, source: &mut Source) -> Result<Found> {
             e @ Error::NothingClosed { .. } => e,
             e => Error::Usage(format!("frame {seq}: {e}")),
         };
-        let frame = Loaded::new(frame).map_err(at_frame)?;
+        let frame = Loaded::new(*frame).map_err(at_frame)?;
         if before
             .as_ref()
             .is_some_and(|b| b.info.layout != frame.info.layout)

@@ -103,7 +103,7 @@ fn values<T, const N: usize>(bytes: &[u8], parse: fn([u8; N]) -> T) -> Vec<T> {
 /// An item of a source.
 pub enum Item {
     Baseline(BaselineRecord),
-    Frame(Frame),
+    Frame(Box<Frame>),
     Verdict(Box<RecordedVerdict>),
 }
 
@@ -162,13 +162,13 @@ impl Source {
         let item = match &mut self.input {
             Input::Models(models) => {
                 let frame = models.next().transpose()?;
-                return Ok(frame.map(|frame| Item::Frame(frame.into())));
+                return Ok(frame.map(|frame| Item::Frame(Box::new(frame.into()))));
             }
             Input::Recording(reader) => reader.next_item().map_err(|e| e.in_file(&self.path))?,
         };
         Ok(item.map(|item| match item {
             RecordedItem::Baseline(baseline) => Item::Baseline(baseline),
-            RecordedItem::Frame(frame) => Item::Frame(frame.into()),
+            RecordedItem::Frame(frame) => Item::Frame(Box::new(frame.into())),
             RecordedItem::Verdict(verdict) => Item::Verdict(verdict),
         }))
     }

@@ -59,7 +59,7 @@ impl Frames {
                     return Ok(None);
                 }
                 Some(Item::Frame(frame)) if self.range.is_after(frame.seq, frame.time) => {}
-                Some(Item::Frame(frame)) => return Ok(Some(frame)),
+                Some(Item::Frame(frame)) => return Ok(Some(*frame)),
             }
         }
     }
