@@ -521,7 +521,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for name in ["a.usda", "a.usdc", "a.USD", "a.usdz"] {
             let path = folder.path().join(name);
-            assert!(FrameWriter::create(&path).is_err());
+            assert!(FrameWriter::create(&path, Format::Usd).is_err());
             assert!(!path.exists());
             std::fs::write(&path, "#usda 1.0").unwrap();
             assert_error_contains(read(&path), "build linkwatch with the feature usd");

@@ -10,7 +10,8 @@ use std::sync::Arc;
 /// Formats that are written. MCAP is read only.
 fn written() -> impl Iterator<Item = (&'static str, Format)> {
     let formats = EXTENSIONS.into_iter();
-    formats.filter(|(_, format)| *format != Format::Mcap)
+    // USD has tests of its own: it has single precision, and binary files are only read.
+    formats.filter(|(_, format)| !matches!(format, Format::Mcap | Format::Usd))
 }
 
 /// Writes frames to a file of this extension, and reads them.

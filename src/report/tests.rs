@@ -254,8 +254,8 @@ fn frames_that_were_left_out_on_purpose_are_named_and_not_missing() {
         left_out: 7,
         ..Recorded::default().intact().intact()
     };
-    let sentence = "Intact: 2 frames, from frame 0 to frame 1 at 0.5 s; 7 frames were left out of \
-                    the recording on purpose.";
+    let sentence = "Intact as far as verified: 2 frames, from frame 0 to frame 1 at 0.5 s; 7 \
+                    frames were left out of the recording on purpose.";
     says(run, Conclusion::Intact, sentence);
 }
 

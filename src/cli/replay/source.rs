@@ -21,6 +21,10 @@ pub struct Frame {
     pub time: f64,
     pub info: FrameInfo,
     /// Time at which the frame was received, in nanoseconds since 1970; `None` for a model.
+    #[cfg_attr(
+        not(feature = "bus"),
+        expect(dead_code, reason = "the pace of frames that are published")
+    )]
     pub received_ns: Option<u64>,
     curves: Curves,
 }
@@ -115,7 +119,7 @@ pub struct Source {
 
 enum Input {
     Recording(Box<Recording>),
-    Models(Sequence),
+    Models(Box<Sequence>),
 }
 
 impl Source {
@@ -128,7 +132,7 @@ impl Source {
             }
             false => {
                 let files = input::expand(&[path.to_owned()], false)?;
-                Input::Models(Sequence::new(files, args))
+                Input::Models(Box::new(Sequence::new(files, args)))
             }
         };
         Ok(Source {
