@@ -300,8 +300,8 @@ impl Sequence {
         }
     }
 
-    /// Notes the labels of a frame. Named curves may change from frame to frame; radii alone do not:
-    /// the first ones are kept.
+    /// Notes the labels of a frame. Named curves may change from frame to frame; radii alone do
+    /// not: the first ones are kept.
     fn note(&mut self, curves: &CurveSet, labels: &Arc<CurveLabels>) {
         let same_counts = curves.counts().eq(self.counts.iter().copied());
         if same_counts && labels.names == self.info.labels.names {

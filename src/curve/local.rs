@@ -1,6 +1,6 @@
-//! Surroundings of a place on a curve: their size, and the nearest point of the curve. Pictures of a
-//! place choose their scale by them, because the size of a scene of thousands of rings says nothing
-//! about the size of one.
+//! Surroundings of a place on a curve: their size, and the nearest point of the curve. Pictures of
+//! a place choose their scale by them, because the size of a scene of thousands of rings says
+//! nothing about the size of one.
 
 use super::vector::{dot, sub};
 use super::{CurveSet, Point};

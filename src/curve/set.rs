@@ -433,8 +433,8 @@ impl CurveSet {
         self.coordinates.has_arrays()
     }
 
-    /// Returns for each curve if one of its points differs from that of an earlier frame of the same
-    /// layout.
+    /// Returns for each curve if one of its points differs from that of an earlier frame of the
+    /// same layout.
     #[cfg(feature = "rerun")]
     pub(crate) fn moved_since(&self, before: &CurveSet) -> Vec<bool> {
         fn differ<T: PartialEq, const N: usize>(

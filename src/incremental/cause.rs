@@ -289,8 +289,8 @@ mod tests {
         }
     }
 
-    /// Two crossed strands: one moves by 2 from above the other one to below it. They meet at 25.535 %
-    /// of the step.
+    /// Two crossed strands: one moves by 2 from above the other one to below it. They meet at
+    /// 25.535 % of the step.
     fn crossed(scale: f64) -> ([CurveSet; 2], PullThrough) {
         let frames = [0.5107, -1.4893].map(|z| {
             let xyz = [-1.0, 0.0, z, 1.0, 0.0, z, 0.0, -2.0, 0.0, 0.0, 2.0, 0.0];

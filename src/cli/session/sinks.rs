@@ -103,16 +103,17 @@ pub struct Sinks {
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "URL", group = "shown")]
     connect: Option<String>,
-    /// Show every frame in a browser on this machine: starts an installed `rerun` as a server, which
-    /// stays when the run ends, and prints the address. PORT + 1 is used, too [default PORT: 9090]
+    /// Show every frame in a browser on this machine: starts an installed `rerun` as a server,
+    /// which stays when the run ends, and prints the address. PORT + 1 is
+    /// used, too [default PORT: 9090]
     #[cfg(feature = "rerun")]
     #[arg(
         long, value_name = "PORT", group = "shown", num_args = 0..=1,
         default_missing_value = SERVE, value_parser = clap::value_parser!(u16).range(1..65535)
     )]
     serve: Option<u16>,
-    /// Show the curves of every N-th frame only, and those of each frame whose verdict is not intact
-    /// or differs from the previous one; plots and log have all frames
+    /// Show the curves of every N-th frame only, and those of each frame whose verdict is not
+    /// intact or differs from the previous one; plots and log have all frames
     #[cfg(feature = "rerun")]
     #[arg(long, value_name = "N", requires = "shown", hide_short_help = true)]
     view_every: Option<NonZeroU64>,

@@ -68,8 +68,8 @@ impl ClearanceView {
         clearance.low && !was_low
     }
 
-    /// Draws the clearance of a frame with these radii of the curves, unless the options have one of
-    /// all.
+    /// Draws the clearance of a frame with these radii of the curves, unless the options have one
+    /// of all.
     pub fn draw(
         &mut self,
         rec: &RecordingStream,
@@ -87,8 +87,8 @@ impl ClearanceView {
         draw_marks(rec, clearance, &blocks, low)
     }
 
-    /// Returns the parts of curves that are close. If there are too many, only closer ones are drawn
-    /// in this frame and all later ones, and none if that does not suffice.
+    /// Returns the parts of curves that are close. If there are too many, only closer ones are
+    /// drawn in this frame and all later ones, and none if that does not suffice.
     fn close_blocks(&mut self, set: &CurveSet, radii: &[f64]) -> Vec<CloseBlock> {
         while self.reach >= LEAST_REACH {
             match close_blocks_within(set, radii, self.reach) {

@@ -2,8 +2,8 @@
 //! at rest. A group is an entity, and is logged only if one of its curves moved, joined or left.
 //!
 //! A curve at rest that moves leaves its block for the group of moving curves. It returns with
-//! others after [`REST`] frames at rest. Every curve is in one group at most, so a frame never takes
-//! more than all curves once, and a row per group.
+//! others after [`REST`] frames at rest. Every curve is in one group at most, so a frame never
+//! takes more than all curves once, and a row per group.
 //!
 //! Cost: a comparison of all points with those of the previous frame, which is exact, and the
 //! points of the groups that changed. If curves move by turns, different ones in each frame, most

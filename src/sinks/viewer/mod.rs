@@ -167,8 +167,8 @@ impl ViewerSink {
         Ok(self)
     }
 
-    /// Shows the clearance of a frame, on its curves if they are drawn, and logs a line if it becomes
-    /// low.
+    /// Shows the clearance of a frame, on its curves if they are drawn, and logs a line if it
+    /// becomes low.
     fn add_clearance(&mut self, record: &FrameRecord, draws: bool) -> Result<()> {
         let (Some(view), Some(found)) = (&mut self.clearance, &record.report.clearance) else {
             return Ok(());
@@ -223,8 +223,8 @@ impl ViewerSink {
         Ok(())
     }
 
-    /// Returns true if the curves of the next frame are to be logged: those of every n-th frame, and
-    /// if its verdict is not intact or differs from the previous one.
+    /// Returns true if the curves of the next frame are to be logged: those of every n-th frame,
+    /// and if its verdict is not intact or differs from the previous one.
     fn is_drawn(&mut self, verdict: Verdict) -> bool {
         let turns = self.verdict.replace(verdict) != Some(verdict);
         let due = self.frames.is_multiple_of(self.options.every.get());
