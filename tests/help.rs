@@ -199,13 +199,8 @@ fn errors_of_a_folder_and_a_misspelt_scene_give_advice() {
         "{path}: not a regular file but a folder; for the models in it, give {path}/*.vect"
     );
     for (args, expected) in [
-        (["certify", path], advice.as_str()),
         (["plan", path], advice.as_str()),
-        #[cfg(feature = "mcap")]
-        (
-            ["certify", "recordings/squares.mcap"],
-            "`linkwatch replay` verifies",
-        ),
+        (["certify", path], "a.vect: not a valid VECT (line 1)"),
         (["certify", "knti"], "the nearest is 'knit'"),
         (["plan", "ribbon:segmnts=20"], "the nearest is 'segments'"),
     ] {

@@ -205,7 +205,8 @@ pub fn is_recording(path: &Path) -> Result<bool> {
     let mut reader = RecordingReader::open(path).map_err(|e| e.in_file(path))?;
     // The metadata is complete once the first item was read. An error is that of a recording.
     let first = reader.next_item();
-    Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty())
+    // A file without messages may be a recording that was cut off at its start.
+    Ok(!matches!(first, Ok(None)) || !reader.metadata().is_empty() || reader.skipped() == 0)
 }
 
 /// Frames of a file, in the order of the file.

@@ -106,7 +106,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
         motion: recorded_events != Events::Off,
         range,
         left_out,
-        restarted: true,
+        restarted: !left_out,
         unfounded: false,
         ended: false,
     };
