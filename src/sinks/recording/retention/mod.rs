@@ -86,7 +86,7 @@ pub struct RecordingOptions {
     pub path: PathBuf,
     /// Description of the run for a later reader.
     pub metadata: BTreeMap<String, String>,
-    /// Tools for which messages are added ([`RecordingSink::with_tools`]).
+    /// Tools for which messages are added ([`with_tools`](crate::RecordingSink::with_tools)).
     pub tools: BTreeSet<RecordingTool>,
     /// True if existing files may be replaced. Files that another process reads or writes never
     /// are.
