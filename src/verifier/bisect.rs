@@ -16,7 +16,7 @@ use std::ops::RangeInclusive;
 ///     verified += 1;
 ///     Ok(frame >= 417)
 /// })?;
-/// assert_eq!((first, verified), (Some(417), 11));
+/// assert_eq!((first, verified), (Some(417), 12));
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 pub fn bisect(
