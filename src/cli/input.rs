@@ -9,7 +9,7 @@ use linkwatch::{CurveLabels, CurveSet, Error, FrameInfo, Result, model};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What some formats do not say about their curves.
+/// Information on curves that some formats lack.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = super::INPUT)]
 pub struct FormatArgs {
@@ -268,7 +268,7 @@ pub struct Sequence {
     current: Option<(PathBuf, FileFrames)>,
     /// Number of the last frame.
     last: Option<u64>,
-    /// What is known of the last valid frame, and the number of points of each of its curves.
+    /// Names and radii of the last valid frame, and the number of points of each of its curves.
     info: FrameInfo,
     counts: Vec<i32>,
 }

@@ -10,7 +10,7 @@ use crate::error::Result;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a file does not say about its curves, for formats that need it.
+/// Information on curves that some formats lack, and that the caller adds.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct ReadOptions {

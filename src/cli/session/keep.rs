@@ -5,7 +5,7 @@ use linkwatch::{RecordingOptions, Retention};
 use std::num::NonZeroU64;
 use std::time::Duration;
 
-/// What a recording keeps.
+/// Frames that a recording keeps.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = crate::cli::WRITE)]
 pub struct KeepArgs {
