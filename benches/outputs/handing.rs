@@ -23,7 +23,7 @@ const FINISH: Duration = Duration::from_secs(600);
 
 /// Measures each way to record. `frames` are the frames of a run, of which the last tenth follows a
 /// violation.
-pub fn measure(frames: usize) {
+pub fn measure(frames: usize, rounds: usize) {
     let scene: Scene = "chainmail".parse().expect("a scene");
     let built = scene.build().expect("a scene").curves;
     // What most simulators publish.
@@ -60,42 +60,48 @@ pub fn measure(frames: usize) {
         ("--record-max 50MB", Some(Retention::All), Some(50_000_000)),
         ("--record-window, 256 MiB", Some(window), None),
     ];
-    let mut without = Duration::ZERO;
-    for (k, (name, retention, max_bytes)) in cases.into_iter().enumerate() {
-        let folder = folder.path().join(k.to_string());
-        std::fs::create_dir(&folder).expect("a folder");
-        let queue = retention.map(|retention| {
-            let mut options = RecordingOptions::new(folder.join("run.mcap"));
-            (options.retention, options.max_bytes) = (retention, max_bytes);
-            let wait = Overflow::Wait(Duration::from_millis(500));
-            let queue = SinkQueue::spawn("recording", WAITING, wait, move || options.open());
-            queue.expect("a thread").with_points(WAITING_POINTS)
-        });
-        let run = run(raw, queue, (frames, full));
-        if k == 0 {
-            without = run.cost;
+    // The cases alternate, so that a disturbance of one round does not decide a median.
+    let mut runs: Vec<Vec<Cost>> = cases.iter().map(|_| Vec::new()).collect();
+    for round in 0..rounds {
+        for (k, (_, retention, max_bytes)) in cases.into_iter().enumerate() {
+            let folder = folder.path().join(format!("{k}-{round}"));
+            std::fs::create_dir(&folder).expect("a folder");
+            let queue = retention.map(|retention| {
+                let mut options = RecordingOptions::new(folder.join("run.mcap"));
+                (options.retention, options.max_bytes) = (retention, max_bytes);
+                let wait = Overflow::Wait(Duration::from_millis(500));
+                let queue = SinkQueue::spawn("recording", WAITING, wait, move || options.open());
+                queue.expect("a thread").with_points(WAITING_POINTS)
+            });
+            let mut run = run(raw, queue, (frames, full));
+            run.bytes = size(&folder) / frames as u64;
+            std::fs::remove_dir_all(&folder).expect("the folder is removed");
+            runs[k].push(run);
         }
-        let added = run.cost.saturating_sub(without);
-        let share = added.as_secs_f64() / full.as_secs_f64();
+    }
+    let cost = |runs: &[Cost]| median(runs.iter().map(|run| run.cost).collect());
+    let without = cost(&runs[0]);
+    for ((name, ..), runs) in cases.iter().zip(&runs) {
+        let added = cost(runs).saturating_sub(without);
         print!(
             "{name}: {:?} a frame, handed over in {:?} ({:?} at most), {:.1} % of a full run \
              added, {} MB more memory",
-            run.cost,
-            run.handed,
-            run.longest,
-            100.0 * share,
-            run.memory >> 20,
+            cost(runs),
+            median(runs.iter().map(|run| run.handed).collect()),
+            runs.iter().map(|run| run.longest).max().unwrap_or_default(),
+            100.0 * added.as_secs_f64() / full.as_secs_f64(),
+            runs.iter().map(|run| run.memory).max().unwrap_or_default() >> 20,
         );
-        if let Some(summary) = run.summary {
-            assert_eq!(
-                (summary.failed, summary.written),
-                (None, frames as u64 - summary.dropped)
-            );
-            let bytes = size(&folder);
-            let each = bytes / frames as u64;
+        if runs.iter().any(|run| run.summary.is_some()) {
+            let mut dropped = 0;
+            for summary in runs.iter().filter_map(|run| run.summary.as_ref()) {
+                let written = frames as u64 - summary.dropped;
+                assert_eq!((&summary.failed, summary.written), (&None, written));
+                dropped += summary.dropped;
+            }
             print!(
-                "; {each} bytes a frame on disk, {} dropped",
-                summary.dropped
+                "; {} bytes a frame on disk, {dropped} dropped",
+                runs[0].bytes
             );
         }
         println!();
@@ -129,6 +135,8 @@ struct Cost {
     longest: Duration,
     /// Growth of the memory of the process, in bytes.
     memory: u64,
+    /// Bytes on disk per frame.
+    bytes: u64,
     summary: Option<SinkSummary>,
 }
 
@@ -179,6 +187,7 @@ fn run(raw: RawFrame<'_>, queue: Option<SinkQueue>, (frames, pause): (usize, Dur
         handed: median(handed),
         longest,
         memory: most - before,
+        bytes: 0,
         summary: queue.map(|queue| queue.finish(FINISH)),
     }
 }
