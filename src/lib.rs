@@ -60,6 +60,7 @@
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
 //! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer; `RunReport` |
 //! | simulators | the bus: `Client`, and `Sidecar` for a watcher of your own |
+//! | compression and resampling of models | [`sweep`] |
 //! | test scenes | [`scenes`] |
 //!
 //! # Features
@@ -151,11 +152,16 @@ mod simd;
 #[cfg(feature = "verify")]
 mod sinks;
 #[cfg(feature = "verify")]
+#[cfg_attr(not(feature = "mcap"), allow(dead_code, reason = "reports use all"))]
+mod svg;
+#[cfg(feature = "verify")]
+pub mod sweep;
+#[cfg(feature = "verify")]
 mod thickness;
 mod verdict;
 #[cfg(feature = "verify")]
 mod verifier;
-#[cfg(any(feature = "cli", feature = "mcap"))]
+#[cfg(feature = "verify")]
 mod words;
 #[cfg(all(doc, feature = "client"))]
 #[doc = include_str!("../docs/attaching.md")]
