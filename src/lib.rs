@@ -61,6 +61,7 @@
 //! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer; `RunReport` |
 //! | simulators | the bus: `Client`, and `Sidecar` for a watcher of your own |
 //! | compression and resampling of models | [`sweep`] |
+//! | pictures of models and their links | [`picture`] |
 //! | test scenes | [`scenes`] |
 //!
 //! # Features
@@ -137,6 +138,8 @@ pub mod lab;
 pub mod model;
 #[cfg(feature = "verify")]
 mod pairs;
+#[cfg(feature = "verify")]
+pub mod picture;
 #[cfg(feature = "verify")]
 pub mod plan;
 #[cfg(feature = "verify")]

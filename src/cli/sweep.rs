@@ -3,9 +3,9 @@
 use super::Outcome;
 use super::files::{Content, Files, Overwrite, write_text};
 use super::input::{self, FormatArgs, Pick};
-use super::output::{self, count, plural, plural_of, with_progress};
+use super::output::{self, count, plural, with_progress};
 use linkwatch::sweep::{MOST_BITS, Reduction, Sweep, SweepStep, plot};
-use linkwatch::{Events, Result, Verdict, VerifierOptions};
+use linkwatch::{Events, Report, Result, Verdict, VerifierOptions};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -165,7 +165,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     options.max_pairs = usize::MAX;
     let mut sweep = Sweep::new(set, reductions, options)?;
     introduce(&name, &sweep, json);
-    let extent = sweep.original().extent();
     let mut steps: Vec<SweepStep> = Vec::new();
     loop {
         let progress = sweep.progress();
@@ -179,7 +178,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         steps.push(step);
     }
     let broken = steps.iter().position(|s| s.verdict == Verdict::Changed);
-    conclude(&name, &steps, broken, extent, json);
+    conclude(&name, &steps, broken, json);
     if let Some(file) = &args.plot {
         let words = conclusion(&steps, broken);
         write_text(
@@ -274,19 +273,33 @@ fn conclusion(steps: &[SweepStep], broken: Option<usize>) -> String {
 }
 
 /// Prints the result, and the findings of the first broken step.
-fn conclude(name: &str, steps: &[SweepStep], broken: Option<usize>, extent: f64, json: bool) {
+fn conclude(name: &str, steps: &[SweepStep], broken: Option<usize>, json: bool) {
     let words = conclusion(steps, broken);
-    let first = broken.map(|k| &steps[k]);
+    let not_intact = steps.iter().find(|s| s.verdict != Verdict::Intact);
+    let first = broken.map(|k| &steps[k]).or(not_intact);
     let curves: BTreeSet<u32> = first.map_or_else(BTreeSet::new, |step| {
-        let changes = step.report.changes.iter().map(|c| [c.i, c.j]);
-        let events = step.report.events.iter().map(|e| [e.i, e.j]);
-        changes.chain(events).flatten().collect()
+        let Report {
+            changes, events, ..
+        } = &step.report;
+        let changes = changes.iter().map(|c| [c.i, c.j]);
+        let events = events.iter().map(|e| [e.i, e.j]);
+        let undecided = step.report.unresolved.iter().map(|e| [e.i, e.j]);
+        let defects = step
+            .report
+            .defects
+            .iter()
+            .map(|d| [d.i, d.j.unwrap_or(d.i)]);
+        match broken {
+            Some(_) => changes.chain(events).flatten().collect(),
+            None => undecided.chain(defects).flatten().collect(),
+        }
     });
     if json {
         output::json(&json!({
             "model": name,
             "conclusion": words,
-            "first_broken": first.map(|step| step.reduction),
+            "first_broken": broken.map(|k| steps[k].reduction),
+            "first_not_intact": not_intact.map(|step| step.reduction),
             "curves": curves,
         }));
         return;
@@ -296,23 +309,24 @@ fn conclude(name: &str, steps: &[SweepStep], broken: Option<usize>, extent: f64,
         return;
     };
     let listed: Vec<String> = curves.iter().map(u32::to_string).collect();
+    let what = if broken.is_some() {
+        "broken"
+    } else {
+        "undecided"
+    };
     output::line(format_args!(
-        "{}: {} broken: {}",
+        "{}: {} {what}: {}",
         step.reduction,
-        plural_of(curves.len() as u64, "loop", "loops"),
+        plural(curves.len() as u64, "curve"),
         listed.join(", ")
     ));
-    let changes = step.report.changes.iter().map(|c| c.sentence(extent));
-    let events = step.report.events.iter().map(|e| e.sentence(extent));
-    for sentence in changes.chain(events).take(SENTENCES) {
+    let findings: Vec<String> = step.report.findings().collect();
+    for sentence in findings.iter().take(SENTENCES) {
         output::line(format_args!("  {sentence}"));
     }
-    let findings = step.report.changes.len() + step.report.events.len();
-    if findings > SENTENCES {
-        output::line(format_args!(
-            "  and {} more",
-            count((findings - SENTENCES) as u64)
-        ));
+    if findings.len() > SENTENCES {
+        let more = count((findings.len() - SENTENCES) as u64);
+        output::line(format_args!("  and {more} more"));
     }
 }
 

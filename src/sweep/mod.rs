@@ -14,7 +14,7 @@
 //! searched for, too; a step after a pull-through is not intact, whatever its linking numbers.
 //!
 //! Steps of a resampling differ in their numbers of points. Both curves of such a motion are cut
-//! into the same pieces, and the points at equal shares of all segments belong together.
+//! into the same pieces, and the points at equal shares of their lengths belong together.
 //!
 //! Cost: a verification per step; a step of a resampling takes three, one of them with a search for
 //! pull-throughs. Memory: two steps.
@@ -22,6 +22,7 @@
 //! Limits: nothing is known about reductions between two steps. Pull-throughs in motions longer than
 //! [`VerifierOptions::motion_limit`] that cancel are undecided; smaller steps decide them.
 
+mod along;
 mod plot;
 mod quantize;
 mod refine;
@@ -33,7 +34,7 @@ pub use plot::plot;
 pub use quantize::{MOST_BITS, quantize};
 pub use resample::resample;
 
-use self::refine::refine;
+use self::refine::{By, refine};
 use crate::curve::CurveSet;
 use crate::error::{Error, Result};
 use crate::incremental::Events;
@@ -228,7 +229,12 @@ impl Sweep {
     /// Adds the pull-throughs of the motion from the previous step to curves with other numbers of
     /// points.
     fn add_motion(&self, curves: &CurveSet, report: &mut Report) -> Result<()> {
-        let [from, to] = refine(&self.previous, curves)?;
+        let by = if self.seq == 1 {
+            By::Length
+        } else {
+            By::Segments
+        };
+        let [from, to] = refine((&self.previous, by), (curves, By::Segments))?;
         let mut verifier = Verifier::new(self.options.clone())?;
         drop(verifier.step(0, 0.0, &from.set)?);
         let mut motion = verifier.step(1, 0.0, &to.set)?;
