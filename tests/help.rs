@@ -10,9 +10,10 @@ use std::process::{Command, Stdio};
 use support::command::linkwatch;
 use support::trial::trial;
 
-const COMMANDS: [&str; 8] = [
+const COMMANDS: [&str; 9] = [
     "certify",
     "check",
+    "sweep",
     "generate",
     "thickness",
     "plan",

@@ -181,10 +181,12 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     conclude(&name, &steps, broken, json);
     if let Some(file) = &args.plot {
         let words = conclusion(&steps, broken);
+        let model = args.model.file_name().unwrap_or(args.model.as_os_str());
+        let model = model.to_string_lossy();
         write_text(
             file,
             args.overwrite,
-            &plot(&format!("{name}: {words}"), &steps),
+            &plot(&format!("{model}: {words}"), &steps),
         )?;
         tracing::info!("{}: written", file.display());
     }

@@ -34,7 +34,7 @@ const DEPTHS: usize = 24;
 /// Half of the width of the second panel, in lengths of the longer segment at the place, and the
 /// largest share of the model.
 const SEGMENTS: f64 = 14.0;
-const LARGEST: f64 = 0.25;
+const LARGEST: f64 = 0.1;
 
 /// Two curves to mark.
 #[derive(Clone, Copy, Debug)]
@@ -228,14 +228,17 @@ impl Layers {
 /// Draws the whole model.
 fn whole(set: &CurveSet, view: &View, marked: &[Marked], out: &mut String) {
     let space = spacing(set, view, |_| true);
-    let is_marked = |i: usize| marked.iter().any(|m| m.curves.contains(&(i as u32)));
     let mut red = vec![false; set.len()];
-    (0..set.len()).for_each(|i| red[i] = is_marked(i));
+    for i in marked.iter().flat_map(|m| m.curves) {
+        if let Some(red) = red.get_mut(i as usize) {
+            *red = true;
+        }
+    }
     let mut others = Layers::new();
     let mut own = String::new();
-    for i in 0..set.len() {
+    for (i, red) in red.into_iter().enumerate() {
         for piece in pieces(set, view, i, space, |_| true) {
-            if red[i] {
+            if red {
                 for (k, p) in piece.iter().enumerate() {
                     own += &format!(
                         "{}{} {}",

@@ -22,16 +22,19 @@ const BANDS: [(&str, &str); 3] = [
 /// A curve of the plot: its name, its colour, and its value in a step.
 type Series = (&'static str, &'static str, fn(&SweepStep) -> usize);
 
-const SERIES: [Series; 2] = [
+const SERIES: [Series; 3] = [
     ("changed links", "#0067b1", |step| step.report.changes.len()),
     ("pull-throughs since the step before", "#d35400", |step| {
         step.report.events.len()
     }),
+    ("undecided", "#7d878f", |step| {
+        step.report.defects.len() + step.report.unresolved.len()
+    }),
 ];
 
 /// Returns a plot of the violations of each step of a sweep, as an SVG file: the linking numbers
-/// that differ from those of the original, and the pull-throughs since the step before. The colour
-/// of a column is the verdict. Numbers are on a logarithmic scale that starts at 0.
+/// that differ from those of the original, the pull-throughs since the step before, and the pairs
+/// and pull-throughs that are undecided. The colour of a column is the verdict. Numbers are on a logarithmic scale that starts at 0.
 pub fn plot(title: &str, steps: &[SweepStep]) -> String {
     let [left, top, right, bottom] = FRAME;
     let each = (right - left) / steps.len().max(1) as f64;

@@ -184,7 +184,7 @@ mod tests {
             for closed in [true, false] {
                 let set = circle(basis, 240, closed);
                 let coarse = resample(&set, 0.5).unwrap();
-                assert_eq!(coarse.curve(0).segments, (set.curve(0).segments + 1) / 2);
+                assert_eq!(coarse.curve(0).segments, set.curve(0).segments.div_ceil(2));
                 let knots = knots(&coarse);
                 let steps: Vec<f64> = knots.windows(2).map(|e| hypot(sub(e[1], e[0]))).collect();
                 let mean = steps.iter().sum::<f64>() / steps.len() as f64;

@@ -118,7 +118,7 @@ fn a_plot_has_a_dot_for_each_step_and_series() {
         [8, 4, 2].map(Reduction::Bits).to_vec(),
     );
     let svg = plot("rings <2>", &steps);
-    assert_eq!(svg.matches("<circle").count(), 6);
+    assert_eq!(svg.matches("<circle").count(), 9);
     assert!(svg.contains("rings &lt;2&gt;") && svg.contains("bits per coordinate"));
     assert!(!svg.contains("NaN"), "{svg}");
     assert!(plot("", &[]).ends_with("</svg>\n"));

@@ -8,6 +8,7 @@ mod output;
 mod sequences;
 #[path = "../support/mod.rs"]
 mod support;
+mod sweep;
 mod viewer;
 
 use linkwatch::{Basis, CurveSet, Positions, model};
