@@ -19,7 +19,7 @@ use std::time::Duration;
 const LINKS: usize = 20;
 
 /// Maximum number of links whose place is marked in a picture.
-const PLACES: usize = 100;
+const PLACES: usize = 12;
 
 /// Compute the linking numbers of all pairs of curves: the certificate of a model's topology
 #[derive(Debug, clap::Args)]

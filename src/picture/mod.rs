@@ -36,6 +36,10 @@ const DEPTHS: usize = 24;
 const SEGMENTS: f64 = 14.0;
 const LARGEST: f64 = 0.1;
 
+/// Attributes of a text that is legible above strands.
+const HALO: &str = "stroke=\"#fff\" stroke-width=\"4\" stroke-linejoin=\"round\" \
+                    paint-order=\"stroke\"";
+
 /// Two curves to mark.
 #[derive(Clone, Copy, Debug)]
 pub struct Marked {
@@ -352,7 +356,7 @@ fn part(set: &CurveSet, view: &View, curves: [u32; 2], place: Place, out: &mut S
     *out += &format!(
         "<circle cx=\"{half}\" cy=\"{half}\" r=\"24\" stroke=\"#a0007d\" stroke-width=\"2\" \
          stroke-dasharray=\"5 4\"/>\n</g>\n</svg>\n\
-         <text x=\"{}\" y=\"{}\" font-weight=\"bold\"><tspan fill=\"#0067b1\">curve {}</tspan> \
+         <text x=\"{}\" y=\"{}\" font-weight=\"bold\" {HALO}><tspan fill=\"#0067b1\">curve {}</tspan> \
          <tspan fill=\"#d35400\">curve {}</tspan></text>\n",
         left + 12.0,
         TITLE + 22.0,
@@ -372,7 +376,7 @@ fn scale(view: &View, left: f64, out: &mut String) {
     let y = TITLE + PANEL - 14.0;
     *out += &format!(
         "<path d=\"M{left} {}V{y}H{}V{}\" fill=\"none\" stroke=\"#5c6770\" stroke-width=\"1.4\"/>\
-         <text x=\"{left}\" y=\"{}\" fill=\"#5c6770\">{}</text>\n",
+         <text x=\"{left}\" y=\"{}\" fill=\"#5c6770\" {HALO}>{}</text>\n",
         y - 6.0,
         px(end),
         y - 6.0,

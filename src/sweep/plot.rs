@@ -126,7 +126,7 @@ fn legend(out: &mut String) {
              <text x=\"{}\" y=\"50\">{name}</text>\n",
             x + 28.0
         );
-        x += 62.0 + 7.2 * name.len() as f64;
+        x += 46.0 + 6.9 * name.len() as f64;
     }
     for (colour, name) in BANDS {
         *out += &format!(
@@ -134,7 +134,7 @@ fn legend(out: &mut String) {
              <text x=\"{}\" y=\"50\">{name}</text>\n",
             x + 22.0
         );
-        x += 48.0 + 7.2 * name.len() as f64;
+        x += 36.0 + 6.9 * name.len() as f64;
     }
 }
 
