@@ -3,7 +3,8 @@
 use crate::pairs::Pair;
 use rayon::prelude::*;
 
-/// A linking number as computed by a sum. The true number differs from `value` by at most `bound`.
+/// A Gauss integral (a linking number, for example) or a twist, as computed by a sum. The true number
+/// differs from `value` by at most `bound`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
     /// Sum of the angles, divided by 4 pi.
@@ -19,6 +20,30 @@ impl Estimate {
         value: 0.0,
         bound: f64::INFINITY,
     };
+
+    /// Returns the sum of two numbers. The bound covers its rounding.
+    pub(crate) fn plus(self, other: Estimate) -> Estimate {
+        let value = self.value + other.value;
+        let rounding = f64::EPSILON * value.abs();
+        Estimate {
+            value,
+            bound: 1.000_001 * (self.bound + other.bound + rounding),
+        }
+    }
+
+    /// Returns the negative number.
+    pub(crate) fn negated(self) -> Estimate {
+        Estimate {
+            value: -self.value,
+            bound: self.bound,
+        }
+    }
+
+    /// Returns true if the bound admits the number `x`.
+    #[cfg(test)]
+    pub(crate) fn admits(&self, x: f64) -> bool {
+        (self.value - x).abs() <= self.bound
+    }
 
     /// Returns the only integer within the bound. Returns `None` if there are several integers, or
     /// if there is none (then the kernel returned a wrong bound).
