@@ -8,7 +8,7 @@ fn random_walk(random: &mut Random, n: usize, step: f64) -> Vec<Point> {
     (0..n)
         .map(|_| {
             let d = random.point(step);
-            at = [0, 1, 2].map(|x| (at[x] + d[x]).clamp(-1.0, 1.0));
+            at = [0, 1, 2].map(|x| 0.8 * at[x] + d[x]);
             at
         })
         .collect()

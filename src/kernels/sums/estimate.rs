@@ -2,6 +2,7 @@
 
 use crate::pairs::Pair;
 use rayon::prelude::*;
+use std::fmt;
 
 /// A Gauss integral (a linking number, for example) or a twist, as computed by a sum. The true number
 /// differs from `value` by at most `bound`.
@@ -58,6 +59,18 @@ impl Estimate {
     }
 }
 
+impl fmt::Display for Estimate {
+    /// Formats the value with its bound, and with as many digits as the bound warrants.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Estimate { value, bound } = self;
+        if !bound.is_finite() {
+            return write!(f, "unknown");
+        }
+        let digits = (-bound.max(1e-15).log10()).ceil().clamp(0.0, 15.0) as usize + 1;
+        write!(f, "{value:.digits$} ± {bound:.1e}")
+    }
+}
+
 /// A kernel that sums angles, at a given accuracy, prepared for all pairs of a set of polylines.
 ///
 /// Splines are converted to polylines first ([`crate::homotopic_polylines`]), with the same linking
@@ -77,6 +90,14 @@ pub(crate) trait Summation: Send + Sync {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shows_the_digits_that_the_bound_warrants() {
+        let shown = |value, bound| Estimate { value, bound }.to_string();
+        assert_eq!(shown(-1.23456789, 3e-4), "-1.23457 ± 3.0e-4");
+        assert_eq!(shown(2.0, 1.5), "2.0 ± 1.5e0");
+        assert_eq!(Estimate::UNKNOWN.to_string(), "unknown");
+    }
 
     #[test]
     fn returns_an_integer_only_if_the_bound_admits_no_other() {
