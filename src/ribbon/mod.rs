@@ -85,8 +85,8 @@ impl Ribbon {
     /// bound of the writhe is at most `tolerance` if possible.
     ///
     /// The curves must be closed polylines with the same number of vertices. Vertex `k` of the first
-    /// one belongs to vertex `k + m` or `m - k` of the second one. Of a few candidates for `m` and
-    /// the direction, the one with the least sum of squared distances is taken.
+    /// one belongs to vertex `k` of the second one; or to vertex `n - 1 - k` or `n - k`, if the sum
+    /// of the squared distances is smaller then, because the strands run in opposite directions.
     pub fn of(set: &CurveSet, [i, j]: [usize; 2], axis: Axis, tolerance: f64) -> Result<Ribbon> {
         check(set, [i, j])?;
         let scale = Scale::new(set.max_abs());
@@ -192,27 +192,22 @@ fn count(pair: &CurveSet) -> Linking {
 }
 
 /// Returns the second strand in the order of the first one, and whether it was reversed.
+///
+/// Strands are not shifted along each other: the nearest point of the other strand of DNA is not
+/// the opposite one.
 fn align(first: &[Point], second: &[Point]) -> (Vec<Point>, bool) {
     let n = first.len();
     let square = |a: &Point, b: &Point| (0..3).map(|x| (a[x] - b[x]).powi(2)).sum::<f64>();
-    let nearest = (0..n)
-        .min_by(|&k, &l| square(&second[k], &first[0]).total_cmp(&square(&second[l], &first[0])));
-    let nearest = nearest.unwrap_or(0);
+    let last = n.saturating_sub(1);
+    // Vertex k, or n - 1 - k, or n - k of the second strand belongs to vertex k of the first one.
+    let ways = [(0, false), (last, true), (0, true)];
     let at = |(start, reversed): (usize, bool), k: usize| match reversed {
-        false => second[(start + k) % n],
+        false => second[k],
         true => second[(start + n - k) % n],
     };
-    let distance =
-        |way: (usize, bool)| -> f64 { (0..n).map(|k| square(&first[k], &at(way, k))).sum() };
-    let ways = [
-        (0, false),
-        (nearest, false),
-        (n.saturating_sub(1), true),
-        (0, true),
-        (nearest, true),
-    ];
-    let best = ways.map(|way| (way, distance(way)));
-    let best = best.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    let way = best.map_or(ways[0], |(way, _)| way);
+    let distance = |way| -> f64 { (0..n).map(|k| square(&first[k], &at(way, k))).sum() };
+    let ways = ways.map(|way| (way, distance(way)));
+    let best = ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let way = best.map_or((0, false), |(way, _)| way);
     ((0..n).map(|k| at(way, k)).collect(), way.1)
 }
