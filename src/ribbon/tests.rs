@@ -5,6 +5,7 @@ use crate::curve::vector::{add_scaled, cross, dot, norm, sub};
 use crate::curve::{Basis, Positions};
 use crate::random::Random;
 use crate::scenes::Scene;
+use crate::{Events, Verifier, VerifierOptions};
 use std::f64::consts::TAU;
 
 fn set(strands: &[Vec<Point>]) -> CurveSet {
@@ -192,4 +193,49 @@ fn curves_that_are_no_strands_are_refused_with_a_reason() {
     let ribbon = Ribbon::of(&same, [0, 1], Axis::First, 1e-6).unwrap();
     assert_eq!((ribbon.linking, ribbon.passages()), (None, None));
     assert!(ribbon.contact.is_some());
+}
+
+#[test]
+fn a_strand_passage_changes_lk_by_two_in_the_ledger() {
+    // The strands of a ribbon along a figure eight, which passes through itself at its crossing.
+    let n = 100;
+    let strands = |height: f64| {
+        let strand = |side: f64| -> Vec<Point> {
+            let vertex = |k: usize| {
+                let t = (k as f64 + 0.3) / n as f64 * TAU;
+                [t.sin(), (2.0 * t).sin(), height * t.cos() + side]
+            };
+            (0..n).map(vertex).collect()
+        };
+        set(&[strand(-0.03), strand(0.03)])
+    };
+    let mut verifier = Verifier::new(VerifierOptions {
+        events: Events::All,
+        ..VerifierOptions::default()
+    })
+    .unwrap();
+    let frames = [strands(0.2), strands(-0.2)];
+    verifier.step(0, 0.0, &frames[0]).unwrap();
+    let report = verifier.step(1, 1.0, &frames[1]).unwrap();
+    let change = report.changes[0].found - report.changes[0].expected;
+    assert_eq!((report.changes.len(), change.abs()), (1, 2));
+    let passages = |i, j| -> Vec<i32> {
+        let all = report.pull_throughs.iter();
+        let these = all.filter(|p| (p.i, p.j) == (i, j));
+        these.map(|p| p.sign).collect()
+    };
+    let sign = change.signum() as i32;
+    assert_eq!(passages(0, 1), [sign; 2]);
+    assert_eq!((passages(0, 0), passages(1, 1)), (vec![sign], vec![sign]));
+
+    let [before, after] =
+        frames.map(|frame| Ribbon::of(&frame, [0, 1], Axis::Centre, 1e-9).unwrap());
+    for ribbon in [&before, &after] {
+        assert_eq!(ribbon.passages(), Some(0), "{ribbon:?}");
+    }
+    let [from, to] = [&before, &after].map(|ribbon| ribbon.linking.unwrap());
+    assert_eq!(to - from, change);
+    // The writhe jumps by 2, and the twist, which is continuous, nearly stays.
+    let jump = after.writhe.value - before.writhe.value;
+    assert!((jump - change as f64).abs() < 0.5, "{before:?} {after:?}");
 }
