@@ -73,6 +73,17 @@ fn clearance(axis: &[Point]) -> f64 {
     least
 }
 
+/// Returns true if no corner turns by more than 60 degrees. The ribbon cannot pass through the axis
+/// near a corner then, because the vector across it is never between the tangents: it is more than
+/// 70 degrees from them.
+fn is_blunt(axis: &[Point]) -> bool {
+    let n = axis.len();
+    (0..n).all(|k| {
+        let [p, q] = [k, k + 1].map(|k| sub(axis[(k + 1) % n], axis[k % n]));
+        dot(p, q) > 0.5 * norm(p) * norm(q)
+    })
+}
+
 /// Checks `Lk = Tw + Wr`, and returns the largest residual, the largest bound and the number of
 /// ribbons.
 fn random_ribbons(seed: u64, count: usize) -> (f64, f64, usize) {
@@ -82,6 +93,9 @@ fn random_ribbons(seed: u64, count: usize) -> (f64, f64, usize) {
     while done < count {
         let n = 60 + random.below(140usize);
         let axis = axis(&mut random, n);
+        if !is_blunt(&axis) {
+            continue;
+        }
         let width = 0.02 * clearance(&axis);
         let turns = random.below(13) as f64 - 6.0;
         let edge = edge(&axis, width, turns, &mut random);

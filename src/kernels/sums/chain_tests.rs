@@ -39,7 +39,7 @@ fn writhe_by_trees_agrees_with_intervals() {
         for closed in [true, false] {
             for (points, tolerance) in [
                 (random_walk(&mut random, n, 0.2), 1e-6),
-                (torus_knot(n, 2.0, 5.0), 1e-9),
+                (torus_knot(n, 2.0, 5.0), 1e-7),
                 (torus_knot(n, 2.0, 5.0), 1e-2),
             ] {
                 let chain = Chain::new(points, closed);
