@@ -234,7 +234,7 @@ fn a_strand_passage_changes_lk_by_two_in_the_ledger() {
     let change = report.changes[0].found - report.changes[0].expected;
     assert_eq!((report.changes.len(), change.abs()), (1, 2));
     let passages = |i, j| -> Vec<i32> {
-        let all = report.pull_throughs.iter();
+        let all = report.events.iter();
         let these = all.filter(|p| (p.i, p.j) == (i, j));
         these.map(|p| p.sign).collect()
     };
