@@ -2,7 +2,7 @@
 //! itself, as a topoisomerase does. Publishes both edges of the ribbon on the bus.
 //!
 //! ```sh
-//! linkwatch watch supercoil --self --events --abort-on none --record supercoil.mcap &
+//! linkwatch watch --service supercoil --self --events --abort-on never --record supercoil.mcap &
 //! cargo run --release --example supercoil -- supercoil
 //! linkwatch writhe supercoil.mcap --ribbon 0,1
 //! ```
@@ -24,7 +24,7 @@ const REST: f64 = 1.0;
 /// Linking number of the ribbon at the start: a flat ring with this number of turns of twist.
 const TURNS: f64 = 6.0;
 const BENDING: f64 = 8.0;
-const TWISTING: f64 = 60.0;
+const TWISTING: f64 = 40.0;
 const STRETCHING: f64 = 60.0;
 /// Diameter of the rod, and half the width of the ribbon.
 const DIAMETER: f64 = 2.2;

@@ -228,7 +228,7 @@ fn a_strand_passage_changes_lk_by_two_in_the_ledger() {
         ..VerifierOptions::default()
     })
     .unwrap();
-    let frames = [strands(0.2), strands(-0.2)];
+    let frames = [strands(0.05), strands(-0.05)];
     verifier.step(0, 0.0, &frames[0]).unwrap();
     let report = verifier.step(1, 1.0, &frames[1]).unwrap();
     let change = report.changes[0].found - report.changes[0].expected;
