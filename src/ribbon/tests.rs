@@ -5,7 +5,7 @@ use crate::curve::vector::{add_scaled, cross, dot, norm, sub};
 use crate::curve::{Basis, Positions};
 use crate::random::Random;
 use crate::scenes::Scene;
-use crate::{Events, Verifier, VerifierOptions};
+use crate::{Events, Verdict, Verifier, VerifierOptions};
 use std::f64::consts::TAU;
 
 fn set(strands: &[Vec<Point>]) -> CurveSet {
@@ -229,7 +229,8 @@ fn a_strand_passage_changes_lk_by_two_in_the_ledger() {
     })
     .unwrap();
     let frames = [strands(0.05), strands(-0.05)];
-    verifier.step(0, 0.0, &frames[0]).unwrap();
+    let first = verifier.step(0, 0.0, &frames[0]).unwrap();
+    assert_eq!(first.verdict, Verdict::Intact);
     let report = verifier.step(1, 1.0, &frames[1]).unwrap();
     let change = report.changes[0].found - report.changes[0].expected;
     assert_eq!((report.changes.len(), change.abs()), (1, 2));
