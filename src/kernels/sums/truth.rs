@@ -63,7 +63,6 @@ impl Double {
             versine = over((2.0 * k) * (2.0 * k - 1.0), one.minus(versine));
         }
         let mut sin = small.times(one.minus(sin));
-        let mut versine = versine;
         for _ in 0..6 {
             // sin 2x = 2 sin x (1 - v), v(2x) = 2 sin^2 x, for v = 1 - cos x.
             let next = sin.times(one.minus(versine));
