@@ -55,6 +55,7 @@
 //! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
+//! | DNA, polymers | [`Ribbon`], [`GaussIntegrals`]: writhe, twist, linking of open curves |
 //! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
 //! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
@@ -145,6 +146,8 @@ mod random;
 #[cfg(feature = "mcap")]
 mod report;
 #[cfg(feature = "verify")]
+mod ribbon;
+#[cfg(feature = "verify")]
 pub mod scenes;
 #[cfg(feature = "verify")]
 mod simd;
@@ -192,6 +195,8 @@ pub use pairs::{Partition, Share};
 pub use plan::Plan;
 #[cfg(feature = "mcap")]
 pub use report::{Conclusion, RunReport};
+#[cfg(feature = "verify")]
+pub use ribbon::{Axis, GaussIntegrals, Ribbon};
 #[cfg(feature = "mcap")]
 pub use sinks::{
     Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,

@@ -10,11 +10,12 @@ use std::process::{Command, Stdio};
 use support::command::linkwatch;
 use support::trial::trial;
 
-const COMMANDS: [&str; 8] = [
+const COMMANDS: [&str; 9] = [
     "certify",
     "check",
     "generate",
     "thickness",
+    "writhe",
     "plan",
     "devices",
     "completions",

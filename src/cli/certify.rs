@@ -3,6 +3,8 @@
 use super::files::{Content, Files, Overwrite, write_text};
 use super::input::{self, FormatArgs, Pick};
 use super::kernel::KernelArgs;
+use super::number::{not_negative, positive};
+use super::open;
 use super::output::{self, count, millis, percent, plural, plural_of};
 #[cfg(feature = "lab")]
 use super::repeat;
@@ -44,12 +46,31 @@ pub struct Args {
         conflicts_with_all = ["discretize", "method"]
     )]
     noise: Option<f64>,
+    /// Print the Gauss linking integral of every pair of polylines, open or closed, as
+    /// `i,j,integral,bound`: real numbers with a proven bound, never rounded
+    #[arg(
+        long,
+        conflicts_with_all = ["discretize", "method", "noise", "output"]
+    )]
+    open: bool,
+    /// Error bound of --open to reach, if possible
+    #[arg(
+        long, value_name = "BOUND", default_value_t = 1e-6, value_parser = positive,
+        requires = "open"
+    )]
+    tolerance: f64,
+    /// Skip the pairs of --open whose integral is smaller than this in size
+    #[arg(
+        long, value_name = "SIZE", default_value_t = 0.0, value_parser = not_negative,
+        requires = "open"
+    )]
+    at_least: f64,
     #[cfg(feature = "lab")]
     /// Certify each model N times and print the median times of all stages, not the certificate
     #[arg(
         long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true,
         value_parser = clap::value_parser!(u32).range(1..),
-        conflicts_with_all = ["discretize", "method", "noise", "output"]
+        conflicts_with_all = ["discretize", "method", "noise", "output", "open"]
     )]
     repeat: Option<u32>,
 }
@@ -164,6 +185,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         #[cfg(feature = "lab")]
         if let Some(n) = args.repeat {
             outcome = outcome.max(repeat::run(path, n, &args.kernel.device, json)?);
+            continue;
+        }
+        if args.open {
+            let pick = args.frame.map_or(Pick::First, Pick::Number);
+            let set = input::read_frame(path, &args.format, pick)?.curves;
+            let (tolerance, least) = (args.tolerance, args.at_least);
+            outcome = outcome.max(open::print(path, &set, tolerance, least, json)?);
             continue;
         }
         let c = certify(path, args)?;

@@ -21,6 +21,7 @@ mod metrics;
 #[path = "no_metrics.rs"]
 mod metrics;
 mod number;
+mod open;
 mod order;
 mod output;
 mod plan;
@@ -50,6 +51,7 @@ mod study;
 mod thickness;
 #[cfg(feature = "bus")]
 mod watch;
+mod writhe;
 
 use clap::{ArgAction, Parser, Subcommand};
 use linkwatch::{Error, Result, Verdict};
@@ -121,6 +123,7 @@ enum Command {
     Convert(convert::Args),
     Generate(generate::Args),
     Thickness(thickness::Args),
+    Writhe(writhe::Args),
     Plan(plan::Args),
     Devices(devices::Args),
     Study(study::Args),
@@ -218,6 +221,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Plan(args) => plan::run(args, cli.json),
         Command::Thickness(args) => thickness::run(args, cli.json),
+        Command::Writhe(args) => writhe::run(args, cli.json),
         Command::Study(args) => study::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),

@@ -9,6 +9,7 @@ mod sequences;
 #[path = "../support/mod.rs"]
 mod support;
 mod viewer;
+mod writhe;
 
 use linkwatch::{Basis, CurveSet, Positions, model};
 use std::path::{Path, PathBuf};
