@@ -180,7 +180,9 @@ pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]
-pub use discretize::{Polylines, chords, homotopic_polylines};
+pub use discretize::{
+    Braid, BraidLoops, Braids, End, LoopPair, Polylines, chords, homotopic_polylines,
+};
 pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Cause, Events, Route, Work};
