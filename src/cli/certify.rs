@@ -1,5 +1,6 @@
 //! `linkwatch certify`: computes the certificates of models.
 
+use super::braid_args::BraidArgs;
 use super::files::{Content, Files, Overwrite, write_text};
 use super::input::{self, FormatArgs, Pick};
 use super::kernel::KernelArgs;
@@ -9,7 +10,10 @@ use super::repeat;
 use super::{Outcome, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
-use linkwatch::{Certificate, CurveSet, Ladder, Result, Stats, Verifier, homotopic_polylines};
+use linkwatch::{
+    Braids, Certificate, CurveSet, Ladder, Result, Stats, Verifier, VerifierOptions,
+    homotopic_polylines,
+};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -24,6 +28,12 @@ pub struct Args {
     frame: Option<u64>,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    braid_args: BraidArgs,
+    /// Write the ends of the braids that were found in this frame (one model only), for the option
+    /// --braid of other commands
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
+    write_braid: Option<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
     output: Option<PathBuf>,
@@ -55,7 +65,7 @@ pub struct Args {
 }
 
 /// Method that converts splines to polylines.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ValueEnum)]
 enum Discretize {
     /// Each pair separately, only where its curves come close
     #[default]
@@ -66,6 +76,8 @@ enum Discretize {
 
 /// A model with its certificate.
 struct Certified {
+    /// Braids with their ends.
+    braids: Option<Braids>,
     /// Number of the frame, if the file may have several.
     frame: Option<u64>,
     set: CurveSet,
@@ -88,13 +100,22 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         name += &format!(", frame {number}");
     }
     let start = std::time::Instant::now();
-    let mut verifier = Verifier::new(args.kernel.options()?)?;
+    let braids = args.braid_args.braids(None)?;
+    let mut verifier = Verifier::new(VerifierOptions {
+        braids: braids.clone(),
+        ..args.kernel.options()?
+    })?;
     let (certificate, stats) =
         with_progress(&name, verifier.progress(), || match args.discretize {
             _ if args.noise.is_some() => {
                 let (certificate, stats) =
                     verifier.certify_noisy(&set, args.noise.unwrap_or(0.0))?;
                 Ok((certificate.clone(), stats))
+            }
+            _ if braids.is_some() => {
+                let stats = verifier.step(0, 0.0, &set)?.stats;
+                let certificate = verifier.baseline().cloned().unwrap_or_default();
+                Ok((certificate, stats))
             }
             Discretize::Pair => {
                 let (certificate, stats) = verifier.certify(&set);
@@ -133,6 +154,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         }
     }
     Ok(Certified {
+        braids: verifier.braids(),
         frame: picked.number,
         set,
         certificate,
@@ -152,7 +174,23 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             models.len()
         )));
     }
+    let braids = args.braid_args.are_given();
+    if braids && (args.noise.is_some() || args.discretize == Discretize::Algorithm3) {
+        let what = "--braid excludes --noise and --discretize: loops are verified pair by pair";
+        return Err(linkwatch::Error::Usage(what.into()));
+    }
+    if args.write_braid.is_some() && (models.len() > 1 || !braids) {
+        let what = "--write-braid writes the ends of one model, with --braid";
+        return Err(linkwatch::Error::Usage(what.into()));
+    }
     let mut files = Files::new(args.overwrite);
+    args.braid_args
+        .file()
+        .into_iter()
+        .for_each(|path| files.reads(path));
+    if let Some(file) = &args.write_braid {
+        files.writes("--write-braid", file, Content::Text)?;
+    }
     let inputs = models.iter().chain(args.format.files());
     inputs.for_each(|path| files.reads(path));
     if let Some(file) = &args.output {
@@ -215,6 +253,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 "ladder": c.ladder,
                 "ms": c.took.as_secs_f64() * 1e3,
             }));
+        }
+        if let (Some(file), Some(braids)) = (&args.write_braid, &c.braids) {
+            write_text(file, args.overwrite, &(braids.to_json() + "\n"))?;
+            tracing::info!("{}: written", file.display());
         }
         match &args.output {
             Some(file) => {

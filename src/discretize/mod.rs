@@ -23,7 +23,7 @@ mod hulls;
 mod pair;
 mod pieces;
 
-pub use braid::{Braid, BraidLoops, Braids, End, LoopPair};
+pub use braid::{Braid, BraidLoops, Braids, End};
 pub use chords::chords;
 pub use global::{Polylines, homotopic_polylines};
 pub(crate) use halving::{Halving, Splits};

@@ -239,6 +239,12 @@ impl Share {
         }
     }
 
+    /// Returns true if a curve stands for a virtual loop.
+    pub(crate) fn has_loop(&self, i: u32) -> bool {
+        let next = self.loops.as_deref().unwrap_or_default();
+        next.get(i as usize).is_some_and(|&j| j != u32::MAX)
+    }
+
     /// Returns the partition of all pairs.
     pub fn partition(&self) -> &Partition {
         &self.partition

@@ -18,7 +18,12 @@ const NEAR: f64 = 0.25;
 pub fn find(set: &CurveSet) -> Result<Vec<Braid>> {
     let open = (0..set.len()).filter(|&i| !set.curve(i).closed);
     let curves: Vec<(u32, [Vector3<f64>; 2])> = open
-        .map(|i| (i as u32, [0, set.curve(i).segments as usize].map(|s| set.knot(i, s).into())))
+        .map(|i| {
+            (
+                i as u32,
+                [0, set.curve(i).segments as usize].map(|s| set.knot(i, s).into()),
+            )
+        })
         .collect();
     if curves.is_empty() {
         let what = format!("no open curve among {}, so there are no braids", set.len());

@@ -48,7 +48,11 @@ impl End {
     /// Makes the ends that fit some points, best first. `other` is the middle of the other end.
     ///
     /// Errors: a reason why there is none, without the name of the end.
-    pub fn candidates(given: &Given, other: Vector3<f64>, largest: f64) -> Result<Vec<End>, String> {
+    pub fn candidates(
+        given: &Given,
+        other: Vector3<f64>,
+        largest: f64,
+    ) -> Result<Vec<End>, String> {
         let points: Vec<Vector3<f64>> = given.points.iter().map(|p| (*p).into()).collect();
         let center = mean(&points);
         let principal = principal_axes(&points);
@@ -65,7 +69,11 @@ impl End {
                 return Err(what.into());
             }
             let local = along.iter().map(|x| Vector3::new(*x, 0.0, 0.0)).collect();
-            let shape = Shape { local, line: true, spread: gap };
+            let shape = Shape {
+                local,
+                line: true,
+                spread: gap,
+            };
             return Ok(vec![shape.end(gap, largest, given.clone())?]);
         }
         let away = center - other;
@@ -82,7 +90,9 @@ impl End {
         let mut ends = Vec::new();
         let mut why = "the direction outward has no length".to_owned();
         for direction in directions {
-            let Some(z) = direction.try_normalize(0.0).filter(|z| z.iter().all(|x| x.is_finite()))
+            let Some(z) = direction
+                .try_normalize(0.0)
+                .filter(|z| z.iter().all(|x| x.is_finite()))
             else {
                 continue;
             };
@@ -94,7 +104,10 @@ impl End {
                 continue;
             };
             let rotation = Matrix3::from_columns(&[x, z.cross(&x), z]);
-            let local: Vec<_> = points.iter().map(|p| rotation.tr_mul(&(p - center))).collect();
+            let local: Vec<_> = points
+                .iter()
+                .map(|p| rotation.tr_mul(&(p - center)))
+                .collect();
             let flat: Vec<Vector2<f64>> = local.iter().map(|p| p.xy()).collect();
             let gap = smallest_distance(&flat);
             if gap < LEAST * spacing {
@@ -105,9 +118,20 @@ impl End {
                 );
                 continue;
             }
-            let shape = Shape { local, line: false, spread: gap.min(principal.deviations[1]) };
+            let shape = Shape {
+                local,
+                line: false,
+                spread: gap.min(principal.deviations[1]),
+            };
             let outward = Some(z.into());
-            match shape.end(gap, largest, Given { outward, ..given.clone() }) {
+            match shape.end(
+                gap,
+                largest,
+                Given {
+                    outward,
+                    ..given.clone()
+                },
+            ) {
                 Ok(end) => ends.push(end),
                 Err(e) => why = e,
             }
@@ -127,7 +151,9 @@ impl End {
         };
         let off = |(p, q): (&Vector3<f64>, &Vector3<f64>)| (pose.to_local(*p) - q).norm();
         let distances = points.iter().zip(&self.local).map(off).enumerate();
-        let (k, distance) = distances.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+        let (k, distance) = distances
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .unwrap_or_default();
         // Points near a line have their offset from it in every frame.
         let allowed = match self.line {
             true => self.tolerance / TOLERANCE * STRAIGHT + self.tolerance,
@@ -135,7 +161,11 @@ impl End {
         };
         match distance <= allowed {
             true => Ok(pose),
-            false => Err(Misfit::Point { k, distance, allowed }),
+            false => Err(Misfit::Point {
+                k,
+                distance,
+                allowed,
+            }),
         }
     }
 
@@ -151,7 +181,9 @@ impl End {
 
     /// Returns the virtual vertices of the connection from curve `k` of the braid to the next one.
     pub fn connection(&self, pose: Pose, k: usize) -> impl DoubleEndedIterator<Item = Point> + '_ {
-        self.connections[k].iter().map(move |p| pose.to_world(*p).into())
+        self.connections[k]
+            .iter()
+            .map(move |p| pose.to_world(*p).into())
     }
 }
 
@@ -159,7 +191,11 @@ impl End {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Misfit {
     /// An end point is not in its place.
-    Point { k: usize, distance: f64, allowed: f64 },
+    Point {
+        k: usize,
+        distance: f64,
+        allowed: f64,
+    },
     /// The end points lie on a line through the other end.
     Direction,
 }
@@ -175,7 +211,11 @@ struct Shape {
 impl Shape {
     /// Finds the routes and the volume. `gap` is the smallest distance of two stubs.
     fn end(self, gap: f64, largest: f64, given: Given) -> Result<End, String> {
-        let Shape { local, line, spread } = self;
+        let Shape {
+            local,
+            line,
+            spread,
+        } = self;
         if gap <= RESOLUTION * largest {
             return Err(format!(
                 "its end points are {gap:.3e} apart at the closest, too close for coordinates of \
@@ -209,7 +249,11 @@ impl Shape {
         };
         let connections = routes.iter().map(|route| {
             let z = depth(route.layer);
-            route.path.iter().map(|p| Vector3::new(p.x, p.y, z)).collect()
+            route
+                .path
+                .iter()
+                .map(|p| Vector3::new(p.x, p.y, z))
+                .collect()
         });
         Ok(End {
             tolerance,
@@ -227,7 +271,11 @@ impl Misfit {
     /// Returns the reason in words. `curves` are those of the braid.
     pub fn words(self, curves: &[u32]) -> String {
         match self {
-            Misfit::Point { k, distance, allowed } => {
+            Misfit::Point {
+                k,
+                distance,
+                allowed,
+            } => {
                 let notation = Notation::of_scene(0.0, [distance, allowed, 0.0]);
                 format!(
                     "is not rigid: the end of curve {} is {} from its place among the others, more \

@@ -8,7 +8,6 @@ use crate::curve::{Basis, Bezier, Box3, CurveSet, Notation, Point, Positions};
 use crate::error::{Error, Result};
 use crate::pairs::Share;
 use nalgebra::Vector3;
-use serde::Serialize;
 use std::sync::Arc;
 
 /// Rounding errors of local coordinates, relative to the largest coordinate. A rotation and a
@@ -18,18 +17,6 @@ const ROUNDING: f64 = 1e-12;
 
 /// Sides of a braid, for messages.
 const SIDES: [&str; 2] = ["left", "right"];
-
-/// A pair of curves of a finding, at least one of which stands for a virtual loop.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct LoopPair {
-    /// First and second curve, as in the finding ([`Change::i`](crate::Change::i)).
-    pub curves: [u32; 2],
-    /// Other curve of each loop; `None` for a closed curve.
-    pub partners: [Option<u32>; 2],
-    /// Curve and segment of each loop at which the two are closest. `None` on a virtual
-    /// connection.
-    pub nearest: [Option<[u32; 2]>; 2],
-}
 
 /// Virtual closed loops of the braids of a scene, from frame to frame.
 #[derive(Debug)]
@@ -101,7 +88,11 @@ impl BraidLoops {
         loops.poses(set).map_err(Error::Braid)?;
         let lengths = |i: usize| {
             let c = set.curve(i);
-            let points = if set.basis().is_polyline() { c.points } else { 3 * c.segments + 1 };
+            let points = if set.basis().is_polyline() {
+                c.points
+            } else {
+                3 * c.segments + 1
+            };
             (points as i64, c.closed)
         };
         let mut counts: Vec<i64> = (0..set.len())
@@ -135,7 +126,11 @@ impl BraidLoops {
 
     /// Finds the ends of a braid such that no curve of the first frame is in their volumes.
     fn resolve(&self, b: usize, braid: &Braid, set: &CurveSet) -> Result<Resolved, String> {
-        let reversed: Vec<bool> = braid.curves.iter().map(|i| braid.reversed.contains(i)).collect();
+        let reversed: Vec<bool> = braid
+            .curves
+            .iter()
+            .map(|i| braid.reversed.contains(i))
+            .collect();
         let points = end_points(set, &braid.curves, &reversed);
         let given = [&braid.left, &braid.right];
         let references = [0, 1].map(|side| match given[side].points.is_empty() {
@@ -151,16 +146,19 @@ impl BraidLoops {
                 points: references[side].iter().map(|p| (*p).into()).collect(),
                 ..given[side].clone()
             };
-            let largest = reference.points.iter().flatten().fold(set.max_abs(), |a, x| a.max(x.abs()));
+            let largest = reference
+                .points
+                .iter()
+                .flatten()
+                .fold(set.max_abs(), |a, x| a.max(x.abs()));
             let candidates = End::candidates(&reference, middles[1 - side], largest);
             let candidates = candidates.map_err(|why| format!("{name}: {why}"))?;
             let mut why = None;
             let fits = candidates.into_iter().find(|end| {
                 let pose = end.pose(&points[side], now[1 - side]);
                 let placed = pose.map_err(|m| format!("{name} {}", m.words(&braid.curves)));
-                let clear = placed.and_then(|pose| {
-                    self.clear(set, (end, pose, &braid.curves), &name)
-                });
+                let clear =
+                    placed.and_then(|pose| self.clear(set, (end, pose, &braid.curves), &name));
                 match clear {
                     Ok(()) => true,
                     Err(e) => {
@@ -334,7 +332,9 @@ impl BraidLoops {
             let [(left, at_left), (right, at_right)] = ends;
             right.connection(at_right, k).for_each(|p| pen.vertex(p));
             pen.curve(braid.curves[after] as usize, !braid.reversed[after]);
-            left.connection(at_left, k).rev().for_each(|p| pen.vertex(p));
+            left.connection(at_left, k)
+                .rev()
+                .for_each(|p| pen.vertex(p));
             pen.close();
         }
         let written = match out {
@@ -391,12 +391,16 @@ fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<()
     let curves = &braid.curves;
     if curves.len() < 4 {
         let n = curves.len();
-        return Err(format!("braid {b} has {n} curves {curves:?}, a braid needs at least 4"));
+        return Err(format!(
+            "braid {b} has {n} curves {curves:?}, a braid needs at least 4"
+        ));
     }
     for [i, j] in pairs(curves) {
         let Some(slot) = next.get_mut(i as usize) else {
             let n = set.len();
-            return Err(format!("braid {b} names curve {i}, but the frame has {n} curves"));
+            return Err(format!(
+                "braid {b} names curve {i}, but the frame has {n} curves"
+            ));
         };
         if set.curve(i as usize).closed {
             return Err(format!("braid {b} names curve {i}, which is closed"));
@@ -406,7 +410,9 @@ fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<()
         }
     }
     if let Some(i) = braid.reversed.iter().find(|i| !curves.contains(i)) {
-        return Err(format!("braid {b} lists curve {i} as reversed, but does not have it"));
+        return Err(format!(
+            "braid {b} lists curve {i} as reversed, but does not have it"
+        ));
     }
     for (side, end) in SIDES.iter().zip([&braid.left, &braid.right]) {
         let (n, points) = (curves.len(), end.points.len());
@@ -415,8 +421,16 @@ fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<()
                 "braid {b} has {n} curves, but {points} points of its {side} end"
             ));
         }
-        if end.points.iter().chain(&end.outward).flatten().any(|x| !x.is_finite()) {
-            return Err(format!("a point of the {side} end of braid {b} is not finite"));
+        if end
+            .points
+            .iter()
+            .chain(&end.outward)
+            .flatten()
+            .any(|x| !x.is_finite())
+        {
+            return Err(format!(
+                "a point of the {side} end of braid {b} is not finite"
+            ));
         }
     }
     Ok(())
@@ -465,13 +479,21 @@ impl<'a> Pen<'a> {
         let c = self.set.curve(i);
         if self.set.basis().is_polyline() {
             for k in 0..c.points as usize {
-                let k = if backward { c.points as usize - 1 - k } else { k };
+                let k = if backward {
+                    c.points as usize - 1 - k
+                } else {
+                    k
+                };
                 self.vertex(self.set.point(i, k));
             }
             return;
         }
         for s in 0..c.segments as usize {
-            let s = if backward { c.segments as usize - 1 - s } else { s };
+            let s = if backward {
+                c.segments as usize - 1 - s
+            } else {
+                s
+            };
             let mut b = self.set.segment(i, s);
             if backward {
                 b.reverse();
@@ -492,7 +514,8 @@ impl<'a> Pen<'a> {
         }
         if let Some(a) = self.last {
             let at = |t: f64| [0, 1, 2].map(|x| a[x] + (p[x] - a[x]) * t);
-            self.out.extend([a, at(1.0 / 3.0), at(2.0 / 3.0)].iter().flatten());
+            self.out
+                .extend([a, at(1.0 / 3.0), at(2.0 / 3.0)].iter().flatten());
         }
         self.first.get_or_insert(p);
         self.last = Some(p);

@@ -42,11 +42,9 @@ mod end;
 mod loops;
 mod pose;
 mod routes;
-#[cfg(test)]
-mod tests;
 mod volume;
 
-pub use loops::{BraidLoops, LoopPair};
+pub use loops::BraidLoops;
 
 use crate::curve::Point;
 use crate::error::{Error, Result};

@@ -41,7 +41,9 @@ pub fn find(points: &[Point2]) -> Option<Vec<Route>> {
     let gap = smallest_distance(points);
     let mut routes = Vec::with_capacity(points.len());
     for m in 0..points.len() {
-        let found = CLEARANCES.iter().find_map(|share| one(points, gap, share * gap, &routes, m));
+        let found = CLEARANCES
+            .iter()
+            .find_map(|share| one(points, gap, share * gap, &routes, m));
         routes.push(found?);
     }
     Some(routes)
@@ -53,10 +55,13 @@ fn one(points: &[Point2], gap: f64, clearance: f64, routes: &[Route], m: usize) 
     let (a, b) = (points[m], points[(m + 1) % n]);
     let chord = b - a;
     let normal = Point2::new(-chord.y, chord.x).try_normalize(0.0)?;
-    let bent = OFFSETS.iter().flat_map(|offset| [*offset, -offset]).map(|offset| {
-        let aside = normal * (offset * gap);
-        vec![a, a + aside, b + aside, b]
-    });
+    let bent = OFFSETS
+        .iter()
+        .flat_map(|offset| [*offset, -offset])
+        .map(|offset| {
+            let aside = normal * (offset * gap);
+            vec![a, a + aside, b + aside, b]
+        });
     let mut paths = std::iter::once(vec![a, b]).chain(bent);
     let path = paths.find(|path| {
         let mut others = (0..n).filter(|&k| k != m && k != (m + 1) % n);
