@@ -419,7 +419,7 @@ fn end_volumes_that_overlap_are_undecided() {
         verifier.step(0, 0.0, &beside(30.0)).unwrap().verdict,
         Verdict::Intact
     );
-    let report = verifier.step(1, 0.0, &beside(2.2)).unwrap();
+    let report = verifier.step(1, 0.0, &beside(1.6)).unwrap();
     let words = "the volumes of the left end of braid 0 and the left end of braid 1 overlap";
     assert_undecided(&report, &[words]);
 }
