@@ -410,7 +410,7 @@ fn end_volumes_that_overlap_are_undecided() {
     // A second braid along y approaches the volume behind the left bar from the side.
     let beside = |y: f64| {
         let one = strands(4, &[]);
-        let turned = |p: &Point| [p[0], p[2] + y, -1.6];
+        let turned = |p: &Point| [p[0], p[2] + y, -1.1];
         let other = one.iter().map(|c| c.iter().map(turned).collect());
         open(&one.iter().cloned().chain(other).collect::<Vec<_>>())
     };
@@ -419,7 +419,7 @@ fn end_volumes_that_overlap_are_undecided() {
         verifier.step(0, 0.0, &beside(30.0)).unwrap().verdict,
         Verdict::Intact
     );
-    let report = verifier.step(1, 0.0, &beside(1.6)).unwrap();
+    let report = verifier.step(1, 0.0, &beside(1.2)).unwrap();
     let words = "the volumes of the left end of braid 0 and the left end of braid 1 overlap";
     assert_undecided(&report, &[words]);
 }
