@@ -76,9 +76,11 @@ fn of(basis: Basis, curves: &[Vec<Point>], closed: impl Fn(usize) -> bool) -> Cu
 }
 
 fn verifier(braids: Braids) -> Verifier {
-    let mut options = VerifierOptions::default();
-    options.braids = Some(braids);
-    options.strategy = Strategy::Incremental;
+    let options = VerifierOptions {
+        braids: Some(braids),
+        strategy: Strategy::Incremental,
+        ..VerifierOptions::default()
+    };
     Verifier::new(options).unwrap()
 }
 
@@ -286,9 +288,11 @@ fn several_braids_and_closed_curves_are_verified_together() {
     curves.push(ring.map(|[x, y]| [51.0 + x, y, 0.6]).to_vec());
     curves[6].reverse();
     let set = of(Basis::Polyline, &curves, |k| k == 8);
-    let mut options = VerifierOptions::default();
-    options.braids = Some(Braids::Auto);
-    options.events = Events::Between;
+    let options = VerifierOptions {
+        braids: Some(Braids::Auto),
+        events: Events::Between,
+        ..VerifierOptions::default()
+    };
     let mut verifier = Verifier::new(options).unwrap();
     assert_eq!(
         verifier.step(0, 0.0, &set).unwrap().verdict,
@@ -496,10 +500,58 @@ fn ends_that_are_not_on_a_line_turn_with_their_points() {
         curves: vec![0, 1, 2, 3, 4, 5],
         ..Braid::default()
     }]));
-    for (seq, turn) in [0.0, 0.4, 1.1, 2.0, 3.2, 4.5, 6.28].into_iter().enumerate() {
+    for (seq, turn) in [0.0, 0.4, 1.1, 2.0, 3.2, 4.5, 6.2].into_iter().enumerate() {
         let report = verifier
             .step(seq as u64, 0.0, &open(&rods(turn, turn)))
             .unwrap();
         assert_eq!(report.verdict, Verdict::Intact, "{report:?}");
     }
+}
+
+#[cfg(feature = "cli")]
+#[test]
+fn the_command_verifies_braids_and_writes_their_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, word: &[i32]| {
+        let curves = strands(4, word);
+        let counts: Vec<String> = curves.iter().map(|c| c.len().to_string()).collect();
+        let points: usize = curves.iter().map(Vec::len).sum();
+        let mut text = format!("VECT\n4 {points} 0\n{}\n0 0 0 0\n", counts.join(" "));
+        for [x, y, z] in curves.into_iter().flatten() {
+            text += &format!("{x} {y} {z}\n");
+        }
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let intact = write("a1.vect", &[1, -1, 2, 2]);
+    let broken = write("a2.vect", &[1, 1, 2, 2]);
+    let ends = folder.path().join("ends.json").display().to_string();
+    let run = |args: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_linkwatch"));
+        let output = command.args(args).output().unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(text).unwrap())
+    };
+    let (code, text) = run(&[
+        "certify",
+        &intact,
+        "--braid",
+        "auto",
+        "--write-braid",
+        &ends,
+    ]);
+    assert_eq!(code, Some(0), "{text}");
+    for braid in ["auto", &ends] {
+        let (code, text) = run(&["check", &intact, &broken, "--braid", braid]);
+        assert_eq!(code, Some(1), "{text}");
+        assert!(text.contains("the virtual loop of curves 1 + 2"), "{text}");
+        assert!(!text.contains("not verified"), "{text}");
+        let (code, text) = run(&["check", &intact, &intact, "--braid", braid]);
+        assert_eq!(code, Some(0), "{text}");
+    }
+    std::fs::write(&ends, r#"{"braids": [{"curves": [0, 1, 2]}]}"#).unwrap();
+    let (code, text) = run(&["check", &intact, &broken, "--braid", &ends]);
+    assert_eq!(code, Some(2), "{text}");
+    assert!(text.contains("a braid needs at least 4"), "{text}");
 }

@@ -1,7 +1,7 @@
 //! `linkwatch certify`: computes the certificates of models.
 
 use super::braid_args::BraidArgs;
-use super::files::{Content, Files, Overwrite, write_text};
+use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::input::{self, FormatArgs, Pick};
 use super::kernel::KernelArgs;
 use super::output::{self, count, millis, percent, plural, plural_of};
@@ -10,8 +10,9 @@ use super::repeat;
 use super::{Outcome, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
+use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
-    Braids, Certificate, CurveSet, Ladder, Result, Stats, Verifier, VerifierOptions,
+    BraidLoops, Braids, Certificate, CurveSet, Ladder, Result, Stats, Verifier, VerifierOptions,
     homotopic_polylines,
 };
 use std::path::{Path, PathBuf};
@@ -34,6 +35,10 @@ pub struct Args {
     /// --braid of other commands
     #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
     write_braid: Option<PathBuf>,
+    /// Write the curves of the braids as virtual closed loops to a model file (one model only), to
+    /// look at them
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE, hide_short_help = true)]
+    write_loops: Option<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
     output: Option<PathBuf>,
@@ -179,6 +184,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let what = "--braid excludes --noise and --discretize: loops are verified pair by pair";
         return Err(linkwatch::Error::Usage(what.into()));
     }
+    if args.write_loops.is_some() && (models.len() > 1 || !braids) {
+        let what = "--write-loops writes the loops of one model, with --braid";
+        return Err(linkwatch::Error::Usage(what.into()));
+    }
     if args.write_braid.is_some() && (models.len() > 1 || !braids) {
         let what = "--write-braid writes the ends of one model, with --braid";
         return Err(linkwatch::Error::Usage(what.into()));
@@ -195,6 +204,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     inputs.for_each(|path| files.reads(path));
     if let Some(file) = &args.output {
         files.writes("-o", file, Content::Text)?;
+    }
+    if let Some(file) = &args.write_loops {
+        if FrameWriter::companion(file, Format::of(file)?).is_some() {
+            let what = "--write-loops writes one file; a LAMMPS dump has two: name it .npz, say";
+            return Err(linkwatch::Error::Usage(what.into()));
+        }
+        files.writes("--write-loops", file, Content::Model)?;
     }
     let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
     let mut outcome = Outcome::Fine;
@@ -258,6 +274,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             write_text(file, args.overwrite, &(braids.to_json() + "\n"))?;
             tracing::info!("{}: written", file.display());
         }
+        if let (Some(file), Some(braids)) = (&args.write_loops, &c.braids) {
+            write_loops(file, args.overwrite, braids, &c.set)?;
+            tracing::info!("{}: written", file.display());
+        }
         match &args.output {
             Some(file) => {
                 write_text(file, args.overwrite, &c.certificate.to_string())?;
@@ -269,6 +289,20 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
     }
     Ok(outcome)
+}
+
+/// Writes the curves of a frame with the virtual loops of its braids.
+fn write_loops(file: &Path, overwrite: Overwrite, braids: &Braids, set: &CurveSet) -> Result<()> {
+    let mut curves = None;
+    BraidLoops::new(braids, set)?.write(set, &mut curves)?;
+    let Some(curves) = curves else {
+        return Ok(());
+    };
+    write_whole(file, overwrite, |part| {
+        let mut writer = FrameWriter::create(part, Format::of(file)?)?;
+        writer.frame(&ModelFrame::new(0, Ok(curves)))?;
+        writer.finish()
+    })
 }
 
 /// Formats a number with two digits.
