@@ -21,8 +21,8 @@
 //!   curve, which are never compared with one another, so that curve may even cross it.
 //! - An end volume moves as a rigid body. Its position follows from the end points of the curves
 //!   ([`pose`]); if they moved against one another further than a tolerance, the end is not rigid.
-//!   Within an end, connections of loops that are compared are separated by at least an eighth of
-//!   the smallest distance of two stubs, which is 2.5 times the tolerance. Positions of virtual
+//!   Within an end, connections of loops that are compared are separated by at least a quarter
+//!   of the smallest distance of two stubs; an end point may be off by 0.15 of it at most. Positions of virtual
 //!   vertices are rounded by some 1e-15 of the largest coordinate; that distance must be at least
 //!   1e-9 of it.
 //! - Volumes of different ends must not overlap.

@@ -18,8 +18,9 @@ pub struct Route {
     pub path: Vec<Point2>,
 }
 
-/// Shares of the smallest distance of two points that a route tries to keep, largest first.
-const CLEARANCES: [f64; 2] = [0.25, 0.125];
+/// Distance that a route keeps, relative to the smallest distance of two points. It is larger than
+/// the distance by which an end point may be off its place, which bends its stub.
+const CLEARANCE: f64 = 0.25;
 
 /// Offsets of a U from the straight line, relative to the smallest distance of two points.
 const OFFSETS: [f64; 10] = [0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
@@ -41,16 +42,14 @@ pub fn find(points: &[Point2]) -> Option<Vec<Route>> {
     let gap = smallest_distance(points);
     let mut routes = Vec::with_capacity(points.len());
     for m in 0..points.len() {
-        let found = CLEARANCES
-            .iter()
-            .find_map(|share| one(points, gap, share * gap, &routes, m));
-        routes.push(found?);
+        routes.push(one(points, gap, &routes, m)?);
     }
     Some(routes)
 }
 
 /// Returns the route from point `m`, after those of the points before it.
-fn one(points: &[Point2], gap: f64, clearance: f64, routes: &[Route], m: usize) -> Option<Route> {
+fn one(points: &[Point2], gap: f64, routes: &[Route], m: usize) -> Option<Route> {
+    let clearance = CLEARANCE * gap;
     let n = points.len();
     let (a, b) = (points[m], points[(m + 1) % n]);
     let chord = b - a;
