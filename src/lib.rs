@@ -183,7 +183,7 @@ pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]
-pub use discretize::{Polylines, chords, homotopic_polylines};
+pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
 pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Cause, Events, Route, Work};
@@ -214,8 +214,8 @@ pub use thickness::{
     ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks, struts,
 };
 pub use verdict::{
-    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Link, Place,
-    PullThrough, Report, ReportDifference, Stats, Verdict,
+    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Link, LoopPair,
+    Place, PullThrough, Report, ReportDifference, Stats, Verdict,
 };
 #[cfg(feature = "verify")]
 pub use verifier::{

@@ -1,6 +1,7 @@
 //! The command line, one file per subcommand. It uses only the public API of the library, by the
 //! name `linkwatch`, although it is a module of it.
 
+mod braid_args;
 mod certify;
 mod check;
 mod clearance_args;
