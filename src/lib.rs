@@ -61,6 +61,8 @@
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
 //! | outputs | [`Sink`] behind a [`SinkQueue`]; the recording and the viewer; `RunReport` |
 //! | simulators | the bus: `Client`, and `Sidecar` for a watcher of your own |
+//! | compression and resampling of models | [`sweep`] |
+//! | pictures of models and their links | [`picture`] |
 //! | test scenes | [`scenes`] |
 //!
 //! # Features
@@ -138,6 +140,8 @@ pub mod model;
 #[cfg(feature = "verify")]
 mod pairs;
 #[cfg(feature = "verify")]
+pub mod picture;
+#[cfg(feature = "verify")]
 pub mod plan;
 #[cfg(feature = "verify")]
 mod pool;
@@ -154,11 +158,16 @@ mod simd;
 #[cfg(feature = "verify")]
 mod sinks;
 #[cfg(feature = "verify")]
+#[cfg_attr(not(feature = "mcap"), allow(dead_code, reason = "reports use all"))]
+mod svg;
+#[cfg(feature = "verify")]
+pub mod sweep;
+#[cfg(feature = "verify")]
 mod thickness;
 mod verdict;
 #[cfg(feature = "verify")]
 mod verifier;
-#[cfg(any(feature = "cli", feature = "mcap"))]
+#[cfg(feature = "verify")]
 mod words;
 #[cfg(all(doc, feature = "client"))]
 #[doc = include_str!("../docs/attaching.md")]

@@ -14,11 +14,17 @@ use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
 use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
-    BraidLoops, Braids, Certificate, CurveSet, Ladder, Result, Stats, Verifier, VerifierOptions,
-    homotopic_polylines,
+    BraidLoops, Braids, Certificate, CurveSet, Error, Ladder, Result, Stats, Verifier,
+    VerifierOptions, homotopic_polylines, picture,
 };
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+
+/// Maximum number of links of each of several models that are listed; the rest is counted.
+const LINKS: usize = 20;
+
+/// Maximum number of links whose place is marked in a picture.
+const PLACES: usize = 100;
 
 /// Compute the linking numbers of all pairs of curves: the certificate of a model's topology
 #[derive(Debug, clap::Args)]
@@ -44,6 +50,10 @@ pub struct Args {
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
     output: Option<PathBuf>,
+    /// Draw a picture of each model, with linked curves in red, as `NAME.svg` in a folder, which is
+    /// created if it does not exist
+    #[arg(long, value_name = "FOLDER", help_heading = super::WRITE)]
+    svg: Option<PathBuf>,
     #[command(flatten)]
     overwrite: Overwrite,
     /// Method that converts splines to polylines
@@ -65,7 +75,7 @@ pub struct Args {
     /// `i,j,integral,bound`: real numbers with a proven bound, never rounded
     #[arg(
         long,
-        conflicts_with_all = ["discretize", "method", "noise", "output"]
+        conflicts_with_all = ["discretize", "method", "noise", "output", "svg"]
     )]
     open: bool,
     /// Error bound of --open to reach, if possible
@@ -85,7 +95,7 @@ pub struct Args {
     #[arg(
         long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true,
         value_parser = clap::value_parser!(u32).range(1..),
-        conflicts_with_all = ["discretize", "method", "noise", "output", "open"]
+        conflicts_with_all = ["discretize", "method", "noise", "output", "open", "svg"]
     )]
     repeat: Option<u32>,
 }
@@ -159,7 +169,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
                 let (certificate, stats) = verifier.certify(&polylines.curves);
                 let mut certificate = certificate.clone();
                 certificate.withdraw(polylines.too_close);
-                Ok::<_, linkwatch::Error>((certificate, stats))
+                Ok::<_, Error>((certificate, stats))
             }
         })?;
     let took = start.elapsed();
@@ -193,9 +203,9 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    let models = input::expand(&args.models, true)?;
+    let models = input::expand_models(&args.models)?;
     if args.output.is_some() && models.len() > 1 {
-        return Err(linkwatch::Error::Usage(format!(
+        return Err(Error::Usage(format!(
             "-o writes the certificate of one model; {} models were given",
             models.len()
         )));
@@ -233,9 +243,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
         files.writes("--write-loops", file, Content::Model)?;
     }
+    let pictures = pictures(args, &models, &mut files)?;
     let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
     let mut outcome = Outcome::Fine;
-    for path in &models {
+    let mut failed = None;
+    for (k, path) in models.iter().enumerate() {
         #[cfg(feature = "lab")]
         if let Some(n) = args.repeat {
             outcome = outcome.max(repeat::run(path, n, &args.kernel.device, json)?);
@@ -248,7 +260,18 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             outcome = outcome.max(open::print(path, &set, tolerance, least, json)?);
             continue;
         }
-        let c = certify(path, args)?;
+        let c = match certify(path, args) {
+            Ok(certified) => certified,
+            Err(e) if models.len() == 1 => return Err(e),
+            // The other models still get their certificates.
+            Err(e) => {
+                match &failed {
+                    None => failed = Some(e),
+                    Some(_) => tracing::error!("{e}"),
+                }
+                continue;
+            }
+        };
         if !c.certificate.undefined.is_empty() {
             outcome = Outcome::Undecided;
         }
@@ -313,10 +336,65 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             }
             None if json => {}
             None if models.len() == 1 => output::line(c.certificate.to_string().trim_end()),
-            None => output::line(format_args!("{}: {}", path.display(), summary(&c))),
+            None => {
+                output::line(format_args!("{}: {}", path.display(), summary(&c)));
+                list(&c.certificate);
+            }
+        }
+        if let Some(file) = pictures.get(k) {
+            let linked = picture::links(&c.set, &c.certificate, PLACES);
+            let title = path
+                .file_name()
+                .unwrap_or(path.as_os_str())
+                .to_string_lossy();
+            let svg = picture::draw(&c.set, &title, &summary(&c), &linked);
+            write_text(file, args.overwrite, &svg)?;
+            tracing::info!("{}: written", file.display());
         }
     }
-    Ok(outcome)
+    failed.map_or(Ok(outcome), Err)
+}
+
+/// Prints the links of one of several models.
+fn list(certificate: &Certificate) {
+    for link in certificate.links.iter().take(LINKS) {
+        output::line(format_args!(
+            "  curves {} and {}: linking number {}",
+            link.i, link.j, link.lambda
+        ));
+    }
+    if certificate.links.len() > LINKS {
+        let more = count((certificate.links.len() - LINKS) as u64);
+        output::line(format_args!("  and {more} more"));
+    }
+}
+
+/// Returns the names of the pictures, one per model, or none. Creates their folder.
+fn pictures(args: &Args, models: &[PathBuf], files: &mut Files) -> Result<Vec<PathBuf>> {
+    let Some(folder) = &args.svg else {
+        return Ok(Vec::new());
+    };
+    std::fs::create_dir_all(folder).map_err(|source| Error::File {
+        path: folder.clone(),
+        source,
+    })?;
+    let mut names = Vec::with_capacity(models.len());
+    for model in models {
+        // Scenes have characters that some file systems refuse.
+        let name = model
+            .file_name()
+            .unwrap_or(model.as_os_str())
+            .to_string_lossy();
+        let refused = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
+        let name: String = name
+            .chars()
+            .map(|c| if refused(c) { '_' } else { c })
+            .collect();
+        let file = folder.join(name + ".svg");
+        files.writes("--svg", &file, Content::Text)?;
+        names.push(file);
+    }
+    Ok(names)
 }
 
 /// Writes the curves of a frame with the virtual loops of its braids.

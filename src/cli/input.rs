@@ -129,7 +129,9 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for argument in arguments {
         if argument.is_dir() {
-            files.extend(models_in(argument)?);
+            let models = models_in(argument)?;
+            check_one_format(argument, &models)?;
+            files.extend(models);
         } else if !argument.exists() && argument.to_string_lossy().contains(['*', '?', '[']) {
             files.extend(matches(argument)?);
         } else {
@@ -147,6 +149,19 @@ pub fn expand(arguments: &[PathBuf], keep_order: bool) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
+/// Same as [`expand`] for models that are no frames of one motion: they keep their order, and a
+/// folder may hold several formats.
+pub fn expand_models(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for argument in arguments {
+        match argument.is_dir() {
+            true => files.extend(models_in(argument)?),
+            false => files.extend(expand(std::slice::from_ref(argument), true)?),
+        }
+    }
+    Ok(files)
+}
+
 fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| Error::Usage(format!("{}: {why}", folder.display()));
     let entries = std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))?;
@@ -155,18 +170,29 @@ fn models_in(folder: &Path) -> Result<Vec<PathBuf>> {
         .filter(|file| file.is_file() && model::Format::of(file).is_ok())
         .collect();
     models.sort();
-    let extension = |file: &PathBuf| file.extension().unwrap_or_default().to_ascii_lowercase();
-    let Some(first) = models.first() else {
+    if models.is_empty() {
         let known = model::MODEL_FILES;
         return Err(refuse(format!("the folder holds no models ({known})")));
-    };
-    if let Some(other) = models.iter().find(|m| extension(m) != extension(first)) {
-        let (a, b) = (first.display(), other.display());
-        let why = format!("models of several formats ({a}, {b}): give a pattern, or the files");
-        return Err(refuse(why));
     }
     order::sort(&mut models);
     Ok(models)
+}
+
+/// Checks that the models of a folder may be frames of one motion.
+fn check_one_format(folder: &Path, models: &[PathBuf]) -> Result<()> {
+    let extension = |file: &Path| file.extension().unwrap_or_default().to_ascii_lowercase();
+    let different = models
+        .windows(2)
+        .find(|m| extension(&m[0]) != extension(&m[1]));
+    match different {
+        None => Ok(()),
+        Some(pair) => Err(Error::Usage(format!(
+            "{}: models of several formats ({}, {}): give a pattern, or the files",
+            folder.display(),
+            pair[0].display(),
+            pair[1].display()
+        ))),
+    }
 }
 
 fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {

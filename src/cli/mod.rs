@@ -49,6 +49,7 @@ mod study;
 #[cfg(not(feature = "lab"))]
 #[path = "no_study.rs"]
 mod study;
+mod sweep;
 mod thickness;
 #[cfg(feature = "bus")]
 mod watch;
@@ -122,6 +123,7 @@ enum Command {
     Certify(certify::Args),
     Check(check::Args),
     Convert(convert::Args),
+    Sweep(sweep::Args),
     Generate(generate::Args),
     Thickness(thickness::Args),
     Writhe(writhe::Args),
@@ -221,6 +223,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Devices(args) => devices::run(args, cli.json),
         Command::Generate(args) => generate::run(args, cli.json),
         Command::Plan(args) => plan::run(args, cli.json),
+        Command::Sweep(args) => sweep::run(args, cli.json),
         Command::Thickness(args) => thickness::run(args, cli.json),
         Command::Writhe(args) => writhe::run(args, cli.json),
         Command::Study(args) => study::run(args, cli.json),

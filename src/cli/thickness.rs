@@ -55,7 +55,7 @@ struct Measured {
 
 /// Runs the command.
 pub fn run(args: &Args, json: bool) -> Result<Outcome> {
-    for path in &input::expand(&args.models, true)? {
+    for path in &input::expand_models(&args.models)? {
         let measured = measure(path, args)?;
         match json {
             true => output::json(&to_json(path, &measured, args)),

@@ -26,7 +26,6 @@ mod run;
 mod sentence;
 mod series;
 mod strands;
-mod svg;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -40,6 +39,7 @@ use self::facts::Facts;
 use self::figures::Figure;
 use crate::error::{Error, Result};
 use crate::sinks::RecordingReader;
+use crate::svg;
 use std::path::{Path, PathBuf};
 
 /// Report of a recorded run: what happened, for people without a viewer.

@@ -70,8 +70,34 @@ fn certifies_each_model_of_a_folder() {
     squares(folder.path(), 4);
     let run = linkwatch(&["certify", text(folder.path())]);
     assert_eq!(run.code, 0, "{}", run.stderr);
-    let links: Vec<bool> = run.stdout.lines().map(|l| l.contains("1 link ")).collect();
-    assert_eq!(links, [true, true, true, false], "{}", run.stdout);
+    let (models, links): (Vec<&str>, Vec<&str>) =
+        run.stdout.lines().partition(|line| !line.starts_with(' '));
+    let linked: Vec<bool> = models.iter().map(|l| l.contains("1 link ")).collect();
+    assert_eq!(linked, [true, true, true, false], "{}", run.stdout);
+    assert_eq!(links.len(), 3, "{}", run.stdout);
+    assert!(
+        links
+            .iter()
+            .all(|l| l.starts_with("  curves 0 and 1: linking number "))
+    );
+}
+
+/// A folder of models in two formats, one of which is damaged: the others are certified and drawn.
+#[test]
+fn draws_each_model_of_a_folder_and_names_a_damaged_one() {
+    let folder = TempDir::new().unwrap();
+    squares(folder.path(), 2);
+    std::fs::write(folder.path().join("a.obj"), "v 0 0\nl 1 7\n").unwrap();
+    let pictures = folder.path().join("pictures");
+    let args = ["certify", text(folder.path()), "--svg", text(&pictures)];
+    let run = linkwatch(&args);
+    assert_eq!(run.code, 2);
+    assert!(run.stderr.contains("a.obj"), "{}", run.stderr);
+    assert_eq!(run.stdout.matches("1 link ").count(), 2, "{}", run.stdout);
+    let drawn = std::fs::read_dir(&pictures).unwrap().count();
+    assert_eq!(drawn, 2);
+    let again = linkwatch(&args);
+    assert!(again.stderr.contains("--force"), "{}", again.stderr);
 }
 
 #[test]

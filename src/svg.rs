@@ -1,8 +1,8 @@
-//! Text, numbers and axes of SVG and HTML.
+//! Texts, numbers and ticks of SVG and HTML.
 
 /// Returns a text without control characters and without characters that reorder the text around
 /// them, of at most `most` characters. Texts of a recording may be hostile.
-pub(super) fn plain(text: &str, most: usize) -> String {
+pub(crate) fn plain(text: &str, most: usize) -> String {
     let reorders = |c: char| matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     let refused = |c: char| c.is_control() || reorders(c);
     let mut chars = text.chars();
@@ -17,7 +17,7 @@ pub(super) fn plain(text: &str, most: usize) -> String {
 }
 
 /// Escapes a text for HTML and SVG, for content and for attributes in quotes.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -33,7 +33,7 @@ pub(super) fn escape(text: &str) -> String {
 }
 
 /// Formats a coordinate in pixels with at most one decimal.
-pub(super) fn px(x: f64) -> String {
+pub(crate) fn px(x: f64) -> String {
     let text = format!("{x:.1}");
     let short = text.strip_suffix(".0").unwrap_or(&text);
     match short {
@@ -43,7 +43,7 @@ pub(super) fn px(x: f64) -> String {
 }
 
 /// Returns the largest of 1, 2 and 5 times a power of ten that is at most `x`, which is above 0.
-pub(super) fn round_below(x: f64) -> f64 {
+pub(crate) fn round_below(x: f64) -> f64 {
     let power = 10f64.powi(x.log10().floor() as i32);
     let steps = [5.0, 2.0, 1.0].into_iter();
     let fits = steps
@@ -53,7 +53,7 @@ pub(super) fn round_below(x: f64) -> f64 {
 }
 
 /// Returns about `n` round numbers from 0 to `max`.
-pub(super) fn ticks(max: f64, n: usize) -> Vec<f64> {
+pub(crate) fn ticks(max: f64, n: usize) -> Vec<f64> {
     if !(max > 0.0 && max.is_finite()) {
         return vec![0.0];
     }
