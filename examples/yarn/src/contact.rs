@@ -1,12 +1,12 @@
 //! Contact between strands: pairs of segments that come closer than the diameter of the yarn.
 //!
 //! A uniform grid over the midpoints of the segments gives the pairs that are near. They are
-//! searched again when a point has moved so far that a pair within [`REACH`] could be missing. In each time step the closest points of each pair, and the direction between them, are
-//! computed at the start of the step and kept to its end. So a strand that moves past the center
-//! line of another one within a step is pushed back, but one that is still on the wrong side at the
-//! end of the step is pushed further away in the next: it was pulled through. A pass over the
-//! contacts moves each pair apart in turn and in the same order, so the result depends on nothing
-//! but the state.
+//! searched again when a point has moved so far that a pair within [`REACH`] could be missing. At
+//! the start of each time step the closest points of each pair are computed, and the direction
+//! between them, and kept to its end. So a strand that moves past the center line of another one
+//! within a step is pushed back. One that is still on the wrong side at the end of the step is
+//! pushed further away in the next one: it was pulled through. The pairs are moved apart one after
+//! the other, always in the same order, so the result depends on nothing but the state.
 
 use crate::yarn::DIAMETER;
 use glam::{IVec3, Vec3};

@@ -227,8 +227,8 @@ fn simulate(args: &Args, client: &mut Client, mut yarn: Yarn, frames: usize) -> 
 fn roll_back(args: &Args, client: &mut Client, yarn: Yarn, frames: usize) -> Result<ExitCode> {
     let work = step_safely(client, yarn, (frames, FRAME_DT, args.substeps.into()))?;
     println!(
-        "simulator: all {frames} frames are intact: {} time steps kept, {} discarded with {} frames; \
-         up to {} time steps in a frame",
+        "simulator: all {frames} frames are intact: {} time steps kept, {} discarded with {} \
+         frames; up to {} time steps in a frame",
         work.kept, work.discarded, work.retried_frames, work.most
     );
     Ok(ExitCode::SUCCESS)
