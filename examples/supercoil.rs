@@ -7,8 +7,8 @@
 //! linkwatch writhe supercoil.mcap --ribbon 0,1
 //! ```
 //!
-//! Physics: overdamped motion of a ring of beads under stretching, bending, repulsion and twist. The
-//! twist is spread evenly (Bergou et al. 2008), so its energy depends on the total twist alone,
+//! Physics: overdamped motion of a ring of beads under stretching, bending, repulsion and twist.
+//! The twist is spread evenly (Bergou et al. 2008), so its energy depends on the total twist alone,
 //! `Tw = Lk - Wr`, and its force is that of the change of the writhe, which is local.
 
 use linkwatch::{Basis, Client, ClientOptions, CurveSet, GaussIntegrals, Positions};
@@ -159,8 +159,8 @@ impl Rod {
         Ok((i, j))
     }
 
-    /// Returns the edges of the ribbon. Its direction is transported along the rod and turns evenly,
-    /// so that it is closed after one round.
+    /// Returns the edges of the ribbon. Its direction is transported along the rod and turns
+    /// evenly, so that it is closed after one round.
     fn edges(&self) -> Vec<f32> {
         let tangent = |k: usize| unit(add(unit(self.edge(k)), 1.0, unit(self.edge(k + BEADS - 1))));
         let mut normal = unit(cross(tangent(0), [0.1, 0.2, 1.0]));
@@ -171,7 +171,8 @@ impl Rod {
             normal = unit(add(normal, -dot(normal, t), t));
             normals.push((t, normal));
         }
-        // What the transported direction lacks to a closed ribbon, with the turns that the twist has.
+        // What the transported direction lacks to a closed ribbon, with the turns that the twist
+        // has.
         let (t, last) = normals[BEADS];
         let gap = dot(t, cross(last, start)).atan2(dot(last, start));
         let turn = gap + TAU * (self.twist - gap / TAU).round();

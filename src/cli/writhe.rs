@@ -27,8 +27,8 @@ pub struct Args {
     /// from 0 (may be repeated); or `pairs`: curves 0 and 1, 2 and 3, and so on
     #[arg(long, value_name = "I,J|pairs")]
     ribbon: Vec<Strands>,
-    /// The first curve of each ribbon is its axis, the second one an edge. Otherwise the axis is the
-    /// centre line of both
+    /// The first curve of each ribbon is its axis, the second one an edge. Otherwise the axis is
+    /// the centre line of both
     #[arg(long, requires = "ribbon")]
     axis_first: bool,
     /// Error bound to reach, if possible. A smaller one takes longer
@@ -158,8 +158,8 @@ fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Ou
                      (by {n} in Lk); check that vertex k of one strand belongs to that of the other"
                 ),
                 None => tracing::warn!(
-                    "{name}: Lk - Tw - Wr is undecided: its bound is {:.1e}; the axis or the ribbon \
-                     touches itself, or needs a smaller --tolerance",
+                    "{name}: Lk - Tw - Wr is undecided: its bound is {:.1e}; the axis or the \
+                     ribbon touches itself, or needs a smaller --tolerance",
                     residual.bound
                 ),
             }

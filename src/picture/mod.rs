@@ -137,7 +137,8 @@ impl View {
     }
 }
 
-/// Points of a curve in pixels, no closer than the spacing, with those that `shown` refuses as gaps.
+/// Points of a curve in pixels, no closer than the spacing, with those that `shown` refuses as
+/// gaps.
 fn pieces(
     set: &CurveSet,
     view: &View,
@@ -228,14 +229,13 @@ impl Layers {
 /// Draws the whole model.
 fn whole(set: &CurveSet, view: &View, marked: &[Marked], out: &mut String) {
     let space = spacing(set, view, |_| true);
-    let is_marked = |i: usize| marked.iter().any(|m| m.curves.contains(&(i as u32)));
-    let mut red = vec![false; set.len()];
-    (0..set.len()).for_each(|i| red[i] = is_marked(i));
+    let is_red = |i: usize| marked.iter().any(|m| m.curves.contains(&(i as u32)));
     let mut others = Layers::new();
     let mut own = String::new();
     for i in 0..set.len() {
+        let red = is_red(i);
         for piece in pieces(set, view, i, space, |_| true) {
-            if red[i] {
+            if red {
                 for (k, p) in piece.iter().enumerate() {
                     own += &format!(
                         "{}{} {}",

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 /// Writhes and linking integrals of the polylines of a set, open or closed.
 ///
-/// Both are real numbers with a proven bound. They are never rounded. A number with a large bound is
-/// undecided: segments touch or nearly touch.
+/// Both are real numbers with a proven bound. They are never rounded. A number with a large bound
+/// is undecided: segments touch or nearly touch.
 ///
 /// ```
 /// use linkwatch::{Basis, CurveSet, GaussIntegrals, Positions};

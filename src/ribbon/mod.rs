@@ -17,8 +17,8 @@
 //!
 //! - The twist does not depend on `r`: see [`twist`].
 //! - The writhe converges to that of the polygon. The integrand vanishes for the pairs of points of
-//!   two adjacent segments and of the arc between them, which lie in a plane. All other pairs with a
-//!   point on an arc keep a distance, and the lengths of the arcs decrease to 0.
+//!   two adjacent segments and of the arc between them, which lie in a plane. All other pairs with
+//!   a point on an arc keep a distance, and the lengths of the arcs decrease to 0.
 //! - The linking number does not change, because the polygons do not meet.
 //!
 //! `Lk(A, B) = Lk(A, A + s u)` if the ribbon does not pass through its axis, that is, if `A + t u`
@@ -26,9 +26,9 @@
 //! passages, an integer. The same holds if the axis is the centre line of two strands: `Lk` of the
 //! strands differs by the number of passages of `A - t u` through `A + t u`.
 //!
-//! So [`Ribbon::residual`], `Lk - Tw - Wr`, is 0 for every ribbon that does not pass through itself,
-//! and an integer for all others. It compares three independent computations: an exact count of
-//! crossings, a sum along the ribbon, and a sum over all pairs of segments of the axis.
+//! So [`Ribbon::residual`], `Lk - Tw - Wr`, is 0 for every ribbon that does not pass through
+//! itself, and an integer for all others. It compares three independent computations: an exact
+//! count of crossings, a sum along the ribbon, and a sum over all pairs of segments of the axis.
 //!
 //! # Cost and limits
 //!
@@ -54,8 +54,8 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Axis {
-    /// The centre line of both strands, as for DNA: its vertices are halfway between theirs, rounded
-    /// to double precision.
+    /// The centre line of both strands, as for DNA: its vertices are halfway between theirs,
+    /// rounded to double precision.
     #[default]
     Centre,
     /// The first curve; the second one is an edge of the ribbon.
@@ -84,9 +84,10 @@ impl Ribbon {
     /// Computes linking number, twist and writhe of the ribbon between two curves of a set. The
     /// bound of the writhe is at most `tolerance` if possible.
     ///
-    /// The curves must be closed polylines with the same number of vertices. Vertex `k` of the first
-    /// one belongs to vertex `k` of the second one; or to vertex `n - 1 - k` or `n - k`, if the sum
-    /// of the squared distances is smaller then, because the strands run in opposite directions.
+    /// The curves must be closed polylines with the same number of vertices. Vertex `k` of the
+    /// first one belongs to vertex `k` of the second one; or to vertex `n - 1 - k` or `n - k`, if
+    /// the sum of the squared distances is smaller then, because the strands run in opposite
+    /// directions.
     pub fn of(set: &CurveSet, [i, j]: [usize; 2], axis: Axis, tolerance: f64) -> Result<Ribbon> {
         check(set, [i, j])?;
         let scale = Scale::new(set.max_abs());

@@ -3,9 +3,9 @@
 //! # Ribbon
 //!
 //! The axis `A` has vertices `a_i`, the edge of the ribbon vertices `b_i`, `i` modulo `n`. The
-//! ribbon joins the points of both polygons with the same parameter: it is spanned by the vector `u`
-//! from the axis to the edge, with `u_i = b_i - a_i` at vertex `i`, linear in between. A corner of
-//! the axis is understood as an arc, as small as one likes, on which the tangent turns from the
+//! ribbon joins the points of both polygons with the same parameter: it is spanned by the vector
+//! `u` from the axis to the edge, with `u_i = b_i - a_i` at vertex `i`, linear in between. A corner
+//! of the axis is understood as an arc, as small as one likes, on which the tangent turns from the
 //! direction `p` of one segment to the direction `q` of the next on the shorter great circle, while
 //! `u` is constant.
 //!
@@ -15,9 +15,9 @@
 //!
 //! # Angles
 //!
-//! *On a segment* with direction `q` the part of `u` across `q` moves on a straight line of the plane
-//! across `q`, from the part of `u_i` to that of `u_(i+1)`. Unless this line meets the axis, it turns
-//! by less than half a turn, by the argument of
+//! *On a segment* with direction `q` the part of `u` across `q` moves on a straight line of the
+//! plane across `q`, from the part of `u_i` to that of `u_(i+1)`. Unless this line meets the axis,
+//! it turns by less than half a turn, by the argument of
 //!
 //! ```text
 //! (u_i x q) . (u_(i+1) x q) + i |q| q . (u_i x u_(i+1)).
@@ -25,8 +25,8 @@
 //!
 //! *At a corner* with unit tangents `p`, `q`, the frame `(b x T, b, T)` with `b` along `p x q` is
 //! transported in parallel, because `T` stays in a plane. In it `u` has the coordinates `x`, `c`,
-//! where `c = u . b` is constant, so that it stays on one side of the line `c = 0` and turns by less
-//! than half a turn, by the argument of `(x1 + i c) (x0 - i c)`. With `alpha = u . p`,
+//! where `c = u . b` is constant, so that it stays on one side of the line `c = 0` and turns by
+//! less than half a turn, by the argument of `(x1 + i c) (x0 - i c)`. With `alpha = u . p`,
 //! `beta = u . q` and `k = p . q`,
 //!
 //! ```text

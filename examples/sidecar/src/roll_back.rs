@@ -116,7 +116,8 @@ fn require_intact(verdict: Verdict, frame: usize) -> Result<()> {
     match verdict {
         Verdict::Intact => Ok(()),
         _ => {
-            let what = format!("frame {frame} is {verdict}, so that there is no state to return to");
+            let what =
+                format!("frame {frame} is {verdict}, so that there is no state to return to");
             Err(Error::Usage(what))
         }
     }

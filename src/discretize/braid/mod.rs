@@ -22,9 +22,9 @@
 //! - An end volume moves as a rigid body. Its position follows from the end points of the curves
 //!   ([`pose`]); if they moved against one another further than a tolerance, the end is not rigid.
 //!   Within an end, connections of loops that are compared are separated by at least a quarter
-//!   of the smallest distance of two stubs; an end point may be off by 0.15 of it at most. Positions of virtual
-//!   vertices are rounded by some 1e-15 of the largest coordinate; that distance must be at least
-//!   1e-9 of it.
+//!   of the smallest distance of two stubs; an end point may be off by 0.15 of it at most.
+//!   Positions of virtual vertices are rounded by some 1e-15 of the largest coordinate; that
+//!   distance must be at least 1e-9 of it.
 //! - Volumes of different ends must not overlap.
 //!
 //! A frame that breaks one of these conditions has no linking numbers of the loops of any braid.

@@ -14,7 +14,7 @@
 //!
 //! | curves | kernel | cost |
 //! |---|---|---|
-//! | two, up to [`DIRECT`] segment pairs | direct sum; intervals if it is not precise enough | n^2 |
+//! | two, up to [`DIRECT`] segment pairs | direct sum; intervals if not precise enough | n^2 |
 //! | two, more segments | Barnes-Hut | n log n |
 //! | one, up to [`FEW`] segments | intervals | n^2 |
 //! | one, more segments | Barnes-Hut on one tree, intervals along the curve | n log n |

@@ -4,8 +4,8 @@ use crate::pairs::Pair;
 use rayon::prelude::*;
 use std::fmt;
 
-/// A Gauss integral (a linking number, for example) or a twist, as computed by a sum. The true number
-/// differs from `value` by at most `bound`.
+/// A Gauss integral (a linking number, for example) or a twist, as computed by a sum. The true
+/// number differs from `value` by at most `bound`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
     /// Sum of the angles, divided by 4 pi.
