@@ -5,7 +5,7 @@
     linkwatch check knit.npz --braid auto
 
 Each row of stitches is an open yarn whose ends are fixed to the bars. Yarns are chains of beads
-(position-based dynamics): bonds of fixed length, and beads of different places that keep a distance.
+(position-based dynamics): bonds of fixed length, and beads that keep a distance from others.
 With large steps, the yarns move too far in one step for the distances to hold. Needs numpy.
 """
 
