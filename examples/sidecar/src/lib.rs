@@ -4,14 +4,19 @@
 //! watcher verifies every frame with `--events` and records it.
 
 mod picture;
+mod roll_back;
 
 pub use picture::draw;
+pub use roll_back::{Scene, Work, publish, step_safely};
 
-use linkwatch::{Error, Result};
+use linkwatch::{Client, Error, Result};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
+
+/// Time limit of the verdict on a frame, and of the watcher's goodbye.
+pub const DEADLINE: Duration = Duration::from_secs(10);
 
 /// Time limit of the watcher to write its files after the simulation.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -94,6 +99,32 @@ impl Drop for Sidecar {
             let _ = self.process.wait();
         }
     }
+}
+
+/// Waits for a watcher, so that it does not miss the first frame: the one that was started, or one
+/// that the user starts. Returns false if none connected in time.
+pub fn wait_for_watcher(
+    client: &mut Client,
+    mut sidecar: Option<&mut Sidecar>,
+    service: &str,
+    limit: Duration,
+) -> Result<bool> {
+    const LOOK: Duration = Duration::from_millis(300);
+    let start = Instant::now();
+    let mut announced = false;
+    while !client.wait_for_watcher(LOOK)? {
+        if let Some(sidecar) = &mut sidecar {
+            sidecar.check_running()?;
+        } else if !announced {
+            let command = format!("linkwatch watch --service {service}");
+            println!("simulator: waiting for a watcher; start one with: {command}");
+            announced = true;
+        }
+        if start.elapsed() > limit {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Returns the command `linkwatch`: the one built with the simulator, or an installed one. Under
