@@ -117,7 +117,6 @@ fn run(args: &Args) -> Result<ExitCode> {
 fn simulate(args: &Args, client: &mut Client, mut bands: Bands) -> Result<bool> {
     use sidecar::Scene;
     let mut intact = true;
-    let mut seen = false;
     for frame in 0..args.frames {
         if frame > 0 {
             bands.advance(usize::from(args.substeps));
@@ -130,10 +129,6 @@ fn simulate(args: &Args, client: &mut Client, mut bands: Bands) -> Result<bool> 
         if !intact && !args.go_on {
             break;
         }
-        if std::env::var_os("BANDS_DEBUG").is_some() {
-            println!("frame {frame}: {} {:?}", verdict.gained, bands.debug());
-        }
-        let _ = &mut seen;
     }
     Ok(intact)
 }

@@ -108,23 +108,6 @@ impl Bands {
         self.positions.len() / POINTS
     }
 
-    pub fn debug(&self) -> (f32, f32, Vec3, usize) {
-        let mut stretch = 0.0f32;
-        for b in self.positions.chunks_exact(POINTS) {
-            let l: f32 = (0..POINTS)
-                .map(|k| b[k].distance(b[(k + 1) % POINTS]))
-                .sum();
-            stretch = stretch.max(l / 6.265);
-        }
-        let vmax = self
-            .velocities
-            .iter()
-            .map(|v| v.length())
-            .fold(0.0, f32::max);
-        let mean = self.positions.iter().sum::<Vec3>() / self.positions.len() as f32;
-        (stretch, vmax, mean, self.pairs.len())
-    }
-
     /// Advances the scene by one time step of `h` seconds.
     fn step(&mut self, h: f32) {
         self.previous.copy_from_slice(&self.positions);
