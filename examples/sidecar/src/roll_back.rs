@@ -5,7 +5,8 @@
 //! pressed too far into another one, it returns to an earlier frame, and so on.
 
 use crate::DEADLINE;
-use linkwatch::{Client, Error, Outcome, Result, Verdict};
+use linkwatch::{Client, Error, Outcome, Result, Verdict, VerdictMessage};
+use std::fmt;
 
 /// Intact states that are kept to return to.
 const HISTORY: usize = 16;
@@ -39,16 +40,34 @@ pub struct Work {
     pub most: usize,
 }
 
+impl fmt::Display for Work {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let all = self.kept + self.discarded;
+        write!(
+            f,
+            "{} frames were taken back; {} of {all} time steps ({:.1} %) were discarded; at most \
+             {} time steps per frame",
+            self.retried_frames,
+            self.discarded,
+            100.0 * self.discarded as f64 / all.max(1) as f64,
+            self.most,
+        )
+    }
+}
+
 /// Publishes a frame and waits for the verdict on it.
-pub fn publish(client: &mut Client, scene: &impl Scene, time: f64) -> Result<Verdict> {
+///
+/// Errors: no verdict in time, or no watcher.
+pub fn publish(client: &mut Client, scene: &impl Scene, time: f64) -> Result<VerdictMessage> {
     let mut loan = client.loan(time)?;
     scene.write_positions(loan.positions_f32()?);
     let seq = loan.publish()?;
-    match client.wait(seq, DEADLINE)? {
-        Outcome::Verdict(message) => Ok(message.verdict),
-        Outcome::Stale => Ok(Verdict::Stale),
-        Outcome::NoWatcher(how) => Err(Error::Usage(format!("frame {seq}: not verified, {how}"))),
-    }
+    let why = match client.wait(seq, DEADLINE)? {
+        Outcome::Verdict(message) => return Ok(*message),
+        Outcome::Stale => format!("no verdict within {DEADLINE:?}"),
+        Outcome::NoWatcher(how) => how.to_string(),
+    };
+    Err(Error::Usage(format!("frame {seq} is not verified: {why}")))
 }
 
 /// Simulates `frames` frames of `dt` seconds, the first one included, in `steps` time steps each,
@@ -64,7 +83,7 @@ pub fn step_safely<S: Scene>(
     let fewest = steps;
     let (mut steps, mut halvings, mut calm) = (fewest, 0, 0);
     let mut work = Work::default();
-    require_intact(publish(client, &scene, 0.0)?, 0)?;
+    require_intact(publish(client, &scene, 0.0)?.verdict, 0)?;
     let mut frame = 0;
     // Intact states, and the time steps that led to them.
     let mut saved = vec![(scene, 0)];
@@ -72,7 +91,7 @@ pub fn step_safely<S: Scene>(
         let mut next = saved[saved.len() - 1].0.clone();
         next.advance(steps);
         work.most = work.most.max(steps);
-        let verdict = publish(client, &next, (frame + 1) as f64 * f64::from(dt))?;
+        let verdict = publish(client, &next, (frame + 1) as f64 * f64::from(dt))?.verdict;
         if verdict == Verdict::Intact {
             (frame, calm, halvings) = (frame + 1, calm + 1, 0);
             work.kept += steps;
@@ -93,12 +112,10 @@ pub fn step_safely<S: Scene>(
             (steps, halvings) = (2 * steps, halvings + 1);
         } else {
             // The state before it leads nowhere.
-            let Some((_, taken)) = saved.pop_if(|_| frame > 0) else {
-                return Err(stuck(frame));
+            let taken = match saved.pop() {
+                Some((_, taken)) if !saved.is_empty() => taken,
+                _ => return Err(stuck(frame)),
             };
-            if saved.is_empty() {
-                return Err(stuck(frame));
-            }
             (work.kept, work.discarded) = (work.kept - taken, work.discarded + taken);
             (frame, work.retried_frames) = (frame - 1, work.retried_frames + 1);
         }
@@ -107,7 +124,10 @@ pub fn step_safely<S: Scene>(
         // it, so that the next step is verified from there.
         client.resume();
         let state = &saved[saved.len() - 1].0;
-        require_intact(publish(client, state, frame as f64 * f64::from(dt))?, frame)?;
+        require_intact(
+            publish(client, state, frame as f64 * f64::from(dt))?.verdict,
+            frame,
+        )?;
     }
     Ok(work)
 }

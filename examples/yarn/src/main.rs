@@ -180,7 +180,7 @@ fn simulate(args: &Args, client: &mut Client, mut yarn: Yarn, frames: usize) -> 
         if frame > 0 {
             yarn.advance(steps);
         }
-        let verdict = publish(client, &yarn, frame as f64 * f64::from(FRAME_DT))?;
+        let verdict = publish(client, &yarn, frame as f64 * f64::from(FRAME_DT))?.verdict;
         let stretch = yarn.stretch();
         most = most.max(stretch);
         if broken.is_none() && verdict != Verdict::Intact {
