@@ -128,8 +128,12 @@ impl<'a> BarnesHut<'a> {
         }
     }
 
-    /// Returns the sum of a pair with its work, or `None` if a curve has no tree.
+    /// Returns the sum of a pair with its work, or `None` if a curve has no tree. A curve has no
+    /// linking number with itself: the sum would be its writhe.
     fn sum(&self, (i, j): Pair) -> Option<Sum> {
+        if i == j {
+            return None;
+        }
         let tree = |i: u32| self.trees.get(i as usize)?.as_ref();
         let trees = [tree(i)?, tree(j)?];
         let order = self.options.order;
