@@ -5,7 +5,7 @@
 //! pair is closest, from the same side: both curves in a colour of their own, lower strands
 //! interrupted by upper ones.
 //!
-//! Cost: linear in the number of segments. A picture has at most about [`MOST_POINTS`] points per
+//! Cost: linear in the number of segments. A picture has at most about `MOST_POINTS` points per
 //! panel: curves of large models lose detail.
 
 use crate::certificate::Certificate;
