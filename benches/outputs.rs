@@ -25,8 +25,8 @@ fn main() {
     let args: Vec<String> = std::env::args().collect();
     let has = |word: &str| args.iter().any(|a| a == word);
     let measures = has("--bench") && !has("--smoke");
-    let (frames, rounds) = if measures { (400, 3) } else { (20, 1) };
-    handing::measure(frames, rounds);
+    let (handed, rounds) = if measures { (400, 3) } else { (20, 1) };
+    handing::measure(handed, rounds);
     let frames = frames(if measures { 60 } else { 3 });
     let folder = tempfile::tempdir().expect("a folder");
     let recording = folder.path().join("frames.mcap");

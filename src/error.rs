@@ -111,6 +111,9 @@ pub enum Error {
         /// Number of curves of the frame, all of them open.
         curves: usize,
     },
+    /// Braids do not fit the curves, or a frame breaks one of their conditions.
+    #[error("{0}")]
+    Braid(String),
     /// A curve has too few control points for its basis.
     #[error("curve {curve}: {points} control points, but a {kind} curve needs {needed}")]
     CurveTooShort {

@@ -55,6 +55,7 @@
 //! | verification | [`Verifier`] with [`VerifierOptions`], [`Strategy`], [`Events`], [`AbortOn`] |
 //! | findings | [`Report`] with [`Verdict`], [`Change`], [`PullThrough`], [`Defect`], [`Place`] |
 //! | expected topology | [`Certificate`], [`Comparison`], [`Link`] |
+//! | DNA, polymers | [`Ribbon`], [`GaussIntegrals`]: writhe, twist, linking of open curves |
 //! | thickness | [`Thickness`], [`struts`], [`Strut`], [`MinRad`] |
 //! | cost of a frame | [`Stats`], [`Work`], [`Timings`], [`Progress`]; before the run: [`plan`] |
 //! | kernels and devices | [`kernels::Method`], [`kernels::Device`], [`homotopic_polylines`] |
@@ -149,6 +150,8 @@ mod random;
 #[cfg(feature = "mcap")]
 mod report;
 #[cfg(feature = "verify")]
+mod ribbon;
+#[cfg(feature = "verify")]
 pub mod scenes;
 #[cfg(feature = "verify")]
 mod simd;
@@ -189,7 +192,7 @@ pub use curve::{Basis, CurveChange, CurveLabels, Point, Positions, Precision};
 #[cfg(feature = "verify")]
 pub use curve::{Curve, CurveSet, CurveSetBuilder, LongSegment};
 #[cfg(feature = "verify")]
-pub use discretize::{Polylines, chords, homotopic_polylines};
+pub use discretize::{Braid, BraidLoops, Braids, End, Polylines, chords, homotopic_polylines};
 pub use error::{Error, Result};
 #[cfg(feature = "verify")]
 pub use incremental::{Cause, Events, Route, Work};
@@ -201,6 +204,8 @@ pub use pairs::{Partition, Share};
 pub use plan::Plan;
 #[cfg(feature = "mcap")]
 pub use report::{Conclusion, RunReport};
+#[cfg(feature = "verify")]
+pub use ribbon::{Axis, GaussIntegrals, Ribbon};
 #[cfg(feature = "mcap")]
 pub use sinks::{
     Alignment, CurveDiff, Ending, FrameDiff, FramePlace, OnlyIn, Outline, OutlinedVerdict,
@@ -218,8 +223,8 @@ pub use thickness::{
     ClearanceOptions, CloseBlock, CurvePoint, MinRad, Strut, Thickness, close_blocks, struts,
 };
 pub use verdict::{
-    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Link, Place,
-    PullThrough, Report, ReportDifference, Stats, Verdict,
+    AbortOn, Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Link, LoopPair,
+    Place, PullThrough, Report, ReportDifference, Stats, Verdict,
 };
 #[cfg(feature = "verify")]
 pub use verifier::{

@@ -10,12 +10,13 @@ use std::process::{Command, Stdio};
 use support::command::linkwatch;
 use support::trial::trial;
 
-const COMMANDS: [&str; 9] = [
+const COMMANDS: [&str; 10] = [
     "certify",
     "check",
     "sweep",
     "generate",
     "thickness",
+    "writhe",
     "plan",
     "devices",
     "completions",

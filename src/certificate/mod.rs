@@ -127,6 +127,11 @@ impl Certificate {
         self.filtered(|i, j| j.is_none_or(|j| share.owns(i, j)))
     }
 
+    /// Returns the entries of the pairs without a virtual loop, and those of single curves.
+    pub(crate) fn without_loops(&self, loops: &Share) -> Certificate {
+        self.filtered(|i, j| j.is_none_or(|j| !loops.has_loop(i) && !loops.has_loop(j)))
+    }
+
     /// Returns the entries of certificates of the same curves together.
     pub(crate) fn union(all: Vec<&Certificate>) -> Certificate {
         let mut out = Certificate::default();

@@ -1,16 +1,21 @@
 //! `linkwatch certify`: computes the certificates of models.
 
-use super::files::{Content, Files, Overwrite, write_text};
+use super::braid_args::BraidArgs;
+use super::files::{Content, Files, Overwrite, write_text, write_whole};
 use super::input::{self, FormatArgs, Pick};
 use super::kernel::KernelArgs;
+use super::number::{not_negative, positive};
+use super::open;
 use super::output::{self, count, millis, percent, plural, plural_of};
 #[cfg(feature = "lab")]
 use super::repeat;
 use super::{Outcome, output::with_progress};
 use clap::ValueEnum;
 use linkwatch::kernels::{Method, Offload};
+use linkwatch::model::{Format, FrameWriter, ModelFrame};
 use linkwatch::{
-    Certificate, CurveSet, Error, Ladder, Result, Stats, Verifier, homotopic_polylines, picture,
+    BraidLoops, Braids, Certificate, CurveSet, Error, Ladder, Result, Stats, Verifier,
+    VerifierOptions, homotopic_polylines, picture,
 };
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -32,6 +37,16 @@ pub struct Args {
     frame: Option<u64>,
     #[command(flatten)]
     format: FormatArgs,
+    #[command(flatten)]
+    braid_args: BraidArgs,
+    /// Write the ends of the braids that were found in this frame (one model only), for the option
+    /// --braid of other commands
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE)]
+    write_braid: Option<PathBuf>,
+    /// Write the curves of the braids as virtual closed loops to a model file (one model only), to
+    /// look at them
+    #[arg(long, value_name = "FILE", help_heading = super::WRITE, hide_short_help = true)]
+    write_loops: Option<PathBuf>,
     /// Write the certificate to a file (one model only) instead of stdout
     #[arg(short, long, value_name = "CERT", help_heading = super::WRITE)]
     output: Option<PathBuf>,
@@ -56,18 +71,37 @@ pub struct Args {
         conflicts_with_all = ["discretize", "method"]
     )]
     noise: Option<f64>,
+    /// Print the Gauss linking integral of every pair of polylines, open or closed, as
+    /// `i,j,integral,bound`: real numbers with a proven bound, never rounded
+    #[arg(
+        long,
+        conflicts_with_all = ["discretize", "method", "noise", "output", "svg"]
+    )]
+    open: bool,
+    /// Error bound of --open to reach, if possible
+    #[arg(
+        long, value_name = "BOUND", default_value_t = 1e-6, value_parser = positive,
+        requires = "open"
+    )]
+    tolerance: f64,
+    /// Skip the pairs of --open whose integral is smaller than this in size
+    #[arg(
+        long, value_name = "SIZE", default_value_t = 0.0, value_parser = not_negative,
+        requires = "open"
+    )]
+    at_least: f64,
     #[cfg(feature = "lab")]
     /// Certify each model N times and print the median times of all stages, not the certificate
     #[arg(
         long, value_name = "N", help_heading = super::KERNELS, hide_short_help = true,
         value_parser = clap::value_parser!(u32).range(1..),
-        conflicts_with_all = ["discretize", "method", "noise", "output", "svg"]
+        conflicts_with_all = ["discretize", "method", "noise", "output", "open", "svg"]
     )]
     repeat: Option<u32>,
 }
 
 /// Method that converts splines to polylines.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ValueEnum)]
 enum Discretize {
     /// Each pair separately, only where its curves come close
     #[default]
@@ -78,6 +112,8 @@ enum Discretize {
 
 /// A model with its certificate.
 struct Certified {
+    /// Braids with their ends.
+    braids: Option<Braids>,
     /// Number of the frame, if the file may have several.
     frame: Option<u64>,
     set: CurveSet,
@@ -100,13 +136,22 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         name += &format!(", frame {number}");
     }
     let start = std::time::Instant::now();
-    let mut verifier = Verifier::new(args.kernel.options()?)?;
+    let braids = args.braid_args.braids(None)?;
+    let mut verifier = Verifier::new(VerifierOptions {
+        braids: braids.clone(),
+        ..args.kernel.options()?
+    })?;
     let (certificate, stats) =
         with_progress(&name, verifier.progress(), || match args.discretize {
             _ if args.noise.is_some() => {
                 let (certificate, stats) =
                     verifier.certify_noisy(&set, args.noise.unwrap_or(0.0))?;
                 Ok((certificate.clone(), stats))
+            }
+            _ if braids.is_some() => {
+                let stats = verifier.step(0, 0.0, &set)?.stats;
+                let certificate = verifier.baseline().cloned().unwrap_or_default();
+                Ok((certificate, stats))
             }
             Discretize::Pair => {
                 let (certificate, stats) = verifier.certify(&set);
@@ -145,6 +190,7 @@ fn certify(path: &Path, args: &Args) -> Result<Certified> {
         }
     }
     Ok(Certified {
+        braids: verifier.braids(),
         frame: picked.number,
         set,
         certificate,
@@ -164,11 +210,38 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             models.len()
         )));
     }
+    let braids = args.braid_args.are_given();
+    if braids && (args.noise.is_some() || args.discretize == Discretize::Algorithm3) {
+        let what = "--braid excludes --noise and --discretize: loops are verified pair by pair";
+        return Err(linkwatch::Error::Usage(what.into()));
+    }
+    if args.write_loops.is_some() && (models.len() > 1 || !braids) {
+        let what = "--write-loops writes the loops of one model, with --braid";
+        return Err(linkwatch::Error::Usage(what.into()));
+    }
+    if args.write_braid.is_some() && (models.len() > 1 || !braids) {
+        let what = "--write-braid writes the ends of one model, with --braid";
+        return Err(linkwatch::Error::Usage(what.into()));
+    }
     let mut files = Files::new(args.overwrite);
+    args.braid_args
+        .file()
+        .into_iter()
+        .for_each(|path| files.reads(path));
+    if let Some(file) = &args.write_braid {
+        files.writes("--write-braid", file, Content::Text)?;
+    }
     let inputs = models.iter().chain(args.format.files());
     inputs.for_each(|path| files.reads(path));
     if let Some(file) = &args.output {
         files.writes("-o", file, Content::Text)?;
+    }
+    if let Some(file) = &args.write_loops {
+        if FrameWriter::companion(file, Format::of(file)?).is_some() {
+            let what = "--write-loops writes one file; a LAMMPS dump has two: name it .npz, say";
+            return Err(linkwatch::Error::Usage(what.into()));
+        }
+        files.writes("--write-loops", file, Content::Model)?;
     }
     let pictures = pictures(args, &models, &mut files)?;
     let asked_to_sum = !matches!(args.kernel.method, Method::Auto | Method::Crossings);
@@ -178,6 +251,13 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         #[cfg(feature = "lab")]
         if let Some(n) = args.repeat {
             outcome = outcome.max(repeat::run(path, n, &args.kernel.device, json)?);
+            continue;
+        }
+        if args.open {
+            let pick = args.frame.map_or(Pick::First, Pick::Number);
+            let set = input::read_frame(path, &args.format, pick)?.curves;
+            let (tolerance, least) = (args.tolerance, args.at_least);
+            outcome = outcome.max(open::print(path, &set, tolerance, least, json)?);
             continue;
         }
         let c = match certify(path, args) {
@@ -240,6 +320,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
                 "ladder": c.ladder,
                 "ms": c.took.as_secs_f64() * 1e3,
             }));
+        }
+        if let (Some(file), Some(braids)) = (&args.write_braid, &c.braids) {
+            write_text(file, args.overwrite, &(braids.to_json() + "\n"))?;
+            tracing::info!("{}: written", file.display());
+        }
+        if let (Some(file), Some(braids)) = (&args.write_loops, &c.braids) {
+            write_loops(file, args.overwrite, braids, &c.set)?;
+            tracing::info!("{}: written", file.display());
         }
         match &args.output {
             Some(file) => {
@@ -307,6 +395,20 @@ fn pictures(args: &Args, models: &[PathBuf], files: &mut Files) -> Result<Vec<Pa
         names.push(file);
     }
     Ok(names)
+}
+
+/// Writes the curves of a frame with the virtual loops of its braids.
+fn write_loops(file: &Path, overwrite: Overwrite, braids: &Braids, set: &CurveSet) -> Result<()> {
+    let mut curves = None;
+    BraidLoops::new(braids, set)?.write(set, &mut curves)?;
+    let Some(curves) = curves else {
+        return Ok(());
+    };
+    write_whole(file, overwrite, |part| {
+        let mut writer = FrameWriter::create(part, Format::of(file)?)?;
+        writer.frame(&ModelFrame::new(0, Ok(curves)))?;
+        writer.finish()
+    })
 }
 
 /// Formats a number with two digits.

@@ -1,6 +1,7 @@
 //! `linkwatch check`: compares models with a certificate, or with the first of them.
 
 use super::Outcome;
+use super::braid_args::BraidArgs;
 use super::clearance_args::ClearanceArgs;
 use super::event_args::EventArgs;
 use super::files::{Content, write_text};
@@ -35,6 +36,8 @@ pub struct Args {
     against: Option<Baseline>,
     #[command(flatten)]
     event_args: EventArgs,
+    #[command(flatten)]
+    braid_args: BraidArgs,
     /// Stop at the first change of a model, the most suspect pairs first
     #[arg(
         long, conflicts_with_all = ["events", "with_self", "method"],
@@ -72,6 +75,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         abort_on: Some(AbortOn::Never),
         event_args: args.event_args,
         clearance_args: ClearanceArgs::default(),
+        braid_args: args.braid_args.clone(),
         kernel: args.kernel.clone(),
         paranoid: false,
         // The models are files of the user, and no simulator runs on.
@@ -103,6 +107,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         baseline: None,
         recorded_events: None,
         recorded_clearance: None,
+        recorded_braids: None,
         title: &title,
         metadata: BTreeMap::from([("models".to_owned(), models.len().to_string())]),
         overflow: Overflow::WaitForProgress(PATIENCE),
@@ -173,10 +178,11 @@ fn nothing_to_compare() -> Error {
     Error::Usage(why.into())
 }
 
-/// Returns true if a model has no closed curve.
+/// Returns true if a model has no closed curve, or not the braids.
 fn is_nothing_closed(e: &Error) -> bool {
     match e {
         Error::InFile { source, .. } => is_nothing_closed(source),
+        Error::Braid(_) => true,
         e => matches!(e, Error::NothingClosed { .. }),
     }
 }

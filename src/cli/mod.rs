@@ -1,6 +1,7 @@
 //! The command line, one file per subcommand. It uses only the public API of the library, by the
 //! name `linkwatch`, although it is a module of it.
 
+mod braid_args;
 mod certify;
 mod check;
 mod clearance_args;
@@ -21,6 +22,7 @@ mod metrics;
 #[path = "no_metrics.rs"]
 mod metrics;
 mod number;
+mod open;
 mod order;
 mod output;
 mod plan;
@@ -51,6 +53,7 @@ mod sweep;
 mod thickness;
 #[cfg(feature = "bus")]
 mod watch;
+mod writhe;
 
 use clap::{ArgAction, Parser, Subcommand};
 use linkwatch::{Error, Result, Verdict};
@@ -123,6 +126,7 @@ enum Command {
     Sweep(sweep::Args),
     Generate(generate::Args),
     Thickness(thickness::Args),
+    Writhe(writhe::Args),
     Plan(plan::Args),
     Devices(devices::Args),
     Study(study::Args),
@@ -221,6 +225,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Plan(args) => plan::run(args, cli.json),
         Command::Sweep(args) => sweep::run(args, cli.json),
         Command::Thickness(args) => thickness::run(args, cli.json),
+        Command::Writhe(args) => writhe::run(args, cli.json),
         Command::Study(args) => study::run(args, cli.json),
         #[cfg(feature = "bus")]
         Command::Watch(args) => watch::run(args, cli.json),

@@ -11,6 +11,14 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Parses a number of at least 0.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(x) if f64::is_finite(x) && x >= 0.0 => Ok(x),
+        _ => Err("expected a number of at least 0".into()),
+    }
+}
+
 /// Parses a number of segments, possibly written as `2e5`.
 #[cfg(feature = "lab")]
 pub fn segments(text: &str) -> Result<u64, String> {

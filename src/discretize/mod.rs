@@ -12,7 +12,10 @@
 //!   The resulting polylines can be used independently of the splines.
 //!
 //! Polylines need no discretization.
+//!
+//! [`Braids`]: open curves between two rigid ends become virtual closed loops.
 
+mod braid;
 mod chords;
 mod global;
 mod halving;
@@ -20,6 +23,7 @@ mod hulls;
 mod pair;
 mod pieces;
 
+pub use braid::{Braid, BraidLoops, Braids, End};
 pub use chords::chords;
 pub use global::{Polylines, homotopic_polylines};
 pub(crate) use halving::{Halving, Splits};

@@ -62,7 +62,7 @@ pub use gpu_use::Offload;
 pub(crate) use gpu_use::{GpuUse, Offer};
 pub use method::{Accuracy, Method};
 pub use sums::Estimate;
-pub(crate) use sums::Summation;
+pub(crate) use sums::{Chain, Summation};
 
 use crate::verdict::{DefectKind, Place};
 

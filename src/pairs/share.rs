@@ -124,6 +124,7 @@ impl Partition {
         Share {
             partition: self.clone(),
             shard,
+            loops: None,
         }
     }
 
@@ -218,9 +219,32 @@ impl Bisection<'_> {
 pub struct Share {
     partition: Partition,
     shard: usize,
+    /// The curve that follows in the virtual loop of each curve, `u32::MAX` without a loop: only
+    /// pairs with a loop are verified, except loops that share a curve.
+    loops: Option<Arc<[u32]>>,
 }
 
 impl Share {
+    /// Returns the share of the pairs with at least one virtual loop of a braid, without pairs of
+    /// loops that share a curve. `next` has the other curve of the loop of each curve, `u32::MAX`
+    /// if it has none.
+    pub(crate) fn of_loops(next: Arc<[u32]>) -> Share {
+        Share {
+            partition: Partition {
+                keys: vec![0; next.len()].into(),
+                shards: 1,
+            },
+            shard: 0,
+            loops: Some(next),
+        }
+    }
+
+    /// Returns true if a curve stands for a virtual loop.
+    pub(crate) fn has_loop(&self, i: u32) -> bool {
+        let next = self.loops.as_deref().unwrap_or_default();
+        next.get(i as usize).is_some_and(|&j| j != u32::MAX)
+    }
+
     /// Returns the partition of all pairs.
     pub fn partition(&self) -> &Partition {
         &self.partition
@@ -233,6 +257,11 @@ impl Share {
 
     /// Returns true if the share has this pair; with `i == j`, this curve.
     pub fn owns(&self, i: u32, j: u32) -> bool {
+        if let Some(next) = &self.loops {
+            let [after_i, after_j] = [i, j].map(|i| next[i as usize]);
+            let with_loop = after_i != u32::MAX || after_j != u32::MAX;
+            return with_loop && after_i != j && after_j != i;
+        }
         self.partition.owner(i, j) == self.shard
     }
 
@@ -241,6 +270,7 @@ impl Share {
         Share {
             partition: self.partition.with_curves(origins),
             shard: self.shard,
+            loops: self.loops.clone(),
         }
     }
 

@@ -5,7 +5,7 @@
 //! pair is closest, from the same side: both curves in a colour of their own, lower strands
 //! interrupted by upper ones.
 //!
-//! Cost: linear in the number of segments. A picture has at most about [`MOST_POINTS`] points per
+//! Cost: linear in the number of segments. A picture has at most about `MOST_POINTS` points per
 //! panel: curves of large models lose detail.
 
 use crate::certificate::Certificate;
@@ -141,7 +141,8 @@ impl View {
     }
 }
 
-/// Points of a curve in pixels, no closer than the spacing, with those that `shown` refuses as gaps.
+/// Points of a curve in pixels, no closer than the spacing, with those that `shown` refuses as
+/// gaps.
 fn pieces(
     set: &CurveSet,
     view: &View,

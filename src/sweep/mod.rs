@@ -9,9 +9,9 @@
 //!     └──────────┴─────────┴─────────  linking numbers of each step and of the original
 //! ```
 //!
-//! Each step is compared with the original. A large reduction may make several errors that cancel in
-//! the linking numbers. So the pull-throughs of the straight motion from each step to the next are
-//! searched for, too; a step after a pull-through is not intact, whatever its linking numbers.
+//! Each step is compared with the original. A large reduction may make several errors that cancel
+//! in the linking numbers. So the pull-throughs of the straight motion from each step to the next
+//! are searched for, too; a step after a pull-through is not intact, whatever its linking numbers.
 //!
 //! Steps of a resampling differ in their numbers of points. Both curves of such a motion are cut
 //! into the same pieces, and the points at equal shares of their lengths belong together.
@@ -19,8 +19,8 @@
 //! Cost: a verification per step; a step of a resampling takes three, one of them with a search for
 //! pull-throughs. Memory: two steps.
 //!
-//! Limits: nothing is known about reductions between two steps. Pull-throughs in motions longer than
-//! [`VerifierOptions::motion_limit`] that cancel are undecided; smaller steps decide them.
+//! Limits: nothing is known about reductions between two steps. Pull-throughs in motions longer
+//! than [`VerifierOptions::motion_limit`] that cancel are undecided; smaller steps decide them.
 
 mod along;
 mod plot;
@@ -95,7 +95,8 @@ pub struct SweepStep {
     /// The reduced curves.
     pub curves: CurveSet,
     /// Verdict on the reduction: changed if a linking number differs from that of the original, or
-    /// if a curve was pulled through another one in any step so far. Undecided if neither is proven.
+    /// if a curve was pulled through another one in any step so far. Undecided if neither is
+    /// proven.
     pub verdict: Verdict,
     /// Findings of this step: linking numbers that differ from those of the original, and the
     /// pull-throughs since the previous step. Segments are those of the reduced curves.

@@ -7,11 +7,12 @@ use crate::error::{Error, Result};
 pub const MOST_BITS: u32 = 52;
 
 /// Rounds all control points to a grid of 2^`bits` cells along each axis of their bounding box, as
-/// a file of `bits` bits per coordinate does. Each coordinate becomes the middle of its cell, in the
-/// precision of the curves.
+/// a file of `bits` bits per coordinate does. Each coordinate becomes the middle of its cell, in
+/// the precision of the curves.
 ///
-/// A coordinate moves by at most half a cell, and by the rounding to the precision: single precision
-/// has 24 bits, so that finer grids hardly move it. An axis along which all points agree is kept.
+/// A coordinate moves by at most half a cell, and by the rounding to the precision: single
+/// precision has 24 bits, so that finer grids hardly move it. An axis along which all points agree
+/// is kept.
 ///
 /// ```
 /// use linkwatch::scenes::Scene;

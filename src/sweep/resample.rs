@@ -10,10 +10,10 @@ use crate::error::{Error, Result};
 /// and in the same basis.
 ///
 /// Knots of the new curves lie on the old ones: Catmull-Rom curves take them as control points, the
-/// control points of B-splines are solved for (the interpolating spline), and Bezier curves have the
-/// tangents of the old ones in their knots, so that a corner becomes round. Open curves keep their
-/// ends, and splines the directions there. A share of 1 keeps the numbers of points, but not the
-/// points: it is a reparameterization.
+/// control points of B-splines are solved for (the interpolating spline), and Bezier curves have
+/// the tangents of the old ones in their knots, so that a corner becomes round. Open curves keep
+/// their ends, and splines the directions there. A share of 1 keeps the numbers of points, but not
+/// the points: it is a reparameterization.
 ///
 /// Cost: linear in the number of points. Distances are measured along 16 chords per spline segment.
 ///
@@ -26,8 +26,8 @@ use crate::error::{Error, Result};
 /// # Ok::<(), linkwatch::Error>(())
 /// ```
 ///
-/// Errors: [`Error::Usage`] if the share is not in (0, 1], if too few points of a curve are left for
-/// its basis, or if its length is not finite.
+/// Errors: [`Error::Usage`] if the share is not in (0, 1], if too few points of a curve are left
+/// for its basis, or if its length is not finite.
 pub fn resample(set: &CurveSet, share: f64) -> Result<CurveSet> {
     check(set, share)?;
     let mut counts = Vec::with_capacity(set.len());

@@ -40,6 +40,18 @@ impl ChangeKind {
     }
 }
 
+/// A pair of curves of a finding, at least one of which stands for a virtual loop.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct LoopPair {
+    /// First and second curve, as in the finding ([`Change::i`]).
+    pub curves: [u32; 2],
+    /// Other curve of each loop; `None` for a closed curve.
+    pub partners: [Option<u32>; 2],
+    /// Curve and segment of each loop at which the two are closest. `None` on a virtual
+    /// connection.
+    pub nearest: [Option<[u32; 2]>; 2],
+}
+
 /// A linking number that differs from the expected one.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Change {

@@ -1,8 +1,8 @@
 //! Messages about verdicts, which the command, the log and the viewer print.
 
 use super::{
-    Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, Place, PullThrough, Report,
-    Verdict,
+    Change, ChangeKind, Clearance, CloseStrands, Defect, DefectKind, LoopPair, Place, PullThrough,
+    Report, Verdict,
 };
 use crate::curve::{Notation, significant, words_of_change, words_of_curve};
 use std::fmt;
@@ -36,13 +36,17 @@ impl Change {
         self.sentence_named(extent, &[])
     }
 
-    /// Returns the change in a few words: "curves 3 and 4 came apart".
-    pub(crate) fn words(&self, names: &[String]) -> String {
-        let what = match self.kind() {
+    fn what(&self) -> &'static str {
+        match self.kind() {
             ChangeKind::Lost => "came apart",
             ChangeKind::Gained => "became linked",
             ChangeKind::Changed => "changed their link",
-        };
+        }
+    }
+
+    /// Returns the change in a few words: "curves 3 and 4 came apart".
+    pub(crate) fn words(&self, names: &[String]) -> String {
+        let what = self.what();
         let [i, j] = [self.i, self.j].map(|curve| words_of_curve(curve, names));
         format!("curves {i} and {j} {what}")
     }
@@ -66,6 +70,52 @@ impl Change {
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.sentence(0.0))
+    }
+}
+
+impl LoopPair {
+    /// Returns the loops in words: "the virtual loops of curves 0 + 1 and 2 + 3".
+    fn words(&self, names: &[String]) -> String {
+        let side = |k: usize| {
+            let first = words_of_curve(self.curves[k], names);
+            match self.partners[k] {
+                Some(j) => format!(
+                    "the virtual loop of curves {first} + {}",
+                    words_of_curve(j, names)
+                ),
+                None => format!("curve {first}"),
+            }
+        };
+        format!("{} and {}", side(0), side(1))
+    }
+
+    /// Returns the place of closest approach in words, on the real curves.
+    fn place(&self, place: &Place, extent: f64, names: &[String]) -> String {
+        let notation = Notation::of_scene(extent, place.point);
+        let side = |k: usize| match self.nearest[k] {
+            Some([curve, s]) => format!("segment {s} of curve {}", words_of_curve(curve, names)),
+            None => "a virtual connection".into(),
+        };
+        let (point, distance) = (notation.point(place.point), notation.length(place.distance));
+        format!(
+            "near {point}, {} and {}, {distance} apart",
+            side(0),
+            side(1)
+        )
+    }
+
+    /// Returns the sentence for a change.
+    fn change(&self, change: &Change, extent: f64, names: &[String]) -> String {
+        let numbers = format!(
+            "linking number was {}, is {}",
+            change.expected, change.found
+        );
+        let mut text = format!("{} {}: {numbers}", self.words(names), change.what());
+        if let Some(place) = &change.place {
+            text += ", ";
+            text += &self.place(place, extent, names);
+        }
+        text
     }
 }
 
@@ -309,7 +359,10 @@ impl Report {
     pub fn findings_named<'a>(&'a self, names: &'a [String]) -> impl Iterator<Item = String> + 'a {
         let extent = self.stats.extent;
         let changes = self.changes.iter();
-        let changes = changes.map(move |c| c.sentence_named(extent, names));
+        let changes = changes.map(move |c| match self.loops_of(c.i, Some(c.j)) {
+            Some(pair) => pair.change(c, extent, names),
+            None => c.sentence_named(extent, names),
+        });
         let events = self
             .events
             .iter()
@@ -322,9 +375,22 @@ impl Report {
         changes.chain(events).chain(defects).chain(unresolved)
     }
 
+    /// Returns the curves of a finding about virtual loops.
+    fn loops_of(&self, i: u32, j: Option<u32>) -> Option<&LoopPair> {
+        let key = [i, j?];
+        let at = self.loops.binary_search_by_key(&key, |p| p.curves);
+        at.ok().map(|at| &self.loops[at])
+    }
+
     /// Returns the sentence for a defect.
     pub(crate) fn defect(&self, defect: &Defect, names: &[String]) -> String {
-        let sentence = defect.sentence_named(self.stats.extent, names);
+        let sentence = match self.loops_of(defect.i, defect.j) {
+            Some(pair) => {
+                let place = pair.place(&defect.place, self.stats.extent, names);
+                format!("{} {}, {place}", pair.words(names), defect.kind.words())
+            }
+            None => defect.sentence_named(self.stats.extent, names),
+        };
         if defect.kind != DefectKind::NoBaseline {
             return sentence;
         }

@@ -7,7 +7,7 @@ mod message;
 mod policy;
 mod pull_through;
 
-pub use change::{Change, ChangeKind, Link};
+pub use change::{Change, ChangeKind, Link, LoopPair};
 pub use clearance::{Clearance, CloseStrands};
 pub use difference::ReportDifference;
 #[cfg(feature = "mcap")]
@@ -303,6 +303,10 @@ pub struct Report {
     /// ([`Verifier::resume`](crate::Verifier::resume)).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
+    /// The real curves of findings about virtual loops of braids
+    /// ([`VerifierOptions::braids`](crate::VerifierOptions::braids)), sorted by pair.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub loops: Vec<LoopPair>,
     /// Reason why the frame was rejected.
     pub rejected: Option<String>,
     /// Work counters.
@@ -347,6 +351,7 @@ impl Report {
             appeared: Vec::new(),
             gone: Vec::new(),
             missing: Vec::new(),
+            loops: Vec::new(),
             rejected: None,
             stats: Stats::default(),
         }

@@ -61,6 +61,12 @@ impl FullRun {
         full
     }
 
+    /// Shows the progress of this run, and obeys a request to end it, through another one's.
+    pub fn share_progress(&mut self, progress: Arc<Progress>) {
+        self.search.limit_to(progress.limit.clone());
+        self.progress = progress;
+    }
+
     /// Computes only the pairs of a share from now on, or all pairs.
     pub fn set_share(&mut self, share: Option<Share>) {
         self.search.set_share(share);

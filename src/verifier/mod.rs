@@ -4,6 +4,7 @@
 //! and tests use it alike.
 
 mod bisect;
+mod braided;
 mod full;
 mod intactness;
 mod ladder;
@@ -20,6 +21,7 @@ pub use ladder::Ladder;
 pub use options::{Strategy, VerifierOptions};
 pub use shards::{Joiner, Part};
 
+use self::braided::{Braided, Found};
 use self::full::{FullRun, sizes};
 use self::routing::Routing;
 use self::steps::{LinkingNumbers, Steps};
@@ -128,6 +130,12 @@ pub struct Verifier {
     unknown_step: Option<String>,
     /// Pairs of curves that are verified; `None`: all.
     share: Option<Share>,
+    /// Options with braids, until the first frame.
+    with_braids: Option<Box<VerifierOptions>>,
+    /// Loops of the braids, from the first frame on.
+    braided: Option<Braided>,
+    /// Expected linking numbers, those of loops included, if there are braids.
+    joined: Option<Certificate>,
     /// Measures the clearance; `None` if nobody asked for it, or it failed.
     clearance: Option<ClearanceMonitor>,
     /// Reason why the clearance is not measured, although somebody asked for it.
@@ -182,6 +190,8 @@ impl Verifier {
     /// Creates a verifier whose kernels run on an adapter that is open already.
     pub(crate) fn with_gpu(options: VerifierOptions, gpu: GpuUse) -> Self {
         let full = FullRun::new((options.kernel, options.accuracy), gpu);
+        let with_braids = options.braids.is_some();
+        let with_braids = with_braids.then(|| Box::new(options.clone()));
         let limit = options
             .motion_limit
             .unwrap_or(VerifierOptions::MOTION_LIMIT);
@@ -203,6 +213,9 @@ impl Verifier {
             baseline_changed: true,
             unknown_step: None,
             share: None,
+            with_braids,
+            braided: None,
+            joined: None,
             clearance: options.clearance.map(ClearanceMonitor::new),
             unmeasured: None,
             extent: None,
@@ -221,6 +234,10 @@ impl Verifier {
     pub fn verify_share(&mut self, share: Share) -> Result<()> {
         if self.clearance.is_some() {
             let what = "clearance is measured of all pairs of curves, not of a share";
+            return Err(Error::Usage(what.into()));
+        }
+        if self.with_braids.is_some() || self.braided.is_some() {
+            let what = "the pairs of braids cannot be shared among several verifiers";
             return Err(Error::Usage(what.into()));
         }
         let curves = share.partition().curves();
@@ -307,14 +324,14 @@ impl Verifier {
 
     /// Returns the baseline, or `None` before the first frame.
     pub fn baseline(&self) -> Option<&Certificate> {
-        self.baseline.as_ref()
+        self.joined.as_ref().or(self.baseline.as_ref())
     }
 
     /// Returns the baseline, if it changed since the last call. Call this after a frame that was
     /// not rejected.
     pub fn take_changed_baseline(&mut self) -> Option<&Certificate> {
         let changed = std::mem::take(&mut self.baseline_changed);
-        self.baseline.as_ref().filter(|_| changed)
+        self.baseline().filter(|_| changed)
     }
 
     /// Returns what is known about the last intact frame.
@@ -480,6 +497,9 @@ impl Verifier {
         self.previous = None;
         self.unknown_step = None;
         self.steps.forget();
+        if let Some(braided) = &mut self.braided {
+            braided.inner.cut();
+        }
         if let Some(clearance) = &mut self.clearance {
             clearance.forget();
         }
@@ -490,7 +510,19 @@ impl Verifier {
     pub fn restart(&mut self, baseline: Certificate) {
         self.cut();
         self.steps.restart();
-        self.baseline = Some(baseline);
+        match &mut self.braided {
+            Some(braided) => {
+                braided.restart(&baseline);
+                self.baseline = Some(braided.without_loops(&baseline));
+                self.joined = Some(baseline);
+            }
+            None => {
+                if let Some(options) = &mut self.with_braids {
+                    options.baseline = Some(baseline.clone());
+                }
+                self.baseline = Some(baseline);
+            }
+        }
         self.baseline_changed = true;
         self.change = None;
         self.appeared.clear();
@@ -534,6 +566,10 @@ impl Verifier {
         let Some(change) = self.change.take() else {
             return Ok(());
         };
+        if self.with_braids.is_some() || self.braided.is_some() {
+            let what = "curves appeared or are gone, but braids need the same curves in all frames";
+            return Err(Error::Braid(what.into()));
+        }
         let origins = change.origins();
         if origins.len() != set.len() {
             return Err(Error::Count {
@@ -599,7 +635,13 @@ impl Verifier {
                 available: set.len() as u64,
             });
         }
-        let closed = set.open_curves() < set.len();
+        if let Some(options) = &self.with_braids {
+            let braided = Braided::new(set, options, self)?;
+            self.baseline = self.baseline.take().map(|b| braided.without_loops(&b));
+            self.braided = Some(braided);
+            self.with_braids = None;
+        }
+        let closed = set.open_curves() < set.len() || self.braided.is_some();
         if !closed && self.steps.events() == Events::Off {
             return Err(Error::NothingClosed { curves: set.len() });
         }
@@ -629,8 +671,11 @@ impl Verifier {
         self.full.progress.check()?;
         let extent = *self.extent.get_or_insert_with(|| set.extent());
         let [appeared, gone] = std::mem::take(&mut self.unreported);
-        let missing: Vec<String> = self.unknown_step.take().into_iter().collect();
+        let mut missing: Vec<String> = self.unknown_step.take().into_iter().collect();
         let unknown = !missing.is_empty();
+        let loops = self.verify_loops((seq, time), set, &mut missing)?;
+        // A curve may have passed a virtual connection.
+        let unknown = unknown || self.braided.is_some() && loops.is_none();
         let mut report = Report {
             changes: comparison.changes.clone(),
             events,
@@ -645,10 +690,16 @@ impl Verifier {
             clearance: self.measure_clearance(seq, set),
             ..Report::new(seq, time, Verdict::Intact)
         };
+        if let Some(loops) = loops {
+            self.add_loops(&mut report, loops);
+        }
+        if let Some(braided) = &self.braided {
+            report.stats.open_curves = braided.open_curves(set);
+        }
         report.verdict = report.verdict_of_findings();
         self.steps.conclude(&mut report, unknown);
         // Curves that have touched since the baseline do not ask the simulator to stop.
-        let baseline = self.baseline.as_ref();
+        let baseline = self.baseline();
         let expected = |d: &Defect| {
             baseline.is_some_and(|b| b.lacks(d.i, d.j)) || self.steps.touch_from_the_start(d.i, d.j)
         };
@@ -656,6 +707,84 @@ impl Verifier {
         self.full.timings.total = start.elapsed();
         self.step_from = self.previous.replace(seq);
         Ok((report, linking))
+    }
+
+    /// Verifies the loops of the braids, if there are any. If the frame breaks one of their
+    /// conditions, adds that to `missing`.
+    fn verify_loops(
+        &mut self,
+        (seq, time): (u64, f64),
+        set: &CurveSet,
+        missing: &mut Vec<String>,
+    ) -> Result<Option<Found>> {
+        let Some(braided) = &mut self.braided else {
+            return Ok(None);
+        };
+        let first = self.joined.is_none();
+        let found = match braided.step(seq, time, set) {
+            Ok(found) => Some(found),
+            Err(Error::Braid(why)) if !first => {
+                missing.push(format!("braids are not verified: {why}"));
+                None
+            }
+            Err(e) => return Err(e),
+        };
+        let outer = self.baseline.as_ref();
+        let changed = self.baseline_changed | braided.inner.baseline_changed;
+        if found.is_some() && (changed || first) {
+            braided.inner.baseline_changed = false;
+            self.baseline_changed = true;
+            self.joined = outer.map(|outer| braided.joined(outer));
+        }
+        Ok(found)
+    }
+
+    /// Adds the findings about loops to a report.
+    fn add_loops(&mut self, report: &mut Report, found: Found) {
+        let Found {
+            report: of_loops,
+            pairs,
+        } = found;
+        report.changes.extend(of_loops.changes);
+        report.changes.sort_by_key(|c| (c.i, c.j));
+        report.defects.extend(of_loops.defects);
+        report.defects.sort_by_key(|d| (d.i, d.j));
+        report.adopted.extend(of_loops.adopted);
+        report.adopted.sort_by_key(|l| (l.i, l.j));
+        report.loops = pairs;
+        report.loops.sort_by_key(|p| p.curves);
+        let Stats {
+            curves,
+            segments,
+            open_curves,
+            extent,
+            ..
+        } = report.stats;
+        report.stats.add(&of_loops.stats);
+        report.stats = Stats {
+            curves,
+            segments,
+            open_curves,
+            extent,
+            ..report.stats
+        };
+        let Some(Braided { inner, .. }) = &self.braided else {
+            return;
+        };
+        let (timings, work) = (inner.timings(), inner.work());
+        let own = &mut self.full.timings;
+        own.boxes += timings.boxes;
+        own.pairs += timings.pairs;
+        own.links += timings.links;
+        self.work.recomputed += work.recomputed;
+        self.work.searched += work.searched;
+        self.work.summed += work.summed;
+        self.work.disagreed |= work.disagreed;
+        self.work.route = match [self.work.route, work.route] {
+            [Route::Full, _] | [_, Route::Full] => Route::Full,
+            [Route::Partial, _] | [_, Route::Partial] => Route::Partial,
+            _ => Route::Quiet,
+        };
     }
 
     /// Measures the clearance of a frame. If that fails, no later frame is measured.

@@ -1,6 +1,7 @@
 //! Options of a verifier, and the check that they fit together.
 
 use crate::certificate::Certificate;
+use crate::discretize::Braids;
 use crate::error::{Error, Result};
 use crate::incremental::{Events, MOTION_LIMIT};
 use crate::kernels::{Accuracy, Device, Method};
@@ -56,6 +57,16 @@ pub struct VerifierOptions {
     ///
     /// [`Report::clearance`]: crate::Report::clearance
     pub clearance: Option<ClearanceOptions>,
+    /// Open curves between two rigid ends, which are verified as virtual closed loops: see
+    /// [`Braids`]. `None`, the default: open curves have no linking numbers.
+    ///
+    /// The linking number of the pair `i, j` is that of the loops of the curves `i` and `j`, each
+    /// with the next curve of its braid ([`Report::loops`](crate::Report::loops)). If a frame
+    /// breaks a condition of the braids (a curve enters an end, an end is not rigid, ends overlap),
+    /// it is not intact, and [`Report::missing`](crate::Report::missing) tells why. The curves must
+    /// be the same in all frames. Certificates of other runs
+    /// ([`VerifierOptions::baseline`]) must have been made with the same ends.
+    pub braids: Option<Braids>,
     /// Maximum number of pairs of curves whose boxes overlap, in a frame or in the motion since the
     /// previous one. A frame with more is not verified ([`Error::TooManyPairs`]), because the
     /// memory for them, up to 200 bytes each, may not be there. The default is
@@ -125,6 +136,7 @@ impl Default for VerifierOptions {
             events: Events::default(),
             motion_limit: None,
             clearance: None,
+            braids: None,
             max_pairs: VerifierOptions::MAX_PAIRS,
             kernel: Method::default(),
             accuracy: Accuracy::default(),

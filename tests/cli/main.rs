@@ -10,6 +10,7 @@ mod sequences;
 mod support;
 mod sweep;
 mod viewer;
+mod writhe;
 
 use linkwatch::{Basis, CurveSet, Positions, model};
 use std::path::{Path, PathBuf};

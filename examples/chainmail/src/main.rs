@@ -8,9 +8,7 @@
 //! `run` and `simulate` contain all calls of linkwatch: open, describe, loan, publish, poll,
 //! finish.
 
-mod picture;
 mod scene;
-mod sidecar;
 
 use clap::Parser;
 use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Outcome, Precision, Result};
@@ -22,6 +20,9 @@ use std::time::{Duration, Instant};
 
 /// Time limit of the verdict on a frame in lockstep.
 const DEADLINE: Duration = Duration::from_secs(10);
+
+/// Half the width of the picture, in units of the simulation: a flat ring has the radius 1.
+const REACH: f64 = 4.0;
 
 /// Drops a sheet of chainmail into a box, with time steps that are too large.
 #[derive(Debug, Parser)]
@@ -83,9 +84,10 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<ExitCode> {
+    let recording = args.out.join("chainmail.mcap");
     let mut sidecar = match args.no_sidecar {
         true => None,
-        false => Some(Sidecar::start(&args.service, &args.out)?),
+        false => Some(Sidecar::start(&args.service, &recording, &[])?),
     };
     let options = match args.lockstep {
         true => ClientOptions::lockstep(),
@@ -121,7 +123,17 @@ fn run(args: &Args) -> Result<ExitCode> {
     // The goodbye repeats an abort for one of the last frames.
     let aborted = end == End::Aborted || last.as_ref().is_some_and(|m| m.abort);
     let watched = last.is_some_and(|m| m.counters.verified > 0);
-    let verdict = sidecar.map(Sidecar::join).transpose()?.flatten();
+    let verdict = match sidecar {
+        Some(sidecar) => {
+            let code = sidecar.join()?;
+            let picture = recording.with_extension("svg");
+            if sidecar::draw(&recording, &picture, REACH)? {
+                println!("the place where it broke: {}", picture.display());
+            }
+            code
+        }
+        None => None,
+    };
     Ok(match verdict {
         _ if aborted => ExitCode::from(1),
         Some(code) if code != 0 => ExitCode::from(code),

@@ -113,6 +113,8 @@ pub fn alike(found: &Report, recorded: &Report, after_gap: bool) -> bool {
     // It was measured with options of its own, and depends on the frames before.
     found.clearance = recorded.clearance;
     found.last_intact = recorded.last_intact;
+    // Only words: a recording has the pairs, but not the partners of their loops.
+    found.loops.clone_from(&recorded.loops);
     if found.safe_fraction.is_none() || recorded.safe_fraction.is_none() {
         found.safe_fraction = recorded.safe_fraction;
     }

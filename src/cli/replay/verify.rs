@@ -6,10 +6,10 @@ use super::range::Range;
 use super::source::{Item, Source};
 use crate::cli::output::{self, count, plural};
 use crate::cli::session::{FrameCounts, Ingested, Judge, Judged, MOTION_LIMIT, Run, Session};
-use crate::cli::{Outcome, clearance_args, signals};
+use crate::cli::{Outcome, braid_args, clearance_args, signals};
 use linkwatch::{
-    AbortOn, BaselineRecord, Ending, Error, Events, FrameInfo, Overflow, RecordedVerdict, Report,
-    Result, Retention, Verdict,
+    AbortOn, BaselineRecord, Braids, Ending, Error, Events, FrameInfo, Overflow, RecordedVerdict,
+    Report, Result, Retention, Verdict,
 };
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -45,6 +45,12 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
     let (recorded_events, limit) = recorded_events(&recorded_metadata);
     let recorded_clearance = clearance_args::read(&recorded_metadata);
     let clearance = args.judge.clearance_args.options(recorded_clearance)?;
+    let recorded_braids = braid_args::read(&recorded_metadata)?;
+    let braids = args.judge.braid_args.braids(recorded_braids.clone())?;
+    if braids == Some(Braids::Auto) && (windows || left_out) {
+        let what = "the first frame of the run is not replayed";
+        return Err(braid_args::other_first_frame(what));
+    }
     let judge = Judge {
         abort_on: args.judge.abort_on.or(recorded),
         kernel: args.kernel.clone(),
@@ -61,6 +67,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             judge.abort_on.unwrap_or_default() != recorded.unwrap_or_default(),
         ),
         ("--baseline", judge.baseline.is_some()),
+        ("--braid", braids != recorded_braids),
         (
             "--events or --self",
             judge.event_args.events(AbortOn::Never) > recorded_events,
@@ -85,6 +92,7 @@ pub fn run(args: &Args, mut source: Source, json: bool) -> Result<Outcome> {
             models: false,
             baseline,
             recorded_events: source.recording().map(|_| (recorded_events, limit)),
+            recorded_braids: recorded_braids.clone(),
             recorded_clearance,
             title: &title,
             metadata,

@@ -28,6 +28,7 @@ use self::news::{New, News};
 use self::summary::Unresolved;
 use self::times::{RunTimes, to_json};
 use super::Outcome;
+use super::braid_args::{self, BraidArgs};
 use super::clearance_args::{self, ClearanceArgs};
 use super::event_args::EventArgs;
 use super::files::{Files, Overwrite};
@@ -39,9 +40,9 @@ use super::metrics::SessionMetrics;
 use super::output::{self, count, millis, plural};
 use linkwatch::kernels::Offload;
 use linkwatch::{
-    AbortOn, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo, FrameRecord,
-    FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary, Strategy,
-    Timings, Verdict, Verifier, VerifierOptions, Work,
+    AbortOn, Braids, Certificate, ClearanceOptions, CurveSet, Error, Events, FrameInfo,
+    FrameRecord, FrameTimes, Overflow, Progress, Report, Result, Route, SinkQueue, SinkSummary,
+    Strategy, Timings, Verdict, Verifier, VerifierOptions, Work,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -83,6 +84,8 @@ pub struct Judge {
     pub event_args: EventArgs,
     #[command(flatten)]
     pub clearance_args: ClearanceArgs,
+    #[command(flatten)]
+    pub braid_args: BraidArgs,
     /// Reject frames in which the boxes of more pairs of curves overlap: the memory for them, up to
     /// 200 bytes each, may not be there [default: 33554432]
     #[arg(long, value_name = "N", hide_short_help = true)]
@@ -100,6 +103,9 @@ impl Judge {
     pub fn files(&self, overwrite: Overwrite) -> Files {
         let mut files = Files::new(overwrite);
         if let Some(Baseline::File(path)) = &self.baseline {
+            files.reads(path);
+        }
+        if let Some(path) = self.braid_args.file() {
             files.reads(path);
         }
         files
@@ -185,6 +191,8 @@ pub struct Run<'a> {
     pub recorded_events: Option<(Events, f64)>,
     /// Clearance of a recording. It applies if the user gives none.
     pub recorded_clearance: Option<ClearanceOptions>,
+    /// Braids of a recording. They apply if the user gives none.
+    pub recorded_braids: Option<Braids>,
     /// Names the run in the viewer.
     pub title: &'a str,
     /// Metadata of the run, for a recording.
@@ -286,6 +294,14 @@ impl Session {
                 "--abort-on clearance needs --thickness".into(),
             ));
         }
+        let braids = judge.braid_args.braids(run.recorded_braids)?;
+        if let Some(braids) = &braids {
+            braid_args::write(braids, &mut metadata);
+        }
+        if let (Some(Braids::Auto), Some(Baseline::File(_))) = (&braids, &judge.baseline) {
+            let what = "the expected linking numbers are those of another frame";
+            return Err(braid_args::other_first_frame(what));
+        }
         let (certificate, origin) = baseline.unzip();
         let options = VerifierOptions {
             abort_on,
@@ -293,6 +309,7 @@ impl Session {
             strategy: run.strategy,
             events,
             clearance,
+            braids,
             max_pairs: judge.max_pairs.unwrap_or(VerifierOptions::MAX_PAIRS),
             motion_limit: match (events, run.recorded_events) {
                 // The limit of a replay may differ from the recorded one without any effect.
@@ -429,7 +446,8 @@ impl Session {
 
     /// Verifies one frame.
     ///
-    /// Errors: [`Error::CertificateMismatch`] and [`Error::NothingClosed`], because later frames of
+    /// Errors: [`Error::CertificateMismatch`], [`Error::NothingClosed`] and
+    /// [`Error::Braid`], because later frames of
     /// the same curves fail in the same way; [`Error::Cancelled`] if the frame was not verified.
     pub fn judge(&mut self, seq: u64, time: f64, frame: Ingested) -> Result<Judged> {
         let start = Instant::now();
@@ -457,6 +475,7 @@ impl Session {
             Err(
                 e @ (Error::CertificateMismatch { .. }
                 | Error::NothingClosed { .. }
+                | Error::Braid(_)
                 | Error::Cancelled),
             ) => return Err(e),
             Err(e) => (self.reject(seq, time, &e), None),
@@ -857,7 +876,8 @@ fn print_frame(label: &Label, report: &Report, check: Duration, news: &New) {
 /// Prints the verdict on a model file, and its new findings.
 fn print_model(model: &str, report: &Report, news: &New) {
     output::line(format_args!("{model}: {}", report.verdict));
-    for sentence in news.sentences.iter().chain(&report.rejected) {
+    let others = report.missing.iter().chain(&report.rejected);
+    for sentence in news.sentences.iter().chain(others) {
         output::line(format_args!("  {sentence}"));
     }
     if news.known > 0 {

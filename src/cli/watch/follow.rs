@@ -89,6 +89,7 @@ impl Follower<'_> {
             baseline: None,
             recorded_events: None,
             recorded_clearance: None,
+            recorded_braids: None,
             title: &title,
             metadata: BTreeMap::from([("service".to_owned(), self.service.to_owned())]),
             overflow: Overflow::Wait(PATIENCE),

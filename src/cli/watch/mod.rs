@@ -10,6 +10,7 @@ use self::follow::Follower;
 use self::shards::Shard;
 use self::supervise::{Journal, Worker};
 use super::Outcome;
+use super::braid_args;
 use super::kernel::KernelArgs;
 use super::label::Label;
 use super::metrics::{Metrics, MetricsArgs};
@@ -118,6 +119,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let what = "--shard takes one --service: start a watch for each";
         return Err(Error::Usage(what.into()));
     }
+    if args.shard.is_some() && args.judge.braid_args.are_given() {
+        let what = "--braid with --shard: the pairs of braids are not shared; omit --shard";
+        return Err(Error::Usage(what.into()));
+    }
     if args.shard.is_some() && args.judge.clearance_args.are_given() {
         let what = "--thickness with --shard: clearance is not shared; start a watch of its own \
                     with --observe --thickness";
@@ -126,6 +131,10 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if args.supervise && args.shard.is_some_and(|shard| shard.number == 1) {
         let what = "--supervise with shard 1: the other shards would have to start again, too";
         return Err(Error::Usage(what.into()));
+    }
+    if args.supervise && args.judge.braid_args.is_auto() {
+        let what = "a watch that starts again begins with a later one";
+        return Err(braid_args::other_first_frame(what));
     }
     let folder = Worker::folder().filter(|_| args.supervise);
     if args.supervise && folder.is_none() {

@@ -205,6 +205,7 @@ impl Follower<'_> {
             baseline: None,
             recorded_events: None,
             recorded_clearance: None,
+            recorded_braids: None,
             title: self.service,
             metadata: BTreeMap::new(),
             overflow: Overflow::Wait(PATIENCE),

@@ -2,8 +2,10 @@
 
 use crate::pairs::Pair;
 use rayon::prelude::*;
+use std::fmt;
 
-/// A linking number as computed by a sum. The true number differs from `value` by at most `bound`.
+/// A Gauss integral (a linking number, for example) or a twist, as computed by a sum. The true
+/// number differs from `value` by at most `bound`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Estimate {
     /// Sum of the angles, divided by 4 pi.
@@ -20,6 +22,30 @@ impl Estimate {
         bound: f64::INFINITY,
     };
 
+    /// Returns the sum of two numbers. The bound covers its rounding.
+    pub(crate) fn plus(self, other: Estimate) -> Estimate {
+        let value = self.value + other.value;
+        let rounding = f64::EPSILON * value.abs();
+        Estimate {
+            value,
+            bound: 1.000_001 * (self.bound + other.bound + rounding),
+        }
+    }
+
+    /// Returns the negative number.
+    pub(crate) fn negated(self) -> Estimate {
+        Estimate {
+            value: -self.value,
+            bound: self.bound,
+        }
+    }
+
+    /// Returns true if the bound admits the number `x`.
+    #[cfg(test)]
+    pub(crate) fn admits(&self, x: f64) -> bool {
+        (self.value - x).abs() <= self.bound
+    }
+
     /// Returns the only integer within the bound. Returns `None` if there are several integers, or
     /// if there is none (then the kernel returned a wrong bound).
     pub fn integer(&self) -> Option<i64> {
@@ -30,6 +56,18 @@ impl Estimate {
         let slack = 1e-15 * (self.value.abs() + self.bound);
         let (first, last) = ((lo - slack).ceil(), (hi + slack).floor());
         (first == last && first.abs() < LARGEST).then_some(first as i64)
+    }
+}
+
+impl fmt::Display for Estimate {
+    /// Formats the value with its bound, and with as many digits as the bound warrants.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Estimate { value, bound } = self;
+        if !bound.is_finite() {
+            return write!(f, "unknown");
+        }
+        let digits = (-bound.max(1e-15).log10()).ceil().clamp(0.0, 15.0) as usize + 1;
+        write!(f, "{value:.digits$} ± {bound:.1e}")
     }
 }
 
@@ -52,6 +90,14 @@ pub(crate) trait Summation: Send + Sync {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shows_the_digits_that_the_bound_warrants() {
+        let shown = |value, bound| Estimate { value, bound }.to_string();
+        assert_eq!(shown(-1.23456789, 3e-4), "-1.23457 ± 3.0e-4");
+        assert_eq!(shown(2.0, 1.5), "2.0 ± 1.5e0");
+        assert_eq!(Estimate::UNKNOWN.to_string(), "unknown");
+    }
 
     #[test]
     fn returns_an_integer_only_if_the_bound_admits_no_other() {

@@ -6,12 +6,19 @@
 //! | [`barnes_hut`] | node pairs of two trees | n log n |
 //! | [`fmm`] | expansions of nodes about nodes | n |
 //! | [`interval`] | all segment pairs, in interval arithmetic | n^2, some hundred times `direct` |
+//!
+//! [`Chain`] has the Gauss integrals that are no integers: of open curves, and of a curve and
+//! itself.
 
 pub(crate) mod barnes_hut;
+mod chain;
 pub(crate) mod direct;
 mod estimate;
 pub(crate) mod fmm;
 pub(crate) mod interval;
+#[cfg(test)]
+mod truth;
 
+pub(crate) use chain::Chain;
 pub use estimate::Estimate;
 pub(crate) use estimate::Summation;

@@ -300,6 +300,7 @@ impl TryFrom<schema::Report> for Report {
             appeared: r.appeared,
             gone: r.gone,
             missing: r.missing,
+            loops: Vec::new(),
             rejected: r.rejected,
             stats: r.stats.unwrap_or_default().into(),
         })

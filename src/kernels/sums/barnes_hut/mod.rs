@@ -14,6 +14,7 @@ mod bound;
 mod evaluate;
 mod moments;
 mod near;
+mod own;
 #[cfg(feature = "gpu")]
 mod packed;
 #[cfg(test)]
@@ -36,6 +37,7 @@ use std::sync::Arc;
 use trees::Tree;
 
 pub(super) use near::Angles;
+pub(super) use own::{between, itself};
 pub(super) use trees::Node;
 
 /// Highest order of the expansion.
@@ -126,92 +128,30 @@ impl<'a> BarnesHut<'a> {
         }
     }
 
-    /// Makes one pass over two trees.
-    fn pass(&self, trees: [&Tree; 2], criterion: Criterion) -> Sum {
-        let order = self.options.order;
-        let walk = Walk {
-            trees,
-            order,
-            criterion,
-        };
-        let mut start = Sum::default();
-        let mut agenda = vec![(trees[0].root(), trees[1].root())];
-        let work = trees[0].root().leaves as usize + trees[1].root().leaves as usize;
-        if work <= SMALL {
-            walk.run(&mut agenda, &mut start);
-            return start;
-        }
-        // Some hundred node pairs, independent of the number of threads.
-        while agenda.len() < TASKS {
-            let before = agenda.len();
-            let mut next = Vec::with_capacity(4 * before);
-            for pair in agenda {
-                walk.split(pair, &mut next);
-            }
-            agenda = next;
-            if agenda.len() == before {
-                break;
-            }
-        }
-        let parts: Vec<Sum> = agenda
-            .into_par_iter()
-            .map(|pair| {
-                let mut sum = Sum::default();
-                walk.run(&mut vec![pair], &mut sum);
-                sum
-            })
-            .collect();
-        parts.into_iter().fold(start, Sum::plus)
-    }
-
-    /// Returns the sum of a pair with its work, or `None` if a curve has no tree.
+    /// Returns the sum of a pair with its work, or `None` if a curve has no tree. A curve has no
+    /// linking number with itself: the sum would be its writhe.
     fn sum(&self, (i, j): Pair) -> Option<Sum> {
+        if i == j {
+            return None;
+        }
         let tree = |i: u32| self.trees.get(i as usize)?.as_ref();
         let trees = [tree(i)?, tree(j)?];
-        let quadrupole = self.options.order == Order::Quadrupole;
+        let order = self.options.order;
+        let quadrupole = order == Order::Quadrupole;
         match self.options.accept {
-            Accept::Beta(beta) => Some(self.pass(trees, Criterion::Beta(beta))),
+            Accept::Beta(beta) => Some(pass(order, trees, Criterion::Beta(beta))),
             Accept::Estimated { beta, target, most } => {
-                let sum = self.pass(trees, Criterion::Estimated(beta));
+                let sum = pass(order, trees, Criterion::Estimated(beta));
                 let power = if quadrupole { 0.25 } else { 1.0 / 3.0 };
                 let raised = (beta * (sum.estimate / target).powf(power)).min(most);
                 if raised > beta {
-                    let mut again = self.pass(trees, Criterion::Beta(raised));
+                    let mut again = pass(order, trees, Criterion::Beta(raised));
                     again.spent(&sum);
                     return Some(again);
                 }
                 Some(sum)
             }
-            Accept::Bound(budget) => {
-                let leaves = trees.map(|t| f64::from(t.root().leaves));
-                let all = leaves[0] * leaves[1];
-                // A good initial value for neighbouring rings; long curves need more node pairs.
-                let mut share = budget / (8.0 * (leaves[0] + leaves[1]).sqrt());
-                if all <= UNEXPANDED {
-                    share = 0.0;
-                }
-                let mut sum = self.pass(trees, Criterion::Share(share));
-                for _ in 0..PASSES {
-                    let bound = sum.estimate().bound;
-                    if bound <= budget || bound.is_nan() || sum.estimate_of_rounding() > budget {
-                        break;
-                    }
-                    // Heuristic: the bound grows approximately as the share to the power of 0.6 to
-                    // 0.9, the work as the share to the power of -0.5.
-                    let finer = (0.9 * budget / bound).powf(1.25).clamp(1e-4, 0.7);
-                    let expected = sum.visited as f64 / finer.sqrt();
-                    if expected.min(all) > self.options.limit as f64 {
-                        break;
-                    }
-                    // A pass that is expected to visit more than half of all leaf pairs sums all of
-                    // them exactly instead, which costs less than one more pass.
-                    share *= if 2.0 * expected > all { 0.0 } else { finer };
-                    let mut again = self.pass(trees, Criterion::Share(share));
-                    again.spent(&sum);
-                    sum = again;
-                }
-                Some(sum)
-            }
+            Accept::Bound(budget) => Some(within(self.options, budget, trees)),
         }
     }
 }
@@ -227,6 +167,78 @@ const SMALL: usize = 64;
 
 /// Approximate number of tasks of a pass.
 const TASKS: usize = 128;
+
+/// Makes one pass over two trees, or over one tree and itself.
+fn pass(order: Order, trees: [&Tree; 2], criterion: Criterion) -> Sum {
+    let walk = Walk {
+        trees,
+        order,
+        criterion,
+        own: std::ptr::eq(trees[0], trees[1]),
+    };
+    let mut start = Sum::default();
+    let mut agenda = vec![(trees[0].root(), trees[1].root())];
+    let work = trees[0].root().leaves as usize + trees[1].root().leaves as usize;
+    if work <= SMALL {
+        walk.run(&mut agenda, &mut start);
+        return start;
+    }
+    // Some hundred node pairs, independent of the number of threads.
+    while agenda.len() < TASKS {
+        let before = agenda.len();
+        let mut next = Vec::with_capacity(4 * before);
+        for pair in agenda {
+            walk.split(pair, &mut next);
+        }
+        agenda = next;
+        if agenda.len() == before {
+            break;
+        }
+    }
+    let parts: Vec<Sum> = agenda
+        .into_par_iter()
+        .map(|pair| {
+            let mut sum = Sum::default();
+            walk.run(&mut vec![pair], &mut sum);
+            sum
+        })
+        .collect();
+    parts.into_iter().fold(start, Sum::plus)
+}
+
+/// Repeats passes until the bound of the sum is at most `budget`, as far as possible
+/// ([`Accept::Bound`]).
+fn within(options: Options, budget: f64, trees: [&Tree; 2]) -> Sum {
+    let order = options.order;
+    let leaves = trees.map(|t| f64::from(t.root().leaves));
+    let all = leaves[0] * leaves[1];
+    // A good initial value for neighbouring rings; long curves need more node pairs.
+    let mut share = budget / (8.0 * (leaves[0] + leaves[1]).sqrt());
+    if all <= UNEXPANDED {
+        share = 0.0;
+    }
+    let mut sum = pass(order, trees, Criterion::Share(share));
+    for _ in 0..PASSES {
+        let bound = sum.estimate().bound;
+        if bound <= budget || bound.is_nan() || sum.estimate_of_rounding() > budget {
+            break;
+        }
+        // Heuristic: the bound grows approximately as the share to the power of 0.6 to 0.9, the
+        // work as the share to the power of -0.5.
+        let finer = (0.9 * budget / bound).powf(1.25).clamp(1e-4, 0.7);
+        let expected = sum.visited as f64 / finer.sqrt();
+        if expected.min(all) > options.limit as f64 {
+            break;
+        }
+        // A pass that is expected to visit more than half of all leaf pairs sums all of them
+        // exactly instead, which costs less than one more pass.
+        share *= if 2.0 * expected > all { 0.0 } else { finer };
+        let mut again = pass(order, trees, Criterion::Share(share));
+        again.spent(&sum);
+        sum = again;
+    }
+    sum
+}
 
 impl Summation for BarnesHut<'_> {
     fn linking_number(&self, pair: Pair) -> Estimate {
@@ -334,6 +346,9 @@ struct Walk<'a> {
     trees: [&'a Tree; 2],
     order: Order,
     criterion: Criterion,
+    /// True if both trees are the same one. Leaf pairs whose segments may be adjacent are skipped
+    /// then ([`own`]).
+    own: bool,
 }
 
 impl Walk<'_> {
@@ -369,9 +384,14 @@ impl Walk<'_> {
         self.open((t, u), next);
     }
 
-    /// Replaces the larger node by its children.
+    /// Replaces the larger node by its children. A node and itself are replaced by all pairs of its
+    /// children, each pair once.
     #[inline(always)]
     fn open(&self, (t, u): (Node, Node), next: &mut Vec<(Node, Node)>) {
+        if self.own && t.place == u.place {
+            let [a, b] = t.children();
+            return next.extend([(a, a), (a, b), (b, b)]);
+        }
         let radius = |side: usize, n: Node| self.trees[side].reach[n.place as usize].radius;
         if u.is_leaf() || (!t.is_leaf() && radius(0, t) > radius(1, u)) {
             next.extend(t.children().map(|t| (t, u)));
@@ -409,8 +429,10 @@ impl Walk<'_> {
                     filled = 0;
                 }
             } else if t.is_leaf() && u.is_leaf() {
-                angles.add(self.trees, [t.first as usize, u.first as usize]);
-                sum.summed += 1;
+                if !(self.own && own::neighbours(self.trees[0].leaves(), t.first, u.first)) {
+                    angles.add(self.trees, [t.first as usize, u.first as usize]);
+                    sum.summed += 1;
+                }
             } else {
                 self.open((t, u), agenda);
             }

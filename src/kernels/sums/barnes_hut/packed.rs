@@ -41,7 +41,7 @@ pub(crate) struct PackedNode {
 /// Appends the nodes of a closed polyline, root first. Returns the number of levels. The
 /// coordinates are between -1 and 1.
 pub(crate) fn pack(points: &[Point], out: &mut Vec<PackedNode>) -> u32 {
-    let tree = Tree::of(points);
+    let tree = Tree::of(points, true);
     if tree.reach.is_empty() {
         return 0;
     }

@@ -57,11 +57,11 @@ impl Node {
     }
 }
 
-/// Tree of a closed curve.
+/// Tree of a curve.
 #[derive(Clone, Debug)]
 pub(super) struct Tree {
     /// Vertices, as an array for each axis: one more than all leaves together have segments. Copies
-    /// of the first vertex fill the end.
+    /// of the last vertex fill the end; that of a closed curve is its first one.
     pub vertices: [Vec<f64>; 3],
     pub reach: Vec<Reach>,
     pub moments: Vec<Moments>,
@@ -72,22 +72,23 @@ impl Tree {
     /// power of two.
     pub fn new(set: &CurveSet, i: usize, scale: f64) -> Tree {
         let n = set.curve(i).points as usize;
-        Tree::through(n, |k| set.point(i, k).map(|x| x * scale))
+        Tree::through(n, true, |k| set.point(i, k).map(|x| x * scale))
     }
 
-    /// Builds the tree of a closed polyline.
-    #[cfg(feature = "gpu")]
-    pub fn of(points: &[Point]) -> Tree {
-        Tree::through(points.len(), |k| points[k])
+    /// Builds the tree of a polyline. Coordinates are at most 1.
+    pub fn of(points: &[Point], closed: bool) -> Tree {
+        Tree::through(points.len(), closed, |k| points[k])
     }
 
-    fn through(n: usize, point: impl Fn(usize) -> Point) -> Tree {
-        let leaves = n.div_ceil(LEAF);
+    fn through(n: usize, closed: bool, point: impl Fn(usize) -> Point) -> Tree {
+        let segments = if closed { n } else { n.saturating_sub(1) };
+        let leaves = segments.div_ceil(LEAF);
         let vertices = [0, 1, 2].map(|x| {
             let mut v = Vec::with_capacity(leaves * LEAF + 1);
             v.extend((0..n).map(|k| point(k)[x]));
-            let start = v.first().copied().unwrap_or_default();
-            v.resize(leaves * LEAF + 1, start);
+            let end = if closed { v.first() } else { v.last() };
+            let end = end.copied().unwrap_or_default();
+            v.resize(leaves * LEAF + 1, end);
             v
         });
         let nodes = (2 * leaves).saturating_sub(1);
@@ -104,7 +105,12 @@ impl Tree {
     }
 
     pub fn root(&self) -> Node {
-        Node::root(self.reach.len().div_ceil(2) as u32)
+        Node::root(self.leaves())
+    }
+
+    /// Returns the number of leaves.
+    pub fn leaves(&self) -> u32 {
+        self.reach.len().div_ceil(2) as u32
     }
 }
 

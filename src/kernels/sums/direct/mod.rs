@@ -24,9 +24,7 @@ pub(super) mod tests;
 mod vertices;
 
 pub(crate) use block::Formula;
-#[cfg(feature = "gpu")]
-pub(crate) use vertices::Scale;
-pub(crate) use vertices::Vertices;
+pub(crate) use vertices::{Scale, Vertices};
 
 use super::{Estimate, Summation};
 use crate::curve::CurveSet;

@@ -17,12 +17,12 @@ mod tests;
 pub(crate) use number::Interval;
 
 use super::direct::Vertices;
-use crate::curve::CurveSet;
 use crate::curve::vector::{cross, dot, sub};
+use crate::curve::{CurveSet, Point};
 use crate::pairs::Pair;
 use rayon::prelude::*;
 
-type Vector = [Interval; 3];
+pub(crate) type Vector = [Interval; 3];
 
 /// Returns an interval of all linking numbers that two closed polylines can have if each vertex is
 /// anywhere in a cube of half-width `noise` around its position. Returns [`Interval::ENTIRE`] if
@@ -60,7 +60,7 @@ pub(crate) fn enclose(set: &CurveSet, (i, j): Pair, noise: f64) -> Interval {
 
 /// Returns the interval of a scaled coordinate with an uncertainty of `radius`. Subnormal
 /// coordinates may have been rounded by the scaling.
-fn cube(x: f64, radius: f64) -> Interval {
+pub(crate) fn cube(x: f64, radius: f64) -> Interval {
     let exact = x.abs() >= f64::MIN_POSITIVE;
     Interval::around(
         x,
@@ -70,6 +70,12 @@ fn cube(x: f64, radius: f64) -> Interval {
             radius + f64::MIN_POSITIVE
         },
     )
+}
+
+/// Returns half the solid angle of a pair of segments, given by their scaled end points.
+pub(super) fn angle_of(k: [Point; 2], l: [Point; 2]) -> Interval {
+    let vector = |p: Point| p.map(|x| cube(x, 0.0));
+    angle(k.map(vector), l.map(vector))
 }
 
 /// Returns half the solid angle of a pair of segments. It is below half a turn.
@@ -96,18 +102,9 @@ fn half_solid_angle(a: Vector, b: Vector, c: Vector) -> Option<Interval> {
     let [na, nb, nc] = [a, b, c].map(length);
     let volume = dot(a, cross(b, c));
     let real = na * nb * nc + dot(a, b) * nc + dot(b, c) * na + dot(c, a) * nb;
-    let quarter = Interval::PI / Interval::point(2.0);
-    if real.lo > 0.0 {
-        Some((volume / real).arctangent())
-    } else if volume.lo > 0.0 {
-        Some(quarter - (real / volume).arctangent())
-    } else if volume.hi < 0.0 {
-        Some(-quarter - (real / volume).arctangent())
-    } else {
-        None
-    }
+    Interval::argument(real, volume)
 }
 
-fn length(a: Vector) -> Interval {
+pub(crate) fn length(a: Vector) -> Interval {
     (a[0].square() + a[1].square() + a[2].square()).root()
 }

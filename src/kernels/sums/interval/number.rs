@@ -1,5 +1,6 @@
 //! Intervals of real numbers, rounded outward.
 
+use crate::kernels::Estimate;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// All numbers from `lo` to `hi`. An operation returns an interval that contains every result for
@@ -51,6 +52,16 @@ impl Interval {
         }
     }
 
+    /// Returns the middle of the interval, with a bound that covers both ends.
+    pub fn estimate(self) -> Estimate {
+        let value = 0.5 * self.lo + 0.5 * self.hi;
+        if !value.is_finite() {
+            return Estimate::UNKNOWN;
+        }
+        let bound = (self.hi - value).max(value - self.lo).next_up();
+        Estimate { value, bound }
+    }
+
     /// Returns true if the interval contains `x`.
     pub fn contains(self, x: f64) -> bool {
         self.lo <= x && x <= self.hi
@@ -93,6 +104,24 @@ impl Interval {
         Interval {
             lo: self.lo.max(0.0).sqrt().next_down().max(0.0),
             hi: self.hi.max(0.0).sqrt().next_up(),
+        }
+    }
+
+    /// Returns the interval of the arguments of complex numbers, between `-pi` and `pi`. Returns
+    /// `None` if one of them may be 0 or negative.
+    pub fn argument(real: Interval, imaginary: Interval) -> Option<Interval> {
+        let quarter = Interval {
+            lo: 0.5 * Interval::PI.lo,
+            hi: 0.5 * Interval::PI.hi,
+        };
+        if real.lo > 0.0 {
+            Some((imaginary / real).arctangent())
+        } else if imaginary.lo > 0.0 {
+            Some(quarter - (real / imaginary).arctangent())
+        } else if imaginary.hi < 0.0 {
+            Some(-quarter - (real / imaginary).arctangent())
+        } else {
+            None
         }
     }
 

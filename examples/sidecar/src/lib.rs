@@ -1,11 +1,22 @@
-//! Starts `linkwatch watch` as a separate process.
+//! Starts `linkwatch watch` as a separate process, for the simulators in Rust.
+//!
+//! A simulator calls [`Sidecar::start`], publishes its frames, and calls [`Sidecar::join`]. The
+//! watcher verifies every frame with `--events` and records it.
 
-use crate::picture;
-use linkwatch::{Error, Result};
+mod picture;
+mod roll_back;
+
+pub use picture::draw;
+pub use roll_back::{Scene, Work, publish, step_safely};
+
+use linkwatch::{Client, Error, Result};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
+
+/// Time limit of the verdict on a frame, and of the watcher's goodbye.
+pub const DEADLINE: Duration = Duration::from_secs(10);
 
 /// Time limit of the watcher to write its files after the simulation.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -17,20 +28,26 @@ pub struct Sidecar {
 }
 
 impl Sidecar {
-    /// Starts the watcher. Under `cargo run` it is built first.
-    pub fn start(service: &str, out: &Path) -> Result<Sidecar> {
-        let recording = out.join("chainmail.mcap");
-        std::fs::create_dir_all(out)?;
+    /// Starts a watcher on this service that writes this recording, with more options of
+    /// `linkwatch watch`. Under `cargo run` the command is built first.
+    pub fn start(service: &str, recording: &Path, extra: &[&str]) -> Result<Sidecar> {
+        if let Some(folder) = recording.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
         let program = program()?;
         let mut command = Command::new(&program);
         command.args(["watch", "--service", service, "--wait", "60", "--events"]);
-        // These files belong to an earlier run of the example.
-        command.arg("--force").arg("--record").arg(&recording);
-        let process = command.spawn().map_err(|source| Error::File {
+        // The file belongs to an earlier run of the example.
+        command.arg("--force").arg("--record").arg(recording);
+        let process = command.args(extra).spawn();
+        let process = process.map_err(|source| Error::File {
             path: program,
             source,
         })?;
-        Ok(Sidecar { process, recording })
+        Ok(Sidecar {
+            process,
+            recording: recording.to_owned(),
+        })
     }
 
     /// Fails if the watcher has ended already. The watcher has printed the reason.
@@ -56,29 +73,21 @@ impl Sidecar {
                 None => std::thread::sleep(Duration::from_millis(20)),
             }
         };
-        self.print_files()?;
+        self.print_files();
         Ok(status.code().and_then(|code| u8::try_from(code).ok()))
     }
 
-    /// Draws the place where the sheet broke, and prints what was written and how to see it.
-    fn print_files(&self) -> Result<()> {
+    /// Prints what was written and how to see it.
+    fn print_files(&self) {
         let recording = self.recording.display();
-        let picture = self.recording.with_extension("svg");
-        println!();
-        if picture::draw(&self.recording, &picture)? {
-            println!("the place where it broke: {}", picture.display());
-        } else {
-            // One of an earlier run would contradict this run.
-            std::fs::remove_file(&picture).ok();
-        }
-        println!("all frames and verdicts:  {recording}");
-        println!("  verify it again:        linkwatch replay {recording}");
         let rrd = self.recording.with_extension("rrd");
         let rrd = rrd.display();
+        println!();
+        println!("all frames and verdicts:  {recording}");
+        println!("  verify it again:        linkwatch replay {recording}");
         println!(
             "  open it in the viewer:  linkwatch replay {recording} --rrd {rrd} && rerun {rrd}"
         );
-        Ok(())
     }
 }
 
@@ -92,20 +101,53 @@ impl Drop for Sidecar {
     }
 }
 
-/// Returns the command `linkwatch`: the one built with this example, or an installed one. Under
+/// Waits for a watcher, so that it does not miss the first frame: the one that was started, or one
+/// that the user starts. Returns false if none connected in time.
+pub fn wait_for_watcher(
+    client: &mut Client,
+    mut sidecar: Option<&mut Sidecar>,
+    service: &str,
+    limit: Duration,
+) -> Result<bool> {
+    const LOOK: Duration = Duration::from_millis(300);
+    let start = Instant::now();
+    let mut announced = false;
+    while !client.wait_for_watcher(LOOK)? {
+        if let Some(sidecar) = &mut sidecar {
+            sidecar.check_running()?;
+        } else if !announced {
+            let command = format!("linkwatch watch --service {service}");
+            println!("simulator: waiting for a watcher; start one with: {command}");
+            announced = true;
+        }
+        if start.elapsed() > limit {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Returns the command `linkwatch`: the one built with the simulator, or an installed one. Under
 /// `cargo run` it is built first.
 fn program() -> Result<PathBuf> {
     let name = format!("linkwatch{}", std::env::consts::EXE_SUFFIX);
-    let built = std::env::current_exe()?.with_file_name(&name);
+    let simulator = std::env::current_exe()?;
+    let built = simulator.with_file_name(&name);
     if let Some(cargo) = std::env::var_os("CARGO") {
-        build(&cargo, &built)?;
+        build(&cargo, &simulator)?;
     }
     Ok(if built.exists() { built } else { name.into() })
 }
 
-/// Builds the command. `cargo run` builds this package and the library, but not the command.
-fn build(cargo: &OsStr, built: &Path) -> Result<()> {
-    let profile = built.parent().and_then(Path::file_name);
+/// Builds the command. `cargo run` builds the simulator and the library, but not the command.
+fn build(cargo: &OsStr, simulator: &Path) -> Result<()> {
+    // The program of a simulator has the name of its package.
+    let package = simulator.file_stem().and_then(OsStr::to_str);
+    let Some(package) = package else {
+        let what = format!("{}: the name is not UTF-8", simulator.display());
+        return Err(Error::Usage(what));
+    };
+    let profile = simulator.parent().and_then(Path::file_name);
     let profile = match profile.and_then(OsStr::to_str) {
         Some("debug") | None => "dev",
         Some(other) => other,
@@ -120,17 +162,11 @@ fn build(cargo: &OsStr, built: &Path) -> Result<()> {
             command.env_remove(&name);
         }
     }
-    // Beside this package, with no features of its own, the command takes those that this package
+    // Beside the simulator, with no features of its own, the command takes those that this package
     // selects: all dependencies and the library are already built.
     command.args(["build", "--quiet", "--profile", profile]);
-    command.args([
-        "-p",
-        "chainmail",
-        "-p",
-        "linkwatch",
-        "--no-default-features",
-    ]);
-    command.args(["--bin", "linkwatch", "--bin", "chainmail"]);
+    command.args(["-p", package, "-p", "linkwatch", "--no-default-features"]);
+    command.args(["--bin", "linkwatch", "--bin", package]);
     command.current_dir(env!("CARGO_MANIFEST_DIR"));
     if command.status()?.success() {
         return Ok(());

@@ -1,11 +1,8 @@
-//! Draws the place where the sheet broke, from the recording, as an SVG file.
+//! Draws the place where a scene broke, from the recording, as an SVG file.
 
 use linkwatch::{CurveSet, Point, RecordedItem, RecordingReader, Report, Result, Verdict};
 use std::fmt::Write;
 use std::path::Path;
-
-/// Half the width of the picture, in units of the simulation: a flat ring has the radius 1.
-const REACH: f64 = 4.0;
 
 /// Width of the picture in pixels.
 const WIDTH: f64 = 800.0;
@@ -14,29 +11,38 @@ const WIDTH: f64 = 800.0;
 const LINE: f64 = 5.0;
 const BORDER: f64 = 13.0;
 
-/// Draws the first frame in which the topology changed. Returns false if there is none.
-pub fn draw(recording: &Path, picture: &Path) -> Result<bool> {
+/// Draws the first frame in which the topology changed, up to the distance `reach` from the place.
+/// If there is none, removes the picture of an earlier run, which would contradict this run, and
+/// returns false.
+pub fn draw(recording: &Path, picture: &Path, reach: f64) -> Result<bool> {
+    let drawn = first_change(recording, reach)?;
+    match &drawn {
+        Some(text) => std::fs::write(picture, text)?,
+        None if picture.exists() => std::fs::remove_file(picture)?,
+        None => {}
+    }
+    Ok(drawn.is_some())
+}
+
+/// Returns the picture of the first frame in which the topology changed.
+fn first_change(recording: &Path, reach: f64) -> Result<Option<String>> {
     let mut reader = RecordingReader::open(recording)?;
     let mut curves = None;
     while let Some(item) = reader.next_item()? {
         match item {
             RecordedItem::Frame(frame) => frame.ingest(&mut curves)?,
             RecordedItem::Verdict(v) if v.report.verdict == Verdict::Changed => {
-                let drawn = curves.as_ref().and_then(|set| svg(set, &v.report));
-                return match drawn {
-                    Some(text) => Ok(std::fs::write(picture, text).map(|()| true)?),
-                    None => Ok(false),
-                };
+                return Ok(curves.and_then(|set| svg(&set, &v.report, reach)));
             }
             _ => {}
         }
     }
-    Ok(false)
+    Ok(None)
 }
 
 /// Draws the surroundings of the first pull-through or changed linking number of a report, seen
 /// from a direction in which both curves are open.
-fn svg(set: &CurveSet, report: &Report) -> Option<String> {
+fn svg(set: &CurveSet, report: &Report, reach: f64) -> Option<String> {
     let pulled = report.events.first().map(|e| ([e.i, e.j], e.point));
     let changed = report.changes.first();
     let (pair, center) =
@@ -57,14 +63,14 @@ fn svg(set: &CurveSet, report: &Report) -> Option<String> {
         let points = set.curve(i).points as usize;
         for k in 0..points {
             let [a, b] = [k, (k + 1) % points].map(|k| project(set.point(i, k)));
-            if [a, b].as_flattened().iter().all(|x| x.abs() < 2.0 * REACH) {
+            if [a, b].as_flattened().iter().all(|x| x.abs() < 2.0 * reach) {
                 segments.push((a[2] + b[2], color, a, b));
             }
         }
     }
     segments.sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = WIDTH / 2.0;
-    let pixel = |x: f64| half + x * half / REACH;
+    let pixel = |x: f64| half + x * half / reach;
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{WIDTH}\">\n\
          <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n<g>\n"

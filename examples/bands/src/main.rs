@@ -1,0 +1,134 @@
+//! A simulator that publishes its frames: rubber bands fall on an incline and slide to the floor.
+//!
+//! After Qu and James 2021, section 4.3.7. No two of the 1,024 bands are linked at the start. With
+//! 20 time steps per frame it stays so. With 4, bands move by more than their thickness in a time
+//! step and pass through one another, and linked bands are the result. The simulator does not check
+//! that: a sidecar, `linkwatch watch`, verifies every frame in lockstep.
+
+mod contact;
+mod scene;
+
+use clap::Parser;
+use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Precision, Result, Verdict};
+use scene::{Bands, FRAME_DT, FRAMES, POINTS, THICKNESS};
+use sidecar::{DEADLINE, Sidecar};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Half the width of the picture: a band at rest has the radius 1.
+const REACH: f64 = 2.5;
+
+/// Time to wait for a watcher before the first frame.
+const WAIT: Duration = Duration::from_secs(60);
+
+/// Drops rubber bands on an incline, with time steps that are too large.
+#[derive(Debug, Parser)]
+struct Args {
+    /// Time steps per frame: 4 link bands, 20 keep them apart
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..))]
+    substeps: u16,
+    /// Number of bands
+    #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u16).range(2..))]
+    bands: u16,
+    /// Frames to simulate
+    #[arg(long, default_value_t = FRAMES)]
+    frames: usize,
+    /// Return to the last intact frame after a violation, and go on with smaller time steps
+    #[arg(long, conflicts_with = "go_on")]
+    roll_back: bool,
+    /// Go on after a violation, to see what becomes of it
+    #[arg(long)]
+    go_on: bool,
+    /// Do not start `linkwatch watch`; use one that already runs or starts later
+    #[arg(long)]
+    no_sidecar: bool,
+    /// Name of the service
+    #[arg(long, default_value = "linkwatch")]
+    service: String,
+    /// Folder for the recording and the picture
+    #[arg(long, default_value = ".", value_name = "FOLDER")]
+    out: PathBuf,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(code) => code,
+        Err(e) => {
+            eprintln!("simulator: {e}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<ExitCode> {
+    let recording = args.out.join("bands.mcap");
+    let mut sidecar = match args.no_sidecar {
+        true => None,
+        false => Some(Sidecar::start(&args.service, &recording, &[])?),
+    };
+    let bands = Bands::new(usize::from(args.bands));
+    let mut client = Client::open(&args.service, &ClientOptions::lockstep())?;
+    // The count is negative, because every band is closed.
+    let counts = vec![-(POINTS as i32); bands.bands()];
+    let radii = CurveLabels::default().with_radii(vec![0.5 * THICKNESS; bands.bands()]);
+    client.describe_labelled(Basis::Polyline, Precision::F32, &counts, radii)?;
+    if !sidecar::wait_for_watcher(&mut client, sidecar.as_mut(), &args.service, WAIT)? {
+        println!("simulator: no watcher connected within {WAIT:?}");
+        return Ok(ExitCode::from(3));
+    }
+    println!(
+        "simulator: {} bands, {} frames, {} time steps per frame",
+        args.bands, args.frames, args.substeps
+    );
+    let start = Instant::now();
+    let intact = match args.roll_back {
+        true => {
+            let plan = (args.frames, FRAME_DT, usize::from(args.substeps));
+            println!(
+                "simulator: {}",
+                sidecar::step_safely(&mut client, bands, plan)?
+            );
+            true
+        }
+        false => simulate(args, &mut client, bands)?,
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    match intact {
+        true => println!(
+            "simulator: {} frames done in {seconds:.1} s: no two bands are linked",
+            args.frames
+        ),
+        false => println!("simulator: ended after {seconds:.1} s"),
+    }
+    client.finish_within(DEADLINE)?;
+    if let Some(sidecar) = sidecar {
+        sidecar.join()?;
+        let picture = recording.with_extension("svg");
+        if sidecar::draw(&recording, &picture, REACH)? {
+            println!("the place where it broke: {}", picture.display());
+        }
+    }
+    Ok(ExitCode::from(u8::from(!intact)))
+}
+
+/// Simulates until a frame is not intact, or with `--go-on` all frames. Returns true if every frame
+/// is intact.
+fn simulate(args: &Args, client: &mut Client, mut bands: Bands) -> Result<bool> {
+    use sidecar::Scene;
+    let mut intact = true;
+    for frame in 0..args.frames {
+        if frame > 0 {
+            bands.advance(usize::from(args.substeps));
+        }
+        let verdict = sidecar::publish(client, &bands, frame as f64 * f64::from(FRAME_DT))?;
+        if verdict.verdict != Verdict::Intact && intact {
+            println!("simulator: {verdict}");
+            intact = false;
+        }
+        if !intact && !args.go_on {
+            break;
+        }
+    }
+    Ok(intact)
+}

@@ -1,0 +1,77 @@
+//! The option `--braid` of every command that verifies frames.
+
+use linkwatch::{Braids, Error, Result};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Name of the braids in the metadata of a recording: `auto`, or JSON.
+pub const BRAID: &str = "braid";
+
+/// Word for braids that are found in the first frame.
+const AUTO: &str = "auto";
+
+/// Open curves between rigid ends.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = super::COMPARE)]
+pub struct BraidArgs {
+    /// Verify open curves between two rigid ends, as virtual closed loops (at least 4 curves each):
+    /// `auto` finds the ends in the first frame, a JSON file names the curves [replay: as recorded]
+    #[arg(long, value_name = "auto|FILE")]
+    braid: Option<PathBuf>,
+}
+
+impl BraidArgs {
+    /// Returns the file of braids, if one is given.
+    pub fn file(&self) -> Option<&Path> {
+        self.braid
+            .as_deref()
+            .filter(|path| *path != Path::new(AUTO))
+    }
+
+    /// Returns true if the braids are found in the first frame.
+    pub fn is_auto(&self) -> bool {
+        self.braid.is_some() && self.file().is_none()
+    }
+
+    /// Returns true if the user gave the option.
+    pub fn are_given(&self) -> bool {
+        self.braid.is_some()
+    }
+
+    /// Returns the braids, or those of a recording if the user gives none.
+    pub fn braids(&self, recorded: Option<Braids>) -> Result<Option<Braids>> {
+        match (self.file(), self.is_auto()) {
+            (Some(path), _) => Braids::read(path).map(Some),
+            (None, true) => Ok(Some(Braids::Auto)),
+            (None, false) => Ok(recorded),
+        }
+    }
+}
+
+/// Adds braids to the metadata of a recording.
+pub fn write(braids: &Braids, metadata: &mut BTreeMap<String, String>) {
+    let text = match braids {
+        Braids::Auto => AUTO.to_owned(),
+        given => given.to_json(),
+    };
+    metadata.insert(BRAID.to_owned(), text);
+}
+
+/// Returns the braids of a recorded run.
+#[cfg(feature = "mcap")]
+pub fn read(metadata: &BTreeMap<String, String>) -> Result<Option<Braids>> {
+    match metadata.get(BRAID).map(String::as_str) {
+        None => Ok(None),
+        Some(AUTO) => Ok(Some(Braids::Auto)),
+        Some(text) => Braids::from_json(text).map(Some),
+    }
+}
+
+/// Returns the error of ends that would be found in another frame than those of the baseline.
+pub fn other_first_frame(what: &str) -> Error {
+    Error::Usage(format!(
+        "--braid auto finds the ends of braids in the first frame, but {what}: give the ends of \
+         that frame (`linkwatch certify MODEL --braid auto --write-braid ends.json`, then --braid \
+         ends.json)"
+    ))
+}

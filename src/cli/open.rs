@@ -1,0 +1,67 @@
+//! `linkwatch certify --open`: prints the Gauss linking integrals of all pairs of curves.
+
+use super::Outcome;
+use super::output::{self, millis, plural};
+use super::writhe::warn_of_bound;
+use linkwatch::{CurveSet, GaussIntegrals, Result};
+use serde_json::json;
+use std::path::Path;
+use std::time::Instant;
+
+/// Prints `i,j,integral,bound` for every pair of curves of a set. None is rounded to an integer.
+///
+/// Pairs whose integral is below `least` in size, even with its bound, are skipped.
+pub fn print(
+    path: &Path,
+    set: &CurveSet,
+    tolerance: f64,
+    least: f64,
+    as_json: bool,
+) -> Result<Outcome> {
+    let integrals = GaussIntegrals::new(set)?;
+    let start = Instant::now();
+    let (mut printed, mut undecided) = (0, 0);
+    let mut worst = None;
+    for i in 0..set.len() {
+        for (k, found) in integrals.row(i, tolerance).into_iter().enumerate() {
+            let j = i + 1 + k;
+            if found.bound > tolerance {
+                undecided += 1;
+                worst.get_or_insert((i, j, found));
+            }
+            if found.value.abs() + found.bound < least {
+                continue;
+            }
+            printed += 1;
+            if as_json {
+                output::json(&json!({
+                    "model": path, "i": i, "j": j, "integral": found.value, "bound": found.bound,
+                }));
+            } else {
+                let (value, bound) = (found.value, found.bound);
+                output::line(format_args!("{i},{j},{value:.12},{bound:.1e}"));
+            }
+        }
+    }
+    let pairs = set.len() * set.len().saturating_sub(1) / 2;
+    tracing::info!(
+        "{}: {}, {} of them printed ({})",
+        path.display(),
+        plural(pairs as u64, "linking integral"),
+        output::count(printed),
+        millis(start.elapsed()),
+    );
+    let Some((i, j, found)) = worst else {
+        return Ok(Outcome::Fine);
+    };
+    warn_of_bound(
+        &format!("{}: curves {i} and {j}", path.display()),
+        found,
+        tolerance,
+    );
+    if undecided > 1 {
+        let others = plural(undecided - 1, "other pair");
+        tracing::warn!("{}: and {others}", path.display());
+    }
+    Ok(Outcome::Undecided)
+}

@@ -1,0 +1,197 @@
+//! `linkwatch writhe`: computes the writhe of curves, and linking number, twist and writhe of
+//! ribbons.
+
+use super::Outcome;
+use super::input::{self, FormatArgs, Pick};
+use super::number::positive;
+use super::output::{self, millis};
+use linkwatch::kernels::Estimate;
+use linkwatch::{Axis, CurveSet, Error, GaussIntegrals, Result, Ribbon};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Instant;
+
+/// Compute the writhe of curves, and linking number, twist and writhe of ribbons such as DNA
+///
+/// The writhe is the mean number of signed self-crossings that is seen from all directions, a real
+/// number: it is printed with a proven bound of its error. For ribbons, Lk is counted exactly, Tw
+/// and Wr are computed independently, and Lk - Tw - Wr = 0 within the bound is a proof that the
+/// ribbon does not pass through itself between its strands.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Models, folders of them, recordings, or scenes as `linkwatch generate` takes them
+    #[arg(required = true, value_name = "MODEL|SCENE")]
+    models: Vec<PathBuf>,
+    /// Two closed curves with the same number of vertices that are the strands of a ribbon, counted
+    /// from 0 (may be repeated); or `pairs`: curves 0 and 1, 2 and 3, and so on
+    #[arg(long, value_name = "I,J|pairs")]
+    ribbon: Vec<Strands>,
+    /// The first curve of each ribbon is its axis, the second one an edge. Otherwise the axis is
+    /// the centre line of both
+    #[arg(long, requires = "ribbon")]
+    axis_first: bool,
+    /// Error bound to reach, if possible. A smaller one takes longer
+    #[arg(long, value_name = "BOUND", default_value_t = 1e-4, value_parser = positive)]
+    tolerance: f64,
+    /// Frame to measure, by its number, of files with several frames [default: the last one]
+    #[arg(long, value_name = "SEQ")]
+    frame: Option<u64>,
+    #[command(flatten)]
+    format: FormatArgs,
+}
+
+/// Curves that are the strands of ribbons.
+#[derive(Clone, Copy, Debug)]
+enum Strands {
+    Of(usize, usize),
+    Pairs,
+}
+
+impl FromStr for Strands {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Strands, String> {
+        if text == "pairs" {
+            return Ok(Strands::Pairs);
+        }
+        let two = text.split_once(',');
+        let two = two.map(|(i, j)| (i.trim().parse(), j.trim().parse()));
+        match two {
+            Some((Ok(i), Ok(j))) => Ok(Strands::Of(i, j)),
+            _ => Err("expected two curves, `0,1` for example, or `pairs`".into()),
+        }
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args, as_json: bool) -> Result<Outcome> {
+    let mut outcome = Outcome::Fine;
+    for path in &input::expand(&args.models, true)? {
+        let pick = args.frame.map_or(Pick::Last, Pick::Number);
+        let set = input::read_frame(path, &args.format, pick)?.curves;
+        outcome = outcome.max(if args.ribbon.is_empty() {
+            curves(path, &set, args, as_json)?
+        } else {
+            ribbons(path, &set, args, as_json)?
+        });
+    }
+    Ok(outcome)
+}
+
+/// Prints the writhe of every curve.
+fn curves(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Outcome> {
+    let integrals = GaussIntegrals::new(set)?;
+    let mut outcome = Outcome::Fine;
+    for i in 0..set.len() {
+        let start = Instant::now();
+        let writhe = integrals.writhe(i, args.tolerance);
+        let took = start.elapsed();
+        if as_json {
+            output::json(&json!({
+                "model": path,
+                "curve": i,
+                "closed": set.curve(i).closed,
+                "segments": set.curve(i).segments,
+                "writhe": writhe,
+                "ms": took.as_secs_f64() * 1e3,
+            }));
+        } else {
+            let name = format!("{}: curve {i}", path.display());
+            output::line(format_args!("{name}: writhe {writhe} ({})", millis(took)));
+        }
+        if writhe.bound > args.tolerance {
+            outcome = Outcome::Undecided;
+            let name = format!("{}: curve {i}", path.display());
+            warn_of_bound(&name, writhe, args.tolerance);
+        }
+    }
+    Ok(outcome)
+}
+
+/// Prints linking number, twist and writhe of every ribbon.
+fn ribbons(path: &Path, set: &CurveSet, args: &Args, as_json: bool) -> Result<Outcome> {
+    let mut outcome = Outcome::Fine;
+    for [i, j] in strands(path, set, &args.ribbon)? {
+        let axis = if args.axis_first {
+            Axis::First
+        } else {
+            Axis::Centre
+        };
+        let ribbon = Ribbon::of(set, [i, j], axis, args.tolerance)?;
+        let residual = ribbon.residual();
+        let passages = ribbon.passages();
+        let name = format!("{}: ribbon {i},{j}", path.display());
+        if as_json {
+            output::json(&json!({
+                "model": path,
+                "strands": [i, j],
+                "axis": axis,
+                "reversed": ribbon.reversed,
+                "linking": ribbon.linking,
+                "twist": ribbon.twist,
+                "writhe": ribbon.writhe,
+                "residual": residual,
+                "passages": passages,
+                "ms": ribbon.times.map(|t| t.as_secs_f64() * 1e3),
+            }));
+        } else {
+            let linking = ribbon.linking.map_or("undefined".into(), |n| n.to_string());
+            let [lk, tw, wr] = ribbon.times.map(millis);
+            output::line(format_args!(
+                "{name}: Lk {linking} ({lk}), Tw {} ({tw}), Wr {} ({wr}), Lk - Tw - Wr {residual}",
+                ribbon.twist, ribbon.writhe,
+            ));
+        }
+        if ribbon.reversed {
+            tracing::info!("{name}: curve {j} runs against curve {i} and was reversed");
+        }
+        if let Some((_, place)) = ribbon.contact {
+            let [s, t] = place.segments;
+            tracing::warn!("{name}: segments {s} and {t} touch, so there is no linking number");
+        }
+        if passages != Some(0) {
+            outcome = Outcome::Undecided;
+            match passages {
+                Some(n) => tracing::warn!(
+                    "{name}: not a ribbon: the surface between the strands passes through itself \
+                     (by {n} in Lk); check that vertex k of one strand belongs to that of the other"
+                ),
+                None => tracing::warn!(
+                    "{name}: Lk - Tw - Wr is undecided: its bound is {:.1e}; the axis or the \
+                     ribbon touches itself, or needs a smaller --tolerance",
+                    residual.bound
+                ),
+            }
+        }
+    }
+    Ok(outcome)
+}
+
+/// Returns the strands of all ribbons of a set.
+fn strands(path: &Path, set: &CurveSet, asked: &[Strands]) -> Result<Vec<[usize; 2]>> {
+    let mut all = Vec::new();
+    for strands in asked {
+        match *strands {
+            Strands::Of(i, j) => all.push([i, j]),
+            Strands::Pairs if set.len() % 2 == 1 => {
+                return Err(Error::Usage(format!(
+                    "{}: --ribbon pairs needs an even number of curves, not {}",
+                    path.display(),
+                    set.len()
+                )));
+            }
+            Strands::Pairs => all.extend((0..set.len() / 2).map(|k| [2 * k, 2 * k + 1])),
+        }
+    }
+    Ok(all)
+}
+
+/// Warns of a number whose bound is larger than requested.
+pub fn warn_of_bound(name: &str, found: Estimate, tolerance: f64) {
+    tracing::warn!(
+        "{name}: undecided: the error bound is {:.1e}, above the tolerance of {tolerance:.1e}; \
+         segments touch or nearly touch, or are too many for this tolerance",
+        found.bound
+    );
+}

@@ -1,0 +1,539 @@
+//! The loops of a frame, and the check of its end volumes.
+
+use super::end::End;
+use super::pose::{Pose, mean};
+use super::volume::Piece;
+use super::{Braid, Braids, auto};
+use crate::curve::{Basis, Bezier, Box3, CurveSet, Notation, Point, Positions};
+use crate::error::{Error, Result};
+use crate::pairs::Share;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// Rounding errors of local coordinates, relative to the largest coordinate. A rotation and a
+/// translation round each coordinate by less than 2e-15 of it; the rotation itself is orthogonal
+/// within 1e-14.
+const ROUNDING: f64 = 1e-12;
+
+/// Sides of a braid, for messages.
+const SIDES: [&str; 2] = ["left", "right"];
+
+/// Virtual closed loops of the braids of a scene, from frame to frame.
+#[derive(Debug)]
+pub struct BraidLoops {
+    braids: Vec<Resolved>,
+    /// The curve that follows in the loop of each curve; `u32::MAX` if it is in no braid.
+    next: Arc<[u32]>,
+    counts: Vec<i32>,
+    positions: Vec<f64>,
+}
+
+/// A braid whose ends are known.
+#[derive(Clone, Debug)]
+struct Resolved {
+    curves: Vec<u32>,
+    reversed: Vec<bool>,
+    ends: [End; 2],
+}
+
+impl Resolved {
+    /// Returns the end points at both ends.
+    fn points(&self, set: &CurveSet) -> [Vec<Vector3<f64>>; 2] {
+        end_points(set, &self.curves, &self.reversed)
+    }
+}
+
+/// Returns the points of the left and of the right end of a braid.
+fn end_points(set: &CurveSet, curves: &[u32], reversed: &[bool]) -> [Vec<Vector3<f64>>; 2] {
+    [false, true].map(|right| {
+        let both = curves.iter().zip(reversed);
+        both.map(|(&i, &reversed)| {
+            let i = i as usize;
+            let last = set.curve(i).segments as usize;
+            set.knot(i, if reversed == right { 0 } else { last }).into()
+        })
+        .collect()
+    })
+}
+
+impl BraidLoops {
+    /// Prepares the braids of a scene, whose first frame is `set`.
+    ///
+    /// Errors: [`Error::Braid`] if the braids do not fit the frame, or the frame breaks one of
+    /// their conditions: an end that is not rigid, a curve in an end volume, volumes that overlap.
+    pub fn new(braids: &Braids, set: &CurveSet) -> Result<BraidLoops> {
+        let found;
+        let given = match braids {
+            Braids::Auto => {
+                found = auto::find(set)?;
+                &found
+            }
+            Braids::Given(given) => given,
+        };
+        let mut next: Vec<u32> = vec![u32::MAX; set.len()];
+        for (b, braid) in given.iter().enumerate() {
+            check(b, braid, set, &mut next).map_err(Error::Braid)?;
+        }
+        let next: Arc<[u32]> = next.into();
+        let mut loops = BraidLoops {
+            braids: Vec::new(),
+            counts: Vec::new(),
+            positions: Vec::new(),
+            next,
+        };
+        for (b, braid) in given.iter().enumerate() {
+            let resolved = loops.resolve(b, braid, set).map_err(Error::Braid)?;
+            loops.braids.push(resolved);
+        }
+        loops.poses(set).map_err(Error::Braid)?;
+        let lengths = |i: usize| {
+            let c = set.curve(i);
+            let points = if set.basis().is_polyline() {
+                c.points
+            } else {
+                3 * c.segments + 1
+            };
+            (points as i64, c.closed)
+        };
+        let mut counts: Vec<i64> = (0..set.len())
+            .map(|i| match (lengths(i), set.basis().is_polyline()) {
+                ((n, true), true) => -n,
+                ((n, true), false) => 1 - n,
+                ((n, false), _) => n,
+            })
+            .collect();
+        for braid in &loops.braids {
+            for (k, pair) in pairs(&braid.curves).enumerate() {
+                let virtual_points: usize = braid.ends.iter().map(|e| e.connection_len(k)).sum();
+                let [a, b] = pair.map(|i| lengths(i as usize).0);
+                counts[pair[0] as usize] = match set.basis().is_polyline() {
+                    true => -(a + b + virtual_points as i64),
+                    // Three points a segment; each connection has one segment more than points.
+                    false => -(a - 1 + b - 1 + 3 * (virtual_points as i64 + 2)),
+                };
+            }
+        }
+        let short = |n: i64| {
+            i32::try_from(n).map_err(|_| Error::Count {
+                what: "points of a virtual loop",
+                promised: n.unsigned_abs(),
+                available: i32::MAX as u64,
+            })
+        };
+        loops.counts = counts.into_iter().map(short).collect::<Result<_>>()?;
+        Ok(loops)
+    }
+
+    /// Finds the ends of a braid such that no curve of the first frame is in their volumes.
+    fn resolve(&self, b: usize, braid: &Braid, set: &CurveSet) -> Result<Resolved, String> {
+        let reversed: Vec<bool> = braid
+            .curves
+            .iter()
+            .map(|i| braid.reversed.contains(i))
+            .collect();
+        let points = end_points(set, &braid.curves, &reversed);
+        let given = [&braid.left, &braid.right];
+        let references = [0, 1].map(|side| match given[side].points.is_empty() {
+            true => points[side].clone(),
+            false => given[side].points.iter().map(|p| (*p).into()).collect(),
+        });
+        let middles = references.each_ref().map(|points| mean(points));
+        let now = points.each_ref().map(|points| mean(points));
+        let mut ends = Vec::new();
+        for side in [0, 1] {
+            let name = format!("the {} end of braid {b}", SIDES[side]);
+            let reference = super::End {
+                points: references[side].iter().map(|p| (*p).into()).collect(),
+                ..given[side].clone()
+            };
+            let largest = reference
+                .points
+                .iter()
+                .flatten()
+                .fold(set.max_abs(), |a, x| a.max(x.abs()));
+            let candidates = End::candidates(&reference, middles[1 - side], largest);
+            let candidates = candidates.map_err(|why| format!("{name}: {why}"))?;
+            let mut why = None;
+            let fits = candidates.into_iter().find(|end| {
+                let pose = end.pose(&points[side], now[1 - side]);
+                let placed = pose.map_err(|m| format!("{name} {}", m.words(&braid.curves)));
+                let clear =
+                    placed.and_then(|pose| self.clear(set, (end, pose, &braid.curves), &name));
+                match clear {
+                    Ok(()) => true,
+                    Err(e) => {
+                        why.get_or_insert(e);
+                        false
+                    }
+                }
+            });
+            ends.push(fits.ok_or_else(|| why.unwrap_or_default())?);
+        }
+        let Ok(ends) = <[End; 2]>::try_from(ends) else {
+            unreachable!("two sides");
+        };
+        Ok(Resolved {
+            curves: braid.curves.clone(),
+            reversed,
+            ends,
+        })
+    }
+
+    /// Returns a bound of the rounding errors in a frame.
+    fn slack(set: &CurveSet) -> f64 {
+        ROUNDING * set.max_abs()
+    }
+
+    /// Checks that no curve is in the volume of an end, except each curve of the braid in the tube
+    /// of its own stub.
+    fn clear(
+        &self,
+        set: &CurveSet,
+        (end, pose, curves): (&End, Pose, &[u32]),
+        name: &str,
+    ) -> Result<(), String> {
+        let slack = Self::slack(set);
+        let bounds: Vec<Piece> = end.pieces().map(|p| p.bounds(pose, slack)).collect();
+        let mut all = bounds[0];
+        for b in &bounds {
+            all.lo = all.lo.inf(&b.lo);
+            all.hi = all.hi.sup(&b.hi);
+        }
+        for (i, coarse) in set.coarse_boxes().iter().enumerate() {
+            let counts = set.curve(i).closed || self.next[i] != u32::MAX;
+            if !counts || !overlaps(coarse, &all) {
+                continue;
+            }
+            for s in 0..set.curve(i).segments as usize {
+                let segment = set.segment(i, s);
+                let hull = hull_box(&segment);
+                if !hull.overlaps(&all) {
+                    continue;
+                }
+                let pieces = end.pieces().zip(&bounds).enumerate();
+                for (k, (piece, bounds)) in pieces {
+                    let own = k > 0 && curves[k - 1] as usize == i;
+                    if own || !hull.overlaps(bounds) {
+                        continue;
+                    }
+                    if let Some(place) = piece.entered_by(pose, &segment, slack) {
+                        let place = Notation::of_scene(0.0, place).point(place);
+                        return Err(format!(
+                            "curve {i} enters the volume of {name}, at {place}, segment {s}"
+                        ));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the poses of both ends of each braid, or which condition the frame breaks.
+    fn poses(&self, set: &CurveSet) -> Result<Vec<[Pose; 2]>, String> {
+        let mut poses = Vec::with_capacity(self.braids.len());
+        for (b, braid) in self.braids.iter().enumerate() {
+            let points = braid.points(set);
+            let middles = points.each_ref().map(|points| mean(points));
+            let pose = |side: usize| {
+                let name = format!("the {} end of braid {b}", SIDES[side]);
+                let end = &braid.ends[side];
+                let pose = end.pose(&points[side], middles[1 - side]);
+                let pose = pose.map_err(|m| format!("{name} {}", m.words(&braid.curves)))?;
+                self.clear(set, (end, pose, &braid.curves), &name)?;
+                Ok::<_, String>(pose)
+            };
+            poses.push([pose(0)?, pose(1)?]);
+        }
+        self.check_overlap(set, &poses)?;
+        Ok(poses)
+    }
+
+    /// Checks that the volumes of different ends do not overlap.
+    fn check_overlap(&self, set: &CurveSet, poses: &[[Pose; 2]]) -> Result<(), String> {
+        let slack = Self::slack(set);
+        let mut ends = Vec::new();
+        for (b, (braid, poses)) in self.braids.iter().zip(poses).enumerate() {
+            for side in [0, 1] {
+                let pose = poses[side];
+                let pieces = braid.ends[side].pieces();
+                let bounded: Vec<_> = pieces.map(|p| (p, p.bounds(pose, slack))).collect();
+                ends.push(((b, SIDES[side]), pose, bounded));
+            }
+        }
+        for (k, (name, pose, pieces)) in ends.iter().enumerate() {
+            for (other_name, at, others) in &ends[..k] {
+                let meet = pieces.iter().any(|(p, bounds)| {
+                    let mut near = others.iter().filter(|(_, other)| bounds.overlaps(other));
+                    near.any(|(q, _)| p.meets_piece(*pose, (q, *at), slack))
+                });
+                if meet {
+                    return Err(format!(
+                        "the volumes of the {} end of braid {} and the {} end of braid {} overlap",
+                        other_name.1, other_name.0, name.1, name.0
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the braids with everything that was found in the first frame, so that other runs
+    /// close them in the same way.
+    pub fn braids(&self) -> Braids {
+        let braid = |b: &Resolved| Braid {
+            curves: b.curves.clone(),
+            reversed: {
+                let both = b.curves.iter().zip(&b.reversed);
+                both.filter(|(_, r)| **r).map(|(i, _)| *i).collect()
+            },
+            left: b.ends[0].given.clone(),
+            right: b.ends[1].given.clone(),
+        };
+        Braids::Given(self.braids.iter().map(braid).collect())
+    }
+
+    /// Writes the curves of a frame with its virtual loops into `out`, which is made with the first
+    /// frame. The loop of curve `i` and the next one of its braid has index `i`; closed curves, and
+    /// open curves of no braid, stay.
+    ///
+    /// Errors: [`Error::Braid`] if the frame breaks a condition of the braids; [`Error::Count`] if
+    /// it has other curves than the first one.
+    pub fn write(&mut self, set: &CurveSet, out: &mut Option<CurveSet>) -> Result<()> {
+        if set.len() != self.next.len() {
+            return Err(Error::Count {
+                what: "curves of a frame with braids",
+                promised: self.next.len() as u64,
+                available: set.len() as u64,
+            });
+        }
+        let poses = self.poses(set).map_err(Error::Braid)?;
+        let mut positions = std::mem::take(&mut self.positions);
+        positions.clear();
+        let mut links = vec![None; set.len()];
+        for (b, braid) in self.braids.iter().enumerate() {
+            for (k, [i, _]) in pairs(&braid.curves).enumerate() {
+                links[i as usize] = Some((b, k));
+            }
+        }
+        for (i, link) in links.into_iter().enumerate() {
+            let mut pen = Pen::new(set, &mut positions);
+            let Some((b, k)) = link else {
+                pen.curve(i, false);
+                match set.curve(i).closed {
+                    true => pen.close(),
+                    false => pen.end(),
+                }
+                continue;
+            };
+            let braid = &self.braids[b];
+            let after = (k + 1) % braid.curves.len();
+            let ends = [0, 1].map(|side| (&braid.ends[side], poses[b][side]));
+            pen.curve(i, braid.reversed[k]);
+            let [(left, at_left), (right, at_right)] = ends;
+            right.connection(at_right, k).for_each(|p| pen.vertex(p));
+            pen.curve(braid.curves[after] as usize, !braid.reversed[after]);
+            left.connection(at_left, k)
+                .rev()
+                .for_each(|p| pen.vertex(p));
+            pen.close();
+        }
+        let written = match out {
+            Some(out) => out.update(Positions::F64(&positions)),
+            None => {
+                let basis = match set.basis().is_polyline() {
+                    true => Basis::Polyline,
+                    false => Basis::Bezier,
+                };
+                let made = CurveSet::from_counts(basis, &self.counts, Positions::F64(&positions));
+                made.map(|made| *out = Some(made))
+            }
+        };
+        self.positions = positions;
+        written
+    }
+
+    /// Returns the pairs of curves that are verified with loops.
+    pub(crate) fn share(&self) -> Share {
+        Share::of_loops(Arc::clone(&self.next))
+    }
+
+    /// Returns the other curve of the loop of curve `i`.
+    pub(crate) fn partner(&self, i: u32) -> Option<u32> {
+        Some(self.next[i as usize]).filter(|&j| j != u32::MAX)
+    }
+
+    /// Returns the curve and the segment of a segment of loop `i`, or `None` on a virtual
+    /// connection.
+    pub(crate) fn origin(&self, set: &CurveSet, i: u32, s: u32) -> Option<[u32; 2]> {
+        let Some(j) = self.partner(i) else {
+            return Some([i, s]);
+        };
+        let (braid, k) = self.braids.iter().find_map(|b| {
+            let k = b.curves.iter().position(|&c| c == i)?;
+            Some((b, k))
+        })?;
+        let segments = |i: u32| set.curve(i as usize).segments;
+        let real = |i: u32, s: u32, backward: bool| match backward {
+            true => [i, segments(i) - 1 - s],
+            false => [i, s],
+        };
+        if s < segments(i) {
+            return Some(real(i, s, braid.reversed[k]));
+        }
+        let start = segments(i) + braid.ends[1].connection_len(k) as u32 + 1;
+        let s = s.checked_sub(start).filter(|&s| s < segments(j))?;
+        Some(real(j, s, !braid.reversed[(k + 1) % braid.curves.len()]))
+    }
+}
+
+/// Checks a braid, and records its loops.
+fn check(b: usize, braid: &Braid, set: &CurveSet, next: &mut [u32]) -> Result<(), String> {
+    let curves = &braid.curves;
+    if curves.len() < 4 {
+        let n = curves.len();
+        return Err(format!(
+            "braid {b} has {n} curves {curves:?}, a braid needs at least 4"
+        ));
+    }
+    for [i, j] in pairs(curves) {
+        let Some(slot) = next.get_mut(i as usize) else {
+            let n = set.len();
+            return Err(format!(
+                "braid {b} names curve {i}, but the frame has {n} curves"
+            ));
+        };
+        if set.curve(i as usize).closed {
+            return Err(format!("braid {b} names curve {i}, which is closed"));
+        }
+        if std::mem::replace(slot, j) != u32::MAX {
+            return Err(format!("braid {b} names curve {i}, which is named twice"));
+        }
+    }
+    if let Some(i) = braid.reversed.iter().find(|i| !curves.contains(i)) {
+        return Err(format!(
+            "braid {b} lists curve {i} as reversed, but does not have it"
+        ));
+    }
+    for (side, end) in SIDES.iter().zip([&braid.left, &braid.right]) {
+        let (n, points) = (curves.len(), end.points.len());
+        if points != 0 && points != n {
+            return Err(format!(
+                "braid {b} has {n} curves, but {points} points of its {side} end"
+            ));
+        }
+        if end
+            .points
+            .iter()
+            .chain(&end.outward)
+            .flatten()
+            .any(|x| !x.is_finite())
+        {
+            return Err(format!(
+                "a point of the {side} end of braid {b} is not finite"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Returns each curve of a braid with the next one.
+fn pairs(curves: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
+    let next = curves.iter().cycle().skip(1);
+    curves.iter().zip(next).map(|(i, j)| [*i, *j])
+}
+
+fn hull_box(b: &Bezier) -> Piece {
+    let points = b.map(Vector3::from);
+    let first = points[0];
+    Piece {
+        lo: points.iter().fold(first, |a, p| a.inf(p)),
+        hi: points.iter().fold(first, |a, p| a.sup(p)),
+    }
+}
+
+fn overlaps(b: &Box3, piece: &Piece) -> bool {
+    (0..3).all(|x| f64::from(b.lo[x]) <= piece.hi[x] && piece.lo[x] <= f64::from(b.hi[x]))
+}
+
+/// Writes one curve: vertices of a polyline, or control points of Bezier segments.
+struct Pen<'a> {
+    set: &'a CurveSet,
+    out: &'a mut Vec<f64>,
+    first: Option<Point>,
+    /// Last vertex. For splines, it is written with the segment that follows.
+    last: Option<Point>,
+}
+
+impl<'a> Pen<'a> {
+    fn new(set: &'a CurveSet, out: &'a mut Vec<f64>) -> Pen<'a> {
+        Pen {
+            set,
+            out,
+            first: None,
+            last: None,
+        }
+    }
+
+    /// Adds a curve of the frame, connected to what comes before by a straight line.
+    fn curve(&mut self, i: usize, backward: bool) {
+        let c = self.set.curve(i);
+        if self.set.basis().is_polyline() {
+            for k in 0..c.points as usize {
+                let k = if backward {
+                    c.points as usize - 1 - k
+                } else {
+                    k
+                };
+                self.vertex(self.set.point(i, k));
+            }
+            return;
+        }
+        for s in 0..c.segments as usize {
+            let s = if backward {
+                c.segments as usize - 1 - s
+            } else {
+                s
+            };
+            let mut b = self.set.segment(i, s);
+            if backward {
+                b.reverse();
+            }
+            if self.last != Some(b[0]) {
+                self.vertex(b[0]);
+            }
+            self.out.extend(b[..3].iter().flatten());
+            self.last = Some(b[3]);
+        }
+    }
+
+    /// Adds a vertex, connected to the last one by a straight line.
+    fn vertex(&mut self, p: Point) {
+        if self.set.basis().is_polyline() {
+            self.out.extend(p);
+            return;
+        }
+        if let Some(a) = self.last {
+            let at = |t: f64| [0, 1, 2].map(|x| a[x] + (p[x] - a[x]) * t);
+            self.out
+                .extend([a, at(1.0 / 3.0), at(2.0 / 3.0)].iter().flatten());
+        }
+        self.first.get_or_insert(p);
+        self.last = Some(p);
+    }
+
+    /// Closes the curve.
+    fn close(mut self) {
+        if let Some(first) = self.first
+            && self.last != Some(first)
+        {
+            self.vertex(first);
+        }
+    }
+
+    /// Ends an open curve.
+    fn end(self) {
+        if let Some(last) = self.last.filter(|_| !self.set.basis().is_polyline()) {
+            self.out.extend(last);
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! `linkwatch writhe` and `linkwatch certify --open`.
+
+use crate::support::command::{linkwatch, text};
+use std::path::{Path, PathBuf};
+
+fn write(folder: &Path, name: &str, content: &str) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, content).unwrap();
+    path
+}
+
+fn json(args: &[&str], code: u8) -> Vec<serde_json::Value> {
+    let run = linkwatch(&[args, &["--json"]].concat());
+    assert_eq!(run.code, i32::from(code), "{args:?}: {}", run.stderr);
+    let lines = run.stdout.lines().map(serde_json::from_str);
+    lines.collect::<Result<_, _>>().unwrap()
+}
+
+/// Segments of length 2 that cross at a right angle at a distance of 1, and one that touches the
+/// first.
+const LINES: &str = "v -1 0 0\nv 1 0 0\nv 0 -1 1\nv 0 1 1\nv 0 0 0\nv 0 5 0\nl 1 2\nl 3 4\n";
+
+#[test]
+fn integrals_of_open_curves_are_printed_with_their_bounds() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "lines.obj", LINES);
+    let found = json(&["certify", "--open", text(&model)], 0);
+    assert_eq!(
+        (found.len(), &found[0]["i"], &found[0]["j"]),
+        (1, &0.into(), &1.into())
+    );
+    // The solid angle of one side of a cube, by 4 pi.
+    let [value, bound] = ["integral", "bound"].map(|key| found[0][key].as_f64().unwrap());
+    assert!(
+        (value.abs() - 1.0 / 6.0).abs() <= bound && bound < 1e-12,
+        "{value} {bound}"
+    );
+
+    let skipped = json(&["certify", "--open", "--at-least", "0.2", text(&model)], 0);
+    assert!(skipped.is_empty());
+    let touching = write(folder.path(), "touching.obj", &format!("{LINES}l 5 6\n"));
+    let run = linkwatch(&["certify", "--open", text(&touching)]);
+    assert_eq!((run.code, run.stdout.lines().count()), (3, 3));
+    assert!(
+        run.stderr.contains("curves 0 and 2: undecided"),
+        "{}",
+        run.stderr
+    );
+}
+
+#[test]
+fn ribbons_have_linking_number_twist_and_writhe() {
+    let scene = "ribbon:segments=400,lambda=3";
+    let found = json(&["writhe", scene, "--ribbon", "0,1"], 0);
+    assert_eq!(
+        (&found[0]["linking"], &found[0]["passages"]),
+        (&3.into(), &0.into())
+    );
+    let [residual, bound] =
+        ["value", "bound"].map(|key| found[0]["residual"][key].as_f64().unwrap());
+    assert!(residual.abs() <= bound && bound <= 1e-3);
+    let pairs = json(&["writhe", scene, "--ribbon", "pairs", "--axis-first"], 0);
+    assert_eq!((pairs.len(), &pairs[0]["axis"]), (1, &"first".into()));
+    let each = json(&["writhe", scene], 0);
+    assert_eq!((each.len(), &each[1]["curve"]), (2, &1.into()));
+}
+
+#[test]
+fn curves_that_are_no_ribbon_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "lines.obj", LINES);
+    for (args, reason) in [
+        (["--ribbon", "0,1"], "curve 0 is open"),
+        (["--ribbon", "0,9"], "two different curves of 0 to 1"),
+        (["--ribbon", "0"], "expected two curves"),
+        (["--tolerance", "0"], "expected a number above 0"),
+    ] {
+        let run = linkwatch(&["writhe", text(&model), args[0], args[1]]);
+        assert_eq!(run.code, 2, "{args:?}");
+        assert!(run.stderr.contains(reason), "{args:?}: {}", run.stderr);
+    }
+}
