@@ -7,9 +7,9 @@
 //! before the first one is turned.
 //!
 //! ```sh
-//! cargo run --release --example embedded                        # a quarter of its thickness: intact
-//! cargo run --release --example embedded -- --depth 1.5         # through the whole cage: changed
-//! cargo run --release --example embedded -- --model glove.bcc --out frames
+//! cargo run --release --example embedded                        # a quarter of its thickness:
+//! intact cargo run --release --example embedded -- --depth 1.5         # through the whole cage:
+//! changed cargo run --release --example embedded -- --model glove.bcc --out frames
 //! linkwatch check frames --events                               # the same verdict, from files
 //! ```
 //!
@@ -165,8 +165,8 @@ impl Cage {
         }
     }
 
-    /// Moves the ball to a depth, and the nodes to where edges, volumes and the ball want them: each
-    /// constraint in turn moves its own nodes (position-based dynamics, without inertia).
+    /// Moves the ball to a depth, and the nodes to where edges, volumes and the ball want them:
+    /// each constraint in turn moves its own nodes (position-based dynamics, without inertia).
     fn press(&mut self, depth: f64) {
         let (mut centre, radius) = self.ball;
         centre[self.up] += depth * self.thickness;

@@ -357,7 +357,8 @@ fn part(set: &CurveSet, view: &View, curves: [u32; 2], place: Place, out: &mut S
     *out += &format!(
         "<circle cx=\"{half}\" cy=\"{half}\" r=\"24\" stroke=\"#a0007d\" stroke-width=\"2\" \
          stroke-dasharray=\"5 4\"/>\n</g>\n</svg>\n\
-         <text x=\"{}\" y=\"{}\" font-weight=\"bold\" {HALO}><tspan fill=\"#0067b1\">curve {}</tspan> \
+         <text x=\"{}\" y=\"{}\" font-weight=\"bold\" {HALO}>\
+         <tspan fill=\"#0067b1\">curve {}</tspan> \
          <tspan fill=\"#d35400\">curve {}</tspan></text>\n",
         left + 12.0,
         TITLE + 22.0,

@@ -34,7 +34,8 @@ const SERIES: [Series; 3] = [
 
 /// Returns a plot of the violations of each step of a sweep, as an SVG file: the linking numbers
 /// that differ from those of the original, the pull-throughs since the step before, and the pairs
-/// and pull-throughs that are undecided. The colour of a column is the verdict. Numbers are on a logarithmic scale that starts at 0.
+/// and pull-throughs that are undecided. The colour of a column is the verdict. Numbers are on a
+/// logarithmic scale that starts at 0.
 pub fn plot(title: &str, steps: &[SweepStep]) -> String {
     let [left, top, right, bottom] = FRAME;
     let each = (right - left) / steps.len().max(1) as f64;
