@@ -19,6 +19,9 @@
 //! keeps falling, and the sheet is drawn together, folds over itself and ends as a heap. The sheet
 //! is turned a little about the vertical so that it does not fall symmetrically.
 //!
+//! With [`Options::lid`], a plate moves down after the sheet and presses it into the lower part of
+//! the box.
+//!
 //! # Time steps
 //!
 //! All settings of the solver are rapier's defaults, except that its continuous collision
@@ -30,6 +33,7 @@
 use std::f32::consts::{FRAC_PI_2, TAU};
 
 use rapier3d::prelude::*;
+use sidecar::Scene;
 
 /// Corners of a ring's centre line, and capsules of its collider.
 pub const VERTICES_PER_RING: usize = 12;
@@ -51,6 +55,20 @@ const CONNECTOR_RADIUS: f32 = 0.75;
 
 /// Distance between the centres of neighbouring flat rings.
 const PITCH: f32 = 2.4;
+
+/// The number of frames after which the lid has packed the default sheet.
+pub const PACKED_FRAMES: usize = 120;
+
+/// Seconds at which the lid begins and ends to move. It stays above the falling sheet, and meets it
+/// when it lies in the box.
+const LID_TIMES: [f32; 2] = [0.0, 3.8];
+
+/// Height of the lid above the floor at its end, as a part of half the width of the sheet.
+const PACKED_RATIO: f32 = 0.28;
+
+/// Distance between the centres of a flat ring and a connector from which on a person sees that
+/// they are not linked: there is a gap between them, as wide as a wire is thick.
+const TORN: f32 = FLAT_RADIUS + CONNECTOR_RADIUS + 4.0 * WIRE_RADIUS;
 
 /// Half the width of the box's floor, as a part of half the width of the sheet.
 const FLOOR_RATIO: f32 = 0.31;
@@ -85,6 +103,9 @@ pub struct Options {
     pub gravity: f32,
     /// Height of the flat sheet above the rim of the box at the start.
     pub drop_height: f32,
+    /// True if a lid then packs the sheet: it moves down from the rim and presses the sheet into
+    /// the lower part of the box.
+    pub lid: bool,
 }
 
 impl Default for Options {
@@ -95,11 +116,13 @@ impl Default for Options {
             columns: 19,
             gravity: 16.0,
             drop_height: 1.0,
+            lid: false,
         }
     }
 }
 
 /// One ring: its body, and the polygon of its centre line in the frame of the body.
+#[derive(Clone)]
 struct Ring {
     body: RigidBodyHandle,
     polygon: [Vector; VERTICES_PER_RING],
@@ -109,6 +132,29 @@ struct Ring {
 pub struct Sheet {
     world: PhysicsWorld,
     rings: Vec<Ring>,
+    /// Links of the construction: a flat ring and a connector.
+    links: Vec<[usize; 2]>,
+    lid: Option<Lid>,
+    /// Seconds since the start.
+    time: f32,
+}
+
+/// A plate that moves downwards.
+#[derive(Clone, Copy)]
+struct Lid {
+    body: RigidBodyHandle,
+    /// Heights of its lower face at [`LID_TIMES`].
+    heights: [f32; 2],
+}
+
+impl Lid {
+    /// Returns the place of its body at this time.
+    fn translation(&self, time: f32) -> Vector {
+        let [start, end] = LID_TIMES;
+        let share = ((time - start) / (end - start)).clamp(0.0, 1.0);
+        let height = self.heights[0] + share * (self.heights[1] - self.heights[0]);
+        Vector::new(0.0, height + HALF_THICKNESS, 0.0)
+    }
 }
 
 impl Sheet {
@@ -123,9 +169,21 @@ impl Sheet {
         let half_sheet = 0.5 * (longer - 1.0) * PITCH + FLAT_RADIUS + WIRE_RADIUS;
         let rim_height = insert_box(&mut world, FLOOR_RATIO * half_sheet, RIM_RATIO * half_sheet);
 
+        let lid = options.lid.then(|| {
+            // High enough that the flat sheet is below it.
+            let clear = rim_height + options.drop_height + 2.0 * FLAT_RADIUS;
+            insert_lid(
+                &mut world,
+                RIM_RATIO * half_sheet,
+                [clear, PACKED_RATIO * half_sheet],
+            )
+        });
         let mut sheet = Sheet {
             world,
             rings: Vec::new(),
+            links: Vec::new(),
+            lid,
+            time: 0.0,
         };
         sheet.insert_rings(options, rim_height + options.drop_height);
         sheet
@@ -143,10 +201,24 @@ impl Sheet {
 
     /// Advances the scene by one frame of `frame_dt` seconds, in `substeps` equal time steps.
     pub fn step(&mut self, frame_dt: f32, substeps: usize) {
-        self.world.integration_parameters.dt = frame_dt / substeps as f32;
+        let dt = frame_dt / substeps as f32;
+        self.world.integration_parameters.dt = dt;
         for _ in 0..substeps {
+            self.time += dt;
+            if let Some(lid) = self.lid {
+                let place = lid.translation(self.time);
+                self.world.bodies[lid.body].set_next_kinematic_translation(place);
+            }
             self.world.step();
         }
+    }
+
+    /// Returns the number of links of the construction whose rings are so far apart that a person
+    /// sees it.
+    pub fn torn(&self) -> usize {
+        let center = |ring: usize| self.world.bodies[self.rings[ring].body].translation();
+        let far = |&&[a, b]: &&[usize; 2]| (center(a) - center(b)).length() > TORN;
+        self.links.iter().filter(far).count()
     }
 
     /// Writes the corners of all centre lines in world space: x, y, z of each corner in turn, ring
@@ -190,23 +262,33 @@ impl Sheet {
 
         let flat = RingShape::new(FLAT_RADIUS);
         let connector = RingShape::new(CONNECTOR_RADIUS);
+        // Numbers of the flat rings, and each connector with the places of its two flat rings.
+        let (mut flat_rings, mut joins) = (Vec::new(), Vec::new());
         for row in 0..rows {
             for column in 0..columns {
                 let (r, c) = (row as f32, column as f32);
-                self.insert_ring(&flat, sheet * Pose::from_translation(place(r, c)));
+                let here = self.insert_ring(&flat, sheet * Pose::from_translation(place(r, c)));
+                flat_rings.push(here);
                 if column + 1 < columns {
                     let pose = Pose::from_parts(place(r, c + 0.5), upright_along_x);
-                    self.insert_ring(&connector, sheet * pose);
+                    let ring = self.insert_ring(&connector, sheet * pose);
+                    joins.push([ring, row * columns + column, row * columns + column + 1]);
                 }
                 if row + 1 < rows {
                     let pose = Pose::from_parts(place(r + 0.5, c), upright_along_z);
-                    self.insert_ring(&connector, sheet * pose);
+                    let ring = self.insert_ring(&connector, sheet * pose);
+                    joins.push([ring, row * columns + column, (row + 1) * columns + column]);
                 }
             }
         }
+        for [ring, a, b] in joins {
+            self.links
+                .extend([[flat_rings[a], ring], [flat_rings[b], ring]]);
+        }
     }
 
-    fn insert_ring(&mut self, shape: &RingShape, pose: Pose) {
+    /// Inserts a ring. Returns its number.
+    fn insert_ring(&mut self, shape: &RingShape, pose: Pose) -> usize {
         let body = RigidBodyBuilder::dynamic()
             .pose(pose)
             .angular_damping(ANGULAR_DAMPING)
@@ -217,6 +299,42 @@ impl Sheet {
             body,
             polygon: shape.polygon,
         });
+        self.rings.len() - 1
+    }
+}
+
+impl Scene for Sheet {
+    fn advance(&mut self, steps: usize) {
+        self.step(FRAME_DT, steps);
+    }
+
+    fn write_positions(&self, out: &mut [f32]) {
+        Sheet::write_positions(self, out);
+    }
+}
+
+impl Clone for Sheet {
+    /// Copies the state of the world. The workspaces of rapier are made anew.
+    fn clone(&self) -> Sheet {
+        let world = &self.world;
+        Sheet {
+            world: PhysicsWorld {
+                gravity: world.gravity,
+                integration_parameters: world.integration_parameters,
+                islands: world.islands.clone(),
+                broad_phase: world.broad_phase.clone(),
+                narrow_phase: world.narrow_phase.clone(),
+                bodies: world.bodies.clone(),
+                colliders: world.colliders.clone(),
+                impulse_joints: world.impulse_joints.clone(),
+                multibody_joints: world.multibody_joints.clone(),
+                ..PhysicsWorld::new()
+            },
+            rings: self.rings.clone(),
+            links: self.links.clone(),
+            lid: self.lid,
+            time: self.time,
+        }
     }
 }
 
@@ -275,4 +393,15 @@ fn insert_box(world: &mut PhysicsWorld, half_floor: f32, half_rim: f32) -> f32 {
         );
     }
     rim_height
+}
+
+/// Inserts the lid. It passes through the walls, because neither moves by forces.
+fn insert_lid(world: &mut PhysicsWorld, half_width: f32, heights: [f32; 2]) -> Lid {
+    let body = RigidBodyBuilder::kinematic_position_based();
+    let collider = ColliderBuilder::cuboid(half_width, HALF_THICKNESS, half_width);
+    let (body, _) = world.insert(body, collider.friction(FRICTION));
+    let lid = Lid { body, heights };
+    let place = lid.translation(0.0);
+    world.bodies[body].set_translation(place, true);
+    lid
 }
