@@ -7,6 +7,8 @@
 
 mod contact;
 mod scene;
+#[cfg(test)]
+mod tests;
 
 use clap::Parser;
 use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Precision, Result, Verdict};
@@ -150,10 +152,4 @@ fn simulate(args: &Args, client: &mut Client, mut bands: Bands) -> Result<bool> 
         ),
     }
     Ok(false)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use linkwatch::{Positions, Verifier, VerifierOptions};
 }

@@ -63,8 +63,8 @@ pub const PACKED_FRAMES: usize = 120;
 /// when it lies in the box.
 const LID_TIMES: [f32; 2] = [0.0, 3.8];
 
-/// Height of the lid above the floor at its end, as a part of half the width of the sheet.
-const PACKED_RATIO: f32 = 0.28;
+/// Share of the volume below the lid at its end that the wire fills.
+const PACKED_SHARE: f32 = 0.15;
 
 /// Distance between the centres of a flat ring and a connector from which on a person sees that
 /// they are not linked: there is a gap between them, as wide as a wire is thick.
@@ -172,11 +172,8 @@ impl Sheet {
         let lid = options.lid.then(|| {
             // High enough that the flat sheet is below it.
             let clear = rim_height + options.drop_height + 2.0 * FLAT_RADIUS;
-            insert_lid(
-                &mut world,
-                RIM_RATIO * half_sheet,
-                [clear, PACKED_RATIO * half_sheet],
-            )
+            let packed = packed_height(options, FLOOR_RATIO * half_sheet);
+            insert_lid(&mut world, RIM_RATIO * half_sheet, [clear, packed])
         });
         let mut sheet = Sheet {
             world,
@@ -395,6 +392,18 @@ fn insert_box(world: &mut PhysicsWorld, half_floor: f32, half_rim: f32) -> f32 {
     rim_height
 }
 
+/// Returns the height of the lid above the floor at its end.
+fn packed_height(options: &Options, half_floor: f32) -> f32 {
+    let (rows, columns) = (options.rows as f32, options.columns as f32);
+    let connectors = rows * (columns - 1.0) + (rows - 1.0) * columns;
+    let length = TAU * (rows * columns * FLAT_RADIUS + connectors * CONNECTOR_RADIUS);
+    let volume = length * 0.5 * TAU * WIRE_RADIUS.powi(2) / PACKED_SHARE;
+    // The box is a part of a pyramid: its volume up to the height h is
+    // 4 / (3 tan) ((half_floor + h tan)^3 - half_floor^3).
+    let tan = WALL_LEAN.tan();
+    ((half_floor.powi(3) + 0.75 * tan * volume).cbrt() - half_floor) / tan
+}
+
 /// Inserts the lid. It passes through the walls, because neither moves by forces.
 fn insert_lid(world: &mut PhysicsWorld, half_width: f32, heights: [f32; 2]) -> Lid {
     let body = RigidBodyBuilder::kinematic_position_based();
@@ -404,4 +413,60 @@ fn insert_lid(world: &mut PhysicsWorld, half_width: f32, heights: [f32; 2]) -> L
     let place = lid.translation(0.0);
     world.bodies[body].set_translation(place, true);
     lid
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn packed(side: usize) -> Sheet {
+        Sheet::new(&Options {
+            rows: side,
+            columns: side,
+            lid: true,
+            ..Options::default()
+        })
+    }
+
+    fn positions(sheet: &Sheet) -> Vec<f32> {
+        let mut positions = vec![0.0; 3 * VERTICES_PER_RING * sheet.rings()];
+        sheet.write_positions(&mut positions);
+        positions
+    }
+
+    /// A roll back depends on it.
+    #[test]
+    fn a_copy_of_a_sheet_moves_as_the_sheet_does() {
+        let mut sheet = packed(4);
+        // In contact with the box and with each other.
+        (0..50).for_each(|_| sheet.advance(2));
+        let mut copy = sheet.clone();
+        (0..10).for_each(|_| sheet.advance(3));
+        (0..10).for_each(|_| copy.advance(3));
+        assert_eq!(positions(&sheet), positions(&copy));
+    }
+
+    #[test]
+    fn the_lid_presses_the_sheet_to_its_height() {
+        let mut sheet = packed(6);
+        (0..PACKED_FRAMES).for_each(|_| sheet.advance(8));
+        let highest = positions(&sheet).into_iter().skip(2).step_by(3);
+        let highest = highest.fold(0.0, f32::max);
+        let lid = sheet.lid.unwrap().heights[1];
+        assert!(
+            highest < lid && highest > 0.7 * lid,
+            "{highest} below the lid at {lid}"
+        );
+        assert_eq!(sheet.torn(), 0);
+    }
+
+    #[test]
+    fn a_link_is_torn_only_if_there_is_a_gap() {
+        let mut sheet = packed(2);
+        assert_eq!((sheet.links.len(), sheet.torn()), (8, 0));
+        let connector = sheet.rings[sheet.links[0][1]].body;
+        let far = Vector::new(0.0, 50.0, 0.0);
+        sheet.world.bodies[connector].set_translation(far, true);
+        assert_eq!(sheet.torn(), 2);
+    }
 }
