@@ -104,14 +104,21 @@ fn run(args: &Args) -> Result<ExitCode> {
         false => println!("simulator: ended after {seconds:.1} s"),
     }
     client.finish_within(DEADLINE)?;
+    let mut code = None;
     if let Some(sidecar) = sidecar {
-        sidecar.join()?;
+        code = sidecar.join()?;
         let picture = recording.with_extension("svg");
         if sidecar::draw(&recording, &picture, REACH)? {
             println!("the place where it broke: {}", picture.display());
         }
     }
-    Ok(ExitCode::from(u8::from(!intact)))
+    // The watcher says if the topology changed or could not be decided. After a roll back its code
+    // is that of the frames that were taken back.
+    Ok(match (intact, code) {
+        (true, _) => ExitCode::SUCCESS,
+        (false, Some(code)) if code != 0 => ExitCode::from(code),
+        (false, _) => ExitCode::from(1),
+    })
 }
 
 /// Simulates until a frame is not intact, or with `--go-on` all frames. Returns true if every frame
