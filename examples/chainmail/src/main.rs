@@ -11,6 +11,7 @@
 //! `run` and `simulate` contain all calls of linkwatch: open, describe, loan, publish, poll,
 //! finish.
 
+mod lid;
 mod scene;
 
 use clap::Parser;

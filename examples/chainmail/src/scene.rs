@@ -32,6 +32,7 @@
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
+use crate::lid::{Lid, insert_lid, packed_height};
 use rapier3d::prelude::*;
 use sidecar::Scene;
 
@@ -48,23 +49,16 @@ pub const FRAME_DT: f32 = 1.0 / 30.0;
 pub const FRAMES: usize = 72;
 
 /// Radius of the centre line of a flat ring (to the corners of the polygon).
-const FLAT_RADIUS: f32 = 1.0;
+pub const FLAT_RADIUS: f32 = 1.0;
 
 /// Radius of the centre line of a connector ring.
-const CONNECTOR_RADIUS: f32 = 0.75;
+pub const CONNECTOR_RADIUS: f32 = 0.75;
 
 /// Distance between the centres of neighbouring flat rings.
 const PITCH: f32 = 2.4;
 
 /// The number of frames after which the lid has packed the default sheet.
 pub const PACKED_FRAMES: usize = 120;
-
-/// Seconds at which the lid begins and ends to move. It stays above the falling sheet, and meets it
-/// when it lies in the box.
-const LID_TIMES: [f32; 2] = [0.0, 3.8];
-
-/// Share of the volume below the lid at its end that the wire fills.
-const PACKED_SHARE: f32 = 0.15;
 
 /// Distance between the centres of a flat ring and a connector from which on a person sees that
 /// they are not linked: there is a gap between them, as wide as a wire is thick.
@@ -77,16 +71,16 @@ const FLOOR_RATIO: f32 = 0.31;
 const RIM_RATIO: f32 = 1.08;
 
 /// Angle from the vertical by which the walls lean outwards.
-const WALL_LEAN: f32 = 34.0 * TAU / 360.0;
+pub const WALL_LEAN: f32 = 34.0 * TAU / 360.0;
 
 /// Half the thickness of the floor and the walls: far more than any motion in a step.
-const HALF_THICKNESS: f32 = 10.0;
+pub const HALF_THICKNESS: f32 = 10.0;
 
 /// Angle by which the sheet is turned about the vertical.
 const YAW: f32 = 0.08;
 
 /// Coulomb friction, of the rings as of the box.
-const FRICTION: f32 = 0.2;
+pub const FRICTION: f32 = 0.2;
 
 /// Damping of the rings' spin, in 1/s.
 const ANGULAR_DAMPING: f32 = 0.5;
@@ -137,24 +131,6 @@ pub struct Sheet {
     lid: Option<Lid>,
     /// Seconds since the start.
     time: f32,
-}
-
-/// A plate that moves downwards.
-#[derive(Clone, Copy)]
-struct Lid {
-    body: RigidBodyHandle,
-    /// Heights of its lower face at [`LID_TIMES`].
-    heights: [f32; 2],
-}
-
-impl Lid {
-    /// Returns the place of its body at this time.
-    fn translation(&self, time: f32) -> Vector {
-        let [start, end] = LID_TIMES;
-        let share = ((time - start) / (end - start)).clamp(0.0, 1.0);
-        let height = self.heights[0] + share * (self.heights[1] - self.heights[0]);
-        Vector::new(0.0, height + HALF_THICKNESS, 0.0)
-    }
 }
 
 impl Sheet {
@@ -390,29 +366,6 @@ fn insert_box(world: &mut PhysicsWorld, half_floor: f32, half_rim: f32) -> f32 {
         );
     }
     rim_height
-}
-
-/// Returns the height of the lid above the floor at its end.
-fn packed_height(options: &Options, half_floor: f32) -> f32 {
-    let (rows, columns) = (options.rows as f32, options.columns as f32);
-    let connectors = rows * (columns - 1.0) + (rows - 1.0) * columns;
-    let length = TAU * (rows * columns * FLAT_RADIUS + connectors * CONNECTOR_RADIUS);
-    let volume = length * 0.5 * TAU * WIRE_RADIUS.powi(2) / PACKED_SHARE;
-    // The box is a part of a pyramid: its volume up to the height h is
-    // 4 / (3 tan) ((half_floor + h tan)^3 - half_floor^3).
-    let tan = WALL_LEAN.tan();
-    ((half_floor.powi(3) + 0.75 * tan * volume).cbrt() - half_floor) / tan
-}
-
-/// Inserts the lid. It passes through the walls, because neither moves by forces.
-fn insert_lid(world: &mut PhysicsWorld, half_width: f32, heights: [f32; 2]) -> Lid {
-    let body = RigidBodyBuilder::kinematic_position_based();
-    let collider = ColliderBuilder::cuboid(half_width, HALF_THICKNESS, half_width);
-    let (body, _) = world.insert(body, collider.friction(FRICTION));
-    let lid = Lid { body, heights };
-    let place = lid.translation(0.0);
-    world.bodies[body].set_translation(place, true);
-    lid
 }
 
 #[cfg(test)]
