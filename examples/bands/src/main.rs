@@ -7,14 +7,19 @@
 
 mod contact;
 mod scene;
+#[cfg(test)]
+mod tests;
 
 use clap::Parser;
 use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Precision, Result, Verdict};
 use scene::{Bands, FRAME_DT, FRAMES, POINTS, THICKNESS};
-use sidecar::{DEADLINE, Sidecar};
+use sidecar::{DEADLINE, Scene, Sidecar, publish, step_safely, wait_for_watcher};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+
+/// Stretch of a band, in lengths at rest, from which on a person would see that something pulls.
+const SEEN: f32 = 1.25;
 
 /// Half the width of the picture: a band at rest has the radius 1.
 const REACH: f64 = 2.5;
@@ -37,7 +42,7 @@ struct Args {
     /// Return to the last intact frame after a violation, and go on with smaller time steps
     #[arg(long, conflicts_with = "go_on")]
     roll_back: bool,
-    /// Go on after a violation, to see what becomes of it
+    /// Go on after a violation, and report when a person would see it
     #[arg(long)]
     go_on: bool,
     /// Do not start `linkwatch watch`; use one that already runs or starts later
@@ -73,7 +78,7 @@ fn run(args: &Args) -> Result<ExitCode> {
     let counts = vec![-(POINTS as i32); bands.bands()];
     let radii = CurveLabels::default().with_radii(vec![0.5 * THICKNESS; bands.bands()]);
     client.describe_labelled(Basis::Polyline, Precision::F32, &counts, radii)?;
-    if !sidecar::wait_for_watcher(&mut client, sidecar.as_mut(), &args.service, WAIT)? {
+    if !wait_for_watcher(&mut client, sidecar.as_mut(), &args.service, WAIT)? {
         println!("simulator: no watcher connected within {WAIT:?}");
         return Ok(ExitCode::from(3));
     }
@@ -85,10 +90,7 @@ fn run(args: &Args) -> Result<ExitCode> {
     let intact = match args.roll_back {
         true => {
             let plan = (args.frames, FRAME_DT, usize::from(args.substeps));
-            println!(
-                "simulator: {}",
-                sidecar::step_safely(&mut client, bands, plan)?
-            );
+            println!("simulator: {}", step_safely(&mut client, bands, plan)?);
             true
         }
         false => simulate(args, &mut client, bands)?,
@@ -102,33 +104,59 @@ fn run(args: &Args) -> Result<ExitCode> {
         false => println!("simulator: ended after {seconds:.1} s"),
     }
     client.finish_within(DEADLINE)?;
+    let mut code = None;
     if let Some(sidecar) = sidecar {
-        sidecar.join()?;
+        code = sidecar.join()?;
         let picture = recording.with_extension("svg");
         if sidecar::draw(&recording, &picture, REACH)? {
             println!("the place where it broke: {}", picture.display());
         }
     }
-    Ok(ExitCode::from(u8::from(!intact)))
+    // The watcher says if the topology changed or could not be decided. After a roll back its code
+    // is that of the frames that were taken back.
+    Ok(match (intact, code) {
+        (true, _) => ExitCode::SUCCESS,
+        (false, Some(code)) if code != 0 => ExitCode::from(code),
+        (false, _) => ExitCode::from(1),
+    })
 }
 
 /// Simulates until a frame is not intact, or with `--go-on` all frames. Returns true if every frame
 /// is intact.
 fn simulate(args: &Args, client: &mut Client, mut bands: Bands) -> Result<bool> {
-    use sidecar::Scene;
-    let mut intact = true;
+    let (mut first, mut seen) = (None, None);
+    let (mut longest, mut links) = (0.0_f32, 0);
     for frame in 0..args.frames {
         if frame > 0 {
             bands.advance(usize::from(args.substeps));
         }
-        let verdict = sidecar::publish(client, &bands, frame as f64 * f64::from(FRAME_DT))?;
-        if verdict.verdict != Verdict::Intact && intact {
-            println!("simulator: {verdict}");
-            intact = false;
+        let verdict = publish(client, &bands, frame as f64 * f64::from(FRAME_DT))?;
+        links = verdict.gained;
+        longest = longest.max(bands.stretch());
+        if longest >= SEEN {
+            seen.get_or_insert(frame);
         }
-        if !intact && !args.go_on {
-            break;
+        if verdict.verdict != Verdict::Intact && first.is_none() {
+            println!("simulator: {verdict}");
+            first = Some(frame);
+            if !args.go_on {
+                return Ok(false);
+            }
         }
     }
-    Ok(intact)
+    let Some(first) = first else {
+        return Ok(true);
+    };
+    println!("simulator: first violation in frame {first}; {links} links in the last frame");
+    match seen {
+        Some(frame) => println!(
+            "simulator: seen in frame {frame}, {} frames later: a band is {SEEN} times as long as \
+             at rest",
+            frame.saturating_sub(first)
+        ),
+        None => println!(
+            "simulator: never seen: no band was more than {longest:.3} times as long as at rest"
+        ),
+    }
+    Ok(false)
 }

@@ -108,6 +108,17 @@ impl Bands {
         self.positions.len() / POINTS
     }
 
+    /// Returns the length of the most stretched band, in lengths at rest.
+    pub fn stretch(&self) -> f32 {
+        let rest = POINTS as f32 * 2.0 * (0.5 * TAU / POINTS as f32).sin();
+        let bands = self.positions.chunks_exact(POINTS);
+        bands.fold(0.0, |longest, band| {
+            let next = band.iter().cycle().skip(1);
+            let length: f32 = band.iter().zip(next).map(|(a, b)| a.distance(*b)).sum();
+            longest.max(length / rest)
+        })
+    }
+
     /// Advances the scene by one time step of `h` seconds.
     fn step(&mut self, h: f32) {
         self.previous.copy_from_slice(&self.positions);

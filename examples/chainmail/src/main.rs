@@ -3,23 +3,24 @@
 //! It simulates rigid rings with `rapier3d` and does not check their topology. A sidecar,
 //! `linkwatch watch`, runs as a separate process (started from here unless `--no-sidecar`),
 //! verifies every frame, and asks this simulator to stop if a ring was pulled through another. The
-//! default time step is too large on purpose; `--substeps 16` keeps the sheet intact.
+//! default time step is too large on purpose; `--substeps 16` keeps the sheet intact. With `--pack`
+//! a lid then presses the sheet into the lower part of the box, as in Qu and James 2021, section
+//! 4.3.6. With `--roll-back` the simulator returns to the last intact frame after a violation and
+//! goes on with smaller time steps.
 //!
 //! `run` and `simulate` contain all calls of linkwatch: open, describe, loan, publish, poll,
 //! finish.
 
+mod lid;
 mod scene;
 
 use clap::Parser;
 use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Outcome, Precision, Result};
-use scene::{FRAME_DT, FRAMES, Options, Sheet, WIRE_RADIUS};
-use sidecar::Sidecar;
-use std::path::PathBuf;
+use scene::{FRAME_DT, FRAMES, Options, PACKED_FRAMES, Sheet, WIRE_RADIUS};
+use sidecar::{DEADLINE, Sidecar, step_safely, wait_for_watcher};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
-
-/// Time limit of the verdict on a frame in lockstep.
-const DEADLINE: Duration = Duration::from_secs(10);
 
 /// Half the width of the picture, in units of the simulation: a flat ring has the radius 1.
 const REACH: f64 = 4.0;
@@ -33,9 +34,19 @@ struct Args {
     /// Publish every time step as a frame of its own
     #[arg(long)]
     every_step: bool,
-    /// Frames to simulate
-    #[arg(long, default_value_t = FRAMES)]
-    frames: usize,
+    /// Then pack the sheet: a lid presses it into the lower part of the box
+    #[arg(long)]
+    pack: bool,
+    /// Return to the last intact frame after a violation, and go on with smaller time steps
+    /// (implies --lockstep)
+    #[arg(long, conflicts_with_all = ["every_step", "go_on"])]
+    roll_back: bool,
+    /// Go on after a violation, and report when a person would see it (implies --lockstep)
+    #[arg(long)]
+    go_on: bool,
+    /// Frames to simulate [default: 72, with --pack 120]
+    #[arg(long)]
+    frames: Option<usize>,
     /// Do not start `linkwatch watch`; use one that already runs or starts later
     #[arg(long)]
     no_sidecar: bool,
@@ -54,6 +65,24 @@ struct Args {
     /// Number of flat rings per side of the sheet (19 makes 1,045 rings in all)
     #[arg(long, default_value_t = 19, value_parser = clap::value_parser!(u16).range(2..200))]
     side: u16,
+}
+
+impl Args {
+    /// Returns the number of frames to simulate.
+    fn frames(&self) -> usize {
+        let whole = if self.pack { PACKED_FRAMES } else { FRAMES };
+        self.frames.unwrap_or(whole)
+    }
+
+    /// Returns true if the simulator waits for each verdict.
+    fn waits(&self) -> bool {
+        self.lockstep || self.roll_back || self.go_on
+    }
+
+    /// Returns the path of the recording.
+    fn recording(&self) -> PathBuf {
+        self.out.join("chainmail.mcap")
+    }
 }
 
 /// Parses a time in seconds. Rejects NaN, infinite and negative numbers.
@@ -84,12 +113,12 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<ExitCode> {
-    let recording = args.out.join("chainmail.mcap");
+    let recording = args.recording();
     let mut sidecar = match args.no_sidecar {
         true => None,
         false => Some(Sidecar::start(&args.service, &recording, &[])?),
     };
-    let options = match args.lockstep {
+    let options = match args.waits() {
         true => ClientOptions::lockstep(),
         false => ClientOptions::default(),
     };
@@ -97,6 +126,7 @@ fn run(args: &Args) -> Result<ExitCode> {
     let mut sheet = Sheet::new(&Options {
         rows: side,
         columns: side,
+        lid: args.pack,
         ..Options::default()
     });
     let mut client = Client::open(&args.service, &options)?;
@@ -105,8 +135,11 @@ fn run(args: &Args) -> Result<ExitCode> {
     // With the radii of the rings, a watcher can measure how close they come.
     let radii = CurveLabels::default().with_radii(vec![WIRE_RADIUS; sheet.rings()]);
     client.describe_labelled(Basis::Polyline, Precision::F32, &counts, radii)?;
-    if !wait_for_watcher(args, &mut client, sidecar.as_mut())? {
+    if !wait_for_watcher(&mut client, sidecar.as_mut(), &args.service, args.wait)? {
         println!("simulator: no watcher connected; running without verification");
+    }
+    if args.roll_back {
+        return roll_back(args, client, sheet, sidecar);
     }
     let end = simulate(args, &mut client, &mut sheet)?;
     // The goodbye of the watcher has the counts of all frames.
@@ -123,17 +156,7 @@ fn run(args: &Args) -> Result<ExitCode> {
     // The goodbye repeats an abort for one of the last frames.
     let aborted = end == End::Aborted || last.as_ref().is_some_and(|m| m.abort);
     let watched = last.is_some_and(|m| m.counters.verified > 0);
-    let verdict = match sidecar {
-        Some(sidecar) => {
-            let code = sidecar.join()?;
-            let picture = recording.with_extension("svg");
-            if sidecar::draw(&recording, &picture, REACH)? {
-                println!("the place where it broke: {}", picture.display());
-            }
-            code
-        }
-        None => None,
-    };
+    let verdict = join(sidecar, &recording)?;
     Ok(match verdict {
         _ if aborted => ExitCode::from(1),
         Some(code) if code != 0 => ExitCode::from(code),
@@ -148,29 +171,40 @@ fn run(args: &Args) -> Result<ExitCode> {
     })
 }
 
-/// Waits for a watcher, so that it does not miss the first frame. Returns false if none connected
-/// in time.
-fn wait_for_watcher(
-    args: &Args,
-    client: &mut Client,
-    mut sidecar: Option<&mut Sidecar>,
-) -> Result<bool> {
-    const LOOK: Duration = Duration::from_millis(300);
-    let start = Instant::now();
-    let mut announced = false;
-    while !client.wait_for_watcher(LOOK)? {
-        if let Some(sidecar) = &mut sidecar {
-            sidecar.check_running()?;
-        } else if !announced {
-            let command = format!("linkwatch watch --service {}", args.service);
-            println!("simulator: waiting for a watcher; start one with: {command}");
-            announced = true;
-        }
-        if start.elapsed() > args.wait {
-            return Ok(false);
-        }
+/// Waits for the watcher to end and draws the place of the first violation. Returns the exit code
+/// of the watcher.
+fn join(sidecar: Option<Sidecar>, recording: &Path) -> Result<Option<u8>> {
+    let Some(sidecar) = sidecar else {
+        return Ok(None);
+    };
+    let code = sidecar.join()?;
+    let picture = recording.with_extension("svg");
+    if sidecar::draw(recording, &picture, REACH)? {
+        println!("the place where it broke: {}", picture.display());
     }
-    Ok(true)
+    Ok(code)
+}
+
+/// Runs the simulation with roll back: every frame of the result is intact.
+fn roll_back(
+    args: &Args,
+    mut client: Client,
+    sheet: Sheet,
+    sidecar: Option<Sidecar>,
+) -> Result<ExitCode> {
+    let start = Instant::now();
+    let plan = (args.frames(), FRAME_DT, usize::from(args.substeps));
+    let work = step_safely(&mut client, sheet, plan)?;
+    let seconds = start.elapsed().as_secs_f64();
+    println!("simulator: {work}");
+    println!(
+        "simulator: {} frames done in {seconds:.1} s: every frame is intact",
+        args.frames()
+    );
+    client.finish_within(DEADLINE)?;
+    // The watcher ends with exit code 1, because of the frames that were taken back.
+    join(sidecar, &args.recording())?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Runs the simulation, with all its calls of linkwatch.
@@ -178,9 +212,10 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
     println!(
         "simulator: {} rings, {} frames, {} time steps per frame",
         sheet.rings(),
-        args.frames,
+        args.frames(),
         args.substeps
     );
+    let (mut violated, mut seen) = (None, None);
     let start = Instant::now();
     let mut watched = true;
     let substeps = usize::from(args.substeps);
@@ -190,7 +225,7 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
         false => (1, substeps),
     };
     let dt = FRAME_DT / frames as f32;
-    let count = match args.frames {
+    let count = match args.frames() {
         0 => 0,
         n => (n - 1) * frames + 1,
     };
@@ -201,7 +236,7 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
         let mut loan = client.loan(frame as f64 * f64::from(dt))?;
         sheet.write_positions(loan.positions_f32()?);
         let seq = loan.publish()?;
-        if args.lockstep {
+        if args.waits() {
             match client.wait(seq, DEADLINE)? {
                 Outcome::Verdict(_) => watched = true,
                 Outcome::Stale => {
@@ -217,13 +252,30 @@ fn simulate(args: &Args, client: &mut Client, sheet: &mut Sheet) -> Result<End> 
         }
         while client.poll()?.is_some() {}
         if let Some(abort) = client.aborted() {
-            println!("simulator: stopped after frame {seq}. {abort}");
-            return Ok(End::Aborted);
+            if !args.go_on {
+                println!("simulator: stopped after frame {seq}. {abort}");
+                return Ok(End::Aborted);
+            }
+            violated.get_or_insert(frame);
+        }
+        if args.go_on && sheet.torn() > 0 {
+            seen.get_or_insert(frame);
+        }
+    }
+    if let Some(first) = violated {
+        match seen {
+            Some(frame) => println!(
+                "simulator: first violation in frame {first}; seen in frame {frame}, {} frames \
+                 later: a gap between two rings that were linked; {} such links in the last frame",
+                frame.saturating_sub(first),
+                sheet.torn()
+            ),
+            None => println!("simulator: first violation in frame {first}; never seen"),
         }
     }
     println!(
         "simulator: {} frames done in {:.1} s",
-        args.frames,
+        args.frames(),
         start.elapsed().as_secs_f64()
     );
     // Verdicts on the last frames may still be pending: the watcher sends them before its goodbye.

@@ -19,6 +19,9 @@
 //! keeps falling, and the sheet is drawn together, folds over itself and ends as a heap. The sheet
 //! is turned a little about the vertical so that it does not fall symmetrically.
 //!
+//! With [`Options::lid`], a plate moves down after the sheet and presses it into the lower part of
+//! the box.
+//!
 //! # Time steps
 //!
 //! All settings of the solver are rapier's defaults, except that its continuous collision
@@ -29,7 +32,9 @@
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
+use crate::lid::{Lid, insert_lid, packed_height};
 use rapier3d::prelude::*;
+use sidecar::Scene;
 
 /// Corners of a ring's centre line, and capsules of its collider.
 pub const VERTICES_PER_RING: usize = 12;
@@ -44,13 +49,20 @@ pub const FRAME_DT: f32 = 1.0 / 30.0;
 pub const FRAMES: usize = 72;
 
 /// Radius of the centre line of a flat ring (to the corners of the polygon).
-const FLAT_RADIUS: f32 = 1.0;
+pub const FLAT_RADIUS: f32 = 1.0;
 
 /// Radius of the centre line of a connector ring.
-const CONNECTOR_RADIUS: f32 = 0.75;
+pub const CONNECTOR_RADIUS: f32 = 0.75;
 
 /// Distance between the centres of neighbouring flat rings.
 const PITCH: f32 = 2.4;
+
+/// The number of frames after which the lid has packed the default sheet.
+pub const PACKED_FRAMES: usize = 120;
+
+/// Distance between the centres of a flat ring and a connector from which on a person sees that
+/// they are not linked: there is a gap between them, as wide as a wire is thick.
+const TORN: f32 = FLAT_RADIUS + CONNECTOR_RADIUS + 4.0 * WIRE_RADIUS;
 
 /// Half the width of the box's floor, as a part of half the width of the sheet.
 const FLOOR_RATIO: f32 = 0.31;
@@ -59,16 +71,16 @@ const FLOOR_RATIO: f32 = 0.31;
 const RIM_RATIO: f32 = 1.08;
 
 /// Angle from the vertical by which the walls lean outwards.
-const WALL_LEAN: f32 = 34.0 * TAU / 360.0;
+pub const WALL_LEAN: f32 = 34.0 * TAU / 360.0;
 
 /// Half the thickness of the floor and the walls: far more than any motion in a step.
-const HALF_THICKNESS: f32 = 10.0;
+pub const HALF_THICKNESS: f32 = 10.0;
 
 /// Angle by which the sheet is turned about the vertical.
 const YAW: f32 = 0.08;
 
 /// Coulomb friction, of the rings as of the box.
-const FRICTION: f32 = 0.2;
+pub const FRICTION: f32 = 0.2;
 
 /// Damping of the rings' spin, in 1/s.
 const ANGULAR_DAMPING: f32 = 0.5;
@@ -85,6 +97,9 @@ pub struct Options {
     pub gravity: f32,
     /// Height of the flat sheet above the rim of the box at the start.
     pub drop_height: f32,
+    /// True if a lid then packs the sheet: it moves down from the rim and presses the sheet into
+    /// the lower part of the box.
+    pub lid: bool,
 }
 
 impl Default for Options {
@@ -95,11 +110,13 @@ impl Default for Options {
             columns: 19,
             gravity: 16.0,
             drop_height: 1.0,
+            lid: false,
         }
     }
 }
 
 /// One ring: its body, and the polygon of its centre line in the frame of the body.
+#[derive(Clone)]
 struct Ring {
     body: RigidBodyHandle,
     polygon: [Vector; VERTICES_PER_RING],
@@ -109,6 +126,11 @@ struct Ring {
 pub struct Sheet {
     world: PhysicsWorld,
     rings: Vec<Ring>,
+    /// Links of the construction: a flat ring and a connector.
+    links: Vec<[usize; 2]>,
+    lid: Option<Lid>,
+    /// Seconds since the start.
+    time: f32,
 }
 
 impl Sheet {
@@ -123,9 +145,18 @@ impl Sheet {
         let half_sheet = 0.5 * (longer - 1.0) * PITCH + FLAT_RADIUS + WIRE_RADIUS;
         let rim_height = insert_box(&mut world, FLOOR_RATIO * half_sheet, RIM_RATIO * half_sheet);
 
+        let lid = options.lid.then(|| {
+            // High enough that the flat sheet is below it.
+            let clear = rim_height + options.drop_height + 2.0 * FLAT_RADIUS;
+            let packed = packed_height(options, FLOOR_RATIO * half_sheet);
+            insert_lid(&mut world, RIM_RATIO * half_sheet, [clear, packed])
+        });
         let mut sheet = Sheet {
             world,
             rings: Vec::new(),
+            links: Vec::new(),
+            lid,
+            time: 0.0,
         };
         sheet.insert_rings(options, rim_height + options.drop_height);
         sheet
@@ -143,10 +174,24 @@ impl Sheet {
 
     /// Advances the scene by one frame of `frame_dt` seconds, in `substeps` equal time steps.
     pub fn step(&mut self, frame_dt: f32, substeps: usize) {
-        self.world.integration_parameters.dt = frame_dt / substeps as f32;
+        let dt = frame_dt / substeps as f32;
+        self.world.integration_parameters.dt = dt;
         for _ in 0..substeps {
+            self.time += dt;
+            if let Some(lid) = self.lid {
+                let place = lid.translation(self.time);
+                self.world.bodies[lid.body].set_next_kinematic_translation(place);
+            }
             self.world.step();
         }
+    }
+
+    /// Returns the number of links of the construction whose rings are so far apart that a person
+    /// sees it.
+    pub fn torn(&self) -> usize {
+        let center = |ring: usize| self.world.bodies[self.rings[ring].body].translation();
+        let far = |&&[a, b]: &&[usize; 2]| (center(a) - center(b)).length() > TORN;
+        self.links.iter().filter(far).count()
     }
 
     /// Writes the corners of all centre lines in world space: x, y, z of each corner in turn, ring
@@ -190,23 +235,33 @@ impl Sheet {
 
         let flat = RingShape::new(FLAT_RADIUS);
         let connector = RingShape::new(CONNECTOR_RADIUS);
+        // Numbers of the flat rings, and each connector with the places of its two flat rings.
+        let (mut flat_rings, mut joins) = (Vec::new(), Vec::new());
         for row in 0..rows {
             for column in 0..columns {
                 let (r, c) = (row as f32, column as f32);
-                self.insert_ring(&flat, sheet * Pose::from_translation(place(r, c)));
+                let here = self.insert_ring(&flat, sheet * Pose::from_translation(place(r, c)));
+                flat_rings.push(here);
                 if column + 1 < columns {
                     let pose = Pose::from_parts(place(r, c + 0.5), upright_along_x);
-                    self.insert_ring(&connector, sheet * pose);
+                    let ring = self.insert_ring(&connector, sheet * pose);
+                    joins.push([ring, row * columns + column, row * columns + column + 1]);
                 }
                 if row + 1 < rows {
                     let pose = Pose::from_parts(place(r + 0.5, c), upright_along_z);
-                    self.insert_ring(&connector, sheet * pose);
+                    let ring = self.insert_ring(&connector, sheet * pose);
+                    joins.push([ring, row * columns + column, (row + 1) * columns + column]);
                 }
             }
         }
+        for [ring, a, b] in joins {
+            self.links
+                .extend([[flat_rings[a], ring], [flat_rings[b], ring]]);
+        }
     }
 
-    fn insert_ring(&mut self, shape: &RingShape, pose: Pose) {
+    /// Inserts a ring. Returns its number.
+    fn insert_ring(&mut self, shape: &RingShape, pose: Pose) -> usize {
         let body = RigidBodyBuilder::dynamic()
             .pose(pose)
             .angular_damping(ANGULAR_DAMPING)
@@ -217,6 +272,42 @@ impl Sheet {
             body,
             polygon: shape.polygon,
         });
+        self.rings.len() - 1
+    }
+}
+
+impl Scene for Sheet {
+    fn advance(&mut self, steps: usize) {
+        self.step(FRAME_DT, steps);
+    }
+
+    fn write_positions(&self, out: &mut [f32]) {
+        Sheet::write_positions(self, out);
+    }
+}
+
+impl Clone for Sheet {
+    /// Copies the state of the world. The workspaces of rapier are made anew.
+    fn clone(&self) -> Sheet {
+        let world = &self.world;
+        Sheet {
+            world: PhysicsWorld {
+                gravity: world.gravity,
+                integration_parameters: world.integration_parameters,
+                islands: world.islands.clone(),
+                broad_phase: world.broad_phase.clone(),
+                narrow_phase: world.narrow_phase.clone(),
+                bodies: world.bodies.clone(),
+                colliders: world.colliders.clone(),
+                impulse_joints: world.impulse_joints.clone(),
+                multibody_joints: world.multibody_joints.clone(),
+                ..PhysicsWorld::new()
+            },
+            rings: self.rings.clone(),
+            links: self.links.clone(),
+            lid: self.lid,
+            time: self.time,
+        }
     }
 }
 
@@ -275,4 +366,60 @@ fn insert_box(world: &mut PhysicsWorld, half_floor: f32, half_rim: f32) -> f32 {
         );
     }
     rim_height
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn packed(side: usize) -> Sheet {
+        Sheet::new(&Options {
+            rows: side,
+            columns: side,
+            lid: true,
+            ..Options::default()
+        })
+    }
+
+    fn positions(sheet: &Sheet) -> Vec<f32> {
+        let mut positions = vec![0.0; 3 * VERTICES_PER_RING * sheet.rings()];
+        sheet.write_positions(&mut positions);
+        positions
+    }
+
+    /// A roll back depends on it.
+    #[test]
+    fn a_copy_of_a_sheet_moves_as_the_sheet_does() {
+        let mut sheet = packed(4);
+        // In contact with the box and with each other.
+        (0..50).for_each(|_| sheet.advance(2));
+        let mut copy = sheet.clone();
+        (0..10).for_each(|_| sheet.advance(3));
+        (0..10).for_each(|_| copy.advance(3));
+        assert_eq!(positions(&sheet), positions(&copy));
+    }
+
+    #[test]
+    fn the_lid_presses_the_sheet_to_its_height() {
+        let mut sheet = packed(6);
+        (0..PACKED_FRAMES).for_each(|_| sheet.advance(8));
+        let highest = positions(&sheet).into_iter().skip(2).step_by(3);
+        let highest = highest.fold(0.0, f32::max);
+        let lid = sheet.lid.unwrap().heights[1];
+        assert!(
+            highest < lid && highest > 0.7 * lid,
+            "{highest} below the lid at {lid}"
+        );
+        assert_eq!(sheet.torn(), 0);
+    }
+
+    #[test]
+    fn a_link_is_torn_only_if_there_is_a_gap() {
+        let mut sheet = packed(2);
+        assert_eq!((sheet.links.len(), sheet.torn()), (8, 0));
+        let connector = sheet.rings[sheet.links[0][1]].body;
+        let far = Vector::new(0.0, 50.0, 0.0);
+        sheet.world.bodies[connector].set_translation(far, true);
+        assert_eq!(sheet.torn(), 2);
+    }
 }

@@ -45,8 +45,8 @@ impl fmt::Display for Work {
         let all = self.kept + self.discarded;
         write!(
             f,
-            "{} frames were taken back; {} of {all} time steps ({:.1} %) were discarded; at most \
-             {} time steps per frame",
+            "frames taken back: {}; time steps discarded: {} of {all} ({:.1} %); most time steps \
+             per frame: {}",
             self.retried_frames,
             self.discarded,
             100.0 * self.discarded as f64 / all.max(1) as f64,
@@ -105,7 +105,7 @@ pub fn step_safely<S: Scene>(
         work.retried_frames += 1;
         work.discarded += steps;
         println!(
-            "simulator: frame {} is {verdict} after {steps} time steps",
+            "simulator: frame {} is {verdict} with {steps} time steps per frame",
             frame + 1
         );
         if halvings < HALVINGS {
