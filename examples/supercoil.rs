@@ -171,8 +171,8 @@ impl Rod {
             normal = unit(add(normal, -dot(normal, t), t));
             normals.push((t, normal));
         }
-        // What the transported direction lacks to a closed ribbon, with the turns that the twist
-        // has.
+        // Angle between the transported direction and the first one, plus the turns of the twist:
+        // spread evenly along the rod, it closes the ribbon.
         let (t, last) = normals[BEADS];
         let gap = dot(t, cross(last, start)).atan2(dot(last, start));
         let turn = gap + TAU * (self.twist - gap / TAU).round();

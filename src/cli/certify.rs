@@ -213,15 +213,15 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     let braids = args.braid_args.are_given();
     if braids && (args.noise.is_some() || args.discretize == Discretize::Algorithm3) {
         let what = "--braid excludes --noise and --discretize: loops are verified pair by pair";
-        return Err(linkwatch::Error::Usage(what.into()));
+        return Err(Error::Usage(what.into()));
     }
     if args.write_loops.is_some() && (models.len() > 1 || !braids) {
         let what = "--write-loops writes the loops of one model, with --braid";
-        return Err(linkwatch::Error::Usage(what.into()));
+        return Err(Error::Usage(what.into()));
     }
     if args.write_braid.is_some() && (models.len() > 1 || !braids) {
         let what = "--write-braid writes the ends of one model, with --braid";
-        return Err(linkwatch::Error::Usage(what.into()));
+        return Err(Error::Usage(what.into()));
     }
     let mut files = Files::new(args.overwrite);
     args.braid_args
@@ -239,7 +239,7 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
     if let Some(file) = &args.write_loops {
         if FrameWriter::companion(file, Format::of(file)?).is_some() {
             let what = "--write-loops writes one file; a LAMMPS dump has two: name it .npz, say";
-            return Err(linkwatch::Error::Usage(what.into()));
+            return Err(Error::Usage(what.into()));
         }
         files.writes("--write-loops", file, Content::Model)?;
     }
@@ -338,7 +338,11 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
             None if models.len() == 1 => output::line(c.certificate.to_string().trim_end()),
             None => {
                 output::line(format_args!("{}: {}", path.display(), summary(&c)));
-                list(&c.certificate);
+                let links = c.certificate.links.iter();
+                let links: Vec<String> = links
+                    .map(|l| format!("curves {} and {}: linking number {}", l.i, l.j, l.lambda))
+                    .collect();
+                output::first_lines("  ", &links, LINKS);
             }
         }
         if let Some(file) = pictures.get(k) {
@@ -353,20 +357,6 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         }
     }
     failed.map_or(Ok(outcome), Err)
-}
-
-/// Prints the links of one of several models.
-fn list(certificate: &Certificate) {
-    for link in certificate.links.iter().take(LINKS) {
-        output::line(format_args!(
-            "  curves {} and {}: linking number {}",
-            link.i, link.j, link.lambda
-        ));
-    }
-    if certificate.links.len() > LINKS {
-        let more = count((certificate.links.len() - LINKS) as u64);
-        output::line(format_args!("  and {more} more"));
-    }
 }
 
 /// Returns the names of the pictures, one per model, or none. Creates their folder.

@@ -130,14 +130,14 @@ pub fn run(args: &Args, json: bool) -> Result<Outcome> {
         let judged = match judged {
             Ok(judged) => judged,
             Err(e) => {
-                let nothing_closed = is_nothing_closed(&e);
+                let nothing = has_nothing_to_verify(&e);
                 // The other models still get their verdicts.
                 match &failed {
                     None => failed = Some(e),
                     Some(_) => tracing::error!("{e}"),
                 }
                 // Without a first frame there is no baseline for the others.
-                if nothing_closed && from_first_frame {
+                if nothing && from_first_frame {
                     break;
                 }
                 continue;
@@ -178,10 +178,10 @@ fn nothing_to_compare() -> Error {
     Error::Usage(why.into())
 }
 
-/// Returns true if a model has no closed curve, or not the braids.
-fn is_nothing_closed(e: &Error) -> bool {
+/// Returns true if a model has no closed curve, or not the braids that are to be verified.
+fn has_nothing_to_verify(e: &Error) -> bool {
     match e {
-        Error::InFile { source, .. } => is_nothing_closed(source),
+        Error::InFile { source, .. } => has_nothing_to_verify(source),
         Error::Braid(_) => true,
         e => matches!(e, Error::NothingClosed { .. }),
     }

@@ -49,6 +49,17 @@ pub fn line(text: impl std::fmt::Display) {
     stream::put(Target::Out, format!("{text}\n").into_bytes());
 }
 
+/// Writes the first `most` lines to stdout, indented, and the number of the others.
+pub fn first_lines(indent: &str, lines: &[String], most: usize) {
+    for text in lines.iter().take(most) {
+        line(format_args!("{indent}{text}"));
+    }
+    if lines.len() > most {
+        let more = count((lines.len() - most) as u64);
+        line(format_args!("{indent}and {more} more"));
+    }
+}
+
 /// Writes a value as one line of JSON to stdout.
 pub fn json(value: &serde_json::Value) {
     line(value);

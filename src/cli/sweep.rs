@@ -220,11 +220,6 @@ fn introduce(name: &str, sweep: &Sweep, json: bool) {
     ));
 }
 
-/// Returns the number of pairs and pull-throughs of a step that are undecided.
-fn undecided(step: &SweepStep) -> usize {
-    step.report.defects.len() + step.report.unresolved.len()
-}
-
 fn row(step: &SweepStep) -> String {
     let number = |n: usize| count(n as u64);
     format!(
@@ -233,7 +228,7 @@ fn row(step: &SweepStep) -> String {
         number(step.curves.points()),
         number(step.report.changes.len()),
         number(step.report.events.len()),
-        number(undecided(step)),
+        number(step.undecided()),
         step.verdict
     )
 }
@@ -323,13 +318,7 @@ fn conclude(name: &str, steps: &[SweepStep], broken: Option<usize>, json: bool) 
         listed.join(", ")
     ));
     let findings: Vec<String> = step.report.findings().collect();
-    for sentence in findings.iter().take(SENTENCES) {
-        output::line(format_args!("  {sentence}"));
-    }
-    if findings.len() > SENTENCES {
-        let more = count((findings.len() - SENTENCES) as u64);
-        output::line(format_args!("  and {more} more"));
-    }
+    output::first_lines("  ", &findings, SENTENCES);
 }
 
 #[cfg(test)]

@@ -74,13 +74,20 @@ impl CurveSet {
     /// Returns the longest side of the bounding box of all control points, in the units of the
     /// simulation. Infinite extents count as the largest number. Costs a pass over all points.
     pub fn extent(&self) -> f64 {
+        let (low, high) = self.corners();
+        Bounds { low, high }.sides().into_iter().fold(0.0, f64::max)
+    }
+
+    /// Returns the lowest and the highest corner of the bounding box of all control points. They
+    /// are infinite if there are none.
+    pub(crate) fn corners(&self) -> (Point, Point) {
         let mut bounds = Bounds::EMPTY;
         for i in 0..self.len() {
             for k in 0..self.curve(i).points as usize {
                 bounds.add(self.point(i, k));
             }
         }
-        bounds.sides().into_iter().fold(0.0, f64::max)
+        (bounds.low, bounds.high)
     }
 
     /// Returns the longest of the segments that span more than half of the scene along an axis and

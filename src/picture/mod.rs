@@ -102,14 +102,7 @@ struct View {
 
 impl View {
     fn of(set: &CurveSet) -> View {
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for i in 0..set.len() {
-            for k in 0..set.curve(i).points as usize {
-                let p = set.point(i, k);
-                low = [0, 1, 2].map(|x| low[x].min(p[x]));
-                high = [0, 1, 2].map(|x| high[x].max(p[x]));
-            }
-        }
+        let (low, high) = set.corners();
         let half = [0, 1, 2].map(|x| (0.5 * high[x] - 0.5 * low[x]).max(0.0));
         let thinnest = (0..3)
             .min_by(|&a, &b| half[a].total_cmp(&half[b]))

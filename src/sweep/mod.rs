@@ -103,6 +103,13 @@ pub struct SweepStep {
     pub report: Report,
 }
 
+impl SweepStep {
+    /// Returns the number of pairs and pull-throughs that are undecided.
+    pub fn undecided(&self) -> usize {
+        self.report.defects.len() + self.report.unresolved.len()
+    }
+}
+
 /// A sweep over reductions of a model: an iterator over its steps.
 ///
 /// ```

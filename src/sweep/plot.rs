@@ -27,9 +27,7 @@ const SERIES: [Series; 3] = [
     ("pull-throughs since the step before", "#d35400", |step| {
         step.report.events.len()
     }),
-    ("undecided", "#7d878f", |step| {
-        step.report.defects.len() + step.report.unresolved.len()
-    }),
+    ("undecided", "#7d878f", SweepStep::undecided),
 ];
 
 /// Returns a plot of the violations of each step of a sweep, as an SVG file: the linking numbers

@@ -28,11 +28,7 @@ pub const MOST_BITS: u32 = 52;
 /// Errors: [`Error::Usage`] for 0 bits, or more than [`MOST_BITS`].
 pub fn quantize(set: &CurveSet, bits: u32) -> Result<CurveSet> {
     check_bits(bits)?;
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for p in points(set) {
-        low = [0, 1, 2].map(|x| low[x].min(p[x]));
-        high = [0, 1, 2].map(|x| high[x].max(p[x]));
-    }
+    let (low, high) = set.corners();
     let cells = 2f64.powi(bits as i32);
     let round = |p: Point| {
         [0, 1, 2].map(|x| {

@@ -10,10 +10,10 @@ use crate::certificate::Certificate;
 use crate::curve::CurveSet;
 use crate::discretize::BraidLoops;
 use crate::error::{Error, Result};
-use crate::incremental::Events;
+use crate::incremental::{Events, Route};
 use crate::ingest::FramePool;
 use crate::pairs::Share;
-use crate::verdict::{AbortOn, Change, Defect, LoopPair, Report};
+use crate::verdict::{AbortOn, Change, Defect, LoopPair, Report, Stats};
 
 /// Loops of the braids, and their verifier.
 #[derive(Debug)]
@@ -127,5 +127,83 @@ impl Verifier {
     /// close them in the same way. `None` before that frame, or without braids.
     pub fn braids(&self) -> Option<crate::Braids> {
         self.braided.as_ref().map(|b| b.loops.braids())
+    }
+
+    /// Verifies the loops of the braids, if there are any. If the frame breaks one of their
+    /// conditions, adds that to `missing`.
+    pub(super) fn verify_loops(
+        &mut self,
+        (seq, time): (u64, f64),
+        set: &CurveSet,
+        missing: &mut Vec<String>,
+    ) -> Result<Option<Found>> {
+        let Some(braided) = &mut self.braided else {
+            return Ok(None);
+        };
+        let first = self.joined.is_none();
+        let found = match braided.step(seq, time, set) {
+            Ok(found) => Some(found),
+            Err(Error::Braid(why)) if !first => {
+                missing.push(format!("braids are not verified: {why}"));
+                None
+            }
+            Err(e) => return Err(e),
+        };
+        let outer = self.baseline.as_ref();
+        let changed = self.baseline_changed | braided.inner.baseline_changed;
+        if found.is_some() && (changed || first) {
+            braided.inner.baseline_changed = false;
+            self.baseline_changed = true;
+            self.joined = outer.map(|outer| braided.joined(outer));
+        }
+        Ok(found)
+    }
+
+    /// Adds the findings about loops to a report.
+    pub(super) fn add_loops(&mut self, report: &mut Report, found: Found) {
+        let Found {
+            report: of_loops,
+            pairs,
+        } = found;
+        report.changes.extend(of_loops.changes);
+        report.changes.sort_by_key(|c| (c.i, c.j));
+        report.defects.extend(of_loops.defects);
+        report.defects.sort_by_key(|d| (d.i, d.j));
+        report.adopted.extend(of_loops.adopted);
+        report.adopted.sort_by_key(|l| (l.i, l.j));
+        report.loops = pairs;
+        report.loops.sort_by_key(|p| p.curves);
+        let Stats {
+            curves,
+            segments,
+            open_curves,
+            extent,
+            ..
+        } = report.stats;
+        report.stats.add(&of_loops.stats);
+        report.stats = Stats {
+            curves,
+            segments,
+            open_curves,
+            extent,
+            ..report.stats
+        };
+        let Some(Braided { inner, .. }) = &self.braided else {
+            return;
+        };
+        let (timings, work) = (inner.timings(), inner.work());
+        let own = &mut self.full.timings;
+        own.boxes += timings.boxes;
+        own.pairs += timings.pairs;
+        own.links += timings.links;
+        self.work.recomputed += work.recomputed;
+        self.work.searched += work.searched;
+        self.work.summed += work.summed;
+        self.work.disagreed |= work.disagreed;
+        self.work.route = match [self.work.route, work.route] {
+            [Route::Full, _] | [_, Route::Full] => Route::Full,
+            [Route::Partial, _] | [_, Route::Partial] => Route::Partial,
+            _ => Route::Quiet,
+        };
     }
 }

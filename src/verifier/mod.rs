@@ -21,7 +21,7 @@ pub use ladder::Ladder;
 pub use options::{Strategy, VerifierOptions};
 pub use shards::{Joiner, Part};
 
-use self::braided::{Braided, Found};
+use self::braided::Braided;
 use self::full::{FullRun, sizes};
 use self::routing::Routing;
 use self::steps::{LinkingNumbers, Steps};
@@ -707,84 +707,6 @@ impl Verifier {
         self.full.timings.total = start.elapsed();
         self.step_from = self.previous.replace(seq);
         Ok((report, linking))
-    }
-
-    /// Verifies the loops of the braids, if there are any. If the frame breaks one of their
-    /// conditions, adds that to `missing`.
-    fn verify_loops(
-        &mut self,
-        (seq, time): (u64, f64),
-        set: &CurveSet,
-        missing: &mut Vec<String>,
-    ) -> Result<Option<Found>> {
-        let Some(braided) = &mut self.braided else {
-            return Ok(None);
-        };
-        let first = self.joined.is_none();
-        let found = match braided.step(seq, time, set) {
-            Ok(found) => Some(found),
-            Err(Error::Braid(why)) if !first => {
-                missing.push(format!("braids are not verified: {why}"));
-                None
-            }
-            Err(e) => return Err(e),
-        };
-        let outer = self.baseline.as_ref();
-        let changed = self.baseline_changed | braided.inner.baseline_changed;
-        if found.is_some() && (changed || first) {
-            braided.inner.baseline_changed = false;
-            self.baseline_changed = true;
-            self.joined = outer.map(|outer| braided.joined(outer));
-        }
-        Ok(found)
-    }
-
-    /// Adds the findings about loops to a report.
-    fn add_loops(&mut self, report: &mut Report, found: Found) {
-        let Found {
-            report: of_loops,
-            pairs,
-        } = found;
-        report.changes.extend(of_loops.changes);
-        report.changes.sort_by_key(|c| (c.i, c.j));
-        report.defects.extend(of_loops.defects);
-        report.defects.sort_by_key(|d| (d.i, d.j));
-        report.adopted.extend(of_loops.adopted);
-        report.adopted.sort_by_key(|l| (l.i, l.j));
-        report.loops = pairs;
-        report.loops.sort_by_key(|p| p.curves);
-        let Stats {
-            curves,
-            segments,
-            open_curves,
-            extent,
-            ..
-        } = report.stats;
-        report.stats.add(&of_loops.stats);
-        report.stats = Stats {
-            curves,
-            segments,
-            open_curves,
-            extent,
-            ..report.stats
-        };
-        let Some(Braided { inner, .. }) = &self.braided else {
-            return;
-        };
-        let (timings, work) = (inner.timings(), inner.work());
-        let own = &mut self.full.timings;
-        own.boxes += timings.boxes;
-        own.pairs += timings.pairs;
-        own.links += timings.links;
-        self.work.recomputed += work.recomputed;
-        self.work.searched += work.searched;
-        self.work.summed += work.summed;
-        self.work.disagreed |= work.disagreed;
-        self.work.route = match [self.work.route, work.route] {
-            [Route::Full, _] | [_, Route::Full] => Route::Full,
-            [Route::Partial, _] | [_, Route::Partial] => Route::Partial,
-            _ => Route::Quiet,
-        };
     }
 
     /// Measures the clearance of a frame. If that fails, no later frame is measured.

@@ -13,8 +13,7 @@ mod tests;
 use clap::Parser;
 use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Precision, Result, Verdict};
 use scene::{Bands, FRAME_DT, FRAMES, POINTS, THICKNESS};
-use sidecar::{DEADLINE, Scene, Sidecar, publish, step_safely, wait_for_watcher};
-use std::path::PathBuf;
+use sidecar::{DEADLINE, Scene, SidecarArgs, publish, step_safely, wait_for_watcher};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -45,40 +44,23 @@ struct Args {
     /// Go on after a violation, and report when a person would see it
     #[arg(long)]
     go_on: bool,
-    /// Do not start `linkwatch watch`; use one that already runs or starts later
-    #[arg(long)]
-    no_sidecar: bool,
-    /// Name of the service
-    #[arg(long, default_value = "linkwatch")]
-    service: String,
-    /// Folder for the recording and the picture
-    #[arg(long, default_value = ".", value_name = "FOLDER")]
-    out: PathBuf,
+    #[command(flatten)]
+    sidecar: SidecarArgs,
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(code) => code,
-        Err(e) => {
-            eprintln!("simulator: {e}");
-            ExitCode::from(2)
-        }
-    }
+    sidecar::exit_code(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<ExitCode> {
-    let recording = args.out.join("bands.mcap");
-    let mut sidecar = match args.no_sidecar {
-        true => None,
-        false => Some(Sidecar::start(&args.service, &recording, &[])?),
-    };
+    let mut sidecar = args.sidecar.start("bands.mcap")?;
     let bands = Bands::new(usize::from(args.bands));
-    let mut client = Client::open(&args.service, &ClientOptions::lockstep())?;
+    let mut client = Client::open(&args.sidecar.service, &ClientOptions::lockstep())?;
     // The count is negative, because every band is closed.
     let counts = vec![-(POINTS as i32); bands.bands()];
     let radii = CurveLabels::default().with_radii(vec![0.5 * THICKNESS; bands.bands()]);
     client.describe_labelled(Basis::Polyline, Precision::F32, &counts, radii)?;
-    if !wait_for_watcher(&mut client, sidecar.as_mut(), &args.service, WAIT)? {
+    if !wait_for_watcher(&mut client, sidecar.as_mut(), &args.sidecar.service, WAIT)? {
         println!("simulator: no watcher connected within {WAIT:?}");
         return Ok(ExitCode::from(3));
     }
@@ -104,14 +86,10 @@ fn run(args: &Args) -> Result<ExitCode> {
         false => println!("simulator: ended after {seconds:.1} s"),
     }
     client.finish_within(DEADLINE)?;
-    let mut code = None;
-    if let Some(sidecar) = sidecar {
-        code = sidecar.join()?;
-        let picture = recording.with_extension("svg");
-        if sidecar::draw(&recording, &picture, REACH)? {
-            println!("the place where it broke: {}", picture.display());
-        }
-    }
+    let code = sidecar
+        .map(|s| s.join_and_draw(REACH))
+        .transpose()?
+        .flatten();
     // The watcher says if the topology changed or could not be decided. After a roll back its code
     // is that of the frames that were taken back.
     Ok(match (intact, code) {

@@ -6,7 +6,7 @@
 //! default time step is too large on purpose; `--substeps 16` keeps the sheet intact. With `--pack`
 //! a lid then presses the sheet into the lower part of the box, as in Qu and James 2021, section
 //! 4.3.6. With `--roll-back` the simulator returns to the last intact frame after a violation and
-//! goes on with smaller time steps.
+//! continues with smaller time steps.
 //!
 //! `run` and `simulate` contain all calls of linkwatch: open, describe, loan, publish, poll,
 //! finish.
@@ -17,8 +17,7 @@ mod scene;
 use clap::Parser;
 use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Outcome, Precision, Result};
 use scene::{FRAME_DT, FRAMES, Options, PACKED_FRAMES, Sheet, WIRE_RADIUS};
-use sidecar::{DEADLINE, Sidecar, step_safely, wait_for_watcher};
-use std::path::{Path, PathBuf};
+use sidecar::{DEADLINE, Sidecar, SidecarArgs, step_safely, wait_for_watcher};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -47,21 +46,14 @@ struct Args {
     /// Frames to simulate [default: 72, with --pack 120]
     #[arg(long)]
     frames: Option<usize>,
-    /// Do not start `linkwatch watch`; use one that already runs or starts later
-    #[arg(long)]
-    no_sidecar: bool,
     /// Seconds to wait for a watcher before the first frame
     #[arg(long, default_value = "60", value_name = "SECONDS", value_parser = seconds)]
     wait: Duration,
     /// Wait for the verdict on every frame before the next step
     #[arg(long)]
     lockstep: bool,
-    /// Name of the service
-    #[arg(long, default_value = "linkwatch")]
-    service: String,
-    /// Folder for the recording and the picture
-    #[arg(long, default_value = ".", value_name = "FOLDER")]
-    out: PathBuf,
+    #[command(flatten)]
+    sidecar: SidecarArgs,
     /// Number of flat rings per side of the sheet (19 makes 1,045 rings in all)
     #[arg(long, default_value_t = 19, value_parser = clap::value_parser!(u16).range(2..200))]
     side: u16,
@@ -77,11 +69,6 @@ impl Args {
     /// Returns true if the simulator waits for each verdict.
     fn waits(&self) -> bool {
         self.lockstep || self.roll_back || self.go_on
-    }
-
-    /// Returns the path of the recording.
-    fn recording(&self) -> PathBuf {
-        self.out.join("chainmail.mcap")
     }
 }
 
@@ -103,21 +90,11 @@ enum End {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(code) => code,
-        Err(e) => {
-            eprintln!("simulator: {e}");
-            ExitCode::from(2)
-        }
-    }
+    sidecar::exit_code(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<ExitCode> {
-    let recording = args.recording();
-    let mut sidecar = match args.no_sidecar {
-        true => None,
-        false => Some(Sidecar::start(&args.service, &recording, &[])?),
-    };
+    let mut sidecar = args.sidecar.start("chainmail.mcap")?;
     let options = match args.waits() {
         true => ClientOptions::lockstep(),
         false => ClientOptions::default(),
@@ -129,13 +106,18 @@ fn run(args: &Args) -> Result<ExitCode> {
         lid: args.pack,
         ..Options::default()
     });
-    let mut client = Client::open(&args.service, &options)?;
+    let mut client = Client::open(&args.sidecar.service, &options)?;
     // The count is negative, because every ring is a closed polygon.
     let counts = vec![-(Sheet::vertices_per_ring() as i32); sheet.rings()];
     // With the radii of the rings, a watcher can measure how close they come.
     let radii = CurveLabels::default().with_radii(vec![WIRE_RADIUS; sheet.rings()]);
     client.describe_labelled(Basis::Polyline, Precision::F32, &counts, radii)?;
-    if !wait_for_watcher(&mut client, sidecar.as_mut(), &args.service, args.wait)? {
+    if !wait_for_watcher(
+        &mut client,
+        sidecar.as_mut(),
+        &args.sidecar.service,
+        args.wait,
+    )? {
         println!("simulator: no watcher connected; running without verification");
     }
     if args.roll_back {
@@ -156,7 +138,7 @@ fn run(args: &Args) -> Result<ExitCode> {
     // The goodbye repeats an abort for one of the last frames.
     let aborted = end == End::Aborted || last.as_ref().is_some_and(|m| m.abort);
     let watched = last.is_some_and(|m| m.counters.verified > 0);
-    let verdict = join(sidecar, &recording)?;
+    let verdict = join(sidecar)?;
     Ok(match verdict {
         _ if aborted => ExitCode::from(1),
         Some(code) if code != 0 => ExitCode::from(code),
@@ -171,18 +153,10 @@ fn run(args: &Args) -> Result<ExitCode> {
     })
 }
 
-/// Waits for the watcher to end and draws the place of the first violation. Returns the exit code
-/// of the watcher.
-fn join(sidecar: Option<Sidecar>, recording: &Path) -> Result<Option<u8>> {
-    let Some(sidecar) = sidecar else {
-        return Ok(None);
-    };
-    let code = sidecar.join()?;
-    let picture = recording.with_extension("svg");
-    if sidecar::draw(recording, &picture, REACH)? {
-        println!("the place where it broke: {}", picture.display());
-    }
-    Ok(code)
+/// Waits for the watcher to end. Returns its exit code.
+fn join(sidecar: Option<Sidecar>) -> Result<Option<u8>> {
+    let code = sidecar.map(|s| s.join_and_draw(REACH)).transpose()?;
+    Ok(code.flatten())
 }
 
 /// Runs the simulation with roll back: every frame of the result is intact.
@@ -203,7 +177,7 @@ fn roll_back(
     );
     client.finish_within(DEADLINE)?;
     // The watcher ends with exit code 1, because of the frames that were taken back.
-    join(sidecar, &args.recording())?;
+    join(sidecar)?;
     Ok(ExitCode::SUCCESS)
 }
 

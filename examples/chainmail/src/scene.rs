@@ -287,7 +287,7 @@ impl Scene for Sheet {
 }
 
 impl Clone for Sheet {
-    /// Copies the state of the world. The workspaces of rapier are made anew.
+    /// Copies the state of the world. The workspaces of rapier start empty.
     fn clone(&self) -> Sheet {
         let world = &self.world;
         Sheet {

@@ -1,18 +1,17 @@
 //! Starts `linkwatch watch` as a separate process, for the simulators in Rust.
 //!
-//! A simulator calls [`Sidecar::start`], publishes its frames, and calls [`Sidecar::join`]. The
+//! A simulator calls [`SidecarArgs::start`], publishes its frames, and calls [`Sidecar::join`]. The
 //! watcher verifies every frame with `--events` and records it.
 
 mod picture;
 mod roll_back;
 
-pub use picture::draw;
 pub use roll_back::{Scene, Work, publish, step_safely};
 
 use linkwatch::{Client, Error, Result};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
+use std::process::{Child, Command, ExitCode};
 use std::time::{Duration, Instant};
 
 /// Time limit of the verdict on a frame, and of the watcher's goodbye.
@@ -21,6 +20,38 @@ pub const DEADLINE: Duration = Duration::from_secs(10);
 /// Time limit of the watcher to write its files after the simulation.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// Options of every simulator about its watcher.
+#[derive(Debug, clap::Args)]
+pub struct SidecarArgs {
+    /// Do not start `linkwatch watch`; use one that already runs or starts later
+    #[arg(long)]
+    no_sidecar: bool,
+    /// Name of the service
+    #[arg(long, default_value = "linkwatch")]
+    pub service: String,
+    /// Folder for the recording and the picture
+    #[arg(long, default_value = ".", value_name = "FOLDER")]
+    out: PathBuf,
+}
+
+impl SidecarArgs {
+    /// Starts a watcher that writes a recording of this name, unless the user starts one.
+    pub fn start(&self, recording: &str) -> Result<Option<Sidecar>> {
+        match self.no_sidecar {
+            true => Ok(None),
+            false => Sidecar::start(&self.service, &self.out.join(recording)).map(Some),
+        }
+    }
+}
+
+/// Returns the exit code of a simulator, and prints its error.
+pub fn exit_code(result: Result<ExitCode>) -> ExitCode {
+    result.unwrap_or_else(|e| {
+        eprintln!("simulator: {e}");
+        ExitCode::from(2)
+    })
+}
+
 /// A running `linkwatch watch`, which is ended when this is dropped.
 pub struct Sidecar {
     process: Child,
@@ -28,9 +59,9 @@ pub struct Sidecar {
 }
 
 impl Sidecar {
-    /// Starts a watcher on this service that writes this recording, with more options of
-    /// `linkwatch watch`. Under `cargo run` the command is built first.
-    pub fn start(service: &str, recording: &Path, extra: &[&str]) -> Result<Sidecar> {
+    /// Starts a watcher on this service that writes this recording. Under `cargo run` the command is
+    /// built first.
+    fn start(service: &str, recording: &Path) -> Result<Sidecar> {
         if let Some(folder) = recording.parent() {
             std::fs::create_dir_all(folder)?;
         }
@@ -39,8 +70,7 @@ impl Sidecar {
         command.args(["watch", "--service", service, "--wait", "60", "--events"]);
         // The file belongs to an earlier run of the example.
         command.arg("--force").arg("--record").arg(recording);
-        let process = command.args(extra).spawn();
-        let process = process.map_err(|source| Error::File {
+        let process = command.spawn().map_err(|source| Error::File {
             path: program,
             source,
         })?;
@@ -75,6 +105,18 @@ impl Sidecar {
         };
         self.print_files();
         Ok(status.code().and_then(|code| u8::try_from(code).ok()))
+    }
+
+    /// Same as [`Sidecar::join`], and draws the first violation, up to the distance `reach` from its
+    /// place, beside the recording.
+    pub fn join_and_draw(self, reach: f64) -> Result<Option<u8>> {
+        let recording = self.recording.clone();
+        let code = self.join()?;
+        let picture = recording.with_extension("svg");
+        if picture::draw(&recording, &picture, reach)? {
+            println!("the place where it broke: {}", picture.display());
+        }
+        Ok(code)
     }
 
     /// Prints what was written and how to see it.

@@ -6,7 +6,7 @@
 //! The simulator waits for each verdict, so that every run gives the same frames and verdicts.
 //!
 //! With `--go-on` it does not stop, until the yarn has exploded so that anybody would see it. With
-//! `--roll-back` it returns to the last intact frame and goes on with smaller time steps.
+//! `--roll-back` it returns to the last intact frame and continues with smaller time steps.
 
 mod contact;
 mod scene;
@@ -16,8 +16,7 @@ mod yarn;
 
 use clap::{Parser, ValueEnum};
 use linkwatch::{Basis, Client, ClientOptions, CurveLabels, Error, Precision, Result, Verdict};
-use sidecar::{Scene, Sidecar, publish, step_safely, wait_for_watcher};
-use std::path::PathBuf;
+use sidecar::{Scene, SidecarArgs, publish, step_safely, wait_for_watcher};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use yarn::{DIAMETER, Yarn};
@@ -32,7 +31,7 @@ const EXPLODED: f32 = 3.0;
 /// Time limit for a watcher to connect.
 const WAIT: Duration = Duration::from_secs(60);
 
-/// What is simulated.
+/// Name of a scene.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Name {
     /// A knitted tube; its ends are turned against each other
@@ -54,7 +53,7 @@ impl Name {
 /// Wrings a knitted tube until it breaks, or drops a knitted garment on a ball.
 #[derive(Debug, Parser)]
 struct Args {
-    /// What is simulated
+    /// Scene to simulate
     #[arg(value_enum)]
     scene: Name,
     /// Time steps per frame of 1/60 s
@@ -78,15 +77,8 @@ struct Args {
     /// After a pull-through, return to the last intact frame and go on with smaller time steps
     #[arg(long, conflicts_with = "go_on")]
     roll_back: bool,
-    /// Do not start `linkwatch watch`; use one that already runs or starts later
-    #[arg(long)]
-    no_sidecar: bool,
-    /// Name of the service
-    #[arg(long, default_value = "linkwatch")]
-    service: String,
-    /// Folder for the recording
-    #[arg(long, default_value = ".", value_name = "FOLDER")]
-    out: PathBuf,
+    #[command(flatten)]
+    sidecar: SidecarArgs,
 }
 
 /// Parses a number of turns. Rejects NaN, and numbers that no tube survives.
@@ -112,13 +104,7 @@ impl Scene for Yarn {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(code) => code,
-        Err(e) => {
-            eprintln!("simulator: {e}");
-            ExitCode::from(2)
-        }
-    }
+    sidecar::exit_code(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<ExitCode> {
@@ -134,20 +120,17 @@ fn run(args: &Args) -> Result<ExitCode> {
         Name::Garment => (scene::garment(rows, stitches), 120),
     };
     let frames = args.frames.map_or(frames, |n| n as usize);
-    let mut sidecar = match args.no_sidecar {
-        true => None,
-        false => {
-            let recording = args.out.join("yarn.mcap");
-            Some(Sidecar::start(&args.service, &recording, &[])?)
-        }
-    };
-    let mut client = Client::open(&args.service, &ClientOptions::lockstep())?;
+    let mut sidecar = args.sidecar.start("yarn.mcap")?;
+    let mut client = Client::open(&args.sidecar.service, &ClientOptions::lockstep())?;
     // The counts are negative, because every loop is a closed polygon.
     let counts: Vec<i32> = yarn.loops().iter().map(|n| -(*n as i32)).collect();
     let labels = CurveLabels::default().with_radii(vec![DIAMETER / 2.0; counts.len()]);
     client.describe_labelled(Basis::Polyline, Precision::F32, &counts, labels)?;
-    if !wait_for_watcher(&mut client, sidecar.as_mut(), &args.service, WAIT)? {
-        let what = format!("no watcher connected to {} in {WAIT:?}", args.service);
+    if !wait_for_watcher(&mut client, sidecar.as_mut(), &args.sidecar.service, WAIT)? {
+        let what = format!(
+            "no watcher connected to {} in {WAIT:?}",
+            args.sidecar.service
+        );
         return Err(Error::Usage(what));
     }
     println!(

@@ -160,15 +160,8 @@ fn print_frame(first: &FrameDiff, names: &[String; 2]) {
     let runs = names.iter().zip(&first.headlines);
     for ((name, headline), only) in runs.zip(&first.difference.only) {
         output::line(format_args!("  {name}: {headline}"));
-        for finding in only.iter().take(FINDINGS) {
-            output::line(format_args!("    only here: {finding}"));
-        }
-        if only.len() > FINDINGS {
-            output::line(format_args!(
-                "    and {} more",
-                count((only.len() - FINDINGS) as u64)
-            ));
-        }
+        let only: Vec<String> = only.iter().map(|f| format!("only here: {f}")).collect();
+        output::first_lines("    ", &only, FINDINGS);
     }
 }
 
