@@ -71,7 +71,8 @@ pub(super) fn check_polylines(set: &CurveSet) -> Result<()> {
         return Ok(());
     }
     Err(Error::Usage(
-        "the curves are splines, but Gauss integrals are computed for polylines: convert them first"
+        "the curves are splines, but Gauss integrals are computed for polylines: convert them \
+         first (`linkwatch convert MODEL OUT.vect`, or `linkwatch::chords`)"
             .into(),
     ))
 }
