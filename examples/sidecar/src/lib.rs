@@ -59,8 +59,8 @@ pub struct Sidecar {
 }
 
 impl Sidecar {
-    /// Starts a watcher on this service that writes this recording. Under `cargo run` the command is
-    /// built first.
+    /// Starts a watcher on this service that writes this recording. Under `cargo run` the command
+    /// is built first.
     fn start(service: &str, recording: &Path) -> Result<Sidecar> {
         if let Some(folder) = recording.parent() {
             std::fs::create_dir_all(folder)?;
@@ -107,8 +107,8 @@ impl Sidecar {
         Ok(status.code().and_then(|code| u8::try_from(code).ok()))
     }
 
-    /// Same as [`Sidecar::join`], and draws the first violation, up to the distance `reach` from its
-    /// place, beside the recording.
+    /// Same as [`Sidecar::join`], and draws the first violation, up to the distance `reach` from
+    /// its place, beside the recording.
     pub fn join_and_draw(self, reach: f64) -> Result<Option<u8>> {
         let recording = self.recording.clone();
         let code = self.join()?;
